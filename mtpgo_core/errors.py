@@ -1,0 +1,33 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The one exception family for bad input.
+
+Every message is one sentence that says what was given, where, and what was expected. Command-line
+programs print it on stderr and exit with status 2; the node logs it, counts it and goes on.
+"""
+
+from __future__ import annotations
+
+
+class MtpgoError(Exception):
+    """Bad input from outside: a file, a message, a parameter or an argument."""
+
+
+class ModelFileError(MtpgoError):
+    """A model file that is missing, truncated, no TorchScript or without a usable task."""
+
+
+class MessageError(MtpgoError):
+    """A message that cannot be turned into tracked states, or a package that is not installed."""
+
+
+class FrameError(MtpgoError):
+    """A coordinate frame that changes in mid-stream or cannot be lifted into the fixed frame."""
+
+
+class RecordingError(MtpgoError):
+    """A recording (CSV, bag) that cannot be read or written."""
+
+
+class ConfigurationError(MtpgoError):
+    """A parameter or configuration value outside of what is allowed."""

@@ -1,0 +1,257 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The arrays that travel through the project, from the adapter to the published prediction.
+
+Axes are named once, here: ``n`` tracked agents of a message or window, ``T`` history steps,
+``H`` horizon steps, ``M`` modes, ``B`` scenes (graphs), ``N`` agents of a scene, ``F`` features.
+All lengths are metres, times seconds (stamps: integer nanoseconds), angles radians counted
+counter-clockwise from +x, and every frame is right-handed with y to the left. What is unknown is
+NaN, never zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+BoolArray = NDArray[np.bool_]
+KeyArray = NDArray[np.uint32]
+ClassArray = NDArray[np.uint8]
+
+
+class AgentClass(IntEnum):
+    """Road-user classes; 0 to 8 equal the labels of autoware_perception_msgs."""
+
+    UNKNOWN = 0
+    CAR = 1
+    TRUCK = 2
+    BUS = 3
+    TRAILER = 4
+    MOTORCYCLE = 5
+    BICYCLE = 6
+    PEDESTRIAN = 7
+    ANIMAL = 8
+    VAN = 9
+
+    @classmethod
+    def from_name(cls, name: str) -> AgentClass:
+        """Class of a data set's or a detector's name, ``UNKNOWN`` for a name not known."""
+        return _CLASS_BY_NAME.get(name.strip().lower(), cls.UNKNOWN)
+
+
+_CLASS_BY_NAME = {member.name.lower(): member for member in AgentClass} | {
+    "truck_bus": AgentClass.TRUCK,
+    "motorbike": AgentClass.MOTORCYCLE,
+    "bike": AgentClass.BICYCLE,
+    "cyclist": AgentClass.BICYCLE,
+    "person": AgentClass.PEDESTRIAN,
+}
+
+
+class Source(IntEnum):
+    """Where a prediction comes from; travels with every published point."""
+
+    MODEL = 0
+    CONSTANT_VELOCITY = 1
+
+
+@dataclass(frozen=True)
+class TrackedStates:
+    """Tracked road users at one instant, in one frame.
+
+    Attributes:
+        stamp_ns: time of the observation (ns since epoch of the stream's clock).
+        frame_id: frame in which all vectors below are expressed.
+        key: [n, 4] 128-bit identity as four words, see :mod:`mtpgo_core.identity`.
+        agent_class: [n] :class:`AgentClass` values.
+        position: [n, 2] box centre x, y (m).
+        z: [n] height of the box centre (m), NaN where unknown.
+        velocity: [n, 2] over ground, along the frame's axes (m/s), NaN where unknown.
+        acceleration: [n, 2] likewise (m/s^2), NaN where unknown.
+        yaw: [n] heading of the box (rad), NaN where unknown.
+        size: [n, 2] length, width (m), NaN where unknown.
+        covariance: [n, 4, 4] of (x, y, vx, vy), NaN where the tracker gives none.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    key: KeyArray
+    agent_class: ClassArray
+    position: Float64Array
+    z: Float64Array
+    velocity: Float64Array
+    acceleration: Float64Array
+    yaw: Float64Array
+    size: Float64Array
+    covariance: Float64Array
+
+    def __len__(self) -> int:
+        return self.key.shape[0]
+
+
+def tracked_states(
+    stamp_ns: int,
+    frame_id: str,
+    key: KeyArray,
+    position: Float64Array,
+    *,
+    agent_class: ClassArray | None = None,
+    z: Float64Array | None = None,
+    velocity: Float64Array | None = None,
+    acceleration: Float64Array | None = None,
+    yaw: Float64Array | None = None,
+    size: Float64Array | None = None,
+    covariance: Float64Array | None = None,
+) -> TrackedStates:
+    """Tracked states with everything that is not given set to unknown.
+
+    Args:
+        stamp_ns: time of the observation (ns).
+        frame_id: frame of the vectors.
+        key: [n, 4] identities.
+        position: [n, 2] (m).
+        agent_class: [n], default unknown.
+        z: [n] (m). velocity: [n, 2] (m/s). acceleration: [n, 2] (m/s^2). yaw: [n] (rad).
+            size: [n, 2] (m). covariance: [n, 4, 4] of (x, y, vx, vy). Default NaN.
+    """
+    n = key.shape[0]
+
+    def known(value: Float64Array | None, *shape: int) -> Float64Array:
+        if value is None:
+            return np.full((n, *shape), np.nan)
+        return np.ascontiguousarray(value, dtype=np.float64).reshape(n, *shape)
+
+    return TrackedStates(
+        stamp_ns=int(stamp_ns),
+        frame_id=frame_id,
+        key=np.ascontiguousarray(key, dtype=np.uint32).reshape(n, 4),
+        agent_class=(
+            np.zeros(n, dtype=np.uint8)
+            if agent_class is None
+            else np.ascontiguousarray(agent_class, dtype=np.uint8)
+        ),
+        position=known(position, 2),
+        z=known(z),
+        velocity=known(velocity, 2),
+        acceleration=known(acceleration, 2),
+        yaw=known(yaw),
+        size=known(size, 2),
+        covariance=known(covariance, 4, 4),
+    )
+
+
+@dataclass(frozen=True)
+class HistoryWindow:
+    """The last ``T`` grid samples of every agent seen within them, at the common time t.
+
+    Sample ``T - 1`` stands at ``stamp_ns``, sample i at ``stamp_ns - (T - 1 - i) * dt``. Where
+    ``valid`` is false the values are NaN.
+
+    Attributes:
+        stamp_ns: the common time t (ns).
+        frame_id: the fixed frame.
+        key: [n, 4], agent_class: [n], z: [n], size: [n, 2] as in :class:`TrackedStates`.
+        position: [n, T, 2] (m). velocity: [n, T, 2] (m/s). acceleration: [n, T, 2] (m/s^2).
+        yaw: [n, T] (rad), in (-pi, pi].
+        valid: [n, T] the agent was present at that sample.
+        covariance: [n, 4, 4] the tracker's, of (x, y, vx, vy) at t, NaN where unknown.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    key: KeyArray
+    agent_class: ClassArray
+    z: Float64Array
+    size: Float64Array
+    position: Float64Array
+    velocity: Float64Array
+    acceleration: Float64Array
+    yaw: Float64Array
+    valid: BoolArray
+    covariance: Float64Array
+
+    def __len__(self) -> int:
+        return self.key.shape[0]
+
+    def select(self, index: NDArray[np.intp] | BoolArray) -> HistoryWindow:
+        """The window of the agents that ``index`` names (integer positions or a mask)."""
+        return HistoryWindow(
+            stamp_ns=self.stamp_ns,
+            frame_id=self.frame_id,
+            key=self.key[index],
+            agent_class=self.agent_class[index],
+            z=self.z[index],
+            size=self.size[index],
+            position=self.position[index],
+            velocity=self.velocity[index],
+            acceleration=self.acceleration[index],
+            yaw=self.yaw[index],
+            valid=self.valid[index],
+            covariance=self.covariance[index],
+        )
+
+
+@dataclass(frozen=True)
+class SceneBatch:
+    """Graphs ready for the model: B scenes of up to N agents, padded.
+
+    Attributes:
+        features: [B, N, T, F] float32 in the scene frame, zero where not valid.
+        valid: [B, N, T] presence; all false for padding.
+        static: [B, N, C] float32 one-hot class, all zero for a class the model does not know.
+        origin: [B, 2] float64 origin of the scene frame in the fixed frame (m).
+        rotation: [B] angle from the fixed frame's x axis to the scene frame's (rad).
+        agent: [B, N] position in the window that the scenes were cut from, -1 for padding.
+        primary: [B, N] true where this graph's prediction is the agent's published one; every
+            agent valid at t is primary exactly once.
+    """
+
+    features: Float32Array
+    valid: BoolArray
+    static: Float32Array
+    origin: Float64Array
+    rotation: Float64Array
+    agent: NDArray[np.int64]
+    primary: BoolArray
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Multimodal Gaussian predictions in the fixed frame, modes sorted by falling weight.
+
+    Attributes:
+        stamp_ns: time of the observation that the prediction starts from (ns).
+        frame_id: the fixed frame.
+        key: [n, 4], agent_class: [n], z: [n], size: [n, 2] as in :class:`TrackedStates`.
+        initial: [n, 4] x, y, vx, vy at ``stamp_ns`` (m, m/s).
+        initial_yaw: [n] (rad).
+        time_s: [H] seconds after ``stamp_ns``.
+        weight: [n, M] float64, sums to 1 over the modes (paper, eq. gmm).
+        mean: [n, M, H, 4] x, y, vx, vy (m, m/s).
+        yaw: [n, M, H] direction of motion; the last known yaw where the agent stands (rad).
+        covariance: [n, M, H, 2, 2] of the position (m^2).
+        source: [n] :class:`Source` values.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    key: KeyArray
+    agent_class: ClassArray
+    z: Float64Array
+    size: Float64Array
+    initial: Float64Array
+    initial_yaw: Float64Array
+    time_s: Float64Array
+    weight: Float64Array
+    mean: Float64Array
+    yaw: Float64Array
+    covariance: Float64Array
+    source: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return self.key.shape[0]

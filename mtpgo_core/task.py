@@ -1,0 +1,239 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The task a model was trained for: everything that must be equal offline and online.
+
+The description is stored as JSON in the exported file (extra file ``task.json``), so the node
+builds exactly the input that training built, and needs neither the network code nor a side file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import types
+import typing
+from dataclasses import dataclass, field
+from typing import Any
+
+from mtpgo_core.errors import ConfigurationError
+
+SCHEMA_VERSION = 1
+"""Raised whenever an older runner could no longer serve a newer file."""
+
+TASK_FILE = "task.json"
+"""Name of the extra file inside the TorchScript archive."""
+
+GRAPH_POLICIES = ("ego", "cover", "each", "scene")
+FRAME_POLICIES = ("centre_heading", "driving_direction", "site_origin")
+CONTEXTS = ("none", "polar", "lanes")
+DERIVATIVE_SOURCES = ("message", "estimated")
+BASE_FEATURES = ("x", "y", "vx", "vy", "ax", "ay", "cos_yaw", "sin_yaw")
+CONTEXT_FEATURES = {
+    "none": (),
+    "polar": ("r", "cos_theta", "sin_theta"),
+    "lanes": ("d_l", "d_r"),
+}
+
+
+def _choice(name: str, value: str, valid: tuple[str, ...]) -> None:
+    if value not in valid:
+        raise ConfigurationError(
+            f"{name} is {value!r}, expected one of {', '.join(repr(v) for v in valid)}"
+        )
+
+
+def _at_least(name: str, value: float, least: float) -> None:
+    if not value >= least:
+        raise ConfigurationError(f"{name} is {value!r}, expected at least {least}")
+
+
+@dataclass(frozen=True)
+class HistoryConfig:
+    """How observations become the window (design D1, section 4 Resampling).
+
+    Attributes:
+        dt_s: grid step (s).
+        steps: grid samples T, the present one included.
+        max_gap_s: longest time between two observations of an agent that is bridged (s).
+        max_extrapolation_s: longest time an agent is carried on to the common time t (s).
+        velocity_source: ``message``: the message's where it has one, else estimated; ``estimated``:
+            always the causal estimate from past positions.
+        acceleration_source: likewise, from past velocities.
+        velocity_tau_s: time constant of the causal velocity estimate (s).
+        acceleration_tau_s: time constant of the causal acceleration estimate (s).
+        max_speed_mps: an observation faster than this, as given or as moved since the last one, is
+            rejected or starts a new track (m/s).
+    """
+
+    dt_s: float = 0.2
+    steps: int = 16
+    max_gap_s: float = 0.5
+    max_extrapolation_s: float = 0.5
+    velocity_source: str = "message"
+    acceleration_source: str = "estimated"
+    velocity_tau_s: float = 0.3
+    acceleration_tau_s: float = 0.5
+    max_speed_mps: float = 100.0
+
+    def __post_init__(self) -> None:
+        _at_least("history.dt_s", self.dt_s, 1e-3)
+        _at_least("history.steps", self.steps, 1)
+        _at_least("history.max_gap_s", self.max_gap_s, 0.0)
+        _at_least("history.max_extrapolation_s", self.max_extrapolation_s, 0.0)
+        _at_least("history.velocity_tau_s", self.velocity_tau_s, 0.0)
+        _at_least("history.acceleration_tau_s", self.acceleration_tau_s, 0.0)
+        _choice("history.velocity_source", self.velocity_source, DERIVATIVE_SOURCES)
+        _choice("history.acceleration_source", self.acceleration_source, DERIVATIVE_SOURCES)
+
+
+@dataclass(frozen=True)
+class SceneConfig:
+    """Which agents share a graph and in which frame they stand (design D12 to D14).
+
+    Attributes:
+        policy: graph policy, one of ``GRAPH_POLICIES``.
+        max_neighbours: agents of a graph beside its centre, the nearest first.
+        radius_m: an agent farther than this from the centre is not its neighbour (m).
+        frame: scene-frame policy, one of ``FRAME_POLICIES``.
+        site_origin: origin for ``site_origin``, in the fixed frame (m).
+        context: context features, one of ``CONTEXTS``.
+        classes: class names of the one-hot static feature, in order.
+    """
+
+    policy: str = "cover"
+    max_neighbours: int = 31
+    radius_m: float = 100.0
+    frame: str = "centre_heading"
+    site_origin: tuple[float, float] = (0.0, 0.0)
+    context: str = "none"
+    classes: tuple[str, ...] = (
+        "car",
+        "van",
+        "truck",
+        "bus",
+        "trailer",
+        "motorcycle",
+        "bicycle",
+        "pedestrian",
+    )
+
+    def __post_init__(self) -> None:
+        _choice("scene.policy", self.policy, GRAPH_POLICIES)
+        _choice("scene.frame", self.frame, FRAME_POLICIES)
+        _choice("scene.context", self.context, CONTEXTS)
+        _at_least("scene.max_neighbours", self.max_neighbours, 0)
+        _at_least("scene.radius_m", self.radius_m, 0.0)
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Names of the F features, in the order of the model's input."""
+        return BASE_FEATURES + CONTEXT_FEATURES[self.context]
+
+
+@dataclass(frozen=True)
+class TaskDescription:
+    """All that a model carries about itself.
+
+    Attributes:
+        name: short name of the model.
+        version: version of the package that exported it.
+        states: names of the S states in the model's output (2 or 4).
+        horizon_steps: H, at ``history.dt_s``.
+        modes: M.
+        history: see :class:`HistoryConfig`.
+        scene: see :class:`SceneConfig`.
+        model: the network's configuration, for information.
+        training: data (names, hashes), licence and attribution, splits, schedule, seed.
+        metrics: measured results, by data set.
+        weights_sha256: hash over the parameters and buffers.
+    """
+
+    name: str = "unnamed"
+    version: str = ""
+    states: tuple[str, ...] = ("x", "y", "vx", "vy")
+    horizon_steps: int = 25
+    modes: int = 8
+    history: HistoryConfig = HistoryConfig()
+    scene: SceneConfig = SceneConfig()
+    model: dict[str, Any] = field(default_factory=dict)
+    training: dict[str, Any] = field(default_factory=dict)
+    metrics: dict[str, Any] = field(default_factory=dict)
+    weights_sha256: str = ""
+    schema_version: int = SCHEMA_VERSION
+
+    def to_json(self) -> str:
+        """The JSON text that is stored in the exported file."""
+        return json.dumps(dataclasses.asdict(self), indent=2, sort_keys=True)
+
+    @classmethod
+    def from_json(cls, text: str) -> TaskDescription:
+        """The description stored in ``text``.
+
+        Raises:
+            ConfigurationError: the text is no JSON object, has an unknown or ill-typed field, or
+                comes from a newer schema; the sentence names the field.
+        """
+        try:
+            data = json.loads(text)
+        except ValueError as error:
+            raise ConfigurationError(f"the task description is no JSON: {error}") from error
+        if not isinstance(data, dict):
+            raise ConfigurationError(
+                f"the task description is a JSON {type(data).__name__}, expected an object"
+            )
+        version = data.get("schema_version")
+        if version != SCHEMA_VERSION:
+            raise ConfigurationError(
+                f"the task description has schema version {version!r}, expected {SCHEMA_VERSION}"
+            )
+        return from_dict(cls, data, "task")
+
+
+T = typing.TypeVar("T")
+
+
+def from_dict(cls: type[T], data: Any, where: str) -> T:
+    """A configuration dataclass from plain JSON or YAML data, checked field by field.
+
+    Args:
+        cls: the dataclass, possibly nested.
+        data: what the file holds at this place.
+        where: dotted name of the place, for the error.
+
+    Raises:
+        ConfigurationError: an unknown field or a value of another type.
+    """
+    if not isinstance(data, dict):
+        raise ConfigurationError(f"{where} is {data!r}, expected a mapping of its fields")
+    hints = typing.get_type_hints(cls)
+    unknown = sorted(set(data) - set(hints))
+    if unknown:
+        raise ConfigurationError(
+            f"{where} has the unknown field {unknown[0]!r}, expected {', '.join(sorted(hints))}"
+        )
+    return cls(**{k: _value(hints[k], v, f"{where}.{k}") for k, v in data.items()})
+
+
+def _value(hint: Any, value: Any, where: str) -> Any:
+    """``value`` as the type ``hint`` asks for, or one clear sentence."""
+    if dataclasses.is_dataclass(hint):
+        return from_dict(typing.cast(type, hint), value, where)
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is types.UnionType or origin is typing.Union:
+        if value is None and type(None) in arguments:
+            return None
+        return _value(next(a for a in arguments if a is not type(None)), value, where)
+    if origin is tuple:
+        if not isinstance(value, list | tuple):
+            raise ConfigurationError(f"{where} is {value!r}, expected a list")
+        if arguments[-1] is not Ellipsis and len(arguments) != len(value):
+            raise ConfigurationError(f"{where} is {value!r}, expected {len(arguments)} values")
+        return tuple(_value(arguments[0], v, f"{where}[{i}]") for i, v in enumerate(value))
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    plain = origin or hint
+    if plain in (bool, int, float, str, dict, list) and (
+        not isinstance(value, plain) or (isinstance(value, bool) and plain is not bool)
+    ):
+        raise ConfigurationError(f"{where} is {value!r}, expected {plain.__name__}")
+    return value
