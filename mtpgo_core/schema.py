@@ -116,8 +116,12 @@ def tracked_states(
         key: [n, 4] identities.
         position: [n, 2] (m).
         agent_class: [n], default unknown.
-        z: [n] (m). velocity: [n, 2] (m/s). acceleration: [n, 2] (m/s^2). yaw: [n] (rad).
-            size: [n, 2] (m). covariance: [n, 4, 4] of (x, y, vx, vy). Default NaN.
+        z: [n] (m), default NaN, as for all that follow.
+        velocity: [n, 2] (m/s).
+        acceleration: [n, 2] (m/s^2).
+        yaw: [n] (rad).
+        size: [n, 2] length, width (m).
+        covariance: [n, 4, 4] of (x, y, vx, vy).
     """
     n = key.shape[0]
 

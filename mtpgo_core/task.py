@@ -56,8 +56,8 @@ class HistoryConfig:
         steps: grid samples T, the present one included.
         max_gap_s: longest time between two observations of an agent that is bridged (s).
         max_extrapolation_s: longest time an agent is carried on to the common time t (s).
-        velocity_source: ``message``: the message's where it has one, else estimated; ``estimated``:
-            always the causal estimate from past positions.
+        velocity_source: ``message``: the message's where it has one, else estimated;
+            ``estimated``: always the causal estimate from past positions.
         acceleration_source: likewise, from past velocities.
         velocity_tau_s: time constant of the causal velocity estimate (s).
         acceleration_tau_s: time constant of the causal acceleration estimate (s).
