@@ -1,0 +1,95 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+#
+# `make demo` and `make test` on a machine with nothing but Python 3.11 or 3.12. The first call
+# makes a virtual environment with the pinned packages; every later call starts at once.
+
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+REQUIREMENTS := requirements/development.txt requirements/lock.txt pyproject.toml setup.py setup.cfg
+PYTEST_ARGS ?=
+
+# The wheels of the environment and a sourced ROS 2 must never meet in one process (which
+# libraries would win is a matter of luck), so a sourced one is hidden from everything run here.
+# `colcon build` is the way to use it; see README.md.
+ROS_VARIABLES := AMENT_PREFIX_PATH AMENT_CURRENT_PREFIX COLCON_PREFIX_PATH CMAKE_PREFIX_PATH \
+  PYTHONPATH LD_LIBRARY_PATH ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION ROS_DOMAIN_ID \
+  ROS_AUTOMATIC_DISCOVERY_RANGE ROS_STATIC_PEERS RMW_IMPLEMENTATION
+ifneq ($(strip $(AMENT_PREFIX_PATH)$(ROS_DISTRO)),)
+$(info A ROS 2 environment is sourced ($(or $(ROS_DISTRO),$(AMENT_PREFIX_PATH))): make leaves it alone and works with the pinned ROS 2 Jazzy wheels in $(VENV); `colcon build` uses the sourced one.)
+endif
+ifneq ($(VIRTUAL_ENV),)
+unexport VIRTUAL_ENV
+endif
+unexport $(ROS_VARIABLES) PYTHONHOME
+
+.PHONY: help demo test check lint types format environment clean distclean
+
+help: ## what can be made
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
+
+demo: $(STAMP) ## play a recording through the real node, score it; DATA=DIR LAYOUT=ind [RECORDINGS="04 16"] [ALL=1] [OUTPUT=DIR]
+	@$(BIN)/mtpgo demo $(if $(DATA),"$(DATA)") $(if $(LAYOUT),--layout "$(LAYOUT)") \
+	  $(if $(RECORDINGS),--recordings $(RECORDINGS)) $(if $(ALL),--all) \
+	  $(if $(OUTPUT),--output "$(OUTPUT)") $(DEMO_ARGS)
+
+test: check ## everything: ruff, mypy, pytest
+	@echo "== pytest"
+	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+check: lint types
+
+lint: $(STAMP) ## ruff: rules and format
+	@echo "== ruff"
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+
+types: $(STAMP) ## mypy
+	@echo "== mypy"
+	@$(BIN)/mypy
+
+format: $(STAMP) ## let ruff mend what it can
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+environment: $(STAMP) ## only set up the virtual environment
+
+$(STAMP): $(REQUIREMENTS)
+	@python=""; \
+	for candidate in $(PYTHON) python3 python3.12 python3.11; do \
+	  if "$$candidate" -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' \
+	    2>/dev/null; then python="$$candidate"; break; fi; \
+	done; \
+	if [ -z "$$python" ]; then \
+	  echo "make: no Python 3.11 or 3.12 was found as python3, python3.12 or python3.11;" \
+	    "install one or name it: make PYTHON=/path/to/python3.12" >&2; exit 2; \
+	fi; \
+	if ! "$$python" -c 'import ensurepip, venv' 2>/dev/null; then \
+	  echo "make: $$("$$python" --version) lacks the module venv;" \
+	    "on Debian and Ubuntu install the package python3-venv" >&2; exit 2; \
+	fi; \
+	echo "== Setting up $(VENV) with $$("$$python" --version): a virtual environment and the pinned" \
+	  "packages (about 2 GB, once; a few minutes)"; \
+	"$$python" -m venv "$(VENV)"
+	@echo "== Installing requirements/development.txt"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  -r requirements/development.txt -c requirements/lock.txt
+	@echo "== Installing this package (editable)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  --no-deps --no-build-isolation --editable .
+	@touch $@
+	@echo "== $(VENV) is ready"
+
+clean: ## remove what builds and runs leave behind, keep the environment
+	@rm -rf build install log dist demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	@find . -name __pycache__ -not -path './.venv*' -prune -exec rm -rf {} +
+	@echo "Removed build, install, log, dist, demo_output and caches; $(VENV) stays (make distclean)."
+
+distclean: clean ## remove the environment as well
+	@rm -rf "$(VENV)"
