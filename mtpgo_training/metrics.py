@@ -1,0 +1,149 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's metrics (section Evaluation Metrics) and their usual companions, per agent.
+
+Every function takes arrays with any leading axes ``...`` (agents, scenes) and returns one value an
+agent, ``[...]``, so that the caller decides over which agents to average (design D15: the centre
+agents or all). Future samples that were not observed are masked: an average over the horizon is
+one over the observed steps, and a value that needs a step which was not observed is NaN. Use
+:func:`average` to average over agents; it leaves NaN out.
+
+Inputs are named alike throughout: ``mean`` [..., M, H, 2] predicted positions (m), ``weight``
+[..., M] mixture weights, ``covariance`` [..., M, H, 2, 2] (m^2), ``truth`` [..., H, 2] observed
+positions (m), ``mask`` [..., H] true where they were observed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+Mask = NDArray[np.bool_]
+
+MISS_THRESHOLD_M = 2.0
+"""Final displacement beyond which a prediction is a miss (m)."""
+
+
+def average(values: Array) -> float:
+    """Mean over the agents for which ``values`` [...] is defined, NaN if there is none."""
+    known = np.isfinite(values)
+    return float(np.mean(values[known])) if known.any() else float("nan")
+
+
+def top_mode(mean: Array, weight: Array) -> Array:
+    """[..., H, 2] positions of the component with the largest weight, j* in the paper."""
+    best = np.argmax(weight, axis=-1)
+    return np.take_along_axis(mean, best[..., None, None, None], axis=-3).squeeze(-3)
+
+
+def ade(mean: Array, weight: Array, truth: Array, mask: Mask) -> Array:
+    """[...] ADE (m): displacement of the top mode, averaged over the observed steps."""
+    return _over_steps(_distance(top_mode(mean, weight), truth), mask)
+
+
+def fde(mean: Array, weight: Array, truth: Array, mask: Mask) -> Array:
+    """[...] FDE (m): displacement of the top mode at step H; NaN where that is not observed."""
+    final = _distance(top_mode(mean, weight)[..., -1, :], truth[..., -1, :])
+    return np.where(mask[..., -1], final, np.nan)
+
+
+def miss_rate(
+    mean: Array,
+    weight: Array,
+    truth: Array,
+    mask: Mask,
+    miss_threshold_m: float = MISS_THRESHOLD_M,
+) -> Array:
+    """[...] MR: 1 if the top mode ends farther than the threshold from the truth, else 0.
+
+    Averaged over agents it is the ratio of misses; NaN where step H is not observed.
+    """
+    final = fde(mean, weight, truth, mask)
+    return np.where(np.isnan(final), np.nan, (final > miss_threshold_m).astype(float))
+
+
+def apde(mean: Array, weight: Array, truth: Array, mask: Mask) -> Array:
+    """[...] APDE (m): distance of each predicted position to the nearest observed one.
+
+    Averaged over those steps of the top mode whose own truth was observed, so ADE and APDE are
+    over the same steps; the nearest position is sought among all observed steps.
+    """
+    path = top_mode(mean, weight)
+    pairs = _distance(path[..., :, None, :], truth[..., None, :, :])  # [..., H, H]
+    nearest = np.min(np.where(mask[..., None, :], pairs, np.inf), axis=-1)
+    return _over_steps(nearest, mask)
+
+
+def anll(mean: Array, weight: Array, covariance: Array, truth: Array, mask: Mask) -> Array:
+    """[...] ANLL (nats): negative log-likelihood of the position, averaged over observed steps."""
+    return _over_steps(nll(mean, weight, covariance, truth), mask)
+
+
+def fnll(mean: Array, weight: Array, covariance: Array, truth: Array, mask: Mask) -> Array:
+    """[...] FNLL (nats): negative log-likelihood at step H; NaN where that is not observed."""
+    final = nll(mean, weight, covariance, truth)[..., -1]
+    return np.where(mask[..., -1], final, np.nan)
+
+
+def min_ade(mean: Array, truth: Array, mask: Mask) -> Array:
+    """[...] minADE (m): the smallest over the M modes of the mode's ADE."""
+    distance = _distance(mean, truth[..., None, :, :])  # [..., M, H]
+    known = np.broadcast_to(mask[..., None, :], distance.shape)
+    return np.min(_over_steps(distance, known), axis=-1)
+
+
+def min_fde(mean: Array, truth: Array, mask: Mask) -> Array:
+    """[...] minFDE (m): the smallest final displacement; NaN where step H is not observed."""
+    final = np.min(_distance(mean[..., -1, :], truth[..., None, -1, :]), axis=-1)
+    return np.where(mask[..., -1], final, np.nan)
+
+
+def coverage(
+    mean: Array, weight: Array, covariance: Array, truth: Array, mask: Mask, level: float
+) -> Array:
+    """[...] share of the observed steps at which the top mode's ``level`` ellipse holds the truth.
+
+    The ellipse of a two-dimensional Gaussian that holds the share ``level`` has the squared
+    Mahalanobis radius -2 ln(1 - level). A calibrated prediction averages to ``level``.
+    """
+    best = np.argmax(weight, axis=-1)[..., None, None, None]
+    chosen = np.take_along_axis(covariance, best[..., None], axis=-4).squeeze(-4)
+    difference = truth - top_mode(mean, weight)
+    squared, _ = _mahalanobis(difference, chosen)
+    return _over_steps((squared <= -2.0 * np.log(1.0 - level)).astype(float), mask)
+
+
+def nll(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
+    """[..., H] negative log-likelihood of the position under the mixture (nats), unmasked."""
+    squared, log_determinant = _mahalanobis(truth[..., None, :, :] - mean, covariance)
+    log_component = -0.5 * (squared + log_determinant) - np.log(2.0 * np.pi)
+    with np.errstate(divide="ignore"):
+        log_weight = np.log(weight)[..., None]
+    total = log_weight + log_component  # [..., M, H]
+    largest = np.max(total, axis=-2, keepdims=True)
+    summed = np.log(np.sum(np.exp(total - largest), axis=-2))
+    return -(largest.squeeze(-2) + summed)
+
+
+def _mahalanobis(difference: Array, covariance: Array) -> tuple[Array, Array]:
+    """Squared Mahalanobis distance and log-determinant of 2x2 covariances, in float64."""
+    d = difference.astype(np.float64)
+    c = covariance.astype(np.float64)
+    a, b, e = c[..., 0, 0], c[..., 0, 1], c[..., 1, 1]
+    determinant = a * e - b * b
+    x, y = d[..., 0], d[..., 1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        squared = (e * x * x - 2.0 * b * x * y + a * y * y) / determinant
+        return squared, np.log(determinant)
+
+
+def _distance(a: Array, b: Array) -> Array:
+    return np.linalg.norm(a - b, axis=-1)
+
+
+def _over_steps(values: Array, mask: Mask) -> Array:
+    """Mean of ``values`` over the last axis where ``mask``, NaN where no step is observed."""
+    count = mask.sum(axis=-1)
+    total = np.where(mask, values, 0.0).sum(axis=-1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
