@@ -1,0 +1,151 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""CSV files as checked number columns; every defect becomes one sentence with file and place."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+import zlib
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mtpgo_core.errors import RecordingError
+
+_UNREADABLE = (OSError, EOFError, zlib.error, UnicodeDecodeError, pd.errors.ParserError)
+
+
+def read_header(path: Path) -> list[str]:
+    """Column names of a ``.csv`` or ``.csv.gz`` file.
+
+    Raises:
+        RecordingError: the file cannot be read or is empty.
+    """
+    try:
+        return [str(name).strip() for name in pd.read_csv(path, nrows=0).columns]
+    except pd.errors.EmptyDataError:
+        raise RecordingError(f"{path} is empty, expected a CSV file with a header line") from None
+    except _UNREADABLE as error:
+        raise RecordingError(f"{path} cannot be read as CSV: {_reason(error)}") from error
+
+
+def read_table(
+    path: Path,
+    *,
+    integers: Sequence[str] = (),
+    numbers: Sequence[str] = (),
+    unknown_allowed: Sequence[str] = (),
+    texts: Sequence[str] = (),
+    optional: Collection[str] = (),
+) -> pd.DataFrame:
+    """The named columns of a CSV file, checked.
+
+    Args:
+        path: ``.csv`` or ``.csv.gz`` file with a header line.
+        integers: columns of whole numbers.
+        numbers: columns of finite numbers.
+        unknown_allowed: columns of numbers in which an empty cell or ``nan`` means unknown.
+        texts: columns kept as text.
+        optional: those of the above that may be missing from the file.
+
+    Returns:
+        A frame with int64, float64 and string columns.
+
+    Raises:
+        RecordingError: a file that cannot be read, a missing column, or a cell that is no number;
+            the sentence names the file and the line or column.
+    """
+    header = read_header(path)
+    wanted = [*integers, *numbers, *unknown_allowed, *texts]
+    missing = [name for name in wanted if name not in header and name not in optional]
+    if missing:
+        raise RecordingError(
+            f"{path} has no column {missing[0]!r}, expected the columns {', '.join(wanted)}"
+        )
+    present = [name for name in wanted if name in header]
+    kinds: dict[str, Any] = {name: str for name in texts if name in present}
+    table = _parse(path, kinds)
+    for name in present:
+        if name not in kinds:
+            table[name] = _numbers(path, table[name], unknown=name in unknown_allowed)
+    for name in integers:
+        if name in present:
+            table[name] = _whole(path, table[name])
+    return table
+
+
+def sha256_of(paths: Sequence[Path]) -> str:
+    """Hash over the contents of the files, one after the other."""
+    digest = hashlib.sha256()
+    for path in paths:
+        with path.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def _parse(path: Path, kinds: dict[str, Any]) -> pd.DataFrame:
+    """The whole file; all columns, as pandas overlooks lines that are too long otherwise."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            table = pd.read_csv(
+                path, dtype=kinds, index_col=False, low_memory=False, skipinitialspace=True
+            )
+    except (*_UNREADABLE, pd.errors.ParserWarning) as error:
+        raise RecordingError(f"{path} cannot be read as CSV: {_reason(error)}") from error
+    table.columns = [str(name).strip() for name in table.columns]
+    last = table.iloc[:, -1].isna().to_numpy(bool)
+    if len(last) > 1 and last[-1] and not last[:-1].any():
+        raise RecordingError(
+            f"{path} ends within line {len(last) + 1}, expected {table.shape[1]} cells: "
+            "the file is truncated"
+        )
+    return table
+
+
+def _reason(error: BaseException) -> str:
+    """The first line of an exception's text."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+def _numbers(path: Path, column: pd.Series, *, unknown: bool) -> pd.Series:
+    values = column
+    if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
+        values = pd.to_numeric(column.astype("string"), errors="coerce")
+        _refuse(path, column, (values.isna() & column.notna()).to_numpy(bool), "a number")
+    if unknown:
+        values = values.astype(np.float64)
+        bad = np.isinf(values.to_numpy())
+        _refuse(path, column, bad, "a finite number or an empty cell")
+    else:
+        if values.dtype.kind != "i":
+            values = values.astype(np.float64)
+            _refuse(path, column, ~np.isfinite(values.to_numpy()), "a finite number")
+    return values
+
+
+def _whole(path: Path, column: pd.Series) -> pd.Series:
+    if column.dtype.kind == "i":
+        return column.astype(np.int64)
+    values = column.to_numpy(np.float64)
+    _refuse(
+        path, column, (values != np.round(values)) | (np.abs(values) > 2**53), "a whole number"
+    )
+    return column.astype(np.int64)
+
+
+def _refuse(path: Path, column: pd.Series, bad: np.ndarray, expected: str) -> None:
+    if not bad.any():
+        return
+    row = int(np.argmax(bad))
+    cell = column.iloc[row]
+    given = "an empty cell" if pd.isna(cell) else repr(str(cell))
+    # Line 1 is the header; pandas counts data rows from 0.
+    raise RecordingError(
+        f"{path}, line {row + 2}, column {column.name!r}: {given}, expected {expected}"
+    )
