@@ -16,6 +16,16 @@ from mtpgo_core.task import HistoryConfig, SceneConfig, from_dict
 from mtpgo_training.schedule import LEARNING_RATE_SCHEDULES
 
 
+def _positive(name: str, value: float) -> None:
+    if not value > 0:
+        raise ConfigurationError(f"{name} is {value!r}, expected more than 0")
+
+
+def _share(name: str, value: float) -> None:
+    if not 0.0 <= value <= 1.0:
+        raise ConfigurationError(f"{name} is {value!r}, expected 0 to 1")
+
+
 @dataclass(frozen=True)
 class DataConfig:
     """Which recordings teach, which judge, and how scenes are cut from them.
@@ -172,13 +182,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
-
-
-def _positive(name: str, value: float) -> None:
-    if not value > 0:
-        raise ConfigurationError(f"{name} is {value!r}, expected more than 0")
-
-
-def _share(name: str, value: float) -> None:
-    if not 0.0 <= value <= 1.0:
-        raise ConfigurationError(f"{name} is {value!r}, expected 0 to 1")
