@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What is installed where; name, version and dependencies stand in pyproject.toml.
+"""What is installed where, and what it needs; name and version stand in package.xml.
 
 The same file serves colcon (ament_python) and pip. colcon puts the executables into
 ``lib/mtpgo_ros`` by itself (setup.cfg). pip puts them into ``bin``, so the wheel also carries one
@@ -10,30 +10,52 @@ small launcher for each in ``lib/mtpgo_ros``, where ``ros2 run`` looks.
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree import ElementTree
 
-from setuptools import setup
+from setuptools import find_packages, setup
 
 from distutils.command.install_data import install_data  # isort: skip  (setuptools provides it)
 
-NAME = "mtpgo_ros"
+HERE = Path(__file__).resolve().parent
+"""The source tree, also where colcon runs this file through a link."""
+
+MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
+NAME = MANIFEST.findtext("name", "")
 SHARE = f"share/{NAME}"
 
-PACKAGES = [
-    "models",
-    "msg_adapters",
-    "mtpgo_core",
-    "mtpgo_ros",
-    "mtpgo_training",
-    "mtpgo_training.demo",
-    "mtpgo_training.readers",
-    "mtpgo_training.simulate",
-]
+PACKAGES = ("models", "msg_adapters", "mtpgo_core", "mtpgo_ros", "mtpgo_training")
 
 EXECUTABLES = {
     "predictor": "mtpgo_ros.predictor:main",
     "replay": "mtpgo_ros.replay:main",
     "record": "mtpgo_ros.record:main",
     "mtpgo": "mtpgo_training.cli:main",
+}
+
+# What each is for stands in docs/design.md, Dependencies.
+REQUIREMENTS = [
+    "numpy>=1.26",
+    "torch>=2.4",
+    "torch-geometric>=2.6",
+    "mcap>=1.2",
+    "rosbags>=0.11",
+    "tqdm>=4.60",
+]
+EXTRAS = {
+    # ROS 2 Jazzy as wheels, for a machine without ROS; where ROS is installed, that one is used.
+    "ros": ["ros-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
+    "training": ["matplotlib>=3.8", "pandas>=2.2", "PyYAML>=6.0"],
+    "simulation": ["eclipse-sumo>=1.20"],
+    "development": [
+        "colcon-common-extensions>=0.3",
+        "mcap-ros2-support>=0.5",
+        "mypy>=1.11",
+        "pytest>=8.0",
+        "pytest-timeout>=2.3",
+        "pytest-xdist>=3.5",
+        "ruff>=0.6",
+        "setuptools>=68,<80",
+    ],
 }
 
 LAUNCHER = """\
@@ -46,7 +68,9 @@ exec "$(dirname "$(readlink -f "$0")")/../../bin/{name}" "$@"
 def tree(source: str, target: str) -> list[tuple[str, list[str]]]:
     """data_files entries that copy all files below ``source`` to the same places in ``target``."""
     files: dict[str, list[str]] = {}
-    for path in sorted(p for p in Path(source).rglob("*") if p.is_file()):
+    for path in sorted(Path(source).rglob("*")):
+        if not path.is_file() or path.suffix == ".pyc":
+            continue
         folder = Path(target) / path.parent.relative_to(source)
         files.setdefault(folder.as_posix(), []).append(path.as_posix())
     return list(files.items())
@@ -58,7 +82,7 @@ class InstallData(install_data):  # type: ignore[misc]
     def run(self) -> None:
         """Copy; then write the launchers when it is a wheel that is being built."""
         super().run()
-        if not {"bdist_wheel", "editable_wheel"} & set(self.distribution.command_obj):
+        if "bdist_wheel" not in self.distribution.command_obj:
             return
         folder = Path(self.install_dir, "lib", NAME)
         folder.mkdir(parents=True, exist_ok=True)
@@ -70,7 +94,18 @@ class InstallData(install_data):  # type: ignore[misc]
 
 
 setup(
-    packages=PACKAGES,
+    name=NAME,
+    version=MANIFEST.findtext("version"),
+    description=" ".join(MANIFEST.findtext("description", "").split()),
+    long_description=(HERE / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    license=MANIFEST.findtext("license"),
+    maintainer=MANIFEST.findtext("maintainer"),
+    maintainer_email=MANIFEST.find("maintainer").attrib["email"],
+    python_requires=">=3.11",
+    install_requires=REQUIREMENTS,
+    extras_require=EXTRAS,
+    packages=find_packages(include=[*PACKAGES, *(f"{name}.*" for name in PACKAGES)]),
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),

@@ -1,0 +1,198 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What pip and colcon put where, on a copy of the source tree."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCES = [
+    "models",
+    "msg_adapters",
+    "mtpgo_core",
+    "mtpgo_ros",
+    "mtpgo_training",
+    "resource",
+    "config",
+    "launch",
+    "package.xml",
+    "setup.py",
+    "setup.cfg",
+    "pyproject.toml",
+    "README.md",
+    "MANIFEST.in",
+]
+EXECUTABLES = ("predictor", "replay", "record", "mtpgo")
+
+
+def run(*command: str, cwd: Path, **environment: str) -> str:
+    """Output of a command that must succeed."""
+    env = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "AMENT_PREFIX_PATH")}
+    done = subprocess.run(
+        command, cwd=cwd, env=env | environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def shipped(folder: str, share: str) -> set[str]:
+    """Files of a source folder, as they must appear below ``share/mtpgo_ros``."""
+    return {
+        f"{share}/{path.relative_to(ROOT / folder).as_posix()}"
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and path.suffix != ".pyc"
+    }
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory) -> Path:
+    """A copy of the sources, so that building leaves nothing behind in the checkout."""
+    copy = tmp_path_factory.mktemp("source") / "mtpgo_ros"
+    copy.mkdir()
+    for name in SOURCES:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(source, copy / name)
+    return copy
+
+
+@pytest.fixture(scope="module")
+def prefix(tree, tmp_path_factory) -> Path:
+    """A virtual environment into which this package was installed by pip, without dependencies."""
+    prefix = tmp_path_factory.mktemp("prefix")
+    run(sys.executable, "-m", "venv", "--without-pip", str(prefix), cwd=tree)
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check")
+    wheels = tree.parent / "wheels"
+    run(*pip, "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", str(wheels), ".", cwd=tree)
+    (wheel,) = wheels.glob("*.whl")
+    python = str(prefix / "bin" / "python")
+    run(*pip, "--python", python, "install", "-q", "--no-deps", str(wheel), cwd=tree)
+    return prefix
+
+
+def check_share(prefix: Path) -> None:
+    """The ament marker and all data files are in place."""
+    share = prefix / "share" / "mtpgo_ros"
+    assert (prefix / "share/ament_index/resource_index/packages/mtpgo_ros").is_file()
+    assert (share / "package.xml").read_text() == (ROOT / "package.xml").read_text()
+    expected = (
+        shipped("resource/weights", "weights")
+        | shipped("resource/recordings", "recordings")
+        | shipped("config", "config")
+        | shipped("launch", "launch")
+    )
+    missing = sorted(name for name in expected if not (share / name).is_file())
+    assert not missing
+
+
+def test_pip_installs_executables_and_data(prefix):
+    check_share(prefix)
+    for name in EXECUTABLES:
+        assert os.access(prefix / "bin" / name, os.X_OK)
+        assert os.access(prefix / "lib" / "mtpgo_ros" / name, os.X_OK)
+
+
+def test_launchers_start_the_executable_of_their_own_environment(prefix):
+    (prefix / "bin" / "predictor").write_text('#!/bin/sh\necho "started with $*"\n')
+    link = prefix / "elsewhere"
+    link.symlink_to(prefix / "lib" / "mtpgo_ros" / "predictor")
+    assert run(str(link), "a b", "c", cwd=Path("/")) == "started with a b c\n"
+
+
+def test_installed_code_finds_its_resources(prefix):
+    code = (
+        "from mtpgo_core.resources import find_resource, source_tree;"
+        "print(source_tree(), find_resource('package.xml'))"
+    )
+    # The core's own dependencies are not in the temporary environment: none is needed for this.
+    out = run(str(prefix / "bin" / "python"), "-c", code, cwd=Path("/"))
+    assert out.split() == ["None", str(prefix / "share/mtpgo_ros/package.xml")]
+
+
+def test_a_file_that_does_not_ship_is_refused_in_one_sentence():
+    from mtpgo_core.errors import ConfigurationError
+    from mtpgo_core.resources import find_resource
+
+    with pytest.raises(ConfigurationError, match=r"weights/none\.pt is not among the files"):
+        find_resource("weights", "none.pt")
+
+
+@pytest.mark.parametrize("options", [(), ("--symlink-install",)], ids=["plain", "symlink"])
+def test_colcon_builds_it(tree, tmp_path, options):
+    colcon = shutil.which("colcon", path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+    assert colcon, "colcon is not installed, expected from requirements/development.txt"
+    run(
+        *(colcon, "--log-base", str(tmp_path / "log"), "build", *options),
+        *("--build-base", str(tmp_path / "build"), "--install-base", str(tmp_path / "install")),
+        cwd=tree,
+        COLCON_PYTHON_EXECUTABLE=sys.executable,
+        PATH=f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+    )
+    prefix = tmp_path / "install" / "mtpgo_ros"
+    check_share(prefix)
+    for name in EXECUTABLES:
+        assert os.access(prefix / "lib" / "mtpgo_ros" / name, os.X_OK)
+    out = run(
+        *("bash", "-c"),
+        f"source {tmp_path}/install/setup.bash; cd /; echo $AMENT_PREFIX_PATH; {sys.executable} "
+        "-c 'import mtpgo_core, importlib.util as u; print(mtpgo_core.__file__, "
+        'u.find_spec("mtpgo_ros").origin, u.find_spec("mtpgo_training.demo").origin)\'',
+        cwd=tree,
+    )
+    ament, *modules = out.split()
+    assert ament == str(prefix)
+    for module in map(Path, modules):
+        assert module.is_relative_to(tmp_path)
+        assert module.resolve().is_relative_to(tree) == bool(options)
+
+
+def test_the_manifest_is_one_that_ros_tools_accept():
+    manifest = ElementTree.parse(ROOT / "package.xml").getroot()
+    email = manifest.find("maintainer").attrib["email"]
+    # An address that catkin_pkg does not accept makes colcon treat this as plain Python.
+    assert re.fullmatch(
+        r"[\w%+-]+(\.[\w%+-]+)*@[a-zA-Z0-9-]+(\.[a-zA-Z0-9-]+)*\.[a-zA-Z]{2,}", email
+    )
+    assert manifest.findtext("export/build_type") == "ament_python"
+    version = manifest.findtext("version")
+    assert re.fullmatch(r"\d+\.\d+\.\d+", version)
+    assert "## [" in (ROOT / "CHANGELOG.md").read_text()
+
+
+def pins(name: str) -> dict[str, str]:
+    lines = (ROOT / "requirements" / name).read_text().splitlines()
+    found = [re.fullmatch(r"([\w.-]+)(?:\[\w+\])?==(\S+)", line) for line in lines]
+    return {m[1].lower(): m[2] for m in found if m}
+
+
+def test_everything_is_pinned_and_the_pins_agree():
+    direct, lock = pins("development.txt"), pins("lock.txt")
+    lines = (ROOT / "requirements" / "development.txt").read_text().splitlines()
+    assert len(direct) == sum(bool(x) and not x.startswith("#") for x in lines), "a line is no pin"
+    assert direct["torch"] == "2.13.0"
+    assert direct["ros-rclpy"] == "7.1.6"
+    assert {k: lock.get(k, v) for k, v in direct.items()} == direct
+
+
+def test_declared_ranges_admit_the_pinned_versions():
+    from packaging.requirements import Requirement
+
+    source = (ROOT / "setup.py").read_text()
+    direct = pins("development.txt")
+    declared = [
+        Requirement(text) for text in re.findall(r'"([\w-]+(?:\[\w+\])?[>=][^"]+)"', source)
+    ]
+    names = {r.name.lower() for r in declared}
+    assert {"numpy", "torch", "torch-geometric", "mcap", "rosbags", "ros-rclpy"} <= names
+    for requirement in declared:
+        version = direct[requirement.name.lower()]
+        assert version in requirement.specifier, f"{requirement} does not admit {version}"
