@@ -122,26 +122,25 @@ def test_a_file_says_whose_it_is_and_what_it_is_for(path):
     lines = path.read_text(encoding="utf-8").splitlines()
     assert lines[0] == "# Copyright 2026 the mtpgo_ros developers"
     assert lines[1] == "# SPDX-License-Identifier: Apache-2.0"
-    assert ast.get_docstring(ast.parse("\n".join(lines))), "no module docstring"
+    if path.relative_to(ROOT).parts[0] in PACKAGES:
+        assert ast.get_docstring(ast.parse("\n".join(lines))), "no module docstring"
 
 
-KINDS = set(
-    [
-        ".cfg",
-        ".csv",
-        ".gz",
-        ".json",
-        ".md",
-        ".png",
-        ".pt",
-        ".py",
-        ".rviz",
-        ".toml",
-        ".txt",
-        ".xml",
-        ".yaml",
-    ]
-)
+KINDS = {
+    ".cfg",
+    ".csv",
+    ".gz",
+    ".json",
+    ".md",
+    ".png",
+    ".pt",
+    ".py",
+    ".rviz",
+    ".toml",
+    ".txt",
+    ".xml",
+    ".yaml",
+}
 LARGEST_BYTES = 8 * 2**20
 
 
