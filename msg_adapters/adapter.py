@@ -1,0 +1,137 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What an adapter is: one message type of tracked objects, decoded and built.
+
+An adapter reads by attribute only, so objects decoded by rclpy, rosbags or mcap-ros2-support all
+serve, and reading imports no message package.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from msg_adapters.common import choose_twist_frame
+from msg_adapters.types import Types
+from mtpgo_core.errors import MessageError
+from mtpgo_core.schema import AgentClass, ClassArray, KeyArray, TrackedStates
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """What one message said.
+
+    Attributes:
+        states: the tracked objects.
+        skipped: how many objects were left out, by reason.
+        removed: [k, 4] keys of tracks that the message deletes.
+        cleared: the message deletes all earlier tracks.
+    """
+
+    states: TrackedStates
+    skipped: Mapping[str, int] = field(default_factory=Counter)
+    removed: KeyArray = field(default_factory=lambda: np.empty((0, 4), dtype=np.uint32))
+    cleared: bool = False
+
+    @property
+    def skipped_total(self) -> int:
+        """Number of objects left out."""
+        return sum(self.skipped.values())
+
+
+class Decoder(Protocol):
+    """Reads a message; see :meth:`InputAdapter.decode` for the arguments."""
+
+    def __call__(
+        self, message: Any, *, twist_frame: str, fallback_stamp_ns: int | None
+    ) -> Decoded:
+        """What the message says."""
+
+
+@dataclass(frozen=True)
+class InputAdapter:
+    """One kind of tracked-object message.
+
+    Attributes:
+        name: short name, for instance ``autoware``.
+        message_type: ROS type, for instance ``autoware_perception_msgs/msg/TrackedObjects``.
+        twist_frame: frame in which this message's publishers express velocities, ``object`` or
+            ``header``; ``none`` where the message has no velocity.
+        decoder: the reading function.
+        builder: the writing function, (states, types) -> message.
+    """
+
+    name: str
+    message_type: str
+    twist_frame: str
+    decoder: Decoder
+    builder: Callable[[TrackedStates, Types], Any]
+
+    @property
+    def package(self) -> str:
+        """Message package that must be installed to subscribe to this type."""
+        return self.message_type.partition("/")[0]
+
+    def decode(
+        self,
+        message: Any,
+        *,
+        twist_frame: str = "default",
+        fallback_stamp_ns: int | None = None,
+    ) -> Decoded:
+        """Everything the message says.
+
+        Args:
+            message: decoded message of :attr:`message_type`.
+            twist_frame: ``default`` (what publishers of this type do), ``object`` or ``header``.
+            fallback_stamp_ns: time of reception (ns), used where the message itself carries no
+                time (a MarkerArray without objects).
+
+        Raises:
+            MessageError: the message is malformed; the caller adds the topic.
+            ConfigurationError: ``twist_frame`` is not one of the three.
+        """
+        frame = choose_twist_frame(twist_frame, self.twist_frame)
+        try:
+            return self.decoder(message, twist_frame=frame, fallback_stamp_ns=fallback_stamp_ns)
+        except (AttributeError, TypeError, ValueError, IndexError, OverflowError) as error:
+            raise MessageError(
+                f"message of {type(message).__name__} cannot be read as {self.message_type}: "
+                f"{error}"
+            ) from error
+
+    def to_states(
+        self,
+        message: Any,
+        *,
+        twist_frame: str = "default",
+        fallback_stamp_ns: int | None = None,
+    ) -> TrackedStates:
+        """The tracked objects alone; arguments and errors as in :meth:`decode`."""
+        return self.decode(
+            message, twist_frame=twist_frame, fallback_stamp_ns=fallback_stamp_ns
+        ).states
+
+    def from_states(self, states: TrackedStates, types: Types) -> Any:
+        """A message of :attr:`message_type` that decodes to ``states``, as far as it can carry it.
+
+        Raises:
+            MessageError: the package is not available or an identity does not fit the message.
+        """
+        return self.builder(states, types)
+
+
+def known_classes(labels: np.ndarray) -> ClassArray:
+    """[n] uint8 agent classes; every label that is none becomes ``UNKNOWN``."""
+    labels = np.asarray(labels)
+    inside = (labels >= 0) & (labels <= max(AgentClass))
+    return np.where(inside, labels, AgentClass.UNKNOWN).astype(np.uint8)
+
+
+def class_lookup(table: Mapping[int, AgentClass]) -> Callable[[int], int]:
+    """A function from another message's class number to ours, unknown numbers to ``UNKNOWN``."""
+    return lambda label: int(table.get(int(label), AgentClass.UNKNOWN))

@@ -1,0 +1,180 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What all adapters share: headers, yaw, vectors in the object frame, covariances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from msg_adapters.types import Types
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.schema import BoolArray, Float64Array
+
+TWIST_FRAMES = ("default", "object", "header")
+"""Frames of a message's velocities: what its publishers usually do, or one of the two forced."""
+
+_NANOSECONDS = 1_000_000_000
+
+
+def choose_twist_frame(twist_frame: str, default: str) -> str:
+    """``object`` or ``header``, after the user's choice.
+
+    Raises:
+        ConfigurationError: ``twist_frame`` is none of :data:`TWIST_FRAMES`.
+    """
+    if twist_frame not in TWIST_FRAMES:
+        valid = ", ".join(repr(name) for name in TWIST_FRAMES)
+        raise ConfigurationError(f"twist_frame is {twist_frame!r}, expected one of {valid}")
+    return default if twist_frame == "default" else twist_frame
+
+
+def stamp_to_ns(stamp: Any) -> int:
+    """Nanoseconds of a ``builtin_interfaces/Time``."""
+    return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)
+
+
+def make_time(types: Types, stamp_ns: int) -> Any:
+    """``builtin_interfaces/Time`` of a stamp (ns)."""
+    seconds, nanoseconds = divmod(int(stamp_ns), _NANOSECONDS)
+    return types.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+
+
+def make_duration(types: Types, seconds: float) -> Any:
+    """``builtin_interfaces/Duration`` of a time span (s)."""
+    whole, nanoseconds = divmod(round(seconds * _NANOSECONDS), _NANOSECONDS)
+    return types.make("builtin_interfaces/msg/Duration", sec=whole, nanosec=nanoseconds)
+
+
+def make_header(types: Types, stamp_ns: int, frame_id: str) -> Any:
+    """``std_msgs/Header`` of a stamp (ns) and a frame."""
+    return types.make("std_msgs/msg/Header", stamp=make_time(types, stamp_ns), frame_id=frame_id)
+
+
+def table(rows: Sequence[Sequence[float]], columns: int) -> Float64Array:
+    """[n, columns] array of rows of numbers, also for n = 0."""
+    return np.array(rows, dtype=np.float64).reshape(len(rows), columns)
+
+
+def finite(values: ArrayLike) -> Float64Array:
+    """The values with every infinity turned into NaN: both mean unknown."""
+    array = np.asarray(values, dtype=np.float64)
+    return np.where(np.isfinite(array), array, np.nan)
+
+
+def positive(values: ArrayLike) -> Float64Array:
+    """The values with all that is not above zero turned into NaN: a box of no size is unknown."""
+    array = finite(values)
+    return np.where(array > 0.0, array, np.nan)
+
+
+def yaw_from_quaternions(quaternion: Float64Array) -> Float64Array:
+    """[n] yaw (rad) of [n, 4] quaternions x, y, z, w; NaN for the unset quaternion of zeros.
+
+    The quaternions need not be normalised.
+    """
+    x, y, z, w = np.moveaxis(finite(quaternion), -1, 0)
+    yaw = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    unset = np.all(quaternion == 0.0, axis=-1)
+    return np.where(unset, np.nan, yaw)
+
+
+def make_quaternion(types: Types, yaw: float) -> Any:
+    """``geometry_msgs/Quaternion`` of a yaw (rad); all zero, that is unset, for NaN."""
+    if not np.isfinite(yaw):
+        return types.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=0.0)
+    return types.make(
+        "geometry_msgs/msg/Quaternion",
+        x=0.0,
+        y=0.0,
+        z=float(np.sin(yaw / 2.0)),
+        w=float(np.cos(yaw / 2.0)),
+    )
+
+
+def make_pose(types: Types, x: float, y: float, z: float, yaw: float) -> Any:
+    """``geometry_msgs/Pose`` in the plane; an unknown z becomes zero."""
+    return types.make(
+        "geometry_msgs/msg/Pose",
+        position=types.make("geometry_msgs/msg/Point", x=float(x), y=float(y), z=known(z)),
+        orientation=make_quaternion(types, yaw),
+    )
+
+
+def make_vector(types: Types, x: float, y: float, z: float = 0.0) -> Any:
+    """``geometry_msgs/Vector3``."""
+    return types.make("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
+
+
+def known(value: float, otherwise: float = 0.0) -> float:
+    """The value, or ``otherwise`` where it is NaN or infinite and a message has no word for it."""
+    return float(value) if np.isfinite(value) else otherwise
+
+
+def rotate(vector: Float64Array, angle: Float64Array) -> Float64Array:
+    """[n, 2] vectors turned counter-clockwise by [n] angles (rad); NaN where the angle is."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = vector[..., 0], vector[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def to_header_frame(vector: Float64Array, yaw: Float64Array, twist_frame: str) -> Float64Array:
+    """[n, 2] vectors along the header frame's axes.
+
+    Args:
+        vector: [n, 2] along the axes of ``twist_frame``.
+        yaw: [n] heading of the objects (rad); NaN makes an object-frame vector unknown.
+        twist_frame: ``object`` or ``header``.
+    """
+    vector = finite(vector)
+    return rotate(vector, yaw) if twist_frame == "object" else vector
+
+
+def state_covariance(
+    position: Float64Array, velocity: Float64Array, yaw: Float64Array, twist_frame: str
+) -> Float64Array:
+    """[n, 4, 4] covariance of (x, y, vx, vy) in the header frame.
+
+    A 2x2 block without two positive variances was not filled by its publisher and is NaN. The
+    correlation of position and velocity, which these messages cannot carry, is zero where both
+    blocks are known.
+
+    Args:
+        position: [n, 2, 2] (m^2), header frame.
+        velocity: [n, 2, 2] (m^2/s^2), along the axes of ``twist_frame``.
+        yaw: [n] heading (rad).
+        twist_frame: ``object`` or ``header``.
+    """
+    if twist_frame == "object":
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+        velocity = turn @ velocity @ np.swapaxes(turn, -1, -2)
+    out = np.full((len(position), 4, 4), np.nan)
+    has_position, has_velocity = _filled(position), _filled(velocity)
+    out[has_position, :2, :2] = position[has_position]
+    out[has_velocity, 2:, 2:] = velocity[has_velocity]
+    both = has_position & has_velocity
+    out[both, :2, 2:] = 0.0
+    out[both, 2:, :2] = 0.0
+    return out
+
+
+def _filled(block: Float64Array) -> BoolArray:
+    variances = np.diagonal(block, axis1=-2, axis2=-1)
+    return np.asarray(np.isfinite(block).all((-2, -1)) & (variances > 0.0).all(-1))
+
+
+def flat36(block: Float64Array) -> NDArray[np.float64]:
+    """float64[36] covariance with the [2, 2] block of x and y set; zeros where it is unknown."""
+    matrix = np.zeros((6, 6))
+    if np.isfinite(block).all():
+        matrix[:2, :2] = block
+    return matrix.reshape(36)
+
+
+def planar_block(flat: Sequence[float]) -> tuple[float, float, float, float]:
+    """xx, xy, yx, yy of a float64[36] covariance."""
+    return float(flat[0]), float(flat[1]), float(flat[6]), float(flat[7])

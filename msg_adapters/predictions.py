@@ -1,0 +1,201 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The canonical output: a PointCloud2 with one point per agent, mode and step, and its decoder.
+
+64 bytes a point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
+layout is described in docs/messages.md and stays fixed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.cloud import cloud_to_records, records_to_cloud
+from msg_adapters.common import stamp_to_ns
+from msg_adapters.pointcloud2 import KEY_FIELDS
+from msg_adapters.types import Types
+from mtpgo_core.errors import MessageError
+from mtpgo_core.schema import Float64Array, Prediction
+
+POINT = np.dtype(
+    [
+        (name, "<f4")
+        for name in ("x", "y", "z", "t", "weight", "vx", "vy", "yaw", "cov_xx", "cov_xy", "cov_yy")
+    ]
+    + [(name, "<u4") for name in KEY_FIELDS]
+    + [(name, "<u1") for name in ("class", "mode", "step", "source")]
+)
+"""One point. Lengths m, times s, angles rad; vectors along the axes of the header's frame."""
+
+_MAX_COUNT = 256
+"""Modes and steps are counted in a byte."""
+
+
+def strongest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Float64Array, int]:
+    """Weights of the first ``max_modes`` modes, made to sum to one, and their number.
+
+    Args:
+        prediction: modes sorted by falling weight, as always.
+        max_modes: most modes kept; None keeps all.
+    """
+    modes = prediction.weight.shape[1]
+    kept = modes if max_modes is None else max(1, min(max_modes, modes))
+    weight = prediction.weight[:, :kept]
+    if kept < modes:
+        weight = weight / weight.sum(axis=1, keepdims=True)
+    return weight, kept
+
+
+def prediction_to_pointcloud2(
+    prediction: Prediction, types: Types, *, max_modes: int | None = None
+) -> Any:
+    """The prediction as a cloud of ``n * modes * steps`` points.
+
+    Args:
+        prediction: what to publish; stamp and frame go into the header.
+        types: where message classes come from.
+        max_modes: the strongest modes to keep, renormalised; None keeps all.
+
+    Raises:
+        MessageError: more modes or steps than a byte counts.
+    """
+    weight, modes = strongest_modes(prediction, max_modes)
+    n, steps = len(prediction), len(prediction.time_s)
+    if modes > _MAX_COUNT or steps > _MAX_COUNT:
+        raise MessageError(
+            f"prediction has {modes} modes and {steps} steps, expected at most {_MAX_COUNT} each"
+        )
+    points = np.empty((n, modes, steps), dtype=POINT)
+    mean = prediction.mean[:, :modes]
+    covariance = prediction.covariance[:, :modes]
+    columns = {
+        "x": mean[..., 0],
+        "y": mean[..., 1],
+        "z": _per_agent(np.where(np.isfinite(prediction.z), prediction.z, 0.0)),
+        "t": prediction.time_s,
+        "weight": weight[:, :, None],
+        "vx": mean[..., 2],
+        "vy": mean[..., 3],
+        "yaw": prediction.yaw[:, :modes],
+        "cov_xx": covariance[..., 0, 0],
+        "cov_xy": covariance[..., 0, 1],
+        "cov_yy": covariance[..., 1, 1],
+        "class": _per_agent(prediction.agent_class),
+        "mode": np.arange(modes)[:, None],
+        "step": np.arange(steps),
+        "source": _per_agent(prediction.source),
+    }
+    columns |= {name: _per_agent(prediction.key[:, i]) for i, name in enumerate(KEY_FIELDS)}
+    for name, values in columns.items():
+        points[name] = values
+    dense = bool(np.isfinite(mean).all() and np.isfinite(covariance).all())
+    return records_to_cloud(
+        points.reshape(-1),
+        types,
+        stamp_ns=prediction.stamp_ns,
+        frame_id=prediction.frame_id,
+        is_dense=dense,
+    )
+
+
+def prediction_from_pointcloud2(message: Any) -> Prediction:
+    """The prediction that a canonical cloud carries.
+
+    Points may come in any order and some may be missing (a filtered cloud); what is missing is
+    NaN, its weight zero. Size, the state at the stamp and the yaw at the stamp do not travel and
+    are NaN.
+
+    Args:
+        message: ``sensor_msgs/PointCloud2`` as :func:`prediction_to_pointcloud2` writes it.
+
+    Raises:
+        MessageError: the cloud has not the layout of predictions.
+    """
+    records = cloud_to_records(message)
+    missing = [name for name in POINT.names or () if name not in (records.dtype.names or ())]
+    if missing:
+        raise MessageError(
+            f"point cloud lacks the field {', '.join(missing)}, so it holds no predictions"
+        )
+    grid, present, first = _grid(records)
+    n = len(grid)
+
+    def column(*names: str) -> Float64Array:
+        values = np.stack([grid[name] for name in names], axis=-1).astype(np.float64)
+        values[~present] = np.nan
+        return values
+
+    xx, xy, yy = np.moveaxis(column("cov_xx", "cov_xy", "cov_yy"), -1, 0)
+    weight = np.where(present, grid["weight"], 0.0).astype(np.float64).max(axis=2, initial=0.0)
+    times = np.where(present, grid["t"], -np.inf).max(axis=(0, 1), initial=-np.inf)
+    return Prediction(
+        stamp_ns=stamp_to_ns(message.header.stamp),
+        frame_id=str(message.header.frame_id),
+        key=np.stack([first[name] for name in KEY_FIELDS], axis=-1).reshape(n, 4),
+        agent_class=np.ascontiguousarray(first["class"]),
+        z=first["z"].astype(np.float64),
+        size=np.full((n, 2), np.nan),
+        initial=np.full((n, 4), np.nan),
+        initial_yaw=np.full(n, np.nan),
+        time_s=np.where(np.isfinite(times), times, np.nan).astype(np.float64),
+        weight=weight,
+        mean=column("x", "y", "vx", "vy"),
+        yaw=column("yaw")[..., 0],
+        covariance=np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2),
+        source=np.ascontiguousarray(first["source"]),
+    )
+
+
+def _per_agent(values: NDArray[Any]) -> NDArray[Any]:
+    return values[:, None, None]
+
+
+def _grid(records: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_], NDArray[Any]]:
+    """Points by agent, mode and step.
+
+    Returns:
+        [n, M, H] records, agents in the order of their first points; [n, M, H] which of them were
+        there; [n] the first point of every agent.
+    """
+    if len(records) == 0:
+        nothing = np.empty((0, 0, 0), dtype=records.dtype)
+        return nothing, np.empty((0, 0, 0), dtype=bool), records
+    key = np.stack([records[name] for name in KEY_FIELDS], axis=-1)
+    mode, step = records["mode"].astype(np.intp), records["step"].astype(np.intp)
+    modes, steps = int(mode.max()) + 1, int(step.max()) + 1
+    if _in_our_order(key, mode, step, modes, steps):
+        grid = records.reshape(-1, modes, steps)
+        return grid, np.ones(grid.shape, dtype=bool), grid[:, 0, 0]
+    _, first, agent = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.intp)
+    rank[np.argsort(first)] = np.arange(len(first))
+    agent = rank[agent.reshape(-1)]
+    grid = np.zeros((len(first), modes, steps), dtype=records.dtype)
+    present = np.zeros(grid.shape, dtype=bool)
+    grid[agent, mode, step] = records
+    present[agent, mode, step] = True
+    return grid, present, records[np.sort(first)]
+
+
+def _in_our_order(
+    key: NDArray[np.uint32],
+    mode: NDArray[np.intp],
+    step: NDArray[np.intp],
+    modes: int,
+    steps: int,
+) -> bool:
+    """Whether the points are complete and as our own encoder sorts them: no sort is needed."""
+    block = modes * steps
+    agents, rest = divmod(len(key), block)
+    if rest:
+        return False
+    place = np.arange(block)
+    return (
+        np.array_equal(mode, np.tile(place // steps, agents))
+        and np.array_equal(step, np.tile(place % steps, agents))
+        and bool((key.reshape(agents, block, 4) == key[::block, None]).all())
+        and len(np.unique(key[::block], axis=0)) == agents
+    )
