@@ -154,7 +154,9 @@ class HistoryWindow:
     """The last ``T`` grid samples of every agent seen within them, at the common time t.
 
     Sample ``T - 1`` stands at ``stamp_ns``, sample i at ``stamp_ns - (T - 1 - i) * dt``. Where
-    ``valid`` is false the values are NaN.
+    ``valid`` is false the values are NaN; where it is true the position is known, while velocity,
+    acceleration and yaw are NaN for an agent of which they were never known (one observation
+    without a velocity, say).
 
     Attributes:
         stamp_ns: the common time t (ns).

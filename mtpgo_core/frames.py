@@ -1,0 +1,198 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Planar frames: poses, rotations of vectors and covariances, and lifting into a fixed frame.
+
+A pose is where a frame stands in another one. A vector of the frame is rotated by the pose's yaw
+to be expressed in the other; a point is shifted by its position as well.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from bisect import bisect_left
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtpgo_core.errors import FrameError
+from mtpgo_core.resampling import wrap
+from mtpgo_core.schema import Float64Array, TrackedStates
+
+
+def rotate(vector: Float64Array, angle: Float64Array | float) -> Float64Array:
+    """Vectors [..., 2] turned by ``angle`` (rad, broadcast against the leading axes)."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = vector[..., 0], vector[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def rotate_covariance(covariance: Float64Array, angle: Float64Array | float) -> Float64Array:
+    """R C R^T for covariances [..., S, S] of S/2 stacked planar vectors, all turned by ``angle``.
+
+    S is 2 (position) or 4 (position, velocity).
+    """
+    size = covariance.shape[-1]
+    cos, sin = np.cos(np.asarray(angle)), np.sin(np.asarray(angle))
+    turn = np.zeros((*cos.shape, size, size))
+    for i in range(0, size, 2):
+        turn[..., i, i], turn[..., i, i + 1] = cos, -sin
+        turn[..., i + 1, i], turn[..., i + 1, i + 1] = sin, cos
+    return turn @ covariance @ np.swapaxes(turn, -1, -2)
+
+
+@dataclass(frozen=True)
+class Pose2:
+    """Where a frame stands in another one, and how it moves there.
+
+    Attributes:
+        x, y: its origin (m).
+        yaw: its rotation (rad).
+        velocity: its origin's velocity along the axes of the *other* frame (m/s).
+        yaw_rate: (rad/s).
+    """
+
+    x: float
+    y: float
+    yaw: float
+    velocity: tuple[float, float] = (0.0, 0.0)
+    yaw_rate: float = 0.0
+
+    def point(self, point: Float64Array) -> Float64Array:
+        """Points [..., 2] of the frame in the other frame."""
+        return rotate(point, self.yaw) + np.array((self.x, self.y))
+
+    def inverse_point(self, point: Float64Array) -> Float64Array:
+        """Points [..., 2] of the other frame in this one."""
+        return rotate(point - np.array((self.x, self.y)), -self.yaw)
+
+
+def lift(
+    states: TrackedStates, pose: Pose2, frame_id: str, *, relative_velocity: bool = False
+) -> TrackedStates:
+    """States expressed in a vehicle's frame, in the fixed frame.
+
+    Args:
+        states: in the vehicle's frame.
+        pose: of the vehicle in the fixed frame at the states' stamp.
+        frame_id: name of the fixed frame.
+        relative_velocity: the velocities are those seen from the moving vehicle (a radar's), so
+            its own motion at each place is added; by default they are over ground and only
+            turned.
+
+    Raises:
+        FrameError: the pose is not finite.
+    """
+    values = (pose.x, pose.y, pose.yaw, *pose.velocity, pose.yaw_rate)
+    if not all(map(math.isfinite, values)):
+        raise FrameError(
+            f"the pose of frame {states.frame_id!r} in {frame_id!r} at {states.stamp_ns} ns is "
+            f"{values}, expected finite numbers"
+        )
+    position = pose.point(states.position)
+    velocity = rotate(states.velocity, pose.yaw)
+    if relative_velocity:
+        arm = position - np.array((pose.x, pose.y))
+        turning = pose.yaw_rate * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        velocity = velocity + np.array(pose.velocity) + turning
+    return dataclasses.replace(
+        states,
+        frame_id=frame_id,
+        position=position,
+        velocity=velocity,
+        acceleration=rotate(states.acceleration, pose.yaw),
+        yaw=wrap(states.yaw + pose.yaw),
+        covariance=rotate_covariance(states.covariance, pose.yaw),
+    )
+
+
+class PoseBuffer:
+    """The last poses of one frame in another, read at any time between them.
+
+    Args:
+        span_s: how long poses are kept (s).
+        max_extrapolation_s: how far beyond the newest or before the oldest pose one may
+            read (s).
+    """
+
+    def __init__(self, span_s: float = 10.0, max_extrapolation_s: float = 0.2) -> None:
+        self._span_ns = round(span_s * 1e9)
+        self._reach_ns = round(max_extrapolation_s * 1e9)
+        self._stamp: list[int] = []
+        self._pose: list[Pose2] = []
+
+    def __len__(self) -> int:
+        return len(self._stamp)
+
+    def clear(self) -> None:
+        """Forget all poses."""
+        self._stamp.clear()
+        self._pose.clear()
+
+    def add(self, stamp_ns: int, pose: Pose2) -> bool:
+        """Take a pose in; false if it is not finite or its stamp is there already.
+
+        A stamp older than everything kept, by more than the span, means that the clock was set
+        back: the poses of before are forgotten.
+        """
+        if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
+            return False
+        if self._stamp and stamp_ns < self._stamp[-1] - self._span_ns:
+            self.clear()
+        place = bisect_left(self._stamp, stamp_ns)
+        if place < len(self._stamp) and self._stamp[place] == stamp_ns:
+            return False
+        self._stamp.insert(place, stamp_ns)
+        self._pose.insert(place, pose)
+        old = bisect_left(self._stamp, self._stamp[-1] - self._span_ns)
+        del self._stamp[:old], self._pose[:old]
+        return True
+
+    def at(self, stamp_ns: int) -> Pose2:
+        """The pose at a time: between two poses interpolated, the yaw along the shorter arc.
+
+        Beyond the ends the nearest pose is carried on by its velocity and yaw rate.
+
+        Raises:
+            FrameError: no pose is near enough in time.
+        """
+        if not self._stamp:
+            raise FrameError(
+                f"no pose is known at {stamp_ns} ns, expected odometry before objects"
+            )
+        place = bisect_left(self._stamp, stamp_ns)
+        if 0 < place < len(self._stamp):
+            before, after = self._stamp[place - 1], self._stamp[place]
+            return _between(
+                self._pose[place - 1], self._pose[place], (stamp_ns - before) / (after - before)
+            )
+        nearest = 0 if place == 0 else -1
+        off_ns = stamp_ns - self._stamp[nearest]
+        if abs(off_ns) > self._reach_ns:
+            raise FrameError(
+                f"the nearest pose to {stamp_ns} ns is {abs(off_ns) * 1e-9:.3f} s away, expected "
+                f"at most {self._reach_ns * 1e-9:.3f} s"
+            )
+        pose, off_s = self._pose[nearest], off_ns * 1e-9
+        return dataclasses.replace(
+            pose,
+            x=pose.x + pose.velocity[0] * off_s,
+            y=pose.y + pose.velocity[1] * off_s,
+            yaw=float(wrap(np.asarray(pose.yaw + pose.yaw_rate * off_s))),
+        )
+
+
+def _between(a: Pose2, b: Pose2, fraction: float) -> Pose2:
+    """Linear in all, the yaw along the shorter arc."""
+
+    def mix(left: float, right: float) -> float:
+        return left + fraction * (right - left)
+
+    turn = float(wrap(np.asarray(b.yaw - a.yaw)))
+    return Pose2(
+        x=mix(a.x, b.x),
+        y=mix(a.y, b.y),
+        yaw=float(wrap(np.asarray(a.yaw + fraction * turn))),
+        velocity=(mix(a.velocity[0], b.velocity[0]), mix(a.velocity[1], b.velocity[1])),
+        yaw_rate=mix(a.yaw_rate, b.yaw_rate),
+    )

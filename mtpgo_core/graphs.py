@@ -1,0 +1,297 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Which agents share a graph, and which graph's prediction is an agent's own (design D14).
+
+Policies: ``ego`` one graph around a named agent, the paper's choice (sec. Graph-based Traffic
+Modeling); ``cover`` a few graphs that reach every agent; ``each`` one graph around every agent;
+``scene`` one graph of all. A graph is its centre and the ``max_neighbours`` agents nearest to it
+within ``radius_m``; ``scene`` alone knows no limit (whoever calls bounds the number of agents).
+Agents that the ego's graph does not reach are covered like those of ``cover``, so every agent is
+predicted exactly once, whatever the policy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, KeyArray
+from mtpgo_core.task import SceneConfig
+from mtpgo_core.tracktable import NameArray, find_names, names_of
+
+_KEEP = 0.8
+"""Hysteresis: an agent leaves its graph when another centre is nearer than this times its own, a
+centre goes when the others reach all its agents within this part of the limits."""
+_CANDIDATES = 16
+"""Places tried for a new centre; more find hardly fewer graphs."""
+
+IndexArray = NDArray[np.intp]
+
+
+def _no_names() -> NameArray:
+    return np.empty(0, dtype="S16")
+
+
+@dataclass
+class GraphState:
+    """What one cycle leaves to the next so that predictions do not flicker.
+
+    :func:`choose_graphs` reads and renews it. Attributes: ``centre`` names of the centres,
+    ``agent`` sorted names of the agents and ``owner`` the name of each one's centre.
+    """
+
+    centre: NameArray = field(default_factory=_no_names)
+    agent: NameArray = field(default_factory=_no_names)
+    owner: NameArray = field(default_factory=_no_names)
+
+
+@dataclass(frozen=True)
+class Graphs:
+    """The graphs of one instant.
+
+    Attributes:
+        members: [B, N] positions in the window, the centre first, then by rising distance, -1
+            for padding.
+        primary: [B, N] this graph's prediction is the agent's published one.
+    """
+
+    members: IndexArray
+    primary: BoolArray
+
+
+def neighbourhoods(
+    position: Float64Array, centre: IndexArray, max_neighbours: int, radius_m: float
+) -> tuple[IndexArray, Float64Array]:
+    """The agents around each centre, itself first, then by rising distance.
+
+    Args:
+        position: [n, 2] (m).
+        centre: [B] positions of the centres among the agents.
+        max_neighbours: agents beside the centre.
+        radius_m: the farthest that a neighbour may be (m).
+
+    Returns:
+        [B, K] positions among the agents, -1 for padding, and [B, K] distances (m), inf there;
+        K is at most ``max_neighbours + 1``.
+    """
+    n = position.shape[0]
+    most = min(n, max_neighbours + 1)
+    members = np.full((centre.shape[0], most), -1, dtype=np.intp)
+    distance = np.full((centre.shape[0], most), np.inf)
+    rows_at_once = max(1, 1_000_000 // max(n, 1))
+    for begin in range(0, centre.shape[0], rows_at_once):
+        some = centre[begin : begin + rows_at_once]
+        rows = np.arange(some.shape[0])[:, None]
+        offset = position[some][:, None, :] - position[None, :, :]
+        squared = np.einsum("bnk,bnk->bn", offset, offset)
+        squared[rows[:, 0], some] = -1.0  # the centre comes first, even before one at its place
+        if most < n:
+            nearest = np.argpartition(squared, most - 1, axis=1)[:, :most]
+            nearest.sort(axis=1)  # equal distances: the order of the agents decides
+        else:
+            nearest = np.broadcast_to(np.arange(n), (some.shape[0], n))
+        by_distance = np.argsort(squared[rows, nearest], axis=1, kind="stable")
+        nearest = nearest[rows, by_distance]
+        reach = np.maximum(squared[rows, nearest], 0.0)
+        within = (reach <= radius_m**2) | (np.arange(most) == 0)
+        members[begin : begin + rows_at_once] = np.where(within, nearest, -1)
+        distance[begin : begin + rows_at_once] = np.where(within, np.sqrt(reach), np.inf)
+    longest = max(1, int((members >= 0).sum(axis=1).max(initial=0)))
+    return members[:, :longest], distance[:, :longest]
+
+
+def choose_graphs(
+    window: HistoryWindow,
+    config: SceneConfig,
+    *,
+    ego_key: KeyArray | None = None,
+    state: GraphState | None = None,
+) -> Graphs:
+    """The graphs of the agents present at the window's common time.
+
+    Args:
+        window: the history; agents absent at t take no part.
+        config: policy and limits.
+        ego_key: [4] identity of the ego for ``ego`` (and the centre of ``scene``); where it is
+            missing or not present, ``ego`` does as ``cover``.
+        state: the memory of the cycles before, renewed here.
+    """
+    present = np.flatnonzero(window.valid[:, -1])
+    if present.shape[0] == 0:
+        return Graphs(np.zeros((0, 1), dtype=np.intp), np.zeros((0, 1), dtype=bool))
+    state = GraphState() if state is None else state
+    position = window.position[present, -1]
+    names = names_of(window.key[present])
+    by_name = np.argsort(names, kind="stable")
+    ego = -1
+    if ego_key is not None:
+        ego = int(_positions(names, by_name, names_of(ego_key.reshape(1, 4)))[0])
+    kept = _positions(names, by_name, state.centre)
+
+    if config.policy == "each":
+        centre = np.arange(present.shape[0])
+    elif config.policy == "scene":
+        centre = _scene_centre(position, ego, kept)
+    else:
+        named = ego if config.policy == "ego" else -1
+        centre = _cover_centres(position, config, named, kept[(kept >= 0) & (kept != named)])
+    whole = config.policy == "scene"
+    members, distance = neighbourhoods(
+        position,
+        centre,
+        position.shape[0] if whole else config.max_neighbours,
+        np.inf if whole else config.radius_m,
+    )
+
+    if config.policy == "each":
+        owner = np.arange(present.shape[0])
+    else:
+        before = find_names(state.agent, names)
+        owned = np.where(before >= 0, before, 0)
+        previous = np.full(names.shape[0], -1, dtype=np.intp)
+        if state.owner.shape[0]:
+            order = np.argsort(names[centre], kind="stable")
+            previous = _positions(names[centre], order, state.owner[owned])
+            previous[before < 0] = -1
+        owner = _owners(members, distance, previous, ego_first=config.policy == "ego" and ego >= 0)
+    state.centre = names[centre]
+    state.agent, state.owner = names[by_name], names[centre[owner]][by_name]
+    primary = (members >= 0) & (owner[members] == np.arange(centre.shape[0])[:, None])
+    return Graphs(np.where(members >= 0, present[members], -1), primary)
+
+
+def graphs_around(window: HistoryWindow, config: SceneConfig, centres: IndexArray) -> Graphs:
+    """One graph around each of the given agents, as for training: all members are primary.
+
+    Args:
+        window: the history; agents absent at t take no part.
+        config: limits; of the policies only ``scene`` matters, which has none.
+        centres: [B] positions in the window of agents that are present at t.
+    """
+    present = np.flatnonzero(window.valid[:, -1])
+    whole = config.policy == "scene"
+    members, _ = neighbourhoods(
+        window.position[present, -1],
+        np.searchsorted(present, centres),
+        present.shape[0] if whole else config.max_neighbours,
+        np.inf if whole else config.radius_m,
+    )
+    members = np.where(members >= 0, present[members], -1) if present.shape[0] else members
+    return Graphs(members, members >= 0)
+
+
+def _positions(names: NameArray, order: IndexArray, wanted: NameArray) -> IndexArray:
+    """Where the wanted names stand in ``names`` (sorted by ``order``), -1 where nowhere."""
+    place = find_names(names[order], wanted)
+    return np.where(place >= 0, order[place], -1)
+
+
+def _scene_centre(position: Float64Array, ego: int, kept: IndexArray) -> IndexArray:
+    """The ego, else the agent nearest to the middle, the previous one while nearly as near."""
+    if ego >= 0:
+        return np.array([ego])
+    off_m = np.linalg.norm(position - position.mean(axis=0), axis=1)
+    best = int(np.argmin(off_m))
+    # Slack of a vehicle's length, so that in a small scene two agents do not take turns.
+    if kept.shape[0] and kept[0] >= 0 and _KEEP * off_m[kept[0]] <= off_m[best] + 5.0:
+        best = int(kept[0])
+    return np.array([best])
+
+
+def _reached(members: IndexArray, n: int) -> BoolArray:
+    """[B, n] whether each graph holds each agent."""
+    reached = np.zeros((members.shape[0], n + 1), dtype=bool)
+    reached[np.arange(members.shape[0])[:, None], members] = True  # padding: the last column
+    return reached[:, :n]
+
+
+def _cover_centres(
+    position: Float64Array, config: SceneConfig, ego: int, kept: IndexArray
+) -> IndexArray:
+    """Centres, the ego first, then the previous ones still of use, then new ones."""
+    n = position.shape[0]
+    first = np.array([ego] if ego >= 0 else [], dtype=np.intp)
+    centre = np.concatenate([first, kept])
+    limits = config.max_neighbours, config.radius_m
+    if kept.shape[0]:
+        members, distance = neighbourhoods(position, centre, *limits)
+        reached = _reached(members, n)
+        rank = np.arange(members.shape[1]) <= _KEEP * config.max_neighbours
+        near = rank & (distance <= _KEEP * config.radius_m)
+        well = _reached(np.where(near, members, -1), n)
+        use = _useful(reached, well, first.shape[0])
+        centre, covered = centre[use], np.asarray(reached[use].any(axis=0))
+    else:
+        covered = np.zeros(n, dtype=bool)
+        covered[neighbourhoods(position, first, *limits)[0][:1]] = ego >= 0
+    new = []
+    while not covered.all():
+        candidate, members = _new_centre(position, limits, covered)
+        new.append(candidate)
+        covered[members] = True
+    return np.concatenate([centre, np.array(new, dtype=np.intp)])
+
+
+def _useful(reached: BoolArray, well: BoolArray, fixed: int) -> BoolArray:
+    """[B] which centres to keep: all but those whose agents others reach well.
+
+    Args:
+        reached: [B, n] agents of each graph.
+        well: [B, n] of these, the ones well within the limits.
+        fixed: the first so many centres are kept in any case.
+    """
+    use = np.ones(reached.shape[0], dtype=bool)
+    times = well.sum(axis=0)
+    for row in np.argsort(reached.sum(axis=1), kind="stable"):
+        if row >= fixed and (times - well[row])[reached[row]].all():
+            use[row] = False
+            times = times - well[row]
+    return use
+
+
+def _new_centre(
+    position: Float64Array, limits: tuple[int, float], covered: BoolArray
+) -> tuple[int, IndexArray]:
+    """The next centre and its agents.
+
+    Of the agents whose graphs would hold the outermost agent not yet covered, it is the one whose
+    graph covers the most agents.
+    """
+    open_ = np.flatnonzero(~covered)
+    middle = position[open_].mean(axis=0)
+    seed = open_[np.argmax(((position[open_] - middle) ** 2).sum(axis=1))]
+    around = neighbourhoods(position, np.array([seed]), *limits)[0][0]
+    around = around[around >= 0]
+    pick = np.unique(np.linspace(0, around.shape[0] - 1, _CANDIDATES).round().astype(np.intp))
+    members = neighbourhoods(position, around[pick], *limits)[0]
+    gain = ((members >= 0) & ~covered[members]).sum(axis=1)
+    gain[~(members == seed).any(axis=1)] = 0
+    best = int(np.argmax(gain))
+    return int(around[pick[best]]), members[best][members[best] >= 0]
+
+
+def _owners(
+    members: IndexArray, distance: Float64Array, previous: IndexArray, *, ego_first: bool
+) -> IndexArray:
+    """[n] the graph that predicts each agent: the nearest centre, with hysteresis.
+
+    Args:
+        members: [B, K] agents of each graph.
+        distance: [B, K] their distances (m).
+        previous: [n] the graph whose centre predicted the agent last, -1 for none.
+        ego_first: the first graph predicts all its agents.
+    """
+    n, rows = previous.shape[0], np.arange(members.shape[0])
+    reach = np.full((members.shape[0], n + 1), np.inf)
+    reach[rows[:, None], members] = distance  # padding: the last column
+    reach = reach[:, :n]
+    owner = np.argmin(reach, axis=0)
+    agents = np.arange(n)
+    held = np.where(previous >= 0, reach[previous, agents], np.inf)
+    stay = np.isfinite(held) & (_KEEP * held <= reach[owner, agents])
+    owner = np.where(stay, previous, owner)
+    if ego_first:
+        owner = np.where(np.isfinite(reach[0]), 0, owner)
+    return owner

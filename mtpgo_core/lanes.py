@@ -1,0 +1,116 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Lateral position in the lane and on the road, from lane lines (paper, Road Context Features).
+
+The paper counts on straight lanes along x: d_l is the distance from the lane's left line over the
+lane's width, stretched to [-1, 1] (-1 on the left line, 1 on the right one), and d_r the same
+with the road's outermost lines. Here lines are polylines of any shape. The agent looks to its left
+and right, at right angles to its heading; the lines that it meets take the place of the paper's
+lateral coordinates. On straight parallel lines, with the heading along them, that is the paper's
+formula.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.schema import Float64Array
+
+_POINTS_AT_ONCE = 2_000_000
+"""Bound on agents x segments looked at together, so a large map needs no large memory."""
+
+
+class LaneMap:
+    """Lane lines of a site.
+
+    A line runs in the driving direction of the lanes beside it; lines met that run against the
+    agent's heading belong to the opposite carriageway and are not looked at.
+
+    Args:
+        lines: polylines [k, 2] in the fixed frame (m), k >= 2.
+        max_lane_width_m: a wider step between two lines is no lane: the road ends there.
+
+    Raises:
+        ConfigurationError: a line with fewer than two points or a point that is not finite.
+    """
+
+    def __init__(self, lines: Sequence[Float64Array], max_lane_width_m: float = 8.0) -> None:
+        starts, ends = [], []
+        for number, points in enumerate(lines):
+            line = np.asarray(points, dtype=np.float64)
+            if line.ndim != 2 or line.shape[0] < 2 or line.shape[1] != 2:
+                raise ConfigurationError(
+                    f"lane line {number} has shape {line.shape}, expected [k, 2] with k >= 2"
+                )
+            if not np.isfinite(line).all():
+                raise ConfigurationError(f"lane line {number} has a point that is not finite")
+            starts.append(line[:-1])
+            ends.append(line[1:])
+        self._start = np.concatenate(starts) if starts else np.zeros((0, 2))
+        self._along = (np.concatenate(ends) if ends else np.zeros((0, 2))) - self._start
+        self._max_width_m = max_lane_width_m
+
+    def __len__(self) -> int:
+        return self._start.shape[0]
+
+    def positions(self, position: Float64Array, yaw: Float64Array) -> Float64Array:
+        """[..., 2] d_l and d_r in [-1, 1]; NaN where there is no line on one side.
+
+        Args:
+            position: [..., 2] in the fixed frame (m).
+            yaw: [...] headings (rad); NaN gives NaN.
+        """
+        points, headings = position.reshape(-1, 2), yaw.reshape(-1)
+        result = np.full((points.shape[0], 2), np.nan)
+        known = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(headings))
+        if len(self) > 0:
+            step = max(1, _POINTS_AT_ONCE // len(self))
+            for begin in range(0, known.shape[0], step):
+                some = known[begin : begin + step]
+                result[some] = self._positions(points[some], headings[some])
+        return result.reshape(position.shape)
+
+    def _positions(self, point: Float64Array, yaw: Float64Array) -> Float64Array:
+        """[p, 2] of points that are all known."""
+        left = np.sort(self._offsets(point, yaw), axis=1)  # rightmost line first, inf: no line
+        beyond = (left >= 0.0) & np.isfinite(left)
+        first_left = np.argmax(beyond, axis=1)
+        inside = beyond.any(axis=1) & (first_left > 0)
+        rows = np.arange(point.shape[0])
+        first_left = np.maximum(first_left, 1)
+        lane_left, lane_right = left[rows, first_left], left[rows, first_left - 1]
+        with np.errstate(invalid="ignore"):
+            wide = ~(np.diff(left, axis=1) <= self._max_width_m)
+        # The road goes on to the left and right as long as the steps are lanes.
+        gap = np.arange(wide.shape[1])
+        after = np.where(wide & (gap >= first_left[:, None]), gap, wide.shape[1]).min(axis=1)
+        before = np.where(wide & (gap <= first_left[:, None] - 2), gap, -1).max(axis=1)
+        road_left, road_right = left[rows, after], left[rows, before + 1]
+        inside &= lane_left - lane_right <= self._max_width_m
+        with np.errstate(invalid="ignore", divide="ignore"):
+            lane = 2.0 * lane_left / (lane_left - lane_right) - 1.0
+            road = 2.0 * road_left / (road_left - road_right) - 1.0
+        both = np.clip(np.stack([lane, road], axis=1), -1.0, 1.0)
+        return np.where(inside[:, None], both, np.nan)
+
+    def _offsets(self, point: Float64Array, yaw: Float64Array) -> Float64Array:
+        """[p, segments + 2] how far to the left of each point it meets each segment (m).
+
+        Negative to the right, inf where it does not meet it. A joint between two segments counts
+        once. Two columns more, without a line, spare the caller empty arrays.
+        """
+        forward = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+        sideways = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
+        to_start = self._start[None] - point[:, None]
+        ahead = np.einsum("psk,pk->ps", to_start, forward)
+        advance = np.einsum("sk,pk->ps", self._along, forward)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            fraction = -ahead / advance
+            side = np.einsum("psk,pk->ps", to_start, sideways)
+            offset = side + fraction * np.einsum("sk,pk->ps", self._along, sideways)
+        met = (advance > 0.0) & (ahead <= 0.0) & (ahead + advance > 0.0)
+        none = np.full((point.shape[0], 2), np.inf)
+        return np.concatenate([np.where(met, offset, np.inf), none], axis=1)
