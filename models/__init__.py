@@ -1,3 +1,13 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""MTP-GO in torch: no ROS, no files, no numpy; scripts to TorchScript."""
+"""MTP-GO in torch: no ROS, no files, no numpy; scripts to TorchScript.
+
+Axes are named once, here, and used in every shape of this package: ``B`` scenes, ``N`` agents of a
+scene, ``T`` history steps, ``H`` horizon steps, ``M`` modes, ``S`` states, ``F`` features, ``C``
+static features, ``D`` hidden units. Lengths are metres, times seconds, angles radians.
+"""
+
+from models.config import ModelConfig
+from models.mtp_go import MTPGO
+
+__all__ = ["MTPGO", "ModelConfig"]

@@ -1,0 +1,134 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""From features to what the network sees: own-frame quantities joined, everything scaled (D16)."""
+
+import torch
+from torch import Tensor, nn
+
+from models.config import ModelConfig
+from models.frames import Start, heading, last_seen, to_own
+
+OWN_STD = (3.0, 1.0, 10.0, 2.0, 2.0, 1.0, 1.0, 1.0, 0.2, 0.2)
+"""First scales of the ten own-frame inputs, see :meth:`Conditioning.own_inputs`."""
+
+FEATURE_STD = (30.0, 10.0, 10.0, 5.0, 1.0, 1.0, 1.0, 1.0)
+"""First scales of the base features (m, m/s, m/s^2, 1); context features begin with 1."""
+
+
+class Conditioning(nn.Module):
+    """Scaled inputs of the encoder and of the decoder, and the start of the roll-out.
+
+    The scales are buffers, so an exported model carries them.
+    """
+
+    def __init__(self, config: ModelConfig):
+        super().__init__()
+        self.agent_frame = config.agent_frame
+        self.dt_s = config.dt_s
+        self.order = config.order
+        context = (1.0,) * (config.feature_size - len(FEATURE_STD))
+        std = FEATURE_STD + context + (OWN_STD if config.agent_frame else ())
+        # In the agent's frame the decoder sees how far a state is from uniform motion.
+        state = (5.0, 2.0, 3.0, 1.0) if config.agent_frame else (30.0, 10.0, 10.0, 5.0)
+        self.register_buffer("input_mean", torch.zeros(len(std)))
+        self.register_buffer("input_std", torch.tensor(std))
+        self.register_buffer("state_mean", torch.zeros(config.state_size))
+        self.register_buffer("state_std", torch.tensor(state[: config.state_size]))
+
+    @property
+    def input_size(self) -> int:
+        """Channels of the encoder's input."""
+        return int(self.input_std.numel())
+
+    def start(self, features: Tensor, valid: Tensor) -> Start:
+        """The roll-out's start from features [B, N, T, F], zero where not valid.
+
+        An agent that is absent at t starts from its last sample; its prediction is not used.
+        """
+        last, _ = last_seen(features, valid)
+        position, velocity = last[..., :2], last[..., 2:4]
+        if self.agent_frame:
+            direction = heading(velocity, last[..., 6:8])
+            return Start(
+                position, direction, torch.zeros_like(position), to_own(velocity, direction)
+            )
+        direction = torch.zeros_like(position)
+        direction[..., 0] = 1.0
+        return Start(torch.zeros_like(position), direction, position, velocity)
+
+    def own_inputs(self, features: Tensor, valid: Tensor, start: Start) -> Tensor:
+        """[B, N, T, 10] each agent's motion in its own frame.
+
+        Position less uniform motion through the last sample (2), velocity (2), velocity less the
+        last (2), acceleration (2), cosine and sine of the yaw (2). The differences keep a slow
+        drift visible beside ninety metres of travel.
+        """
+        _, index = last_seen(features, valid)
+        steps = torch.arange(features.size(2), device=features.device)
+        since = (steps - index.unsqueeze(-1)).unsqueeze(-1) * self.dt_s  # [B, N, T, 1]
+        direction = start.direction.unsqueeze(2).expand(-1, -1, features.size(2), -1)
+        last_velocity = start.velocity.unsqueeze(2)
+        moved = to_own(features[..., :2] - start.origin.unsqueeze(2), direction)
+        velocity = to_own(features[..., 2:4], direction)
+        parts = (
+            moved - last_velocity * since,
+            velocity,
+            velocity - last_velocity,
+            to_own(features[..., 4:6], direction),
+            to_own(features[..., 6:8], direction),
+        )
+        return torch.cat(parts, dim=-1)
+
+    def inputs(self, features: Tensor, valid: Tensor, start: Start) -> Tensor:
+        """[B, N, T, input_size] unscaled inputs of the encoder, zero where not valid."""
+        if self.agent_frame:
+            features = torch.cat((features, self.own_inputs(features, valid, start)), dim=-1)
+        return features * valid.unsqueeze(-1)
+
+    def forward(self, features: Tensor, valid: Tensor, start: Start) -> Tensor:
+        """[B, N, T, input_size] scaled inputs of the encoder, zero where not valid."""
+        scaled = (self.inputs(features, valid, start) - self.input_mean) / self.input_std
+        return scaled * valid.unsqueeze(-1)
+
+    def scale_states(self, states: Tensor, start: Start, step: int) -> Tensor:
+        """[B, N, M * S] scaled states [B, N, M, S], ``step`` steps after t, for the decoder."""
+        if self.agent_frame:
+            expected = start.position + start.velocity * (step * self.dt_s)
+            if self.order == 2:
+                expected = torch.cat((expected, start.velocity), dim=-1)
+            states = states - expected.unsqueeze(2)
+        return ((states - self.state_mean) / self.state_std).flatten(2)
+
+    @torch.no_grad()
+    def set_statistics(
+        self,
+        feature_mean: Tensor,
+        feature_std: Tensor,
+        own_mean: Tensor | None = None,
+        own_std: Tensor | None = None,
+    ) -> None:
+        """Fill the scaling buffers: [F] of the features, [10] of the own-frame inputs."""
+        count = feature_mean.numel()
+        self.input_mean[:count] = feature_mean
+        self.input_std[:count] = feature_std.clamp(min=0.02)
+        if self.agent_frame:
+            if own_mean is not None:
+                self.input_mean[count:] = own_mean
+            if own_std is not None:
+                self.input_std[count:] = own_std.clamp(min=0.02)
+            return
+        columns = self.state_mean.numel()
+        self.state_mean.copy_(self.input_mean[:columns])
+        self.state_std.copy_(self.input_std[:columns])
+
+    @torch.no_grad()
+    def fit_statistics(self, features: Tensor, valid: Tensor) -> None:
+        """Fill the scaling buffers from sample scenes [B, N, T, F] with presence [B, N, T]."""
+        features = torch.where(valid.unsqueeze(-1), features, 0.0)
+        values = self.inputs(features, valid, self.start(features, valid))[valid]
+        mean, std = values.mean(0), values.std(0)
+        count = features.size(-1)
+        if self.agent_frame:
+            self.set_statistics(mean[:count], std[:count], mean[count:], std[count:])
+        else:
+            self.set_statistics(mean, std)

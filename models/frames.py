@@ -1,0 +1,71 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Where each agent's states live: in its own frame at t, or in the scene's (design D16)."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+
+class Start(NamedTuple):
+    """What the roll-out starts from, for every agent.
+
+    Attributes:
+        origin: [B, N, 2] origin of the agent's frame in the scene frame (m).
+        direction: [B, N, 2] cosine and sine of the frame's heading in the scene frame.
+        position: [B, N, 2] at t, in the agent's frame (m).
+        velocity: [B, N, 2] at t, in the agent's frame (m/s).
+    """
+
+    origin: Tensor
+    direction: Tensor
+    position: Tensor
+    velocity: Tensor
+
+
+def to_own(vector: Tensor, direction: Tensor) -> Tensor:
+    """[..., 2] scene vectors along the axes of frames with (cos, sin) ``direction`` [..., 2]."""
+    x, y = vector.unbind(-1)
+    cos, sin = direction.unbind(-1)
+    return torch.stack((cos * x + sin * y, cos * y - sin * x), dim=-1)
+
+
+def to_scene(vector: Tensor, direction: Tensor) -> Tensor:
+    """The inverse of :func:`to_own`."""
+    x, y = vector.unbind(-1)
+    cos, sin = direction.unbind(-1)
+    return torch.stack((cos * x - sin * y, sin * x + cos * y), dim=-1)
+
+
+def heading(velocity: Tensor, yaw: Tensor) -> Tensor:
+    """[..., 2] unit direction of motion, the yaw's where the agent hardly moves.
+
+    Args:
+        velocity: [..., 2] (m/s); counts alone from 1 m/s on, not at all below 0.5 m/s.
+        yaw: [..., 2] cosine and sine of the box heading, zero where unknown.
+    """
+    speed = torch.linalg.vector_norm(velocity, dim=-1, keepdim=True)
+    moving = (2.0 * speed - 1.0).clamp(0.0, 1.0)
+    blend = moving * velocity / speed.clamp(min=0.5) + (1.0 - moving) * yaw
+    length = torch.linalg.vector_norm(blend, dim=-1, keepdim=True)
+    # Two opposite directions may cancel, and both may be missing.
+    ahead = torch.zeros_like(blend)
+    ahead[..., 0] = 1.0
+    return torch.where(length > 0.1, blend / length.clamp(min=0.1), ahead)
+
+
+def last_seen(features: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
+    """The last valid sample of each agent.
+
+    Args:
+        features: [B, N, T, F].
+        valid: [B, N, T].
+
+    Returns:
+        [B, N, F] the sample (the first, where there is none) and [B, N] its index.
+    """
+    steps = torch.arange(valid.size(2), device=valid.device)
+    index = (steps * valid).amax(dim=-1)
+    gather = index[:, :, None, None].expand(-1, -1, 1, features.size(-1))
+    return features.gather(2, gather).squeeze(2), index

@@ -1,0 +1,98 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The gated recurrent unit whose linear maps are GNNs (paper, "Graph-Gated Recurrent Unit")."""
+
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+
+from models.edges import GaussianKernel
+from models.layers import make_layer
+
+EdgeList = list[tuple[Tensor, Tensor]]
+
+
+class GraphNetwork(nn.Module):
+    """A stack of GNN layers with ELU between them; each layer has an edge bandwidth of its own.
+
+    Args:
+        sizes: channels before, between and after the layers.
+        layer: name of the layer type, see :func:`models.layers.make_layer`.
+        heads: attention heads.
+        tied: see :class:`models.layers.GAT`.
+        bandwidth_m: first value of the bandwidths (m).
+    """
+
+    def __init__(
+        self, sizes: list[int], layer: str, heads: int, tied: bool, bandwidth_m: float
+    ) -> None:
+        super().__init__()
+        pairs = list(pairwise(sizes))
+        self.layers = nn.ModuleList(make_layer(layer, i, o, heads, tied) for i, o in pairs)
+        self.kernels = nn.ModuleList(GaussianKernel(bandwidth_m) for _ in pairs)
+
+    def prepare(self, squared_distance: Tensor, link: Tensor) -> EdgeList:
+        """What each layer needs of L graphs: squared distances (m^2) and links, [L, N, N]."""
+        edges: list[tuple[Tensor, Tensor]] = []
+        for layer, kernel in zip(self.layers, self.kernels):  # noqa: B905 (TorchScript)
+            edges.append(layer.prepare(kernel(squared_distance), link))
+        return edges
+
+    def forward(self, x: Tensor, edges: EdgeList) -> Tensor:
+        """[L, N, out] of [L, N, in] on prepared graphs."""
+        for i, layer in enumerate(self.layers):
+            if i > 0:
+                x = nn.functional.elu(x)
+            x = layer(x, edges[i])
+        return x
+
+
+class GraphGRU(nn.Module):
+    """One step of the graph GRU (eq. gnn_interm and full_gru_update).
+
+    The input's GNN is a part of its own, because its results do not depend on the recurrent state:
+    the encoder computes them for all steps at once.
+
+    Args:
+        size_in: channels of the input f.
+        hidden: D.
+        layer: name of the GNN layer type, ``none`` for an ordinary GRU.
+        depth: layers per GNN.
+        heads: attention heads.
+        tied: see :class:`models.layers.GAT`.
+        bandwidth_m: first value of the bandwidths (m).
+    """
+
+    def __init__(
+        self,
+        size_in: int,
+        hidden: int,
+        layer: str,
+        depth: int,
+        heads: int,
+        tied: bool,
+        bandwidth_m: float,
+    ) -> None:
+        super().__init__()
+        inner = [hidden] * (depth - 1) + [3 * hidden]
+        self.hidden = hidden
+        self.gnn_f = GraphNetwork([size_in, *inner], layer, heads, tied, bandwidth_m)
+        self.gnn_h = GraphNetwork([hidden, *inner], layer, heads, tied, bandwidth_m)
+        self.bias = nn.Parameter(torch.zeros(3 * hidden))
+
+    def forward(self, kappa: Tensor, h: Tensor, edges: EdgeList) -> Tensor:
+        """The next state [B, N, D].
+
+        Args:
+            kappa: [B, N, 3D], what ``gnn_f`` made of the input.
+            h: [B, N, D] the state before.
+            edges: the graphs, prepared by ``gnn_h``.
+        """
+        xi = self.gnn_h(h, edges)
+        kappa = kappa + self.bias
+        both = 2 * self.hidden
+        gates = torch.sigmoid(kappa[..., :both] + xi[..., :both])
+        r, z = gates.chunk(2, dim=-1)
+        candidate = torch.tanh(kappa[..., both:] + r * xi[..., both:])
+        return candidate + z * (h - candidate)

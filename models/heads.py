@@ -1,0 +1,137 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Read-outs of the recurrent states, initialised for constant velocity (design D16).
+
+Output weights begin a hundred times smaller than usual: the untrained model hardly depends on its
+input, and yet gradients reach everything behind the heads from the first step on.
+"""
+
+import math
+
+import torch
+from torch import Tensor, nn
+
+from models.config import ModelConfig
+
+SMALL = 0.01
+"""Factor on the first weights of output layers."""
+
+SPREAD = 0.1
+"""Radius on which the modes' commands begin (m/s in first, m/s^2 in second order)."""
+
+SIGMA_FLOOR = 0.01
+"""Least process noise (m/s or m/s^2) and least initial deviation (m, m/s)."""
+
+RHO_LIMIT = 0.999
+"""Factor on softsign that keeps Q definite in float32."""
+
+
+def inverse_softplus(value: float) -> float:
+    """The number whose softplus is ``value``."""
+    return value + math.log(-math.expm1(-value))
+
+
+def _quiet(size_in: int, size_out: int, bias: float = 0.0) -> nn.Linear:
+    """A linear layer that begins near its bias."""
+    layer = nn.Linear(size_in, size_out)
+    with torch.no_grad():
+        layer.weight.mul_(SMALL)
+        layer.bias.fill_(bias)
+    return layer
+
+
+class ControlHead(nn.Module):
+    """The motion model's inputs for all modes.
+
+    The first mode begins at nothing commanded, the others on a small circle around it: modes that
+    were equal would get equal gradients, and no loss could tell them apart.
+
+    Args:
+        hidden: D.
+        modes: M.
+        controls: numbers per mode; the first two get the spread.
+    """
+
+    def __init__(self, hidden: int, modes: int, controls: int):
+        super().__init__()
+        self.modes = modes
+        self.controls = controls
+        self.body = nn.Linear(hidden, hidden)
+        self.out = _quiet(hidden, modes * controls)
+        angle = torch.arange(modes - 1) * (2.0 * math.pi / max(modes - 1, 1))
+        circle = SPREAD * torch.stack((angle.cos(), angle.sin()), dim=-1)
+        with torch.no_grad():
+            self.out.bias.view(modes, controls)[1:, :2] = circle
+
+    def forward(self, h: Tensor) -> Tensor:
+        """[B, N, M, controls] of the decoder's state [B, N, D]."""
+        out = self.out(nn.functional.elu(self.body(h)))
+        return out.view(h.size(0), h.size(1), self.modes, self.controls)
+
+
+class NoiseHead(nn.Module):
+    """Process noise Q from three heads: softplus, softplus, softsign."""
+
+    def __init__(self, hidden: int, modes: int):
+        super().__init__()
+        self.floor = SIGMA_FLOOR
+        self.limit = RHO_LIMIT
+        self.body = nn.Linear(hidden, hidden)
+        start = inverse_softplus(1.0 - SIGMA_FLOOR)
+        self.sigma_1 = _quiet(hidden, modes, start)
+        self.sigma_2 = _quiet(hidden, modes, start)
+        self.rho = _quiet(hidden, modes)
+
+    def forward(self, h: Tensor) -> Tensor:
+        """[2, 2, H, B, N, M] of the decoder's states [H, B, N, D]."""
+        body = nn.functional.elu(self.body(h))
+        s1 = nn.functional.softplus(self.sigma_1(body)) + self.floor
+        s2 = nn.functional.softplus(self.sigma_2(body)) + self.floor
+        cross = self.limit * nn.functional.softsign(self.rho(body)) * s1 * s2
+        return torch.stack((torch.stack((s1 * s1, cross)), torch.stack((cross, s2 * s2))))
+
+
+class InitialCovariance(nn.Module):
+    """Diagonal P_0 in the agent's frame: from the last encoder state, or two numbers for all.
+
+    Learning it per agent lets one that was seen for a moment begin less certain than others.
+    """
+
+    def __init__(self, config: ModelConfig):
+        super().__init__()
+        std = [config.initial_std_m] * 2 + [config.initial_std_mps] * 2
+        std = std[: config.state_size]
+        self.floor = SIGMA_FLOOR
+        self.register_buffer("std", torch.tensor(std))
+        # Without a Kalman filter there is no P_0 to learn.
+        self.learned = config.initial_covariance == "learned" and config.ekf
+        self.head = _quiet(config.hidden, config.state_size) if self.learned else nn.Identity()
+        if self.learned:
+            with torch.no_grad():
+                floored = [inverse_softplus(max(s - SIGMA_FLOOR, 1e-4)) for s in std]
+                self.head.bias.copy_(torch.tensor(floored))
+
+    def forward(self, h: Tensor) -> Tensor:
+        """[S, S, B, N] of the last encoder states [B, N, D] (m, m/s)."""
+        if self.learned:
+            std = nn.functional.softplus(self.head(h)) + self.floor
+        else:
+            std = self.std.expand(h.size(0), h.size(1), -1)
+        return torch.diag_embed(std * std).permute(2, 3, 0, 1)
+
+
+class MixtureHead(nn.Module):
+    """Log mixture weights from the last encoder state, constant over the horizon (design D10).
+
+    The first mode, which begins at constant velocity, begins as the likeliest.
+    """
+
+    def __init__(self, hidden: int, modes: int):
+        super().__init__()
+        self.out = _quiet(hidden, modes)
+        with torch.no_grad():
+            self.out.bias[0] = 0.2
+
+    def forward(self, h: Tensor) -> Tensor:
+        """[B, N, M] of [B, N, D]."""
+        return torch.log_softmax(self.out(nn.functional.elu(h)), dim=-1)

@@ -1,0 +1,73 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The mixture's likelihood in closed form (eq. gmm, seq_loss)."""
+
+import math
+
+import torch
+from torch import Tensor
+
+PIVOT = 1e-7
+"""Least share of a variance that may be left after conditioning on the states before it."""
+
+
+def gaussian_log_prob(mean: Tensor, covariance: Tensor, target: Tensor) -> Tensor:
+    """[...] log density of Gaussians, by a Cholesky factorisation written out over the batch.
+
+    Args:
+        mean: [..., S].
+        covariance: [..., S, S], the lower triangle is read.
+        target: [..., S], broadcast against the mean.
+    """
+    size = mean.size(-1)
+    offset = (target - mean).unbind(-1)
+    whitened: list[Tensor] = []
+    factor: list[list[Tensor]] = []
+    result = torch.full((), -0.5 * size * math.log(2.0 * math.pi), device=mean.device)
+    for i in range(size):
+        row: list[Tensor] = []
+        rest = offset[i]
+        variance = covariance[..., i, i]
+        left = variance
+        for j in range(i):
+            entry = covariance[..., i, j]
+            for k in range(j):
+                entry = entry - row[k] * factor[j][k]
+            entry = entry / factor[j][j]
+            row.append(entry)
+            rest = rest - entry * whitened[j]
+            left = left - entry * entry
+        pivot = torch.sqrt(torch.maximum(left, PIVOT * variance))
+        row.append(pivot)
+        factor.append(row)
+        whitened.append(rest / pivot)
+        result = result - torch.log(pivot) - 0.5 * whitened[i] * whitened[i]
+    return result
+
+
+def mixture_nll(
+    log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
+) -> Tensor:
+    """[B, N, H] negative log-likelihood of each future state, zero where masked.
+
+    Args:
+        log_weight: [B, N, M] log mixture weights.
+        mean: [B, N, M, H, S].
+        covariance: [B, N, M, H, S, S].
+        target: [B, N, H, S] (or more columns, the first S count); anything where masked.
+        mask: [B, N, H] true where the target is known.
+    """
+    target = target[..., : mean.size(-1)]
+    target = torch.where(mask.unsqueeze(-1), target, torch.zeros_like(target)).unsqueeze(2)
+    # Where the truth is unknown the mean stands in for it, so that no gradient can overflow.
+    target = torch.where(mask[:, :, None, :, None], target, mean.detach())
+    log_prob = log_weight.unsqueeze(-1) + gaussian_log_prob(mean, covariance, target)
+    nll = -torch.logsumexp(log_prob, dim=2)
+    return torch.where(mask, nll, torch.zeros_like(nll))
+
+
+def position_nll(
+    log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
+) -> Tensor:
+    """[B, N, H] :func:`mixture_nll` of the position alone (nats, densities per m^2)."""
+    return mixture_nll(log_weight, mean[..., :2], covariance[..., :2, :2], target[..., :2], mask)

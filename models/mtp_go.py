@@ -1,0 +1,286 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""MTP-GO: graph GRU encoder and decoder, neural ODE, Kalman covariance, mixture output."""
+
+import torch
+from torch import Tensor, nn
+
+from models.attention import TemporalAttention, presence_bias
+from models.conditioning import Conditioning
+from models.config import ModelConfig
+from models.covariance import (
+    DirectCovariance,
+    EkfCovariance,
+    initial_in_own_frame,
+    rotate_blocks,
+)
+from models.edges import complete_graph, squared_distances
+from models.frames import Start, to_own, to_scene
+from models.graph_gru import EdgeList, GraphGRU
+from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead
+from models.motion import DirectStates, NeuralODE
+
+
+class Encoder(nn.Module):
+    """The history as a sequence of states (paper, "Temporal GNN Encoder")."""
+
+    def __init__(self, config: ModelConfig, input_size: int):
+        super().__init__()
+        self.initial = nn.Parameter(torch.empty(config.hidden).uniform_(-0.01, 0.01))
+        layer = config.layer if config.encoder_gnn else "none"
+        self.cell = GraphGRU(
+            input_size,
+            config.hidden,
+            layer,
+            config.gnn_layers,
+            config.heads,
+            config.tied,
+            config.bandwidth_m,
+        )
+
+    def forward(self, inputs: Tensor, position: Tensor, valid: Tensor) -> Tensor:
+        """States [B, N, T, D] of inputs [B, N, T, .], positions [B, N, T, 2] and presence.
+
+        A state stays the learned first one until the agent is seen, and keeps its value while the
+        agent is absent (design D2).
+        """
+        present = valid.transpose(1, 2)
+        distance = squared_distances(position.transpose(1, 2))  # [B, T, N, N]
+        link = complete_graph(present)
+        flat = inputs.transpose(1, 2).flatten(0, 1)  # [B T, N, .]: the input's GNN in one go
+        edges = self.cell.gnn_f.prepare(distance.flatten(0, 1), link.flatten(0, 1))
+        kappa = self.cell.gnn_f(flat, edges).view(
+            present.size(0), present.size(1), flat.size(1), -1
+        )
+        h = self.initial.expand(present.size(0), flat.size(1), -1)
+        states: list[Tensor] = []
+        for i in range(present.size(1)):
+            edges = self.cell.gnn_h.prepare(distance[:, i], link[:, i])
+            following = self.cell(kappa[:, i], h, edges)
+            h = torch.where(present[:, i].unsqueeze(-1), following, h)
+            states.append(h)
+        return torch.stack(states, dim=2)
+
+
+class Decoder(nn.Module):
+    """One step of the decoder's graph GRU on attended history (eq. dec_gru_input)."""
+
+    def __init__(self, config: ModelConfig):
+        super().__init__()
+        hidden = config.hidden
+        layer = config.layer if config.decoder_gnn else "none"
+        self.initial = nn.Parameter(torch.zeros(hidden))
+        self.embed = nn.Linear(config.modes * config.state_size, hidden)  # W_x
+        self.attention = TemporalAttention(hidden, config.history_steps)
+        self.combine = nn.Linear(2 * hidden, hidden)  # W_f
+        self.cell = GraphGRU(
+            hidden,
+            hidden,
+            layer,
+            config.gnn_layers,
+            config.heads,
+            config.tied,
+            config.bandwidth_m,
+        )
+
+    def prepare(self, position: Tensor, present: Tensor) -> tuple[EdgeList, EdgeList]:
+        """The last known graph for both GNNs, from positions [B, N, 2] and presence [B, N] at t.
+
+        It serves at all horizon steps; nothing of the future enters (design D4).
+        """
+        distance = squared_distances(position)
+        link = complete_graph(present)
+        return (
+            self.cell.gnn_f.prepare(distance, link),
+            self.cell.gnn_h.prepare(distance, link),
+        )
+
+    def forward(
+        self,
+        h: Tensor,
+        states: Tensor,
+        encoded: Tensor,
+        bias: Tensor,
+        edges: tuple[EdgeList, EdgeList],
+    ) -> Tensor:
+        """The next state [B, N, D].
+
+        Args:
+            h: [B, N, D] the state before.
+            states: [B, N, M * S] scaled agent states before.
+            encoded: [B, N, T, D] encoder states.
+            bias: [B, N, T] presence bias of the attention.
+            edges: of :meth:`prepare`.
+        """
+        embedded = self.embed(states)
+        summary = self.attention(h, embedded, encoded, bias)
+        f = nn.functional.leaky_relu(self.combine(torch.cat((summary, embedded), dim=-1)), 0.2)
+        return self.cell(self.cell.gnn_f(f, edges[0]), h, edges[1])
+
+
+class MTPGO(nn.Module):
+    """Multimodal Gaussian trajectories of all agents of B scenes.
+
+    Args:
+        config: see :class:`models.config.ModelConfig`.
+    """
+
+    def __init__(self, config: ModelConfig):
+        super().__init__()
+        self.horizon_steps = config.horizon_steps
+        self.modes = config.modes
+        self.order = config.order
+        self.config = config
+        self.condition = Conditioning(config)
+        self.encoder = Encoder(config, self.condition.input_size)
+        self.decoder = Decoder(config)
+        self.motion = NeuralODE(config) if config.ode else DirectStates(config)
+        self.control = ControlHead(config.hidden, config.modes, self.motion.controls)
+        self.noise = NoiseHead(config.hidden, config.modes)
+        self.initial_covariance = InitialCovariance(config)
+        self.covariance = EkfCovariance(config) if config.ekf else DirectCovariance(config)
+        self.mixture = MixtureHead(config.hidden, config.modes)
+
+    def forward(
+        self,
+        features: Tensor,
+        valid: Tensor,
+        static: Tensor,
+        initial_covariance: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Predict every agent, in the scene frame.
+
+        Args:
+            features: [B, N, T, F], columns as in the task's scene configuration; what stands where
+                ``valid`` is false does not matter.
+            valid: [B, N, T] presence; an agent absent at t gets finite numbers without meaning.
+            static: [B, N, C] one-hot class.
+            initial_covariance: [B, N, S, S] P_0 in the scene frame, for instance the tracker's;
+                an agent whose entries are not all finite takes the model's own.
+
+        Returns:
+            log mixture weights [B, N, M], means [B, N, M, H, S] and covariances
+            [B, N, M, H, S, S] of x, y (m) and in second order vx, vy (m/s).
+        """
+        return self.roll_out(features, valid, static, initial_covariance, True, None, None)
+
+    def roll_out(
+        self,
+        features: Tensor,
+        valid: Tensor,
+        static: Tensor,
+        initial_covariance: Tensor | None,
+        with_covariance: bool,
+        teacher: Tensor | None,
+        teacher_valid: Tensor | None,
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """:meth:`forward` with the options of training.
+
+        Args:
+            features: as in :meth:`forward`, and so the next three.
+            valid: see there.
+            static: see there.
+            initial_covariance: see there.
+            with_covariance: false saves the covariances, which come back empty.
+            teacher: [B, N, H, S] true future states in the scene frame. Where given and valid, the
+                decoder sees them instead of its own last prediction; the motion model never does.
+            teacher_valid: [B, N, H].
+
+        Returns:
+            As :meth:`forward`.
+        """
+        features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
+        start = self.condition.start(features, valid)
+        inputs = self.condition(features, valid, start)  # [B, N, T, .]
+
+        # Encode.
+        position = features[..., :2]
+        encoded = self.encoder(inputs, position, valid)  # [B, N, T, D]
+        last = encoded[:, :, -1]
+        log_weight = self.mixture(last)  # [B, N, M]
+
+        # Decode and move, step by step.
+        edges = self.decoder.prepare(position[:, :, -1], valid[:, :, -1])
+        bias = presence_bias(valid)
+        constants = self.motion.prepare(static, start)
+        h = last + self.decoder.initial
+        state = self.first_state(start)
+        lead = self.teacher_states(teacher, start)
+        states = [state]
+        controls: list[Tensor] = []
+        hidden: list[Tensor] = []
+        for k in range(self.horizon_steps):
+            seen = state
+            if k > 0 and lead is not None and teacher_valid is not None:
+                told = teacher_valid[:, :, k - 1, None, None]
+                seen = torch.where(told, lead[:, :, k - 1].unsqueeze(2), state)
+            h = self.decoder(
+                h, self.condition.scale_states(seen, start, k), encoded, bias, edges
+            )  # [B, N, D]
+            control = self.control(h)  # [B, N, M, 2]
+            state = self.motion(state, control, k, start, constants)  # [B, N, M, S]
+            states.append(state)
+            controls.append(control)
+            hidden.append(h)
+        mean = self.to_scene(torch.stack(states[1:]), start).permute(1, 2, 3, 0, 4).contiguous()
+
+        # Covariance, over the whole horizon at once where it can be.
+        if not with_covariance:
+            return log_weight, mean, torch.empty(0, dtype=mean.dtype, device=mean.device)
+        noise = self.noise(torch.stack(hidden))  # [2, 2, H, B, N, M]
+        first = self.initial_covariance(last)  # [S, S, B, N]
+        if initial_covariance is not None:
+            first = initial_in_own_frame(initial_covariance, first, start.direction)
+        of_q, of_position = self.motion.jacobian(
+            torch.stack(states[:-1]), torch.stack(controls), constants
+        )
+        blocks = self.covariance(first, _batch_last(of_q), _batch_last(of_position), noise)
+        return log_weight, mean, rotate_blocks(blocks, start.direction)
+
+    def first_state(self, start: Start) -> Tensor:
+        """[B, N, M, S] the state at t, the same for all modes."""
+        state = start.position
+        if self.order == 2:
+            state = torch.cat((state, start.velocity), dim=-1)
+        return state.unsqueeze(2).expand(-1, -1, self.modes, -1)
+
+    def teacher_states(self, teacher: Tensor | None, start: Start) -> Tensor | None:
+        """[B, N, H, S] the true future in the agents' frames, finite where it is unknown."""
+        if teacher is None:
+            return None
+        direction = start.direction.unsqueeze(2).expand(-1, -1, teacher.size(2), -1)
+        teacher = torch.nan_to_num(teacher)
+        position = to_own(teacher[..., :2] - start.origin.unsqueeze(2), direction)
+        if self.order == 1:
+            return position
+        return torch.cat((position, to_own(teacher[..., 2:4], direction)), dim=-1)
+
+    def to_scene(self, states: Tensor, start: Start) -> Tensor:
+        """[H, B, N, M, S] states in the scene frame, from the agents' frames."""
+        direction = start.direction.unsqueeze(2).expand(-1, -1, self.modes, -1)
+        direction = direction.unsqueeze(0).expand(states.size(0), -1, -1, -1, -1)
+        position = to_scene(states[..., :2], direction) + start.origin.unsqueeze(2)
+        if self.order == 1:
+            return position
+        return torch.cat((position, to_scene(states[..., 2:], direction)), dim=-1)
+
+    def set_statistics(
+        self,
+        feature_mean: Tensor,
+        feature_std: Tensor,
+        own_mean: Tensor | None = None,
+        own_std: Tensor | None = None,
+    ) -> None:
+        """Fill the scaling buffers, see :meth:`Conditioning.set_statistics`."""
+        self.condition.set_statistics(feature_mean, feature_std, own_mean, own_std)
+
+    def fit_statistics(self, features: Tensor, valid: Tensor) -> None:
+        """Fill the scaling buffers from sample scenes: [B, N, T, F] and presence [B, N, T]."""
+        self.condition.fit_statistics(features, valid)
+
+
+def _batch_last(matrices: Tensor) -> Tensor:
+    """[2, 2, H, B, N, M] of [H, B, N, M, 2, 2]; what has no batch passes through."""
+    if matrices.dim() == 2:
+        return matrices
+    return matrices.permute(4, 5, 0, 1, 2, 3).contiguous()
