@@ -1,0 +1,92 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``record``: writes what the predictor publishes into an MCAP bag.
+
+Messages are stored as the bytes that came, under the time of their receipt. SIGINT and SIGTERM
+end the recording and leave a complete bag.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from mtpgo_core.errors import MtpgoError
+from mtpgo_ros.process import ArgumentParser, fail, ignore_signals, leave, positive
+
+
+def main(argv: Sequence[str] | None = None) -> int | None:
+    """Entry of the executable ``record``.
+
+    Args:
+        argv: arguments, by default the process's; ``--ros-args`` may follow ours.
+
+    Returns:
+        0 when a bag was written, 2 for bad input.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        return _record(arguments)
+    except KeyboardInterrupt:  # Before the recording began.
+        return 0
+
+
+def _record(arguments: list[str]) -> int:
+    import rclpy
+    from rclpy.impl.implementation_singleton import rclpy_implementation
+    from rclpy.utilities import remove_ros_args
+
+    from mtpgo_ros.recorder import record_until_stopped
+
+    options = _parser().parse_args(remove_ros_args(["record", *arguments])[1:])
+    try:
+        rclpy.init(args=arguments)
+        sentence = record_until_stopped(options.output, topics_of(options), options.duration)
+    except (MtpgoError, rclpy_implementation.RCLError) as error:
+        status = fail("record", error)
+    else:
+        print(sentence, flush=True)
+        status = 0
+    ignore_signals()
+    rclpy.try_shutdown()
+    return status
+
+
+def topics_of(options: argparse.Namespace) -> list[str]:
+    """Absolute names of the topics to be recorded."""
+    predictor = "/" + options.predictor.strip("/")
+    names = options.topics or [
+        f"{predictor}/predictions",
+        f"{predictor}/debug/processing_time_ms",
+        "/diagnostics",
+    ]
+    if options.objects:
+        names = [*names, "/objects"]
+    return list(dict.fromkeys("/" + name.lstrip("/") for name in names))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = ArgumentParser(prog="record", description=__doc__.split("\n\n")[0])
+    add = parser.add_argument
+    add("-o", "--output", type=Path, required=True, help="folder of the new bag")
+    add(
+        "--topics",
+        nargs="+",
+        metavar="TOPIC",
+        help="record these; by default the predictions, their processing time and the diagnostics",
+    )
+    add("--objects", action="store_true", help="record the tracked objects (/objects) too")
+    add(
+        "--predictor",
+        default="/predictor",
+        metavar="NODE",
+        help="name of the predictor (/predictor)",
+    )
+    add("--duration", type=positive, metavar="S", help="end by itself after this long (s)")
+    return parser
+
+
+if __name__ == "__main__":
+    leave(main() or 0)

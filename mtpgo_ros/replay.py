@@ -1,0 +1,143 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``replay``: plays a bag in real time or faster, with ``/clock`` and a progress bar.
+
+The recorded bytes are published as they are, so nothing is decoded and every installed message
+type can be played. Where ROS 2 is installed, ``ros2 bag play --clock`` does the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from mtpgo_core.errors import MtpgoError, RecordingError
+from mtpgo_ros.process import (
+    ArgumentParser,
+    fail,
+    ignore_signals,
+    leave,
+    not_negative,
+    positive,
+    stop_on_signals,
+)
+
+_SWITCH_INTERVAL_S = 5e-4
+"""After this long at most the reading thread hands Python back: no message waits for it."""
+
+
+def main(argv: Sequence[str] | None = None) -> int | None:
+    """Entry of the executable ``replay``.
+
+    Args:
+        argv: arguments, by default the process's; ``--ros-args`` may follow ours.
+
+    Returns:
+        0 when the bag was played or the user ended it, 2 for bad input.
+    """
+    stopped = stop_on_signals()
+    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+    from rclpy.utilities import remove_ros_args
+
+    own = remove_ros_args(["replay", *arguments])[1:]
+    options = _parser().parse_args(own)
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        _replay(options, stopped)
+    except (MtpgoError, _ros_argument_errors()) as error:
+        status = fail("replay", error)
+    else:
+        status = 0
+    ignore_signals()
+    rclpy.try_shutdown()
+    return status
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = ArgumentParser(prog="replay", description=__doc__.split("\n\n")[0])
+    add = parser.add_argument
+    add("bag", type=Path, help="rosbag2 directory, or one .mcap or .db3 file")
+    add("--rate", type=positive, default=1.0, help="seconds of the bag per second (1)")
+    add("--loop", action="store_true", help="start again at the end, until interrupted")
+    add(
+        "--start-offset",
+        type=not_negative,
+        default=0.0,
+        metavar="S",
+        help="skip this much of the bag (s)",
+    )
+    add("--duration", type=positive, metavar="S", help="play this much of the bag (s)")
+    add("--topics", nargs="+", metavar="TOPIC", help="play only these topics")
+    add(
+        "--clock-rate",
+        type=not_negative,
+        default=100.0,
+        metavar="HZ",
+        help="ticks of /clock per second, 0 for no /clock (100)",
+    )
+    add(
+        "--wait-for-subscribers",
+        type=int,
+        default=0,
+        metavar="N",
+        help="start when one of the topics has this many subscribers",
+    )
+    add(
+        "--wait-timeout",
+        type=positive,
+        default=60.0,
+        metavar="S",
+        help="give up waiting for subscribers after this long (60 s)",
+    )
+    add(
+        "--delay",
+        type=not_negative,
+        default=0.5,
+        metavar="S",
+        help="time between the publishers' start and the first message, for discovery (0.5 s)",
+    )
+    add("--no-progress", action="store_true", help="no progress bar")
+    return parser
+
+
+def _ros_argument_errors() -> type[Exception]:
+    """The family of rclpy's complaints about what follows ``--ros-args``."""
+    from rclpy.impl.implementation_singleton import rclpy_implementation
+
+    error: type[Exception] = rclpy_implementation.RCLError
+    return error
+
+
+def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
+    from mtpgo_ros.bag_player import BagPlayer, Wait
+    from mtpgo_ros.bag_source import BagSource
+    from mtpgo_ros.playback import Timing
+
+    with BagSource(options.bag) as bag:
+        origin_ns = bag.start_ns + round(options.start_offset * 1e9)
+        end_ns = bag.end_ns
+        if options.duration is not None:
+            end_ns = min(end_ns, origin_ns + round(options.duration * 1e9))
+        if origin_ns > bag.end_ns:
+            raise RecordingError(
+                f"--start-offset is {options.start_offset:g} s, but bag {options.bag} lasts only"
+                f" {(bag.end_ns - bag.start_ns) * 1e-9:.3f} s"
+            )
+        timing = Timing(origin_ns, end_ns, options.rate, options.clock_rate)
+        player = BagPlayer(bag, timing, options.topics)
+        try:
+            wait = Wait(options.wait_for_subscribers, options.wait_timeout, options.delay)
+            if player.wait(wait, stopped):
+                report = player.run(stopped, loop=options.loop, progress=not options.no_progress)
+                print(f"played {report.sentence()}", flush=True)
+        finally:
+            player.close()
+
+
+if __name__ == "__main__":
+    leave(main() or 0)
