@@ -448,7 +448,7 @@ class TrackHistory:
             acceleration=value[..., _ACCELERATION],
             yaw=value[..., _YAW],
             valid=brackets.valid,
-            covariance=self._covariance[slot],
+            covariance=_carry(self._covariance[slot], brackets.after_s),
         )
 
     def _interpolate(
@@ -466,6 +466,16 @@ class TrackHistory:
         reach_m = np.nan_to_num(value[:, -1, _VELOCITY]) * brackets.after_s[:, None]
         value[:, -1, _POSITION] += reach_m
         return np.where(brackets.valid[..., None], value, np.nan)
+
+
+def _carry(covariance: Float64Array, time_s: Float64Array) -> Float64Array:
+    """Covariances [n, 4, 4] of (x, y, vx, vy) after ``time_s`` [n] at constant velocity."""
+    if not time_s.any():
+        return covariance
+    step = np.zeros((time_s.shape[0], 4, 4))
+    step[:] = np.eye(4)
+    step[:, [0, 1], [2, 3]] = time_s[:, None]
+    return step @ covariance @ step.transpose(0, 2, 1)
 
 
 def _prefer(given: Float64Array, estimate: Float64Array) -> Float64Array:

@@ -234,8 +234,8 @@ class Prediction:
         stamp_ns: time of the observation that the prediction starts from (ns).
         frame_id: the fixed frame.
         key: [n, 4], agent_class: [n], z: [n], size: [n, 2] as in :class:`TrackedStates`.
-        initial: [n, 4] x, y, vx, vy at ``stamp_ns`` (m, m/s).
-        initial_yaw: [n] (rad).
+        initial: [n, 4] x, y, vx, vy at ``stamp_ns`` (m, m/s), velocity 0 where never known.
+        initial_yaw: [n] (rad), 0 where never known.
         time_s: [H] seconds after ``stamp_ns``.
         weight: [n, M] float64, sums to 1 over the modes (paper, eq. gmm).
         mean: [n, M, H, 4] x, y, vx, vy (m, m/s).

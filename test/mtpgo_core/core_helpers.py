@@ -1,0 +1,80 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Observations in few words, and a real TorchScript model whose answers are known by heart."""
+
+import warnings
+
+import numpy as np
+import torch
+
+from mtpgo_core.identity import keys_from_integers
+from mtpgo_core.schema import tracked_states
+from mtpgo_core.task import TASK_FILE, TaskDescription
+
+S_NS = 1_000_000_000
+MODES, HORIZON = 3, 5
+
+
+class StraightModel(torch.nn.Module):
+    """Constant velocity; mode m drifts by m * drift along the scene's x, weights 1:2:3.
+
+    The covariance grows from P_0 (given, or the unit matrix) by k on the scene's y axis. An agent
+    whose x velocity exceeds 60 m/s gets NaN, as a model gone wrong would give.
+    """
+
+    def __init__(self, order: int, horizon: int, modes: int, dt_s: float):
+        super().__init__()
+        self.states = 2 * order
+        self.horizon = horizon
+        self.modes = modes
+        self.dt_s = dt_s
+
+    def forward(
+        self,
+        features: torch.Tensor,
+        valid: torch.Tensor,
+        static: torch.Tensor,
+        initial_covariance: torch.Tensor | None = None,
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        b, n = features.shape[0], features.shape[1]
+        now = features[:, :, -1]
+        time = self.dt_s * torch.arange(1, self.horizon + 1, dtype=features.dtype)
+        mode = torch.arange(self.modes, dtype=features.dtype)
+        reach = now[:, :, None, 2:4] * time[None, None, :, None]
+        path = now[:, :, None, 0:2] + reach
+        mean = path[:, :, None].repeat(1, 1, self.modes, 1, 1)
+        mean[..., 0] += mode[None, None, :, None] * time
+        if self.states == 4:
+            velocity = now[:, :, None, None, 2:4].repeat(1, 1, self.modes, self.horizon, 1)
+            velocity[..., 0] += mode[None, None, :, None]
+            mean = torch.cat([mean, velocity], dim=-1)
+        bad = now[:, :, 2] > 60.0
+        mean[bad] = float("nan")
+        log_weight = torch.log((mode + 1.0) / (mode + 1.0).sum()).repeat(b, n, 1)
+        first = torch.eye(self.states).repeat(b, n, 1, 1)
+        if initial_covariance is not None:
+            known = torch.isfinite(initial_covariance).all(-1).all(-1)
+            first[known] = initial_covariance[known]
+        covariance = first[:, :, None, None].repeat(1, 1, self.modes, self.horizon, 1, 1)
+        covariance[..., 1, 1] += torch.arange(1, self.horizon + 1, dtype=features.dtype)
+        return log_weight, mean, covariance
+
+
+def write_model(path, order=2, task=None, **changes):
+    """Write the straight model as a model file and return its task."""
+    names = ("x", "y", "vx", "vy")[: 2 * order]
+    task = task or TaskDescription(
+        name="straight", states=names, horizon_steps=HORIZON, modes=MODES, **changes
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        module = torch.jit.script(StraightModel(order, HORIZON, MODES, task.history.dt_s))
+        torch.jit.save(module, str(path), _extra_files={TASK_FILE: task.to_json()})
+    return task
+
+
+def states_of(stamp_s, ids, position, frame="map", **more):
+    """Tracked states of integer ids; ``stamp_s`` in seconds."""
+    position = np.asarray(position, dtype=float).reshape(-1, 2)
+    more = {k: np.asarray(v) for k, v in more.items()}
+    return tracked_states(round(stamp_s * S_NS), frame, keys_from_integers(ids), position, **more)
