@@ -130,8 +130,3 @@ def known_classes(labels: np.ndarray) -> ClassArray:
     labels = np.asarray(labels)
     inside = (labels >= 0) & (labels <= max(AgentClass))
     return np.where(inside, labels, AgentClass.UNKNOWN).astype(np.uint8)
-
-
-def class_lookup(table: Mapping[int, AgentClass]) -> Callable[[int], int]:
-    """A function from another message's class number to ours, unknown numbers to ``UNKNOWN``."""
-    return lambda label: int(table.get(int(label), AgentClass.UNKNOWN))

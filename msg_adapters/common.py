@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from msg_adapters.types import Types
-from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.schema import BoolArray, Float64Array
+from mtpgo_core.errors import ConfigurationError, MessageError
+from mtpgo_core.identity import key_to_int
+from mtpgo_core.schema import BoolArray, Float64Array, KeyArray
 
 TWIST_FRAMES = ("default", "object", "header")
 """Frames of a message's velocities: what its publishers usually do, or one of the two forced."""
@@ -95,8 +96,9 @@ def make_quaternion(types: Types, yaw: float) -> Any:
     )
 
 
-def make_pose(types: Types, x: float, y: float, z: float, yaw: float) -> Any:
-    """``geometry_msgs/Pose`` in the plane; an unknown z becomes zero."""
+def make_pose(types: Types, position: Float64Array, z: float, yaw: float) -> Any:
+    """``geometry_msgs/Pose`` of a [2] position (m), a height and a yaw; an unknown z is zero."""
+    x, y = position
     return types.make(
         "geometry_msgs/msg/Pose",
         position=types.make("geometry_msgs/msg/Point", x=float(x), y=float(y), z=known(z)),
@@ -112,6 +114,27 @@ def make_vector(types: Types, x: float, y: float, z: float = 0.0) -> Any:
 def known(value: float, otherwise: float = 0.0) -> float:
     """The value, or ``otherwise`` where it is NaN or infinite and a message has no word for it."""
     return float(value) if np.isfinite(value) else otherwise
+
+
+def pose_row(pose: Any) -> tuple[float, ...]:
+    """Position x, y, z and orientation x, y, z, w of a ``geometry_msgs/Pose``."""
+    p, q = pose.position, pose.orientation
+    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
+
+
+def small_integer_keys(key: KeyArray, bits: int, where: str) -> list[int]:
+    """The [n] integers of [n, 4] keys, for a message whose identity is an integer.
+
+    Raises:
+        MessageError: a key needs more than ``bits`` bits.
+    """
+    numbers = [key_to_int(row) for row in key]
+    for number in numbers:
+        if number >= 1 << bits:
+            raise MessageError(
+                f"identity {number:#x} does not fit into the {bits}-bit id of {where}"
+            )
+    return numbers
 
 
 def rotate(vector: Float64Array, angle: Float64Array) -> Float64Array:

@@ -4,11 +4,64 @@
 
 from __future__ import annotations
 
-from msg_adapters.adapter import InputAdapter
-from msg_adapters.pointcloud2 import POINTCLOUD2
-from mtpgo_core.errors import ConfigurationError, MessageError
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
-INPUTS: dict[str, InputAdapter] = {adapter.name: adapter for adapter in (POINTCLOUD2,)}
+from msg_adapters.adapter import InputAdapter
+from msg_adapters.autoware import AUTOWARE
+from msg_adapters.autoware_out import prediction_to_predicted_objects
+from msg_adapters.derived import DERIVED
+from msg_adapters.ika import IKA
+from msg_adapters.markers import MARKERS
+from msg_adapters.pointcloud2 import POINTCLOUD2
+from msg_adapters.prediction_markers import MarkerStyle, MarkerTracker, prediction_to_markers
+from msg_adapters.predictions import prediction_to_pointcloud2
+from msg_adapters.types import Types
+from msg_adapters.vision import VISION
+from mtpgo_core.errors import ConfigurationError, MessageError
+from mtpgo_core.schema import Prediction
+
+Writer = Callable[[Prediction], Any]
+"""Makes one message of a prediction; call it from one thread."""
+
+
+@dataclass(frozen=True)
+class OutputAdapter:
+    """One kind of prediction message.
+
+    Attributes:
+        name: short name, for instance ``markers``.
+        message_type: ROS type.
+        make_writer: the writing function's maker, (types, max_modes) -> writer.
+    """
+
+    name: str
+    message_type: str
+    make_writer: Callable[[Types, int | None], Writer]
+
+    @property
+    def package(self) -> str:
+        """Message package that must be installed to publish this type."""
+        return self.message_type.partition("/")[0]
+
+    def writer(self, types: Types, *, max_modes: int | None = None) -> Writer:
+        """A function from prediction to message, with state of its own where markers need it.
+
+        Args:
+            types: where message classes come from.
+            max_modes: the strongest modes to keep, renormalised; None keeps all.
+
+        Raises:
+            MessageError: the message package is not available.
+        """
+        types.message_class(self.message_type)
+        return self.make_writer(types, max_modes)
+
+
+INPUTS: dict[str, InputAdapter] = {
+    adapter.name: adapter for adapter in (POINTCLOUD2, AUTOWARE, VISION, DERIVED, MARKERS, IKA)
+}
 """Every message of tracked objects that is understood, by its short name."""
 
 
@@ -42,3 +95,47 @@ def adapter_for_type(message_type: str) -> InputAdapter:
         f"message type {message_type!r} carries no tracked objects that can be read, expected "
         f"one of {readable}"
     )
+
+
+def output_adapter(name: str) -> OutputAdapter:
+    """The output of a short name.
+
+    Raises:
+        ConfigurationError: there is none; the sentence lists the names.
+    """
+    try:
+        return OUTPUTS[name]
+    except KeyError:
+        raise ConfigurationError(
+            f"output is {name!r}, expected one of {', '.join(map(repr, OUTPUTS))}"
+        ) from None
+
+
+def _cloud_writer(types: Types, max_modes: int | None) -> Writer:
+    return lambda prediction: prediction_to_pointcloud2(prediction, types, max_modes=max_modes)
+
+
+def _autoware_writer(types: Types, max_modes: int | None) -> Writer:
+    return lambda prediction: prediction_to_predicted_objects(
+        prediction, types, max_modes=max_modes
+    )
+
+
+def _marker_writer(types: Types, max_modes: int | None) -> Writer:
+    tracker, style = MarkerTracker(), MarkerStyle()
+    return lambda prediction: prediction_to_markers(
+        prediction, types, tracker, max_modes=max_modes, style=style
+    )
+
+
+OUTPUTS: dict[str, OutputAdapter] = {
+    adapter.name: adapter
+    for adapter in (
+        OutputAdapter("pointcloud2", POINTCLOUD2.message_type, _cloud_writer),
+        OutputAdapter("markers", MARKERS.message_type, _marker_writer),
+        OutputAdapter(
+            "autoware", "autoware_perception_msgs/msg/PredictedObjects", _autoware_writer
+        ),
+    )
+}
+"""Every message of predictions that can be published, by its short name."""

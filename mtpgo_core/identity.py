@@ -9,7 +9,9 @@ hashed (BLAKE2b, 128 bits).
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import uuid
 from collections.abc import Sequence
 
 import numpy as np
@@ -42,3 +44,32 @@ def keys_from_strings(names: Sequence[str]) -> KeyArray:
 def key_to_int(key: KeyArray) -> int:
     """The 128-bit number of one [4] key."""
     return sum(int(word) << (32 * i) for i, word in enumerate(key))
+
+
+def keys_from_texts(names: Sequence[str]) -> KeyArray:
+    """[n, 4] keys of identities written as text, so that text and number name the same track.
+
+    A decimal number as ``str`` writes it below 2**128 is that integer, a UUID (hexadecimal, with
+    or without hyphens) is that UUID, anything else is hashed.
+    """
+    keys = [_number_in(name) for name in names]
+    hashed = [name for name, number in zip(names, keys, strict=True) if number is None]
+    out = keys_from_integers([0 if number is None else number for number in keys])
+    if hashed:
+        out[[number is None for number in keys]] = keys_from_strings(hashed)
+    return out
+
+
+def key_to_uuid_bytes(key: KeyArray) -> bytes:
+    """The sixteen bytes of one [4] key in network byte order."""
+    return key_to_int(key).to_bytes(16, "big")
+
+
+def _number_in(name: str) -> int | None:
+    if name.isascii() and name.isdigit() and len(name) <= 39 and str(int(name)) == name:
+        number = int(name)
+        return number if number < 1 << 128 else None
+    if len(name) in (32, 36):
+        with contextlib.suppress(ValueError):
+            return uuid.UUID(name).int
+    return None

@@ -63,6 +63,23 @@ def decoded(typestore: Any) -> Callable[..., dict[str, Any]]:
     return decode
 
 
+@pytest.fixture(scope="session")
+def assert_equal() -> Callable[..., None]:
+    """Compares all that two TrackedStates say, NaN being equal to NaN."""
+
+    def compare(found: TrackedStates, wanted: TrackedStates, rtol: float = 1e-6) -> None:
+        assert found.stamp_ns == wanted.stamp_ns
+        assert found.frame_id == wanted.frame_id
+        for name in ("key", "agent_class"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), name)
+        for name in ("position", "z", "velocity", "acceleration", "yaw", "size", "covariance"):
+            np.testing.assert_allclose(
+                getattr(found, name), getattr(wanted, name), rtol=rtol, atol=1e-6, err_msg=name
+            )
+
+    return compare
+
+
 @pytest.fixture
 def states() -> TrackedStates:
     """Five road users with every field known, numbers that float32 does not hold exactly."""
