@@ -3,12 +3,12 @@
 
 import numpy as np
 import pytest
+from demo_traffic import perfect_prediction
 
 from msg_adapters.predictions import prediction_to_pointcloud2
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.bag import create_bag
 from mtpgo_training.demo.capture import read_capture
-from test.mtpgo_training.demo.conftest import perfect_prediction
 
 
 def test_a_recorded_bag_comes_back(recording, tmp_path):

@@ -3,12 +3,12 @@
 
 import numpy as np
 import pytest
+from demo_traffic import make_recording, perfect_prediction
 from PIL import Image
 
 from mtpgo_training.demo.moments import choose_moments
 from mtpgo_training.demo.picture import draw_picture
 from mtpgo_training.demo.surroundings import surroundings
-from test.mtpgo_training.demo.conftest import make_recording, perfect_prediction
 
 
 def played(recording):

@@ -3,10 +3,10 @@
 
 import numpy as np
 import pytest
+from demo_traffic import make_recording
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.demo.plan import PAUSE_S, make_plan, span_ns, tracks_of
-from test.mtpgo_training.demo.conftest import make_recording
 
 TRAINING = {
     "recordings": [

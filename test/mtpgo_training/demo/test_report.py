@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from demo_traffic import make_recording, perfect_prediction
 
 from mtpgo_core.schema import Source
 from mtpgo_core.task import TaskDescription
@@ -13,7 +14,6 @@ from mtpgo_training.demo.capture import Capture, Received
 from mtpgo_training.demo.chain import _results
 from mtpgo_training.demo.plan import make_plan
 from mtpgo_training.demo.report import sentences, summary, table, to_json
-from test.mtpgo_training.demo.conftest import make_recording, perfect_prediction
 
 REQUIRED = {
     "predictions_published",
