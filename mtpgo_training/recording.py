@@ -56,6 +56,7 @@ class Recording:
         ego_id: the ``track_id`` of a chosen ego, if any.
         sha256: hash over the contents of the source files.
         start_time_ns: stamp of frame 0 (ns).
+        track_key: [tracks, 4] identities, where ``track_id`` cannot carry them (UUIDs, text).
     """
 
     name: str
@@ -75,13 +76,16 @@ class Recording:
     ego_id: int | None = None
     sha256: str = ""
     start_time_ns: int = DEFAULT_START_NS
+    track_key: KeyArray | None = None
 
     def __len__(self) -> int:
         return self.frame.shape[0]
 
     @cached_property
     def key(self) -> KeyArray:
-        """[tracks, 4] identities, made of ``track_id``."""
+        """[tracks, 4] identities: ``track_key``, else made of ``track_id``."""
+        if self.track_key is not None:
+            return self.track_key
         return keys_from_integers(self.track_id.tolist())
 
     @cached_property
@@ -143,6 +147,7 @@ class Recording:
             track_id=self.track_id[kept],
             agent_class=self.agent_class[kept],
             size=self.size[kept],
+            track_key=None if self.track_key is None else self.track_key[kept],
         )
 
     def between(self, start_s: float | None = None, end_s: float | None = None) -> Recording:

@@ -10,6 +10,7 @@ from pathlib import Path
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.readers.drone import DRONE_READERS
 from mtpgo_training.readers.files import find_drone_files
+from mtpgo_training.readers.ngsim import read_ngsim
 from mtpgo_training.recording import Recording
 
 DirectoryReader = Callable[[Path, Sequence[str] | None], Iterator[Recording]]
@@ -23,7 +24,18 @@ def _drone(layout: str) -> DirectoryReader:
     return read
 
 
-LAYOUTS: dict[str, DirectoryReader] = {layout: _drone(layout) for layout in DRONE_READERS}
+def _bags(directory: Path, names: Sequence[str] | None) -> Iterator[Recording]:
+    # Only bags need the message adapters and rosbags.
+    from mtpgo_training.readers.bag import read_bags
+
+    return read_bags(directory, names)
+
+
+LAYOUTS: dict[str, DirectoryReader] = {
+    **{layout: _drone(layout) for layout in DRONE_READERS},
+    "ngsim": read_ngsim,
+    "bag": _bags,
+}
 """Layout name -> reader of the recordings in a directory."""
 
 

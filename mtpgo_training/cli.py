@@ -1,0 +1,66 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``mtpgo``: everything offline. A subcommand's module is loaded when it is called."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from mtpgo_core.errors import MtpgoError
+
+COMMANDS: tuple[tuple[str, str, str], ...] = (
+    ("convert", "mtpgo_training.convert", "recordings into rosbag2 MCAP bags"),
+    ("simulate", "mtpgo_training.simulate", "recordings of simulated traffic (Eclipse SUMO)"),
+    ("train", "mtpgo_training.train", "train a model on recordings"),
+    ("export", "mtpgo_training.export", "export a trained model for the node"),
+    ("evaluate", "mtpgo_training.evaluate", "score a model on recordings"),
+    ("info", "mtpgo_training.info", "what a model file says about itself"),
+    ("demo", "mtpgo_training.demo", "play a recording through the node and score it"),
+)
+"""Name, module with ``add_parser(subparsers)``, and help of every subcommand."""
+
+
+def build_parser(command: str | None = None) -> argparse.ArgumentParser:
+    """The parser; only the module of ``command`` is loaded, the others are listed by name."""
+    parser = argparse.ArgumentParser(
+        prog="mtpgo", description="Multimodal trajectory prediction for traffic, offline."
+    )
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, module, text in COMMANDS:
+        if name == command:
+            importlib.import_module(module).add_parser(subparsers)
+        else:
+            subparsers.add_parser(name, help=text, add_help=False)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command line; the exit status.
+
+    Bad input gives one line on stderr and 2, an interrupt 130.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    known = {name for name, _, _ in COMMANDS}
+    command = next((word for word in arguments if not word.startswith("-")), None)
+    try:
+        args = build_parser(command if command in known else None).parse_args(arguments)
+        return int(args.run(args) or 0)
+    except MtpgoError as error:
+        print(f"mtpgo: {error}", file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        # A subcommand or one of its optional libraries that this installation lacks.
+        print(
+            f"mtpgo {command}: the Python module {error.name!r} is not installed", file=sys.stderr
+        )
+        return 2
+    except KeyboardInterrupt:
+        print("mtpgo: interrupted", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,217 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of tracked objects, of any message kind that the adapters know, as recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
+
+from msg_adapters.adapter import InputAdapter
+from msg_adapters.lanes import lanes_from_markers
+from msg_adapters.registry import INPUTS
+from mtpgo_core.errors import MessageError, RecordingError
+from mtpgo_core.schema import Float64Array, TrackedStates
+from mtpgo_training.bag import EGO_TOPIC, LANES_TOPIC, OBJECTS_TOPIC, is_bag, open_bag
+from mtpgo_training.readers.files import existing_directory, select_names
+from mtpgo_training.readers.table import sha256_of
+from mtpgo_training.recording import Int64Array, Recording
+
+PIECE_GAP_S = 5.0
+"""A longer pause between messages, or a step back in time, begins another recording (s)."""
+
+_MARKERS = "visualization_msgs/msg/MarkerArray"
+_FREE_RATE = 1000.0  # Hz, the frame grid of messages that come at no fixed rate
+
+
+@dataclass
+class _Piece:
+    """What was read since the last pause."""
+
+    states: list[TrackedStates] = field(default_factory=list)
+    lanes: tuple[Float64Array, ...] = ()
+    ego: str | None = None
+
+
+def read_bags(directory: Path, names: Sequence[str] | None = None) -> Iterator[Recording]:
+    """The recordings of a bag, or of all bags in a directory.
+
+    A bag with long pauses (several recordings joined) gives one recording per part, named
+    ``BAG-1``, ``BAG-2`` and so on.
+
+    Args:
+        directory: a rosbag2 directory, an ``.mcap`` file, or a directory of such.
+        names: names of the bags wanted (without ``.mcap``), all by default.
+
+    Raises:
+        RecordingError: no bag there, a damaged one, or none of its topics has tracked objects.
+    """
+    if is_bag(directory):
+        found = {directory.stem if directory.suffix == ".mcap" else directory.name: directory}
+    elif directory.is_file():
+        raise RecordingError(f"{directory} is no bag, expected an .mcap file or a directory")
+    else:
+        existing_directory(directory)
+        bags = sorted(path for path in directory.iterdir() if is_bag(path))
+        found = {path.stem if path.suffix == ".mcap" else path.name: path for path in bags}
+        if not found:
+            raise RecordingError(
+                f"{directory} has no bags, expected .mcap files or rosbag2 directories"
+            )
+    for name in select_names(list(found), names, directory):
+        pieces = list(_pieces(found[name]))
+        sha256 = sha256_of(_sources(found[name]))
+        for number, piece in enumerate(pieces, start=1):
+            own = f"{name}-{number}" if len(pieces) > 1 else name
+            yield _recording(own, piece, sha256 if len(pieces) == 1 else f"{sha256}#{number}")
+
+
+def _sources(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
+    return sorted(p for p in path.iterdir() if p.suffix in (".mcap", ".db3", ".zstd"))
+
+
+def _pieces(path: Path) -> Iterator[_Piece]:
+    with open_bag(path) as reader:
+        objects, adapter = _objects_topic(path, reader)
+        others = [
+            c
+            for c in reader.connections
+            if (c.topic.endswith(LANES_TOPIC) and c.msgtype == _MARKERS)
+            or (c.topic.endswith(EGO_TOPIC) and c.msgtype == "std_msgs/msg/String")
+        ]
+        piece, last_ns, empty = _Piece(), None, True
+        for connection, received_ns, data in reader.messages([objects, *others]):
+            message: Any = reader.deserialize(data, connection.msgtype)
+            if connection is not objects:
+                # Latched messages of the next part come just before its first objects.
+                if last_ns is not None and _apart(last_ns, received_ns):
+                    yield piece
+                    piece, last_ns = _Piece(piece.states[:0], piece.lanes, piece.ego), None
+                if connection.msgtype == _MARKERS:
+                    piece.lanes = lanes_from_markers(message).polylines
+                else:
+                    piece.ego = str(message.data)
+                continue
+            try:
+                states = adapter.to_states(message, fallback_stamp_ns=received_ns)
+            except MessageError as error:
+                raise RecordingError(f"{path}, topic {connection.topic}: {error}") from error
+            if last_ns is not None and _apart(last_ns, states.stamp_ns):
+                yield piece
+                piece = _Piece([], piece.lanes, piece.ego)
+            last_ns = states.stamp_ns
+            piece.states.append(states)
+            empty = empty and not len(states)
+        if empty:
+            raise RecordingError(f"{path} has no tracked object on its topic {objects.topic}")
+        yield piece
+
+
+def _apart(before_ns: int, after_ns: int) -> bool:
+    return not 0 <= after_ns - before_ns <= PIECE_GAP_S * 1e9
+
+
+def _objects_topic(path: Path, reader: AnyReader) -> tuple[Connection, InputAdapter]:
+    """The topic of the tracked objects: ``/objects``, else the first of a kind that we read."""
+    by_type = {adapter.message_type: adapter for adapter in INPUTS.values()}
+    usable = [
+        c
+        for c in reader.connections
+        if c.msgtype in by_type and not c.topic.endswith(LANES_TOPIC) and c.msgcount > 0
+    ]
+    # Clouds and markers may be anything; the other kinds are tracked objects for sure.
+    usable.sort(
+        key=lambda c: (
+            not c.topic.endswith(OBJECTS_TOPIC),
+            c.msgtype in (_MARKERS, "sensor_msgs/msg/PointCloud2"),
+            c.topic,
+        )
+    )
+    if not usable:
+        topics = ", ".join(f"{c.topic} ({c.msgtype})" for c in reader.connections) or "no topic"
+        raise RecordingError(
+            f"{path} has no topic with tracked objects, it has {topics}; expected one of "
+            f"{', '.join(by_type)}"
+        )
+    return usable[0], by_type[usable[0].msgtype]
+
+
+def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:
+    """[messages] frame numbers from 0 and their rate (Hz): the messages' own, if it is steady."""
+    elapsed_s = (stamps_ns - stamps_ns[0]) / 1e9
+    steps_s = np.diff(elapsed_s)
+    if not len(steps_s) or np.median(steps_s) <= 0:
+        return np.round(elapsed_s * _FREE_RATE).astype(np.int64), _FREE_RATE
+    frame = np.round(elapsed_s / np.median(steps_s))
+    rate = float(frame[-1] / elapsed_s[-1])
+    if abs(rate - round(rate, 1)) < 1e-4 * rate:
+        rate = round(rate, 1)
+    if (np.abs(frame / rate - elapsed_s) < 1e-4).all():
+        return frame.astype(np.int64), rate
+    return np.round(elapsed_s * _FREE_RATE).astype(np.int64), _FREE_RATE
+
+
+def _recording(name: str, piece: _Piece, sha256: str) -> Recording:
+    stamps_ns = np.array([states.stamp_ns for states in piece.states], dtype=np.int64)
+    numbers, frame_rate = _frames(stamps_ns)
+    count = [len(states) for states in piece.states]
+    frame = np.repeat(numbers, count)
+    keys, first, track = np.unique(
+        np.concatenate([states.key for states in piece.states])[:, ::-1],
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+    )
+    key, track = np.ascontiguousarray(keys[:, ::-1]), track.reshape(-1)
+    # A message that comes twice adds nothing: the first row of a frame and track counts.
+    _, rows = np.unique(np.stack([frame, track], axis=1), axis=0, return_index=True)
+
+    def column(attribute: str) -> np.ndarray:
+        return np.concatenate([getattr(states, attribute) for states in piece.states])
+
+    small = (key[:, 2:] == 0).all(axis=1) & (key[:, 1] < 1 << 31)
+    track_id = key[:, 0].astype(np.int64) + (key[:, 1].astype(np.int64) << 32)
+    if not small.all():
+        # Identities that are no number of 63 bits are counted; track_key keeps them.
+        track_id = np.arange(len(key), dtype=np.int64)
+    size, agent_class = _of_tracks(column("size"), column("agent_class"), track, first)
+    ego = int(piece.ego) if piece.ego is not None and piece.ego.isdigit() else None
+    return Recording(
+        name=name,
+        layout="bag",
+        location="",
+        frame_rate=frame_rate,
+        frame=frame[rows],
+        track=track[rows].astype(np.int64),
+        position=column("position")[rows],
+        velocity=column("velocity")[rows],
+        acceleration=column("acceleration")[rows],
+        yaw=column("yaw")[rows],
+        track_id=track_id,
+        agent_class=agent_class,
+        size=size,
+        lanes=piece.lanes,
+        ego_id=ego if ego is not None and ego in track_id else None,
+        sha256=sha256,
+        start_time_ns=int(stamps_ns[0]),
+        track_key=key,
+    )
+
+
+def _of_tracks(
+    size: Float64Array, agent_class: np.ndarray, track: np.ndarray, first: np.ndarray
+) -> tuple[Float64Array, np.ndarray]:
+    """Each track's last known size and class."""
+    out_size, out_class = size[first], agent_class[first]
+    known = np.isfinite(size).all(axis=1)
+    out_size[track[known]] = size[known]
+    out_class[track[agent_class > 0]] = agent_class[agent_class > 0]
+    return out_size, out_class
