@@ -37,10 +37,16 @@ class Statistics:
     """Counters with the time of their last step, and the latencies.
 
     Args:
+        listener: told of every step of a counter (name, number), on the thread that counts.
         clock: monotonic time (s).
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        listener: Callable[[str, int], None] = lambda _name, _number: None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._listener = listener
         self._clock = clock
         self._lock = threading.Lock()
         self._counts: Counter[str] = Counter()
@@ -54,6 +60,7 @@ class Statistics:
             with self._lock:
                 self._counts[name] += number
                 self._last[name] = self._clock()
+            self._listener(name, number)
 
     def measured(self, latency_ms: float) -> None:
         """Take note of one answer's latency."""

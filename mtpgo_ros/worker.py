@@ -13,7 +13,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 Input = TypeVar("Input")
@@ -30,13 +30,15 @@ class Job(Generic[Input]):
         budget_ns: time after ``received_ns`` at which the fallback answers (ns).
         deadline_ns: time after ``received_ns`` at which an answer is too late (ns).
         claimed: somebody answers it, or nobody will.
+        over_budget: the fallback answers it because the model was not ready.
     """
 
     input: Input
     received_ns: int
     budget_ns: int
     deadline_ns: int
-    claimed: bool = field(default=False)
+    claimed: bool = False
+    over_budget: bool = False
 
     @property
     def due_ns(self) -> int:
@@ -159,7 +161,7 @@ class InferenceWorker(Generic[Input, Answer]):
                 if left_ns > 0:
                     self._condition.wait(left_ns * 1e-9)
                     continue
-                self._claim(job)
+                job.over_budget = self._claim(job)
                 if self._waiting is job:
                     self._waiting = None
             self._hooks.count("over_budget")
