@@ -1,0 +1,90 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+import importlib.util
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from msg_adapters.definitions import DEFINITIONS
+from msg_adapters.registry import INPUTS, OUTPUTS
+from msg_adapters.types import RclpyTypes, TypestoreTypes, message_class
+from mtpgo_core.errors import MessageError
+
+SENTENCES = {
+    "autoware_perception_msgs": "install ros-jazzy-autoware-perception-msgs",
+    "vision_msgs": "install ros-jazzy-vision-msgs",
+    "derived_object_msgs": "install ros-jazzy-derived-object-msgs",
+    "perception_msgs": "build it from https://github.com/ika-rwth-aachen/perception_interfaces",
+}
+
+
+@pytest.mark.parametrize("name", sorted(INPUTS) + ["predicted"])
+def test_message_classes_come_or_say_what_to_install(name):
+    pytest.importorskip("rclpy")
+    adapter = INPUTS.get(name, OUTPUTS["autoware"])
+    if importlib.util.find_spec(adapter.package):
+        short = adapter.message_type.rpartition("/")[2]
+        assert message_class(adapter.message_type).__name__ == short
+        return
+    with pytest.raises(MessageError) as error:
+        message_class(adapter.message_type)
+    assert str(error.value) == (
+        f"message type {adapter.message_type!r} needs the package {adapter.package}, which is "
+        f"not installed: {SENTENCES[adapter.package]}"
+    )
+
+
+def test_names_that_are_no_types():
+    pytest.importorskip("rclpy")
+    for name in ("Marker", "", "std_msgs/srv/Empty", "std_msgs/"):
+        with pytest.raises(MessageError, match="is no message type"):
+            message_class(name)
+    with pytest.raises(MessageError, match="std_msgs has no message 'Nothing'"):
+        message_class("std_msgs/msg/Nothing")
+    assert message_class("std_msgs/String") is message_class("std_msgs/msg/String")
+
+
+def test_field_checks_are_on_in_these_tests():
+    """Else rclpy would take anything and the other tests would prove little."""
+    pytest.importorskip("rclpy")
+    with pytest.raises(AssertionError):
+        RclpyTypes().make("geometry_msgs/msg/Point", x=3)
+
+
+def test_unregistered_type_is_named():
+    types = TypestoreTypes(get_typestore(Stores.ROS2_JAZZY))
+    with pytest.raises(MessageError, match="'vision_msgs/msg/Detection3D' is not in the type"):
+        types.make("vision_msgs/msg/Detection3D")
+
+
+def test_defaults_are_those_of_ros(offline, online, typestore):
+    """Every installed message that we build is, untouched, the same bytes from either family."""
+    serialization = pytest.importorskip("rclpy.serialization")
+    for name in (
+        "visualization_msgs/msg/Marker",
+        "sensor_msgs/msg/PointCloud2",
+        "geometry_msgs/msg/PoseWithCovariance",
+        "shape_msgs/msg/SolidPrimitive",
+        "unique_identifier_msgs/msg/UUID",
+        "nav_msgs/msg/Odometry",
+    ):
+        ours = offline.make(name)
+        theirs = typestore.deserialize_cdr(
+            serialization.serialize_message(online.make(name)), name
+        )
+        assert bytes(typestore.serialize_cdr(ours, name)) == bytes(
+            typestore.serialize_cdr(theirs, name)
+        )
+
+
+def test_registered_messages_can_all_be_made(offline, typestore):
+    for name in DEFINITIONS:
+        typestore.serialize_cdr(offline.make(name), name)
+
+
+def test_sequences_of_numbers(offline, online):
+    for types in (offline, online):
+        np.testing.assert_array_equal(types.doubles([1.5, 2.5]), [1.5, 2.5])
+        assert bytes(types.octets(np.array([1, 2], np.uint8))) == b"\x01\x02"
+        assert bytes(types.octets(b"\x01\x02")) == b"\x01\x02"
