@@ -1,0 +1,130 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``mtpgo simulate``: recordings of simulated traffic in a data set's layout, by Eclipse SUMO."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.recording import Recording
+from mtpgo_training.simulate.highway import STATES, HighwayConfig, simulate_highway
+from mtpgo_training.simulate.roundabout import RoundaboutConfig, simulate_roundabout
+from mtpgo_training.writers.highd import write_highd
+from mtpgo_training.writers.ind import write_ind
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
+    """Add ``mtpgo simulate``."""
+    parser = subparsers.add_parser(
+        "simulate",
+        help="recordings of simulated traffic (Eclipse SUMO)",
+        description="Simulate traffic with Eclipse SUMO (extra 'simulation') and write it as "
+        "recordings: a highway in highD layout, a roundabout in inD layout. What is not given "
+        "is drawn from the seed, so that recordings differ.",
+    )
+    parser.add_argument("site", choices=list(_SITES), help="what is simulated")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="directory to write to")
+    parser.add_argument("--count", type=_positive_int, default=1, help="number of recordings")
+    parser.add_argument(
+        "--seconds", type=_positive, default=60.0, help="length of each (s, default: %(default)g)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=1, help="of the first recording; the next have the next"
+    )
+    parser.add_argument(
+        "--frame-rate", type=_positive, default=25.0, help="Hz (default: %(default)g)"
+    )
+    parser.add_argument(
+        "--vehicles-per-hour",
+        type=_positive,
+        help="demand (highway: per direction; roundabout: in all)",
+    )
+    parser.add_argument("--lanes", type=int, help="lanes (highway: 2 to 4; roundabout: 1 or 2)")
+    parser.add_argument("--truck-share", type=_share, help="part of trucks, 0 to 0.9")
+    parser.add_argument("--traffic", choices=STATES, help="highway: traffic state")
+    parser.add_argument("--speed-limit", type=_positive, help="highway: desired speed (m/s)")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what the command line asks for."""
+    simulate, write, first = _SITES[args.site]
+    for number in range(args.count):
+        started = time.monotonic()
+        recording = simulate(args, args.seed + number, f"{first + number:02d}")
+        write(recording, args.output)
+        took_s = time.monotonic() - started
+        print(
+            f"{args.output}/{recording.name}: {recording.duration_s:.1f} s, "
+            f"{len(recording.track_id)} road users, seed {args.seed + number} "
+            f"({recording.duration_s / took_s:.1f} times real time)"
+        )
+        sys.stdout.flush()
+    return 0
+
+
+def _highway(args: argparse.Namespace, seed: int, name: str) -> Recording:
+    config = HighwayConfig(
+        seconds=args.seconds,
+        seed=seed,
+        frame_rate=args.frame_rate,
+        vehicles_per_hour=args.vehicles_per_hour,
+        traffic=args.traffic,
+        lanes=args.lanes,
+        truck_share=args.truck_share,
+        speed_limit_mps=args.speed_limit,
+    )
+    return simulate_highway(config, name)
+
+
+def _roundabout(args: argparse.Namespace, seed: int, name: str) -> Recording:
+    for option in ("traffic", "speed_limit"):
+        if getattr(args, option) is not None:
+            raise ConfigurationError(
+                f"--{option.replace('_', '-')} is given for a roundabout, it is for the highway"
+            )
+    config = RoundaboutConfig(
+        seconds=args.seconds,
+        seed=seed,
+        frame_rate=args.frame_rate,
+        vehicles_per_hour=args.vehicles_per_hour,
+        lanes=args.lanes,
+        truck_share=args.truck_share,
+    )
+    return simulate_roundabout(config, name)
+
+
+_Simulate = Callable[[argparse.Namespace, int, str], Recording]
+_Write = Callable[[Recording, Path], list[Path]]
+
+_SITES: dict[str, tuple[_Simulate, _Write, int]] = {
+    # Recordings are numbered as in the data sets: highD from 01, inD from 00.
+    "highway": (_highway, write_highd, 1),
+    "roundabout": (_roundabout, write_ind, 0),
+}
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not above zero")
+    return value
+
+
+def _positive_int(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not above zero")
+    return value
+
+
+def _share(text: str) -> float:
+    value = float(text)
+    if not 0 <= value <= 0.9:
+        raise argparse.ArgumentTypeError(f"{text} is not between 0 and 0.9")
+    return value

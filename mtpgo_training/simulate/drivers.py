@@ -1,0 +1,129 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Vehicles and their drivers, no two kinds alike."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtpgo_core.schema import Float64Array
+from mtpgo_training.simulate.sumo import VehicleType
+
+Generator = np.random.Generator
+
+
+def draw_types(
+    generator: Generator, shares: dict[str, float], count: int, *, desired_spread: float
+) -> tuple[list[VehicleType], Float64Array]:
+    """Kinds of vehicles, and how often each is to be met.
+
+    Args:
+        generator: source of chance.
+        shares: class label -> part of the traffic.
+        count: kinds per label.
+        desired_spread: standard deviation of the desired speed as a part of the limit.
+
+    Returns:
+        The kinds, and [kinds] probabilities.
+    """
+    types, probability = [], []
+    for label, share in shares.items():
+        for i in range(count if share > 0 else 0):
+            types.append(_MAKERS[label](generator, f"{label}{i}", desired_spread))
+            probability.append(share / count)
+    weights = np.array(probability)
+    return types, weights / weights.sum()
+
+
+def _between(generator: Generator, low: float, high: float) -> float:
+    return float(generator.uniform(low, high))
+
+
+def _steering(generator: Generator) -> dict[str, str]:
+    """Lateral behaviour in SUMO's sublane model; a high lcSublane returns to the lane's middle."""
+    return {
+        "laneChangeModel": "SL2015",
+        "latAlignment": "center",
+        "lcSublane": "5",
+        "minGapLat": "0.6",
+        "lcSpeedGain": f"{_between(generator, 0.6, 2.5):.2f}",
+        "lcKeepRight": f"{_between(generator, 0.3, 1.5):.2f}",
+        "lcAssertive": f"{_between(generator, 1.0, 1.6):.2f}",
+        "maxSpeedLat": f"{_between(generator, 0.7, 1.5):.2f}",
+        "lcAccelLat": f"{_between(generator, 0.5, 1.0):.2f}",
+    }
+
+
+def _car(generator: Generator, name: str, spread: float) -> VehicleType:
+    desired = float(np.clip(generator.normal(1.0, spread), 0.72, 1.4))
+    return VehicleType(
+        name,
+        "car",
+        length=_between(generator, 3.7, 5.1),
+        width=_between(generator, 1.65, 1.95),
+        attributes={
+            "vClass": "passenger",
+            "carFollowModel": "EIDM",
+            "accel": f"{_between(generator, 1.4, 2.6):.2f}",
+            "decel": f"{_between(generator, 2.5, 4.0):.2f}",
+            "tau": f"{_between(generator, 0.8, 1.7):.2f}",
+            "minGap": f"{_between(generator, 1.5, 3.0):.2f}",
+            "speedFactor": f"{desired:.3f}",
+            **_steering(generator),
+        },
+    )
+
+
+def _van(generator: Generator, name: str, spread: float) -> VehicleType:
+    car = _car(generator, name, spread)
+    return VehicleType(
+        name,
+        "van",
+        length=_between(generator, 5.0, 6.9),
+        width=_between(generator, 1.9, 2.1),
+        attributes={**car.attributes, "accel": f"{_between(generator, 1.1, 1.8):.2f}"},
+    )
+
+
+def _truck(generator: Generator, name: str, spread: float) -> VehicleType:
+    long = generator.random() < 0.7
+    return VehicleType(
+        name,
+        "truck",
+        length=_between(generator, 13.0, 18.5) if long else _between(generator, 7.5, 12.0),
+        width=_between(generator, 2.4, 2.55),
+        attributes={
+            "vClass": "truck",
+            "carFollowModel": "EIDM",
+            "accel": f"{_between(generator, 0.6, 1.1):.2f}",
+            "decel": f"{_between(generator, 2.0, 3.0):.2f}",
+            "tau": f"{_between(generator, 1.3, 2.2):.2f}",
+            "minGap": f"{_between(generator, 2.5, 4.0):.2f}",
+            "maxSpeed": f"{_between(generator, 21.5, 25.0):.2f}",
+            "speedFactor": "1.0",
+            **_steering(generator),
+            "lcSpeedGain": f"{_between(generator, 0.2, 0.8):.2f}",
+        },
+    )
+
+
+def _bicycle(generator: Generator, name: str, spread: float) -> VehicleType:
+    return VehicleType(
+        name,
+        "bicycle",
+        length=_between(generator, 1.6, 1.9),
+        width=_between(generator, 0.55, 0.7),
+        attributes={
+            "vClass": "bicycle",
+            "carFollowModel": "EIDM",
+            "accel": f"{_between(generator, 0.7, 1.2):.2f}",
+            "decel": f"{_between(generator, 1.5, 3.0):.2f}",
+            "tau": f"{_between(generator, 0.8, 1.4):.2f}",
+            "minGap": "0.8",
+            "maxSpeed": f"{_between(generator, 3.8, 7.0):.2f}",
+            **_steering(generator),
+        },
+    )
+
+
+_MAKERS = {"car": _car, "van": _van, "truck": _truck, "bicycle": _bicycle}

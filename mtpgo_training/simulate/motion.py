@@ -1,0 +1,159 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""From SUMO's front bumpers to the motion of vehicles' centres.
+
+SUMO moves the front bumper along lane centres joined by corners, changes lanes at constant lateral
+speed and never wanders. Here every path is smoothed, given a small filtered wander to the side,
+and driven by a vehicle whose rear axle trails the front bumper, so that position, velocity,
+acceleration and heading of the centre belong together.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtpgo_core.schema import Float64Array
+from mtpgo_training.simulate.sumo import Floating
+
+REAR_AXLE = 0.8
+"""Distance from the front bumper to the rear axle, as a part of the length."""
+
+
+@dataclass(frozen=True)
+class MotionConfig:
+    """How the paths are made smooth and alive.
+
+    Attributes:
+        smoothing_s: standard deviation of the Gaussian over time (s).
+        wander_m: standard deviation of the wander to the side (m).
+        surge_m: likewise along the path: nobody holds a speed exactly (m).
+        wander_time_s: how slowly both go: time constant of the filter, twice in a row (s).
+        wander_speed_mps: below this speed the wander slows down with the vehicle (m/s).
+    """
+
+    smoothing_s: float = 0.3
+    wander_m: float = 0.12
+    surge_m: float = 0.35
+    wander_time_s: float = 2.0
+    wander_speed_mps: float = 8.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Centres of vehicles; rows as in :class:`Floating`, with some at the ends left out.
+
+    Attributes:
+        rows: [rows] which rows of the input these are.
+        position: [rows, 2] (m). velocity: [rows, 2] (m/s). acceleration: [rows, 2] (m/s^2).
+        yaw: [rows] (rad), not wrapped.
+    """
+
+    rows: np.ndarray
+    position: Float64Array
+    velocity: Float64Array
+    acceleration: Float64Array
+    yaw: Float64Array
+
+
+def centres(
+    seen: Floating, length: Float64Array, frame_rate: float, config: MotionConfig, seed: int
+) -> Motion:
+    """The motion of the centres.
+
+    Args:
+        seen: the front bumpers.
+        length: [vehicles] (m).
+        frame_rate: frames per second (Hz).
+        config: smoothing and wander.
+        seed: of the wander.
+    """
+    generator = np.random.default_rng(seed)
+    dt = 1.0 / frame_rate
+    pieces = []
+    # A vehicle that leaves the observed edges and returns is several pieces.
+    breaks = np.flatnonzero((np.diff(seen.vehicle) != 0) | (np.diff(seen.step) != 1)) + 1
+    bounds = [0, *breaks.tolist(), len(seen.step)]
+    for start, end in itertools.pairwise(bounds):
+        if end - start < 5:
+            continue
+        front = _smooth(seen.front[start:end], config.smoothing_s * frame_rate)
+        speed = np.linalg.norm(np.gradient(front, dt, axis=0), axis=1)
+        heading = np.unwrap(seen.heading[start:end])
+        forward = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        left = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
+        surge = config.surge_m * _wander(speed, dt, config, generator)[:, None]
+        wander = config.wander_m * _wander(speed, dt, config, generator)[:, None]
+        front += _smooth(surge * forward + wander * left, config.smoothing_s * frame_rate)
+        own_length = float(length[seen.vehicle[start]])
+        yaw = _trail(front, REAR_AXLE * own_length, float(heading[0]))
+        ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+        position = front - own_length / 2 * ahead
+        velocity = np.gradient(position, dt, axis=0)
+        acceleration = np.gradient(velocity, dt, axis=0)
+        # The outermost differences are one-sided; leave them out.
+        inner = slice(2, -2)
+        pieces.append(
+            (
+                np.arange(start, end)[inner],
+                position[inner],
+                velocity[inner],
+                acceleration[inner],
+                yaw[inner],
+            )
+        )
+    if not pieces:
+        empty = np.empty((0, 2))
+        return Motion(np.empty(0, dtype=np.int64), empty, empty, empty, np.empty(0))
+    return Motion(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
+
+
+def _smooth(path: Float64Array, sigma: float) -> Float64Array:
+    """[n, k] path under a Gaussian of ``sigma`` samples, point-mirrored beyond its ends."""
+    reach = min(int(np.ceil(3 * sigma)), len(path) - 1)
+    if reach < 1:
+        return path
+    offsets = np.arange(-reach, reach + 1)
+    kernel = np.exp(-0.5 * (offsets / sigma) ** 2)
+    kernel /= kernel.sum()
+    before = 2 * path[0] - path[reach:0:-1]
+    after = 2 * path[-1] - path[-2 : -reach - 2 : -1]
+    padded = np.concatenate([before, path, after])
+    return np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=1)
+
+
+def _wander(
+    speed: Float64Array, dt: float, config: MotionConfig, generator: np.random.Generator
+) -> Float64Array:
+    """[n] offset of unit variance: white noise through two low passes, slower when slow."""
+    own_time = np.minimum(speed / config.wander_speed_mps, 1.0) * dt
+    # The two equal low passes of unit white noise have the variance 1 / (4 time constant).
+    tau = config.wander_time_s
+    scale = np.sqrt(4 * tau)
+    noise = generator.standard_normal(len(speed))
+    first, second = generator.standard_normal(2)
+    # Start in the stationary state: variances 1/(2 tau) and 1/(4 tau), covariance 1/(4 tau).
+    inner = first / np.sqrt(2 * tau)
+    outer = inner / 2 + second * np.sqrt(1 / (8 * tau))
+    out = np.empty(len(speed))
+    for i, step in enumerate(own_time):
+        out[i] = outer
+        outer += (inner - outer) * step / tau
+        inner += -inner * step / tau + noise[i] * np.sqrt(step) / tau
+    return scale * out
+
+
+def _trail(front: Float64Array, wheelbase: float, heading: float) -> Float64Array:
+    """[n] heading of a vehicle whose rear axle trails its front at a fixed distance (rad)."""
+    yaw = np.empty(len(front))
+    x = front[0, 0] - wheelbase * np.cos(heading)
+    y = front[0, 1] - wheelbase * np.sin(heading)
+    for i, (fx, fy) in enumerate(front.tolist()):
+        angle = math.atan2(fy - y, fx - x)
+        yaw[i] = angle
+        x = fx - wheelbase * math.cos(angle)
+        y = fy - wheelbase * math.sin(angle)
+    return np.unwrap(yaw)

@@ -1,0 +1,232 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A roundabout with four arms, one or two lanes, and traffic that yields at the entries.
+
+Size, lanes, demand and turns are drawn from the seed unless they are given. The written layout is
+that of inD: y up, the origin in the upper left corner of the picture.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.schema import BoolArray, Float64Array
+from mtpgo_training.recording import Recording
+from mtpgo_training.simulate import drivers, sumo
+from mtpgo_training.simulate.camera import record
+
+CENTRE = (60.0, -60.0)
+"""Centre of the roundabout in the recording (m)."""
+
+_VIEW_M = 58.0
+_ARM_M = 160.0
+_LANE_M = 3.6
+_ARMS = 4
+_LATERAL_MPS2 = 2.6  # what a driver bears in the ring
+
+
+@dataclass(frozen=True)
+class RoundaboutConfig:
+    """What is simulated; ``None`` is drawn from the seed.
+
+    Attributes:
+        seconds: length of the recording (s).
+        seed: of everything drawn.
+        frame_rate: frames per second (Hz).
+        vehicles_per_hour: demand, all arms together.
+        lanes: lanes of the ring and of the arms.
+        truck_share: part of trucks in the demand.
+        bicycle_share: part of bicycles in the demand.
+        warm_up_s: simulated before the first frame (s).
+    """
+
+    seconds: float = 60.0
+    seed: int = 1
+    frame_rate: float = 25.0
+    vehicles_per_hour: float | None = None
+    lanes: int | None = None
+    truck_share: float | None = None
+    bicycle_share: float = 0.03
+    warm_up_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if self.lanes is not None and self.lanes not in (1, 2):
+            raise ConfigurationError(f"lanes is {self.lanes}, expected 1 or 2 for a roundabout")
+
+
+def simulate_roundabout(config: RoundaboutConfig, name: str = "00") -> Recording:
+    """One recording of the roundabout.
+
+    Raises:
+        SimulationError: SUMO is missing or refuses to run.
+    """
+    generator = np.random.default_rng(config.seed)
+    lanes = config.lanes or int(generator.choice([1, 2], p=[0.6, 0.4]))
+    radius = float(generator.uniform(13.0, 18.0)) + (lanes - 1) * 4.0
+    truck_share = config.truck_share
+    if truck_share is None:
+        truck_share = float(generator.uniform(0.03, 0.12))
+    motor = 1 - truck_share - config.bicycle_share
+    types, probability = drivers.draw_types(
+        generator,
+        {
+            "car": 0.9 * motor,
+            "van": 0.1 * motor,
+            "truck": truck_share,
+            "bicycle": config.bicycle_share,
+        },
+        count=15,
+        desired_spread=0.08,
+    )
+    per_hour = config.vehicles_per_hour
+    if per_hour is None:
+        per_hour = float(generator.uniform(1100.0, 2200.0)) * (1.0 if lanes == 1 else 1.4)
+    with tempfile.TemporaryDirectory(prefix="mtpgo_sumo_") as folder:
+        network = sumo.build_network(Path(folder), *_road(radius, lanes))
+        demand = [kind.xml() for kind in types]
+        demand += _routes()
+        demand += _vehicles(config, generator, per_hour, types, probability)
+        seen = sumo.drive(
+            Path(folder),
+            network,
+            demand,
+            warm_up_s=config.warm_up_s,
+            seconds=config.seconds,
+            frame_rate=config.frame_rate,
+            seed=config.seed,
+        )
+    return record(
+        seen,
+        types,
+        _in_view,
+        name=name,
+        layout="ind",
+        frame_rate=config.frame_rate,
+        seed=config.seed,
+        first_number=0,
+    )
+
+
+def _in_view(position: Float64Array, size: Float64Array) -> BoolArray:
+    seen: BoolArray = (np.abs(position - CENTRE) + size.max() / 2 <= _VIEW_M).all(axis=1)
+    return seen
+
+
+def _point(radius: float, angle: float) -> tuple[float, float]:
+    return CENTRE[0] + radius * float(np.cos(angle)), CENTRE[1] + radius * float(np.sin(angle))
+
+
+def _shape(points: Iterable[tuple[float, float]]) -> str:
+    return " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
+
+
+def _arc(radius: float, start: float, end: float) -> list[tuple[float, float]]:
+    count = max(3, int(np.ceil((end - start) / np.radians(5.0))))
+    return [_point(radius, angle) for angle in np.linspace(start, end, count)]
+
+
+def _road(radius: float, lanes: int) -> tuple[list[str], list[str]]:
+    """Nodes and edges. The ring runs counter-clockwise; at each arm the exit leaves first.
+
+    The ring's edges are drawn along their left, inner side, so ``radius`` is that of the island.
+    """
+    half = (lanes * _LANE_M + 1.5) / radius  # angle between an arm's axis and its mouths
+    speed = float(np.sqrt(_LATERAL_MPS2 * (radius + lanes * _LANE_M / 2)))
+    nodes, edges, ring_edges, ring_nodes = [], [], [], []
+
+    def node(name: str, point: tuple[float, float]) -> None:
+        nodes.append(f'<node id="{name}" x="{point[0]:.3f}" y="{point[1]:.3f}" radius="4"/>')
+
+    def edge(
+        name: str, ends: tuple[str, str], points: list[tuple[float, float]], ring: bool
+    ) -> None:
+        edges.append(
+            f'<edge id="{name}" from="{ends[0]}" to="{ends[1]}" numLanes="{lanes}" '
+            f'width="{_LANE_M}" speed="{speed if ring else 13.9:.2f}" '
+            f'priority="{10 if ring else 1}" spreadType="right" shape="{_shape(points)}"/>'
+        )
+
+    for arm in range(_ARMS):
+        angle = arm * 2 * np.pi / _ARMS
+        following = (arm + 1) * 2 * np.pi / _ARMS
+        outside = np.array([np.cos(angle), np.sin(angle)])
+        side = np.array([-outside[1], outside[0]])
+
+        def beside(
+            distance: float, offset: float, o: Float64Array = outside, s: Float64Array = side
+        ) -> tuple[float, float]:
+            x, y = np.array(CENTRE) + distance * o + offset * s
+            return float(x), float(y)
+
+        mouth_in, mouth_out = _point(radius, angle + half), _point(radius, angle - half)
+        node(f"enter{arm}", mouth_in)
+        node(f"leave{arm}", mouth_out)
+        node(f"from{arm}", beside(_ARM_M, 0.5))
+        node(f"to{arm}", beside(_ARM_M, -0.5))
+        # The arms widen towards the ring around a splitter island.
+        wide = radius + lanes * _LANE_M + 14.0
+        narrow = radius + lanes * _LANE_M + 3.0
+        approach = [beside(_ARM_M, 0.5), beside(wide, 0.5), beside(narrow, 1.8), mouth_in]
+        departure = [mouth_out, beside(narrow, -1.8), beside(wide, -0.5), beside(_ARM_M, -0.5)]
+        edge(f"in{arm}", (f"from{arm}", f"enter{arm}"), approach, ring=False)
+        edge(f"out{arm}", (f"leave{arm}", f"to{arm}"), departure, ring=False)
+        edge(
+            f"mouth{arm}",
+            (f"leave{arm}", f"enter{arm}"),
+            _arc(radius, angle - half, angle + half),
+            ring=True,
+        )
+        edge(
+            f"ring{arm}",
+            (f"enter{arm}", f"leave{(arm + 1) % _ARMS}"),
+            _arc(radius, angle + half, following - half),
+            ring=True,
+        )
+        ring_nodes += [f"leave{arm}", f"enter{arm}"]
+        ring_edges += [f"mouth{arm}", f"ring{arm}"]
+    edges.append(f'<roundabout nodes="{" ".join(ring_nodes)}" edges="{" ".join(ring_edges)}"/>')
+    return nodes, edges
+
+
+def _routes() -> list[str]:
+    """From every arm to every other; a full turn back is rare enough to be left out."""
+    routes = []
+    for start in range(_ARMS):
+        for turn in range(1, _ARMS):
+            edges = [f"in{start}"]
+            for passed in range(turn):
+                edges.append(f"ring{(start + passed) % _ARMS}")
+                if passed < turn - 1:
+                    edges.append(f"mouth{(start + passed + 1) % _ARMS}")
+            edges.append(f"out{(start + turn) % _ARMS}")
+            routes.append(f'<route id="r{start}{turn}" edges="{" ".join(edges)}"/>')
+    return routes
+
+
+def _vehicles(
+    config: RoundaboutConfig,
+    generator: np.random.Generator,
+    per_hour: float,
+    types: list[sumo.VehicleType],
+    probability: Float64Array,
+) -> list[str]:
+    arm_share = generator.dirichlet(np.full(_ARMS, 6.0))
+    turn_share = generator.dirichlet(np.full(_ARMS - 1, 6.0), size=_ARMS)
+    vehicles, time, number = [], 0.0, 0
+    while time < config.warm_up_s + config.seconds:
+        kind = types[int(generator.choice(len(types), p=probability))]
+        arm = int(generator.choice(_ARMS, p=arm_share))
+        turn = 1 + int(generator.choice(_ARMS - 1, p=turn_share[arm]))
+        vehicles.append(
+            f'<vehicle id="{number}" type="{kind.name}" route="r{arm}{turn}" '
+            f'depart="{time:.2f}" departLane="best" departSpeed="desired" departPos="base"/>'
+        )
+        time += float(generator.exponential(3600.0 / per_hour))
+        number += 1
+    return vehicles

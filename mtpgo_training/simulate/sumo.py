@@ -1,0 +1,237 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Eclipse SUMO as two programs: ``netconvert`` makes the road, ``sumo`` lets traffic drive on it.
+
+The programs come with the package ``eclipse-sumo`` (extra ``simulation``) or from an installation
+that ``SUMO_HOME`` or ``PATH`` points to.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import os
+import shutil
+import subprocess
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from mtpgo_core.errors import MtpgoError
+from mtpgo_core.schema import Float64Array
+
+MAX_STEP_S = 0.04
+"""Longest simulation step: car following and sublane steering get rough above it (s)."""
+
+
+class SimulationError(MtpgoError):
+    """SUMO is not installed or refuses to run."""
+
+
+@dataclass(frozen=True)
+class VehicleType:
+    """One kind of vehicle and driver.
+
+    Attributes:
+        name: identifier, unique in a simulation.
+        label: class as the data sets name it (car, van, truck, bus, bicycle, motorcycle).
+        length, width: box (m).
+        attributes: further attributes of SUMO's ``vType``.
+    """
+
+    name: str
+    label: str
+    length: float
+    width: float
+    attributes: dict[str, str]
+
+    def xml(self) -> str:
+        """The ``vType`` element."""
+        extra = " ".join(f'{key}="{value}"' for key, value in self.attributes.items())
+        box = f'length="{self.length:.2f}" width="{self.width:.2f}"'
+        return f'<vType id="{self.name}" {box} {extra}/>'
+
+
+@dataclass(frozen=True)
+class Floating:
+    """Vehicles as SUMO saw them, rows sorted by vehicle and time.
+
+    Attributes:
+        vehicle: [rows] index into ``names``.
+        step: [rows] frame number from 0, at the recording's frame rate.
+        front: [rows, 2] middle of the front bumper, x east, y north (m).
+        speed: [rows] (m/s).
+        heading: [rows] (rad), counter-clockwise from x.
+        names: [vehicles] SUMO's names.
+        types: [vehicles] names of their types.
+    """
+
+    vehicle: np.ndarray
+    step: np.ndarray
+    front: Float64Array
+    speed: Float64Array
+    heading: Float64Array
+    names: list[str]
+    types: list[str]
+
+
+def program(name: str) -> Path:
+    """The path of one of SUMO's programs.
+
+    Raises:
+        SimulationError: it is not installed.
+    """
+    homes = [Path(os.environ["SUMO_HOME"])] if os.environ.get("SUMO_HOME") else []
+    spec = importlib.util.find_spec("sumo")
+    homes += [Path(place) for place in (spec.submodule_search_locations if spec else None) or ()]
+    for home in homes:
+        for candidate in (home / "bin" / name, home / "bin" / f"{name}.exe"):
+            if candidate.is_file():
+                return candidate
+    found = shutil.which(name)
+    if found is None:
+        raise SimulationError(
+            f"Eclipse SUMO's program {name!r} was not found: install the extra 'simulation' "
+            "(pip install mtpgo-ros[simulation], or pip install eclipse-sumo)"
+        )
+    return Path(found)
+
+
+def build_network(
+    folder: Path, nodes: Iterable[str], edges: Iterable[str], connections: Iterable[str] = ()
+) -> Path:
+    """The road network of plain node, edge and connection elements.
+
+    Raises:
+        SimulationError: SUMO is missing or refuses the network.
+    """
+    plain = {"nod": ("nodes", nodes), "edg": ("edges", edges), "con": ("connections", connections)}
+    for ending, (root, elements) in plain.items():
+        _write_xml(folder / f"plain.{ending}.xml", root, elements)
+    target = folder / "road.net.xml"
+    _run(
+        "netconvert",
+        *("--node-files", folder / "plain.nod.xml"),
+        *("--edge-files", folder / "plain.edg.xml"),
+        *("--connection-files", folder / "plain.con.xml"),
+        *("--output-file", target),
+        *("--precision", "4"),
+        *("--junctions.internal-link-detail", "20"),
+        "--no-turnarounds",
+        "--offset.disable-normalization",
+    )
+    return target
+
+
+def drive(
+    folder: Path,
+    network: Path,
+    demand: Iterable[str],
+    *,
+    observed_edges: Sequence[str] = (),
+    warm_up_s: float,
+    seconds: float,
+    frame_rate: float,
+    seed: int,
+    additional: Iterable[str] = (),
+) -> Floating:
+    """Simulate and return what is seen on the observed edges after the warm-up.
+
+    Args:
+        folder: where SUMO's files go.
+        network: from :func:`build_network`.
+        demand: elements of the route file: types, routes and vehicles.
+        observed_edges: edges whose vehicles are kept, everything by default.
+        warm_up_s: time before the first frame (s).
+        seconds: time seen (s).
+        frame_rate: frames per second (Hz).
+        seed: of SUMO's random numbers.
+        additional: elements of the additional file, such as speed signs.
+
+    Raises:
+        SimulationError: SUMO is missing or refuses to run.
+    """
+    _write_xml(folder / "traffic.rou.xml", "routes", demand)
+    _write_xml(folder / "signs.add.xml", "additional", additional)
+    observed = folder / "observed.txt"
+    observed.write_text("".join(f"edge:{edge}\n" for edge in observed_edges))
+    seen = folder / "seen.csv"
+    steps_per_frame = max(1, math.ceil(1.0 / (frame_rate * MAX_STEP_S) - 1e-9))
+    # SUMO counts in milliseconds; other frame rates are put on their grid afterwards.
+    step_s = max(1, round(1000.0 / (frame_rate * steps_per_frame))) / 1000.0
+    _run(
+        "sumo",
+        *("--net-file", network),
+        *("--route-files", folder / "traffic.rou.xml"),
+        *("--additional-files", folder / "signs.add.xml"),
+        *("--step-length", f"{step_s:g}"),
+        *("--lateral-resolution", "0.4"),
+        *("--precision", "4"),
+        "--step-method.ballistic",
+        *("--fcd-output", seen),
+        *("--fcd-output.attributes", "x,y,angle,speed,type"),
+        *(("--fcd-output.filter-edges.input-file", observed) if observed_edges else ()),
+        *("--device.fcd.begin", f"{warm_up_s:g}"),
+        *("--end", f"{warm_up_s + seconds + step_s:g}"),
+        *("--seed", str(seed)),
+        *("--time-to-teleport", "-1"),
+        *("--collision.action", "none"),
+        "--no-step-log",
+        "--no-warnings",
+    )
+    return _load(seen, warm_up_s, seconds, frame_rate, step_s)
+
+
+def _load(
+    path: Path, warm_up_s: float, seconds: float, frame_rate: float, step_s: float
+) -> Floating:
+    table = pd.read_csv(path, sep=";", low_memory=False)
+    table.columns = [name.split("_", 1)[1] for name in table.columns]
+    table = table.dropna(subset=["id"])
+    if table.empty:
+        raise SimulationError(
+            "the simulation saw no vehicle, expected more traffic or a longer recording"
+        )
+    time = table["time"].to_numpy(np.float64) - warm_up_s
+    frame = np.round(time * frame_rate).astype(np.int64)
+    # The simulated instants nearest to the frames; off by at most half a millisecond per frame.
+    kept = np.abs(time - frame / frame_rate) < step_s / 2
+    kept &= (frame >= 0) & (frame <= round(seconds * frame_rate))
+    table, frame = table[kept], frame[kept]
+    vehicle, names = pd.factorize(table["id"])
+    order = np.lexsort((frame, vehicle))
+    table, frame, vehicle = table.iloc[order], frame[order], vehicle[order]
+    first = np.unique(vehicle, return_index=True)[1]
+    return Floating(
+        vehicle=vehicle.astype(np.int64),
+        step=frame,
+        front=table[["x", "y"]].to_numpy(np.float64),
+        speed=table["speed"].to_numpy(np.float64),
+        # SUMO's angle is a compass bearing: 0 north, clockwise, degrees.
+        heading=np.radians(90.0 - table["angle"].to_numpy(np.float64)),
+        names=[str(name) for name in names],
+        types=[str(name) for name in table["type"].to_numpy()[first]],
+    )
+
+
+def _write_xml(path: Path, root: str, elements: Iterable[str]) -> None:
+    path.write_text("\n".join([f"<{root}>", *elements, f"</{root}>"]) + "\n")
+
+
+def _run(name: str, *arguments: str | Path) -> None:
+    executable = program(name)
+    environment = dict(os.environ)
+    environment.setdefault("SUMO_HOME", str(executable.parent.parent))
+    done = subprocess.run(
+        [str(executable), *map(str, arguments), "--xml-validation", "never"],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
+    if done.returncode != 0:
+        said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
+        raise SimulationError(f"Eclipse SUMO's {name} failed: {' '.join(said) or done.stderr}")
