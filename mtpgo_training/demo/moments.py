@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The moments worth a picture: where somebody does not just go on as before.
 
-Chosen by what happened, never by how well it was predicted.
+Chosen among the model's predictions by what happened, never by how well it was predicted.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtpgo_core.schema import Float64Array, Prediction
+from mtpgo_core.schema import Float64Array, Prediction, Source
 from mtpgo_training.demo.plan import tracks_of
 from mtpgo_training.futures import FutureTable
 from mtpgo_training.recording import Recording
@@ -101,7 +101,8 @@ def _best_moments(
         truth = future.at(track, prediction.stamp_ns, horizon, dt_s)
         now = _now(recording, prediction.stamp_ns, track)
         now_frame = (prediction.stamp_ns - recording.start_time_ns) * 1e-9 * recording.frame_rate
-        old = (track >= 0) & (frame[track] <= now_frame - past_s * recording.frame_rate)
+        by_model = prediction.source == Source.MODEL
+        old = by_model & (track >= 0) & (frame[track] <= now_frame - past_s * recording.frame_rate)
         interest = np.where(
             old & truth.known[:, -1], _interest(now, truth.position[:, -1], horizon * dt_s), -1.0
         )

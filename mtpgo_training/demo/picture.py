@@ -214,7 +214,7 @@ def _draw_modes(
                 axes,
                 path[step + 1],
                 around.turn_covariance(prediction.covariance[agent, mode, step]),
-                alpha=share * (0.16 if focal else 0.08),
+                alpha=weight * (0.26 if focal else 0.10),
                 zorder=z + 1,
             )
 
@@ -236,7 +236,7 @@ def _draw_ellipse(
                 fill=fill,
                 edgecolor=PREDICTED,
                 lw=0.0 if fill else 0.7,
-                alpha=alpha if fill else min(1.0, 3.0 * alpha),
+                alpha=alpha if fill else 2.5 * alpha,
                 zorder=zorder,
             )
         )

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -107,8 +108,11 @@ class _Progress:
     """A bar over the seconds of all recordings."""
 
     def __init__(self, total_s: float) -> None:
-        form = "  playing {percentage:3.0f} %|{bar}| {n:.0f} of {total:.0f} s{postfix}"
-        self._bar = tqdm(total=total_s, bar_format=form, leave=True)
+        form = "  {percentage:3.0f} %|{bar}| {n:.0f} of {total:.0f} s{postfix}"
+        print(f"  playing {total_s:.0f} s at real time", flush=True)
+        self._bar = tqdm(
+            total=total_s, bar_format=form, leave=False, disable=not sys.stderr.isatty()
+        )
         self._done_s = self._began_s = 0.0
 
     def __enter__(self) -> _Progress:
@@ -131,5 +135,4 @@ class _Progress:
         self._show(self._done_s)
 
     def _show(self, seconds: float) -> None:
-        if seconds - self._bar.n >= 1.0 or seconds >= self._bar.total > self._bar.n:
-            self._bar.update(seconds - self._bar.n)
+        self._bar.update(seconds - self._bar.n)
