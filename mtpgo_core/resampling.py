@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,7 +117,7 @@ def fill_backwards(values: Float64Array, valid: BoolArray) -> Float64Array:
         values: [n, T, ...] with NaN where unknown.
         valid: [n, T] presence; samples at which the track was absent stay unknown.
     """
-    flat = values.reshape(*valid.shape, -1)
+    flat = values.reshape(*valid.shape, math.prod(values.shape[2:]))
     known = np.isfinite(flat).all(axis=2)
     if (known | ~valid).all():
         return values
