@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+
 from mtpgo_core.schema import Float64Array, HistoryWindow
 
 Baseline = Callable[[HistoryWindow, int, float], Float64Array]
@@ -51,7 +52,9 @@ def constant_turn_rate(window: HistoryWindow, horizon_steps: int, dt_s: float) -
     # Chord of the arc: v t sinc(angle / 2) along the mean course; smooth through zero rate.
     chord = speed[:, None] * time * np.sinc(angle / (2.0 * np.pi))
     mean_course = course[:, None] + 0.5 * angle
-    step = np.stack([chord * np.cos(mean_course), chord * np.sin(mean_course)], axis=-1)
+    step: Float64Array = np.stack(
+        [chord * np.cos(mean_course), chord * np.sin(mean_course)], axis=-1
+    )
     return window.position[:, -1, None] + step
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The configuration of a training: typed, with its defaults, read from YAML, saved with the run."""
+"""The configuration of a training: typed, with defaults, read from YAML, saved with the run."""
 
 from __future__ import annotations
 
@@ -145,8 +145,8 @@ class TrainingConfig:
     seed: int = 1
     num_threads: int = 2
     data: DataConfig = DataConfig()
-    history: HistoryConfig = HistoryConfig()
-    scene: SceneConfig = SceneConfig()
+    history: HistoryConfig = field(default_factory=HistoryConfig)
+    scene: SceneConfig = field(default_factory=SceneConfig)
     model: dict[str, Any] = field(default_factory=dict)
     optimisation: OptimisationConfig = OptimisationConfig()
     licence: str = ""

@@ -9,9 +9,10 @@ weighted by ``mask``, so that the value does not depend on how many futures a ba
 from __future__ import annotations
 
 import torch
-from models.likelihood import mixture_nll
 from torch import Tensor
 from torch.nn.functional import huber_loss
+
+from models.likelihood import mixture_nll
 
 
 def ewta(
@@ -45,9 +46,10 @@ def negative_log_likelihood(
 
     Args:
         log_weight: [B, N, M] log mixture weights.
-        mean: [B, N, M, H, S]. covariance: [B, N, M, H, S, S].
+        mean: [B, N, M, H, S].
+        covariance: [B, N, M, H, S, S].
         target: [B, N, H, S] observed states; anything finite where not observed.
         mask: [B, N, H] weight of each step, 0 where not observed.
     """
-    value = mixture_nll(log_weight, mean, covariance, target, mask)  # [B, N, H]
+    value = mixture_nll(log_weight, mean, covariance, target, mask > 0.0)  # [B, N, H]
     return (value * mask).sum() / mask.sum().clamp(min=1e-6)

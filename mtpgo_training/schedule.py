@@ -61,7 +61,7 @@ def objective(epoch: int, total_epochs: int, modes: int) -> Objective:
 
 def learning_rate(
     step: int,
-    total_steps: int,
+    done: float,
     *,
     peak: float,
     schedule: str = "cosine",
@@ -72,7 +72,7 @@ def learning_rate(
 
     Args:
         step: the step.
-        total_steps: steps of the whole training.
+        done: share of the whole training that lies behind, 0 to 1.
         peak: the largest rate.
         schedule: ``cosine`` falls from ``peak`` to ``floor * peak``; ``constant`` stays.
         warmup_steps: steps of the linear rise to ``peak`` at the start.
@@ -90,5 +90,4 @@ def learning_rate(
         return peak * (step + 1) / warmup_steps
     if schedule == "constant":
         return peak
-    progress = min(1.0, (step - warmup_steps) / max(1, total_steps - warmup_steps))
-    return peak * (floor + (1.0 - floor) * 0.5 * (1.0 + math.cos(math.pi * progress)))
+    return peak * (floor + (1.0 - floor) * 0.5 * (1.0 + math.cos(math.pi * min(1.0, done))))

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+
 from mtpgo_training.futures import FutureTable
 from mtpgo_training.recording import Recording
 

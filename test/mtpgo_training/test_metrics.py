@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import torch
+
 from mtpgo_training import metrics
 
 # One agent, two modes, three steps; mode 1 has the larger weight.

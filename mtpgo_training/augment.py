@@ -1,0 +1,80 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Changes of a training scene that leave its meaning: a mirror image, a turn of the frame.
+
+Both work on the finished features by their names, so that no feature can be forgotten: an unknown
+name is an error, not a silent omission.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.schema import Float32Array
+
+FloatArray = NDArray[Any]
+
+_PAIRS = (
+    ("x", "y"),
+    ("vx", "vy"),
+    ("ax", "ay"),
+    ("cos_yaw", "sin_yaw"),
+    ("cos_theta", "sin_theta"),
+)
+_UNCHANGED = ("r", "d_l", "d_r")
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """One draw.
+
+    Attributes:
+        mirror: swap left and right.
+        turn_rad: turn about the scene's origin (rad, counter-clockwise).
+    """
+
+    mirror: bool = False
+    turn_rad: float = 0.0
+
+    @property
+    def is_none(self) -> bool:
+        """Nothing is changed."""
+        return not self.mirror and self.turn_rad == 0.0
+
+    def features(self, features: Float32Array, names: tuple[str, ...]) -> Float32Array:
+        """[..., F] features named ``names``, changed.
+
+        Raises:
+            ConfigurationError: a feature of which it is not known how it changes.
+        """
+        at = {name: i for i, name in enumerate(names)}
+        known = {name for pair in _PAIRS for name in pair} | set(_UNCHANGED)
+        unknown = sorted(set(names) - known)
+        if unknown:
+            raise ConfigurationError(
+                f"the feature {unknown[0]!r} cannot be augmented, expected one of "
+                + ", ".join(sorted(known))
+            )
+        out = features.copy()
+        for first, second in _PAIRS:
+            if first in at:
+                columns = [at[first], at[second]]
+                out[..., columns] = self.vectors(features[..., columns])
+        if self.mirror and "d_l" in at:
+            out[..., [at["d_l"], at["d_r"]]] = features[..., [at["d_r"], at["d_l"]]]
+        return out
+
+    def vectors(self, vectors: FloatArray) -> FloatArray:
+        """[..., 2] positions or directions in the scene frame, changed."""
+        if self.mirror:
+            vectors = vectors * np.array([1.0, -1.0], dtype=vectors.dtype)
+        if self.turn_rad == 0.0:
+            return vectors
+        c, s = np.cos(self.turn_rad), np.sin(self.turn_rad)
+        turned = vectors @ np.array([[c, s], [-s, c]], dtype=vectors.dtype)
+        return turned

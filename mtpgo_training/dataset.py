@@ -1,0 +1,323 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes for training and validation, cut by the same functions that serve the node (design D5).
+
+A sample is one graph as a ``torch_geometric`` Data whose nodes are the agents; PyG's DataLoader
+batches graphs of different sizes and :func:`dense` lays them out for the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.utils.data import Dataset
+from torch_geometric.data import Batch, Data
+from torch_geometric.utils import to_dense_batch
+
+from mtpgo_core.lanes import LaneMap
+from mtpgo_core.scene import build_scenes
+from mtpgo_core.schema import Float64Array, HistoryWindow, SceneBatch
+from mtpgo_core.task import HistoryConfig, SceneConfig
+from mtpgo_training.augment import Augmentation
+from mtpgo_training.baselines import BASELINES
+from mtpgo_training.config import DataConfig
+from mtpgo_training.futures import FutureTable
+from mtpgo_training.recording import Recording
+from mtpgo_training.windows import TrackedWindow, cut_restarted_windows, cut_windows
+
+STANDING_MPS = 0.3
+"""An agent slower than this stands (m/s)."""
+
+STANDING_M = 0.5
+"""An agent whose observed future stays within this of its position does not move (m)."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One recording, ready for scenes to be cut from it.
+
+    Attributes:
+        recording: the recording.
+        windows: its windows.
+        restarted: windows of the same instants with short pasts, or empty.
+        future: what happened next.
+        lanes: its lanes, where the context needs them.
+        weight: how often its windows are drawn in an epoch.
+    """
+
+    recording: Recording
+    windows: list[TrackedWindow]
+    restarted: list[TrackedWindow]
+    future: FutureTable
+    lanes: LaneMap | None
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Item:
+    """Which graph a sample is."""
+
+    source: int
+    window: int
+    centre: int
+    restarted: bool
+    augmentation: Augmentation
+
+
+def prepare(
+    recording: Recording,
+    history: HistoryConfig,
+    scene: SceneConfig,
+    data: DataConfig,
+    *,
+    training: bool,
+    seed: int = 0,
+    weight: float = 1.0,
+) -> Source:
+    """A recording's windows and futures.
+
+    Args:
+        recording: the recording.
+        history: see :class:`mtpgo_core.task.HistoryConfig`.
+        scene: see :class:`mtpgo_core.task.SceneConfig`.
+        data: strides, restarts and smoothing.
+        training: with the training's stride, smoothing and restarts, or the validation's.
+        seed: of the restarts.
+        weight: how often its windows are drawn in an epoch.
+    """
+    stride_s = data.stride_s if training else data.validation_stride_s
+    restarted: list[TrackedWindow] = []
+    if training and data.restart_probability > 0.0:
+        generator = np.random.default_rng([seed, len(recording)])
+        restarted = cut_restarted_windows(
+            recording, history, stride_s, data.restart_within_s, generator
+        )
+    return Source(
+        recording=recording,
+        windows=cut_windows(recording, history, stride_s),
+        restarted=restarted,
+        future=FutureTable(
+            recording,
+            max_gap_s=history.max_gap_s,
+            velocity_smoothing_s=data.velocity_smoothing_s if training else 0.0,
+        ),
+        lanes=LaneMap(recording.lanes) if scene.context == "lanes" else None,
+        weight=weight,
+    )
+
+
+class SceneDataset(Dataset[Data]):
+    """Training graphs: every epoch draws other centres, such that each agent lies in a graph."""
+
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        history: HistoryConfig,
+        scene: SceneConfig,
+        data: DataConfig,
+        horizon_steps: int,
+        seed: int,
+    ) -> None:
+        """Keep the sources and draw the first epoch.
+
+        Args:
+            sources: prepared recordings.
+            history: grid of the window and of the future.
+            scene: size of the graphs, frame and features.
+            data: augmentation.
+            horizon_steps: H.
+            seed: the draws depend on it and on the epoch only.
+        """
+        self.sources = list(sources)
+        self.history = history
+        self.scene = scene
+        self.data = data
+        self.horizon_steps = horizon_steps
+        self.seed = seed
+        self.items: list[Item] = []
+        self.set_epoch(0)
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw the graphs of an epoch, counted from 0, in the order of the recordings."""
+        rng = np.random.default_rng([self.seed, epoch])
+        self.items = []
+        for s, source in enumerate(self.sources):
+            for w, tracked in enumerate(source.windows):
+                for _ in range(_copies(source.weight, rng)):
+                    self.items.extend(self._draw(s, w, source, tracked, rng))
+
+    def _draw(
+        self, s: int, w: int, source: Source, tracked: TrackedWindow, rng: np.random.Generator
+    ) -> list[Item]:
+        """The graphs of one window."""
+        restarted = bool(source.restarted) and rng.random() < self.data.restart_probability
+        chosen = source.restarted[w] if restarted else tracked
+        items = []
+        for centre in random_cover(chosen.window, self.scene, rng):
+            mirror = bool(rng.random() < self.data.mirror_probability)
+            turn = float(rng.normal(0.0, 1.0)) * self.data.rotation_std_rad
+            items.append(Item(s, w, int(centre), restarted, Augmentation(mirror, turn)))
+        return items
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def __getitem__(self, index: int) -> Data:
+        item = self.items[index]
+        source = self.sources[item.source]
+        tracked = (source.restarted if item.restarted else source.windows)[item.window]
+        batch = build_scenes(
+            tracked.window,
+            self.scene,
+            centres=np.array([item.centre]),
+            lanes=source.lanes,
+        )
+        return scene_data(
+            batch,
+            0,
+            tracked,
+            source,
+            self.scene,
+            self.history.dt_s,
+            self.horizon_steps,
+            augmentation=item.augmentation,
+            standing_weight=self.data.standing_weight,
+        )
+
+
+def validation_scenes(
+    sources: Sequence[Source],
+    history: HistoryConfig,
+    scene: SceneConfig,
+    horizon_steps: int,
+) -> list[Data]:
+    """The graphs that the node would cut under ``scene.policy``, with their baselines beside them.
+
+    ``primary`` marks the graph whose prediction would be published for an agent, so every agent
+    counts once; ``centre`` marks the agents in the centres of the graphs.
+    """
+    scenes = []
+    for source in sources:
+        for tracked in source.windows:
+            batch = build_scenes(tracked.window, scene, lanes=source.lanes)
+            for b in range(batch.features.shape[0]):
+                data = scene_data(batch, b, tracked, source, scene, history.dt_s, horizon_steps)
+                agents = batch.agent[b][batch.agent[b] >= 0]
+                paths = np.stack(
+                    [
+                        f(tracked.window.select(agents), horizon_steps, history.dt_s)
+                        for f in BASELINES.values()
+                    ],
+                    axis=1,
+                )
+                local = to_scene(paths - batch.origin[b], batch.rotation[b])
+                data.baselines = torch.from_numpy(np.nan_to_num(local).astype(np.float32))
+                scenes.append(data)
+    return scenes
+
+
+def scene_data(
+    batch: SceneBatch,
+    b: int,
+    tracked: TrackedWindow,
+    source: Source,
+    scene: SceneConfig,
+    dt_s: float,
+    horizon_steps: int,
+    *,
+    augmentation: Augmentation | None = None,
+    standing_weight: float = 1.0,
+) -> Data:
+    """Graph ``b`` of a batch as PyG Data.
+
+    The nodes are the N agents; ``x`` [N, T, F], ``valid`` [N, T], ``static`` [N, C], ``target``
+    [N, H, 4] (x, y, vx, vy in the scene frame; zero where not observed), ``weight`` [N, H] (0
+    where not observed or where the agent is not valid at t), ``primary`` [N], ``centre`` [N].
+    """
+    there = batch.agent[b] >= 0
+    agents = batch.agent[b][there]
+    future = source.future.at(tracked.track[agents], tracked.window.stamp_ns, horizon_steps, dt_s)
+    rotation = float(batch.rotation[b])
+    position = to_scene(future.position - batch.origin[b], rotation)
+    velocity = to_scene(future.velocity, rotation)
+    features, valid = batch.features[b][there], batch.valid[b][there]
+    if augmentation is not None and not augmentation.is_none:
+        features = augmentation.features(features, scene.features)
+        features[~valid] = 0.0
+        position = augmentation.vectors(position)
+        velocity = augmentation.vectors(velocity)
+    known = future.known & valid[:, -1:]
+    target = np.where(known[..., None], np.concatenate([position, velocity], axis=-1), 0.0)
+    weight = known.astype(np.float32)
+    if standing_weight < 1.0:
+        weight[_standing(features, target, known)] *= standing_weight
+    return Data(
+        x=torch.from_numpy(features),
+        valid=torch.from_numpy(valid),
+        static=torch.from_numpy(batch.static[b][there]),
+        target=torch.from_numpy(target.astype(np.float32)),
+        weight=torch.from_numpy(weight),
+        primary=torch.from_numpy(batch.primary[b][there]),
+        centre=torch.arange(len(agents)) == 0,
+        num_nodes=len(agents),
+    )
+
+
+def dense(batch: Batch) -> dict[str, Tensor]:
+    """The fields of a PyG batch as [B, N, ...], zero and false where a graph has fewer agents."""
+    names = ("x", "valid", "static", "target", "weight", "primary", "centre", "baselines")
+    index, size = batch.batch, int(batch.num_graphs)
+    return {
+        name: to_dense_batch(batch[name], index, batch_size=size)[0]
+        for name in names
+        if name in batch
+    }
+
+
+def to_scene(vectors: Float64Array, rotation: float) -> Float64Array:
+    """[..., 2] vectors of the fixed frame in a scene frame turned by ``rotation`` (rad)."""
+    c, s = np.cos(rotation), np.sin(rotation)
+    return vectors @ np.array([[c, -s], [s, c]])
+
+
+def random_cover(
+    window: HistoryWindow, scene: SceneConfig, rng: np.random.Generator
+) -> NDArray[np.int64]:
+    """Centres in random order such that every agent valid at t lies in the graph of one.
+
+    The same neighbourhoods as the node's ``cover`` (nearest first, limited in number and radius),
+    but other centres at every draw.
+    """
+    present = np.flatnonzero(window.valid[:, -1])
+    position = window.position[present, -1]
+    distance = np.linalg.norm(position[:, None] - position[None], axis=-1)
+    uncovered = np.ones(len(present), dtype=bool)
+    centres = []
+    for i in rng.permutation(len(present)):
+        if not uncovered[i]:
+            continue
+        centres.append(present[i])
+        near = np.argsort(distance[i], kind="stable")[: scene.max_neighbours + 1]
+        uncovered[near[distance[i, near] <= scene.radius_m]] = False
+        uncovered[i] = False
+    return np.array(centres, dtype=np.int64)
+
+
+def _standing(
+    features: NDArray[np.float32], target: Float64Array, known: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """[N] agents that stand at t and stay where they are."""
+    speed = np.hypot(features[:, -1, 2], features[:, -1, 3])
+    moved = np.linalg.norm(target[..., :2] - features[:, -1:, :2], axis=-1)
+    return (speed < STANDING_MPS) & (np.where(known, moved, 0.0).max(axis=-1) < STANDING_M)
+
+
+def _copies(weight: float, rng: np.random.Generator) -> int:
+    """How often a window is drawn: ``weight`` on average."""
+    whole = int(weight)
+    return whole + int(rng.random() < weight - whole)

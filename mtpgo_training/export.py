@@ -1,0 +1,180 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``mtpgo export``: a checkpoint becomes the one file that a robot needs."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import hashlib
+import json
+import warnings
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from models.config import ModelConfig
+from models.mtp_go import MTPGO
+from mtpgo_core.errors import ConfigurationError, ModelFileError
+from mtpgo_core.runner import ModelRunner
+from mtpgo_core.task import TASK_FILE, TaskDescription, from_dict
+from mtpgo_training.atomic import replacing
+from mtpgo_training.config import TrainingConfig
+from mtpgo_training.info import card
+from mtpgo_training.run_folder import Checkpoint, load_checkpoint, versions
+
+LARGEST_DIFFERENCE_M = 1e-4
+"""An exported model whose means differ more than this from the eager one's is not written (m)."""
+
+STATE_NAMES = ("x", "y", "vx", "vy")
+
+
+def export_model(model: MTPGO, task: TaskDescription, path: Path) -> TaskDescription:
+    """Script, freeze and save a model with its task description, and check the file.
+
+    Args:
+        model: the network.
+        task: what it was trained for; the hash of the weights and what the network itself
+            determines (states, horizon, modes) are filled in.
+        path: the file, written whole or not at all.
+
+    Returns:
+        The task as it stands in the file.
+
+    Raises:
+        ModelFileError: the exported model does not compute what the eager one does.
+        ConfigurationError: the file cannot be written.
+    """
+    model = model.eval()
+    task = dataclasses.replace(
+        task,
+        states=STATE_NAMES[: model.config.state_size],
+        horizon_steps=model.config.horizon_steps,
+        modes=model.config.modes,
+        model=model.config.to_dict(),
+        weights_sha256=weights_hash(model),
+    )
+    with warnings.catch_warnings(), replacing(path) as temporary:
+        warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit in 2.13, see SPEED notes
+        frozen = torch.jit.freeze(torch.jit.script(model))
+        torch.jit.save(frozen, str(temporary), _extra_files={TASK_FILE: task.to_json()})
+        _check(model, temporary)
+    return task
+
+
+def weights_hash(model: torch.nn.Module) -> str:
+    """SHA-256 over the names and values of all parameters and buffers."""
+    digest = hashlib.sha256()
+    for name, value in sorted(model.state_dict().items()):
+        digest.update(name.encode())
+        digest.update(value.detach().cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()
+
+
+def load_model(checkpoint: Checkpoint) -> MTPGO:
+    """The validated network of a checkpoint.
+
+    Raises:
+        ConfigurationError: the checkpoint belongs to another architecture.
+    """
+    try:
+        model = MTPGO(ModelConfig.from_dict(checkpoint["model_config"]))
+        model.load_state_dict(checkpoint["average"])
+    except (KeyError, ValueError, RuntimeError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ConfigurationError(
+            f"the checkpoint does not fit this version's network: {reason}"
+        ) from error
+    return model.eval()
+
+
+def describe(checkpoint: Checkpoint, name: str | None = None) -> TaskDescription:
+    """The task description of a checkpoint.
+
+    Args:
+        checkpoint: of ``mtpgo train``.
+        name: of the model, the configuration's by default.
+    """
+    config = from_dict(TrainingConfig, checkpoint["config"], "the checkpoint's configuration")
+    plain: dict[str, Any] = json.loads(json.dumps(checkpoint["config"]))
+    return TaskDescription(
+        name=name or config.name,
+        version=_version(),
+        history=config.history,
+        scene=config.scene,
+        training={
+            "recordings": checkpoint["splits"],
+            "licence": config.licence,
+            "attribution": config.attribution,
+            "configuration": {k: plain[k] for k in ("data", "optimisation", "seed")},
+            "epochs": checkpoint["epoch"],
+            "steps": checkpoint["step"],
+            "versions": versions(),
+        },
+        metrics={"validation": checkpoint["metrics"]},
+    )
+
+
+def _check(model: MTPGO, path: Path) -> None:
+    """That the file computes what the eager model computes, on agents with gaps and padding."""
+    ModelRunner.load(path, num_threads=None)  # the schema and the shapes, as the node checks them
+    loaded = torch.jit.load(str(path))
+    features, valid, static = _example(model.config)
+    with torch.inference_mode():
+        expected, given = model(features, valid, static), loaded(features, valid, static)
+    difference = max(float((a - b).abs().max()) for a, b in zip(expected, given, strict=True))
+    if not difference <= LARGEST_DIFFERENCE_M:
+        raise ModelFileError(
+            f"the exported model differs from the eager one by {difference:.2e}, expected at most "
+            f"{LARGEST_DIFFERENCE_M:.0e}"
+        )
+
+
+def _example(config: ModelConfig) -> tuple[Tensor, Tensor, Tensor]:
+    """Two scenes of five agents at driving speeds, some seen late, some absent."""
+    draw = torch.Generator().manual_seed(0)
+    shape = (2, 5, config.history_steps)
+    time = torch.arange(1 - config.history_steps, 1) * config.dt_s
+    velocity = torch.randn(2, 5, 1, 2, generator=draw) * 8.0
+    start = torch.randn(2, 5, 1, 2, generator=draw) * 20.0
+    features = 0.3 * torch.randn(*shape, config.feature_size, generator=draw)
+    features[..., 0:2] = start + velocity * time[:, None]
+    features[..., 2:4] = velocity.expand(*shape, 2)
+    course = torch.atan2(velocity[..., 1], velocity[..., 0]).expand(*shape)
+    features[..., 6], features[..., 7] = course.cos(), course.sin()
+    valid = torch.ones(shape, dtype=torch.bool)
+    valid[0, 1, : config.history_steps - 1] = False
+    valid[1, 3:] = False
+    features = features * valid[..., None]
+    static = torch.zeros(2, 5, config.static_size)
+    if config.static_size:
+        static[..., 0] = 1.0
+    return features, valid, static
+
+
+def _version() -> str:
+    try:
+        return metadata.version("mtpgo_ros")
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add ``mtpgo export`` to the command line."""
+    export = subparsers.add_parser("export", help="turn a checkpoint into a model file")
+    export.add_argument("checkpoint", type=Path, help="checkpoint, or run folder for its best")
+    export.add_argument("-o", "--output", type=Path, required=True, help="model file to write")
+    export.add_argument("--name", help="name of the model, the configuration's by default")
+    export.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run ``mtpgo export``."""
+    checkpoint = load_checkpoint(args.checkpoint)
+    task = export_model(load_model(checkpoint), describe(checkpoint, args.name), args.output)
+    print(card(task))
+    print(f"written    {args.output}, {args.output.stat().st_size / 1e6:.2f} MB")
+    return 0

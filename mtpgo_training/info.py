@@ -1,0 +1,60 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``mtpgo info``: what a model file says about itself."""
+
+from __future__ import annotations
+
+import argparse
+
+from mtpgo_core.modelfile import find_model, load_task
+from mtpgo_core.task import TaskDescription
+
+
+def card(task: TaskDescription) -> str:
+    """The description of a model for the terminal."""
+    training = task.training
+    lines = [
+        f"{task.name} (exported by version {task.version or 'unknown'})",
+        f"states     {', '.join(task.states)}",
+        f"horizon    {task.horizon_steps} steps of {task.history.dt_s} s, {task.modes} modes",
+        f"history    {task.history.steps} steps of {task.history.dt_s} s",
+        f"scene      policy {task.scene.policy}, frame {task.scene.frame}, up to "
+        f"{task.scene.max_neighbours} neighbours within {task.scene.radius_m:g} m",
+        f"features   {', '.join(task.scene.features)}",
+        f"classes    {', '.join(task.scene.classes)}",
+        f"weights    sha256 {task.weights_sha256}",
+    ]
+    for use in ("train", "validation", "test"):
+        names = [
+            f"{r.get('source')}/{r.get('name')}"
+            for r in training.get("recordings", [])
+            if r.get("split") == use
+        ]
+        lines.append(f"{use:<10} {', '.join(names) or '-'}")
+    for key in ("licence", "attribution"):
+        if training.get(key):
+            lines.append(f"{key:<10} {training[key]}")
+    for where, models in task.metrics.items():
+        lines.append(f"metrics    {where}:")
+        for model, protocols in models.items():
+            for protocol, scores in protocols.items():
+                values = "  ".join(
+                    f"{k} {v:.3f}" if isinstance(v, float) else f"{k} {v}"
+                    for k, v in scores.items()
+                    if v is not None
+                )
+                lines.append(f"           {model:<6} {protocol:<7} {values}")
+    return "\n".join(lines)
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add ``mtpgo info`` to the command line."""
+    parser = subparsers.add_parser("info", help="what a model file says about itself")
+    parser.add_argument("model", help="model file, or name of a shipped model")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run ``mtpgo info``."""
+    print(card(load_task(find_model(args.model))))
+    return 0
