@@ -148,14 +148,15 @@ def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:
     """[messages] frame numbers from 0 and their rate (Hz): the messages' own, if it is steady."""
     elapsed_s = (stamps_ns - stamps_ns[0]) / 1e9
     steps_s = np.diff(elapsed_s)
-    if not len(steps_s) or np.median(steps_s) <= 0:
-        return np.round(elapsed_s * _FREE_RATE).astype(np.int64), _FREE_RATE
-    frame = np.round(elapsed_s / np.median(steps_s))
-    rate = float(frame[-1] / elapsed_s[-1])
-    if abs(rate - round(rate, 1)) < 1e-4 * rate:
-        rate = round(rate, 1)
-    if (np.abs(frame / rate - elapsed_s) < 1e-4).all():
-        return frame.astype(np.int64), rate
+    steps_s = steps_s[steps_s > 0]
+    # Where messages are missing, the shortest step tells the rate and not the usual one.
+    for step_s in (np.median(steps_s), steps_s.min()) if len(steps_s) else ():
+        frame = np.round(elapsed_s / step_s)
+        rate = float(frame[-1] / elapsed_s[-1])
+        if abs(rate - round(rate, 1)) < 1e-4 * rate:
+            rate = round(rate, 1)
+        if (np.abs(frame / rate - elapsed_s) < 1e-4).all():
+            return frame.astype(np.int64), rate
     return np.round(elapsed_s * _FREE_RATE).astype(np.int64), _FREE_RATE
 
 

@@ -1,0 +1,100 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: one sentence and status 2 for bad input, and nothing loaded in vain."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mtpgo_training import cli
+from mtpgo_training.readers import load_recordings
+
+sys.path.insert(0, str(Path(__file__).parent))
+import drone_files
+
+
+def test_convert_writes_the_file_it_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = drone_files.write_highd(tmp_path / "highd")
+    output = tmp_path / "out.mcap"
+    status = cli.main(["convert", "highd", str(source), "-o", str(output), "--ego", "2"])
+    assert status == 0
+    assert "1 recording(s) (01), 0.0 s, 2 frames, 4 messages" in capsys.readouterr().out
+    assert load_recordings(output, "bag")[0].ego_id == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["convert", "foo", "{dir}", "-o", "{out}"], "the layout 'foo' is unknown, expected one"),
+        (["convert", "ind", "{dir}", "-o", "{out}"], "has the layout 'highd', but 'ind' was"),
+        (["convert", "highd", "{dir}/no", "-o", "{out}"], "no does not exist, expected a dir"),
+        (["convert", "highd", "{dir}", "-o", "{dir}/01_tracks.csv/x"], "cannot be written: "),
+        (["convert", "highd", "{dir}", "-o", "{out}", "--ego", "77"], "the ego 77 is in none"),
+        (
+            ["convert", "highd", "{dir}", "-o", "{out}", "--recordings", "9"],
+            "has no recording '9'",
+        ),
+        (["simulate", "highway", "-o", "{out}", "--lanes", "9"], "lanes is 9, expected 2 to 4"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], sentence: str
+) -> None:
+    source = drone_files.write_highd(tmp_path / "highd")
+    before = sorted(tmp_path.rglob("*"))
+    filled = [a.format(dir=source, out=tmp_path / "out.mcap") for a in arguments]
+    assert cli.main(filled) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert sentence in captured.err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("arguments", [[], ["nonsense"], ["convert"], ["convert", "--as", "x"]])
+def test_wrong_usage_is_status_2(arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(arguments)
+    assert stopped.value.code == 2
+
+
+def test_interrupt_is_status_130(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def interrupted(args: object) -> int:
+        raise KeyboardInterrupt
+
+    import mtpgo_training.convert
+
+    monkeypatch.setattr(mtpgo_training.convert, "run", interrupted)
+    assert cli.main(["convert", "highd", str(tmp_path), "-o", str(tmp_path / "x")]) == 130
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_help_loads_no_heavy_library() -> None:
+    code = (
+        "import sys\n"
+        "from mtpgo_training import cli\n"
+        "try:\n"
+        "    cli.main(['--help'])\n"
+        "except SystemExit:\n"
+        "    pass\n"
+        "print(sorted({'torch', 'pandas', 'rosbags', 'matplotlib', 'numpy'} & set(sys.modules)))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=Path(__file__).parents[2],
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+    for name, _, text in cli.COMMANDS:
+        assert name in done.stdout
+        assert text.split()[0] in done.stdout
