@@ -78,10 +78,10 @@ $(STAMP): $(REQUIREMENTS)
 	  "packages (about 2 GB, once; a few minutes)"; \
 	"$$python" -m venv "$(VENV)"
 	@echo "== Installing requirements/development.txt"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check \
 	  -r requirements/development.txt -c requirements/lock.txt
 	@echo "== Installing this package (editable)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check \
 	  --no-deps --no-build-isolation --editable .
 	@touch $@
 	@echo "== $(VENV) is ready"
