@@ -156,10 +156,15 @@ def make_uuid(key: np.ndarray, types: Types) -> Any:
     return types.make("unique_identifier_msgs/msg/UUID", uuid=octets)
 
 
+def autoware_label(agent_class: int) -> int:
+    """Autoware's label of our class; vans, which Autoware has not, are cars."""
+    return int(AgentClass.CAR if agent_class == AgentClass.VAN else agent_class)
+
+
 def make_classification(agent_class: int, types: Types) -> Any:
-    """One certain ``ObjectClassification``; vans, which Autoware has not, are cars."""
-    label = AgentClass.CAR if agent_class == AgentClass.VAN else agent_class
-    return types.make(PACKAGE + "ObjectClassification", label=int(label), probability=1.0)
+    """One certain ``ObjectClassification``."""
+    label = autoware_label(agent_class)
+    return types.make(PACKAGE + "ObjectClassification", label=label, probability=1.0)
 
 
 def make_shape(size: Float64Array, types: Types) -> Any:

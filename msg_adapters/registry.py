@@ -10,12 +10,20 @@ from typing import Any
 
 from msg_adapters.adapter import InputAdapter
 from msg_adapters.autoware import AUTOWARE
-from msg_adapters.autoware_out import prediction_to_predicted_objects
+from msg_adapters.autoware_out import (
+    prediction_to_predicted_objects,
+    prediction_to_predicted_objects_bytes,
+)
 from msg_adapters.derived import DERIVED
 from msg_adapters.ika import IKA
 from msg_adapters.markers import MARKERS
 from msg_adapters.pointcloud2 import POINTCLOUD2
-from msg_adapters.prediction_markers import MarkerStyle, MarkerTracker, prediction_to_markers
+from msg_adapters.prediction_markers import (
+    MarkerStyle,
+    MarkerTracker,
+    prediction_to_marker_bytes,
+    prediction_to_markers,
+)
 from msg_adapters.predictions import prediction_to_pointcloud2
 from msg_adapters.types import Types
 from msg_adapters.vision import VISION
@@ -23,7 +31,7 @@ from mtpgo_core.errors import ConfigurationError, MessageError
 from mtpgo_core.schema import Prediction
 
 Writer = Callable[[Prediction], Any]
-"""Makes one message of a prediction; call it from one thread."""
+"""Makes one message, or its bytes, of a prediction; call it from one thread at a time."""
 
 
 @dataclass(frozen=True)
@@ -34,28 +42,36 @@ class OutputAdapter:
         name: short name, for instance ``markers``.
         message_type: ROS type.
         make_writer: the writing function's maker, (types, max_modes) -> writer.
+        make_byte_writer: maker of a faster writer of serialised messages, (max_modes) -> writer;
+            None where messages of objects are as fast.
     """
 
     name: str
     message_type: str
     make_writer: Callable[[Types, int | None], Writer]
+    make_byte_writer: Callable[[int | None], Writer] | None = None
 
     @property
     def package(self) -> str:
         """Message package that must be installed to publish this type."""
         return self.message_type.partition("/")[0]
 
-    def writer(self, types: Types, *, max_modes: int | None = None) -> Writer:
+    def writer(
+        self, types: Types, *, max_modes: int | None = None, serialized: bool = False
+    ) -> Writer:
         """A function from prediction to message, with state of its own where markers need it.
 
         Args:
             types: where message classes come from.
             max_modes: the strongest modes to keep, renormalised; None keeps all.
+            serialized: give CDR bytes where that is much faster; rclpy publishers take both.
 
         Raises:
             MessageError: the message package is not available.
         """
         types.message_class(self.message_type)
+        if serialized and self.make_byte_writer is not None:
+            return self.make_byte_writer(max_modes)
         return self.make_writer(types, max_modes)
 
 
@@ -121,6 +137,19 @@ def _autoware_writer(types: Types, max_modes: int | None) -> Writer:
     )
 
 
+def _autoware_byte_writer(max_modes: int | None) -> Writer:
+    return lambda prediction: prediction_to_predicted_objects_bytes(
+        prediction, max_modes=max_modes
+    )
+
+
+def _marker_byte_writer(max_modes: int | None) -> Writer:
+    tracker, style = MarkerTracker(), MarkerStyle()
+    return lambda prediction: prediction_to_marker_bytes(
+        prediction, tracker, max_modes=max_modes, style=style
+    )
+
+
 def _marker_writer(types: Types, max_modes: int | None) -> Writer:
     tracker, style = MarkerTracker(), MarkerStyle()
     return lambda prediction: prediction_to_markers(
@@ -132,9 +161,12 @@ OUTPUTS: dict[str, OutputAdapter] = {
     adapter.name: adapter
     for adapter in (
         OutputAdapter("pointcloud2", POINTCLOUD2.message_type, _cloud_writer),
-        OutputAdapter("markers", MARKERS.message_type, _marker_writer),
+        OutputAdapter("markers", MARKERS.message_type, _marker_writer, _marker_byte_writer),
         OutputAdapter(
-            "autoware", "autoware_perception_msgs/msg/PredictedObjects", _autoware_writer
+            "autoware",
+            "autoware_perception_msgs/msg/PredictedObjects",
+            _autoware_writer,
+            _autoware_byte_writer,
         ),
     )
 }

@@ -19,7 +19,7 @@ SENTENCES = {
 }
 
 
-@pytest.mark.parametrize("name", sorted(INPUTS) + ["predicted"])
+@pytest.mark.parametrize("name", [*sorted(INPUTS), "predicted"])
 def test_message_classes_come_or_say_what_to_install(name):
     pytest.importorskip("rclpy")
     adapter = INPUTS.get(name, OUTPUTS["autoware"])
