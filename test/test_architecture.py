@@ -34,6 +34,9 @@ ALLOWED = {
 }
 """What each package may import beside itself and the standard library."""
 
+OPTIONAL = {"mtpgo_ros": {"tf2_ros", "ament_index_python"}}
+"""What a package may import inside a function only: it must do without."""
+
 WITHOUT_TORCH = ("schema", "identity", "task", "errors", "history", "derivatives", "scene")
 """Modules of the core that an adapter or a reader uses: they must not pay for torch."""
 
@@ -72,6 +75,8 @@ def test_imports_stay_on_their_floor(package):
         for module, inside in imports_of(path):
             top = module.split(".")[0]
             if top in sys.stdlib_module_names or top == package or top in ALLOWED[package]:
+                continue
+            if inside and top in OPTIONAL.get(package, ()):
                 continue
             if package == "mtpgo_ros" and is_message_package(top):
                 continue
