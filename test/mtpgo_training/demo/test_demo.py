@@ -57,6 +57,7 @@ def demo(*arguments: str, cwd: Path) -> subprocess.CompletedProcess:
     )
 
 
+@pytest.mark.timeout(300)
 def test_the_node_answers_every_cycle_for_everybody(folder, model, tmp_path):
     done = demo(str(folder), "--layout", "ind", "--model", str(model), "--all", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
