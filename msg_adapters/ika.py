@@ -23,6 +23,7 @@ from msg_adapters.common import (
     rotate,
     small_integer_keys,
     stamp_to_ns,
+    table,
     to_header_frame,
 )
 from msg_adapters.types import Types
@@ -63,6 +64,7 @@ MODELS = {
     17: StateModel("HEXAMOTION", size=16, yaw=9, length=13, width=14),
 }
 _WRITTEN_MODEL = 16
+_GEOMETRIC_CENTRE = 0
 _COVARIANCE_COLUMNS = [0, 1, 3, 4]
 
 _CLASSES = {
@@ -99,19 +101,11 @@ def decode_object_list(
             skipped[reason] += 1
         else:
             kept.append(item)
-    n = len(kept)
-    values = np.full((n, 10), np.nan)
-    covariance = np.full((n, 4, 4), np.nan)
-    offset = np.zeros((n, 3))
-    for i, item in enumerate(kept):
-        values[i], covariance[i] = _read_state(item.state)
-        reference = item.state.reference_point
-        if int(reference.value) != 0:
-            shift = reference.translation_to_geometric_center
-            offset[i] = shift.x, shift.y, shift.z
+    values, covariance = _read_states([item.state for item in kept])
+    offset = table([_to_centre(item.state.reference_point) for item in kept], 3)
     yaw = values[:, 7]
     heading = np.where(np.isfinite(yaw), yaw, 0.0)
-    turned = yaw if twist_frame == "object" else np.zeros(n)
+    turned = yaw if twist_frame == "object" else np.zeros_like(yaw)
     states = tracked_states(
         stamp_to_ns(message.header.stamp),
         str(message.header.frame_id),
@@ -203,22 +197,36 @@ def _unreadable(state: Any) -> str:
     return ""
 
 
-def _read_state(state: Any) -> tuple[Float64Array, Float64Array]:
-    """[10] values in the order of ``StateModel.columns``; [4, 4] of x, y, vel_lon, vel_lat."""
-    model = MODELS[int(state.model_id)]
-    values = finite(state.continuous_state).copy()
-    covariance = np.full((4, 4), np.nan)
-    if len(state.continuous_state_covariance):
-        matrix = np.asarray(state.continuous_state_covariance, dtype=np.float64)
-        matrix = matrix.reshape(model.size, model.size)
-        variances = np.diagonal(matrix)
-        values[variances == NOT_SET] = np.nan
-        known = (variances > 0.0) & (variances < COVARIANCE_UNKNOWN)
-        chosen = np.array(_COVARIANCE_COLUMNS)
-        covariance = matrix[np.ix_(chosen, chosen)].copy()
-        covariance[~known[chosen]] = np.nan
-        covariance[:, ~known[chosen]] = np.nan
-    return values[model.columns], finite(covariance)
+def _to_centre(reference: Any) -> tuple[float, float, float]:
+    """Way from the reference point to the centre of the box, along the object's axes (m)."""
+    if int(reference.value) == _GEOMETRIC_CENTRE:
+        return 0.0, 0.0, 0.0
+    shift = reference.translation_to_geometric_center
+    return shift.x, shift.y, shift.z
+
+
+def _read_states(states: list[Any]) -> tuple[Float64Array, Float64Array]:
+    """[n, 10] values by ``StateModel.columns``; [n, 4, 4] covariance of x, y, vel_lon, vel_lat."""
+    values = np.full((len(states), 10), np.nan)
+    covariance = np.full((len(states), 4, 4), np.nan)
+    models = np.array([int(state.model_id) for state in states], dtype=np.int64)
+    for number, model in MODELS.items():
+        where = np.flatnonzero(models == number)
+        chosen = [states[i] for i in where]
+        if not chosen:
+            continue
+        vector = finite(np.array([state.continuous_state for state in chosen]))
+        unfilled = np.full(model.size**2, COVARIANCE_UNKNOWN)
+        given = [state.continuous_state_covariance for state in chosen]
+        matrix = np.array([row if len(row) else unfilled for row in given], dtype=np.float64)
+        matrix = matrix.reshape(-1, model.size, model.size)
+        variances = np.diagonal(matrix, axis1=1, axis2=2)
+        vector[variances == NOT_SET] = np.nan
+        values[where] = vector[:, model.columns]
+        block = matrix[:, _COVARIANCE_COLUMNS][:, :, _COVARIANCE_COLUMNS]
+        known = ((variances > 0.0) & (variances < COVARIANCE_UNKNOWN))[:, _COVARIANCE_COLUMNS]
+        covariance[where] = np.where(known[:, :, None] & known[:, None, :], block, np.nan)
+    return values, finite(covariance)
 
 
 def _write_covariance(values: Float64Array, covariance: Float64Array) -> Float64Array:
