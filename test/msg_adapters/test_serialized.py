@@ -113,3 +113,34 @@ def test_bytes_are_faster(kind, prediction, offline, typestore):
     objects, octets = output.writer(offline), output.writer(offline, serialized=True)
     slow = best(lambda: typestore.serialize_cdr(objects(crowd), output.message_type))
     assert best(lambda: octets(crowd)) < slow
+
+
+def test_a_publisher_takes_the_bytes(prediction, online):
+    rclpy = pytest.importorskip("rclpy")
+    from rclpy.executors import SingleThreadedExecutor
+
+    output = OUTPUTS["markers"]
+    kind = online.message_class(output.message_type)
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    try:
+        node = rclpy.create_node("bytes_test", context=context)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        received = []
+        node.create_subscription(kind, "markers", received.append, 5)
+        publisher = node.create_publisher(kind, "markers", 5)
+        deadline = time.monotonic() + 30.0
+        while publisher.get_subscription_count() == 0 and time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=0.05)
+        publisher.publish(output.writer(online, serialized=True)(prediction))
+        while not received and time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=0.05)
+        executor.shutdown()
+        node.destroy_node()
+    finally:
+        rclpy.shutdown(context=context)
+    wanted = output.writer(online)(prediction)
+    assert [(m.ns, m.id, len(m.points)) for m in received[0].markers] == [
+        (m.ns, m.id, len(m.points)) for m in wanted.markers
+    ]
