@@ -102,13 +102,14 @@ class TrackHistory:
 
     @property
     def frame_id(self) -> str:
-        """The frame of the past, empty before the first message."""
-        return self._watch.frame_id
+        """The frame of the past, empty before the first object."""
+        return self._watch.frame_id or ""
 
     def update(self, states: TrackedStates) -> UpdateReport:
         """Take one message in; the module's table says what becomes of what."""
         stamp_ns = int(states.stamp_ns)
-        verdict = self._watch.judge(stamp_ns, states.frame_id)
+        # Without objects the name of the frame means nothing; some messages then have none.
+        verdict = self._watch.judge(stamp_ns, states.frame_id if len(states) else None)
         if verdict is Verdict.STRANGE_FRAME:
             return UpdateReport(frame_changed=True, wrong_frame=len(states))
         if verdict is not Verdict.CONTINUES:
@@ -238,7 +239,7 @@ class TrackHistory:
         sample = self._interpolate(slot, place, brackets)
         return HistoryWindow(
             stamp_ns=stamp_ns,
-            frame_id=self._watch.frame_id,
+            frame_id=self.frame_id,
             key=store.key[slot],
             agent_class=store.agent_class[slot],
             z=store.z[slot],

@@ -69,7 +69,7 @@ class StreamWatch:
 
     Attributes:
         newest_ns: newest stamp, None before the first message.
-        frame_id: frame of the stream, empty before the first message.
+        frame_id: frame of the stream, None before the first object.
     """
 
     def __init__(self, keep_ns: int) -> None:
@@ -79,26 +79,31 @@ class StreamWatch:
     def clear(self) -> None:
         """Forget the stream."""
         self.newest_ns: int | None = None
-        self.frame_id = ""
+        self.frame_id: str | None = None
         self._strange_frame = ""
         self._strange = self._late = 0
 
-    def judge(self, stamp_ns: int, frame_id: str) -> Verdict:
-        """Judge the next message and remember it, unless it is of a strange frame."""
+    def judge(self, stamp_ns: int, frame_id: str | None) -> Verdict:
+        """Judge the next message and remember it, unless it is of a strange frame.
+
+        Args:
+            stamp_ns: of the message.
+            frame_id: of its objects, None where it has none.
+        """
         verdict = self._judge(stamp_ns, frame_id)
         if verdict is Verdict.STRANGE_FRAME:
             return verdict
         if verdict is not Verdict.CONTINUES:
             self.clear()
         self._strange = 0
-        self.frame_id = frame_id
+        self.frame_id = frame_id if frame_id is not None else self.frame_id
         self.newest_ns = stamp_ns if self.newest_ns is None else max(stamp_ns, self.newest_ns)
         return verdict
 
-    def _judge(self, stamp_ns: int, frame_id: str) -> Verdict:
+    def _judge(self, stamp_ns: int, frame_id: str | None) -> Verdict:
         if self.newest_ns is None:
             return Verdict.CONTINUES
-        if frame_id != self.frame_id:
+        if frame_id is not None and self.frame_id is not None and frame_id != self.frame_id:
             self._strange = self._strange + 1 if frame_id == self._strange_frame else 1
             self._strange_frame = frame_id
             return Verdict.NEW_FRAME if self._strange >= _PATIENCE else Verdict.STRANGE_FRAME

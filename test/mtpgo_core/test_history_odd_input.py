@@ -54,6 +54,16 @@ def test_an_empty_message_moves_the_time_and_nothing_else():
     np.testing.assert_allclose(window.position[:, -1, 0], 32.0)  # carried on
 
 
+def test_an_empty_message_is_in_no_frame():
+    history = TrackHistory(HistoryConfig())
+    history.update(dataclasses.replace(drive(0.0, ids=()), frame_id=""))
+    assert history.update(drive(0.1)).accepted == 2
+    for k in range(4):
+        empty = dataclasses.replace(drive(0.2 + 0.1 * k, ids=()), frame_id="")
+        assert not history.update(empty).frame_changed
+    assert history.window().frame_id == "map"
+
+
 def test_an_agent_unseen_is_carried_on_half_a_second_and_forgotten_after_the_window():
     history = fed()
     for t, present, known in ((3.5, True, True), (3.6, False, True), (6.4, False, True)):
