@@ -17,16 +17,24 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Ellipse, Patch, Polygon
+from matplotlib.patches import Patch
 
 from mtpgo_core.schema import AgentClass, Float64Array
 from mtpgo_training.atomic import replacing
 from mtpgo_training.demo.moments import Moment
 from mtpgo_training.demo.plan import tracks_of
+from mtpgo_training.demo.strokes import (
+    BODY,
+    CV,
+    FOCAL,
+    GROUND,
+    LANE,
+    PREDICTED,
+    SHOWN_WEIGHT,
+    TRUTH,
+    draw_agent,
+)
 from mtpgo_training.demo.surroundings import Surroundings, surroundings
-
-PREDICTED, FOCAL, TRUTH, CV = "#2a6fbb", "#e07b16", "#1a1a1a", "#c0392b"
-PAST, LANE, BODY, GROUND = "#7d8790", "#c3c7cb", "#dfe4ea", "#f7f7f5"
 
 LOWEST, HIGHEST = 0.2, 0.46
 """Bounds on the height of a panel over its width."""
@@ -35,16 +43,8 @@ MIN_WIDTH_M, MARGIN_M, BESIDE_M = 80.0, np.array([12.0, 6.0]), 6.0
 """A panel is at least this wide, leaves this around what it is about (x, y), and this around the
 others beside (m)."""
 
-SHOWN_WEIGHT = 0.05
-"""Modes below this weight are not drawn."""
-
-STEPS_S = (1.0, 2.0, 3.0, 4.0, 5.0)
-"""Times at which the focal road user's ellipses are drawn (s)."""
-
 PAST_S = 3.0
-
-DEFAULT_SIZE_M = {AgentClass.PEDESTRIAN: (0.6, 0.6), AgentClass.BICYCLE: (1.8, 0.7)}
-CAR_SIZE_M = (4.6, 1.9)
+"""How much of the past is drawn (s)."""
 
 
 def draw_picture(moments: Sequence[Moment], path: Path) -> None:
@@ -89,7 +89,7 @@ def _draw_moment(
     _draw_ground(axes, around)
     order = np.argsort(np.arange(len(moment.prediction)) == moment.agent, kind="stable")
     for agent in order.tolist():
-        _draw_agent(axes, moment, around, agent, focal=agent == moment.agent)
+        draw_agent(axes, moment, around, agent, focal=agent == moment.agent)
     axes.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), aspect="equal")
     axes.set(xticks=[], yticks=[], facecolor=GROUND)
     for spine in axes.spines.values():
@@ -140,130 +140,6 @@ def _draw_ground(axes: Any, around: Surroundings) -> None:
                 capstyle="round",
             )
         )
-
-
-def _draw_agent(
-    axes: Any, moment: Moment, around: Surroundings, agent: int, *, focal: bool
-) -> None:
-    prediction = moment.prediction
-    z = 10 if focal else 3
-    axes.plot(
-        *around.past[agent].T,
-        color=FOCAL if focal else PAST,
-        lw=2.0 if focal else 1.0,
-        alpha=0.9 if focal else 0.6,
-        zorder=z,
-        solid_capstyle="round",
-    )
-    _draw_modes(axes, moment, around, agent, focal=focal)
-    axes.plot(
-        *around.future[agent].T,
-        color=TRUTH,
-        lw=1.6 if focal else 0.8,
-        ls=(0, (2.2, 1.4)),
-        zorder=z + 4,
-        alpha=1.0 if focal else 0.55,
-    )
-    end = around.future[agent][-1] if len(around.future[agent]) else np.full(2, np.nan)
-    axes.plot(
-        *end,
-        marker="o",
-        ms=4.5 if focal else 2.2,
-        color=TRUTH,
-        zorder=z + 4,
-        alpha=1.0 if focal else 0.55,
-    )
-    if focal:
-        straight = around.velocity[agent] * float(prediction.time_s[-1])
-        position = around.position[agent]
-        axes.plot(
-            *np.stack([position, position + straight]).T,
-            color=CV,
-            lw=1.2,
-            ls=(0, (5, 2)),
-            zorder=z + 1,
-        )
-        axes.plot(*(position + straight), marker="x", ms=6, mew=1.6, color=CV, zorder=z + 1)
-    _draw_body(axes, moment, around, agent, focal=focal)
-
-
-def _draw_modes(
-    axes: Any, moment: Moment, around: Surroundings, agent: int, *, focal: bool
-) -> None:
-    """Modes as lines that fade with their weight, uncertainty as two-sigma ellipses."""
-    prediction = moment.prediction
-    z = 10 if focal else 3
-    strongest = float(prediction.weight[agent].max())
-    start = around.position[agent][None]
-    for mode in np.argsort(prediction.weight[agent]).tolist():
-        weight = float(prediction.weight[agent, mode])
-        if weight < (SHOWN_WEIGHT if focal else 0.15):
-            continue
-        share = weight / strongest
-        path = np.concatenate([start, around.turn(prediction.mean[agent, mode, :, :2])])
-        axes.plot(
-            *path.T,
-            color=PREDICTED,
-            lw=2.2 if focal else 1.3,
-            zorder=z + 2,
-            alpha=(0.25 + 0.75 * share) * (1.0 if focal else 0.55),
-        )
-        for time_s in STEPS_S if focal else STEPS_S[-1:]:
-            step = int(np.argmin(np.abs(prediction.time_s - time_s)))
-            _draw_ellipse(
-                axes,
-                path[step + 1],
-                around.turn_covariance(prediction.covariance[agent, mode, step]),
-                alpha=weight * (0.26 if focal else 0.10),
-                zorder=z + 1,
-            )
-
-
-def _draw_ellipse(
-    axes: Any, centre: Float64Array, covariance: Float64Array, *, alpha: float, zorder: int
-) -> None:
-    values, vectors = np.linalg.eigh(covariance)
-    height, width = 4.0 * np.sqrt(np.maximum(values, 0.0))
-    angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
-    for fill in (True, False):
-        axes.add_patch(
-            Ellipse(
-                tuple(centre),
-                width,
-                height,
-                angle=angle,
-                facecolor=PREDICTED,
-                fill=fill,
-                edgecolor=PREDICTED,
-                lw=0.0 if fill else 0.7,
-                alpha=alpha if fill else 2.5 * alpha,
-                zorder=zorder,
-            )
-        )
-
-
-def _draw_body(
-    axes: Any, moment: Moment, around: Surroundings, agent: int, *, focal: bool
-) -> None:
-    kind = AgentClass(int(moment.prediction.agent_class[agent]))
-    length, width = around.size[agent]
-    if not (length > 0.0 and width > 0.0):
-        length, width = DEFAULT_SIZE_M.get(kind, CAR_SIZE_M)
-    corners = 0.5 * np.array(
-        [(length, width), (-length, width), (-length, -width), (length, -width)]
-    )
-    cos, sin = np.cos(around.yaw[agent]), np.sin(around.yaw[agent])
-    corners = corners @ np.array([[cos, sin], [-sin, cos]]) + around.position[agent]
-    axes.add_patch(
-        Polygon(
-            corners,
-            closed=True,
-            facecolor=FOCAL if focal else BODY,
-            edgecolor="#8a4a08" if focal else "#5d6872",
-            lw=0.9,
-            zorder=20 if focal else 8,
-        )
-    )
 
 
 def _draw_scale(axes: Any, lower: Float64Array, upper: Float64Array) -> None:
