@@ -9,7 +9,6 @@ The file carries all that is needed (see :mod:`mtpgo_core.task`); the network's 
 
 from __future__ import annotations
 
-import contextlib
 import warnings
 from pathlib import Path
 
@@ -38,36 +37,24 @@ class ModelRunner:
         module: the TorchScript module.
         task: what it was trained for.
         path: where it comes from, for messages.
-        optimize: let torch optimise the module while it warms up.
 
     Attributes:
         task: as above.
         path: as above.
     """
 
-    def __init__(
-        self,
-        module: torch.jit.ScriptModule,
-        task: TaskDescription,
-        path: Path,
-        optimize: bool = True,
-    ) -> None:
+    def __init__(self, module: torch.jit.ScriptModule, task: TaskDescription, path: Path) -> None:
         self._module = module
-        self._optimize = optimize
         self.task = task
         self.path = path
 
     @classmethod
-    def load(
-        cls, path: str | Path, num_threads: int | None = 1, *, optimize: bool = True
-    ) -> ModelRunner:
+    def load(cls, path: str | Path, num_threads: int | None = 1) -> ModelRunner:
         """Load a model file and warm it up.
 
         Args:
             path: of the file.
             num_threads: threads of torch in this process; None leaves them as they are.
-            optimize: let torch optimise the module: some seconds now, half the time for each
-                prediction ever after. Without, a job of a few predictions is done sooner.
 
         Raises:
             ModelFileError: see :func:`mtpgo_core.modelfile.load_task`, or the model does not
@@ -85,15 +72,12 @@ class ModelRunner:
             raise ModelFileError(
                 f"model file {path} is truncated or no TorchScript file: {_first_line(error)}"
             ) from error
-        runner = cls(module, task, path, optimize)
+        runner = cls(module, task, path)
         runner.warm_up()
         return runner
 
     def warm_up(self, agents: int = 8) -> None:
         """Run the model on standing agents, so that the first real call is as fast as the rest.
-
-        Torch watches the first call and optimises in the second; other numbers of agents do not
-        make it start over.
 
         Raises:
             ModelFileError: it fails, or its output has not the shapes of the task description.
@@ -111,7 +95,7 @@ class ModelRunner:
             (1, agents, modes, steps, states, states),
         )
         unknown = np.full((1, agents, states, states), np.nan, dtype=np.float32)
-        for covariance in (None, None, unknown, unknown) if self._optimize else (None, unknown):
+        for covariance in (None, unknown):
             try:
                 output = self._forward(features, valid, static, covariance)
                 given = tuple(tuple(tensor.shape) for tensor in output)
@@ -182,11 +166,12 @@ class ModelRunner:
         static: Float32Array,
         covariance: Float32Array | None,
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """One call of the module, on whichever thread this is."""
-        plain = (
-            contextlib.nullcontext() if self._optimize else torch.jit.optimized_execution(False)
-        )
-        with torch.inference_mode(), plain:
+        """One call of the module, on whichever thread this is.
+
+        Torch's own optimisation of the graph would take seconds during the second call and
+        save nothing measurable afterwards, so it is left out.
+        """
+        with torch.inference_mode(), torch.jit.optimized_execution(False):
             log_weight, mean, cov = self._module(
                 torch.from_numpy(np.ascontiguousarray(features)),
                 torch.from_numpy(np.ascontiguousarray(valid)),
