@@ -7,6 +7,8 @@ one) follow dq/dt = f(q, u); in a second-order model the position integrates q, 
 chosen Runge-Kutta method would do on the whole state.
 """
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor, nn
 
@@ -20,13 +22,47 @@ TABLEAUS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
 }
 """Nodes a_i and weights b_i: k_i = f(q + dt a_i k_{i-1}), q' = q + dt sum_i b_i k_i."""
 
+ROWS = 16384
+"""Jacobians that are worked on at a time, so that what lies between stays in the cache."""
+
+
+class Field(NamedTuple):
+    """Packed weights of both networks f_1 and f_2, W units wide each, and a roll-out's constants.
+
+    Attributes:
+        of_q: [2, 2W] first layer's weights of the states q.
+        of_u: [2, 2W] of the inputs, each input into its own network.
+        rest: [2W] or [B, N, 1, 2W] first layer's bias, and what the class adds.
+        inner: [2W, 2W] of each further hidden layer.
+        inner_bias: [2W] likewise.
+        out: [2W, 2] output layer.
+        out_bias: [2].
+        through: [2W, 4] derivative of the output by q through each unit of an only hidden layer.
+        added: [B, N, 1, 2] or [1] what the decoder's command is added to (m/s or m/s^2).
+    """
+
+    of_q: Tensor
+    of_u: Tensor
+    rest: Tensor
+    inner: list[Tensor]
+    inner_bias: list[Tensor]
+    out: Tensor
+    out_bias: Tensor
+    through: Tensor
+    added: Tensor
+
 
 class NeuralODE(nn.Module):
-    """dq_i/dt = u_i + scale * f_i(q, u_i[, class]) with one small ELU network f_i per axis.
+    """dq_i/dt = u_i + f_i(q, u_i[, class]) with one small ELU network f_i per axis.
 
     The input u is what the decoder commands, in a first-order model added to the velocity at t;
     with the networks' last layer at zero and nothing commanded, agents move at constant velocity
     in both orders (design D16). f_1 and f_2 run as one network with block-diagonal weights.
+
+    Attributes:
+        controls: numbers that the decoder gives per mode and step.
+        q_scale: by which the networks divide q (m in first order, m/s in second).
+        u_scale: by which they divide u (m/s in first order, m/s^2 in second).
     """
 
     def __init__(self, config: ModelConfig):
@@ -40,8 +76,8 @@ class NeuralODE(nn.Module):
         # b_i a_i: how k_{i-1} enters the position of a second-order model.
         self.carried = [b * a for a, b in zip(nodes[1:], weights[1:], strict=True)] + [0.0]
         first_order = config.order == 1
-        self.q_scale = 50.0 if first_order else 10.0  # m, or m/s
-        self.u_scale = 10.0 if first_order else 1.0  # m/s, or m/s^2
+        self.q_scale = 50.0 if first_order else 10.0
+        self.u_scale = 10.0 if first_order else 1.0
         self.static_size = config.static_size if config.static_features else 0
         width = config.ode_hidden
         bound = (3 + self.static_size) ** -0.5
@@ -56,52 +92,52 @@ class NeuralODE(nn.Module):
         self.last = nn.Parameter(torch.zeros(2, width))
         self.last_bias = nn.Parameter(torch.zeros(2))
 
-    def prepare(self, static: Tensor, start: Start) -> list[Tensor]:
-        """Constants of the roll-out: the packed weights, and what does not change over it.
-
-        In order: [2, 2W] of q, [2, 2W] of u, [.., 2W] class term and bias, [2W, 2] of the output,
-        [2] its bias, [B, N, 1, 2] or [1] what the command is added to; then [2W, 2W] and [2W] of
-        each further hidden layer. W is the width of one network.
-        """
+    def prepare(self, static: Tensor, start: Start) -> Field:
+        """What does not change over the roll-out, from classes [B, N, C] and the start."""
         of_q = torch.cat((self.first[0, :, :2], self.first[1, :, :2])).t() / self.q_scale
         of_u = torch.block_diag(self.first[0:1, :, 2], self.first[1:2, :, 2]) / self.u_scale
         rest = self.first_bias.flatten()
         if self.static_size > 0:
             rest = rest + torch.matmul(static, self.first[:, :, 3:].flatten(0, 1).t()).unsqueeze(2)
+        inner: list[Tensor] = []
+        for weight in self.inner.unbind(0):
+            inner.append(torch.block_diag(weight[0], weight[1]).t())
+        inner_bias = list(self.inner_bias.flatten(1).unbind(0))
         out = torch.block_diag(self.last[0].unsqueeze(1), self.last[1].unsqueeze(1))
+        through = (of_q.t().unsqueeze(-1) * out.unsqueeze(1)).flatten(1)
         added = torch.zeros(1, dtype=static.dtype, device=static.device)
         if self.order == 1:
             added = start.velocity.unsqueeze(2)
-        constants = [of_q, of_u, rest, out, self.last_bias, added]
-        for weight, bias in zip(self.inner.unbind(0), self.inner_bias.unbind(0)):  # noqa: B905
-            constants.append(torch.block_diag(weight[0], weight[1]).t())
-            constants.append(bias.flatten())
-        return constants
+        return Field(of_q, of_u, rest, inner, inner_bias, out, self.last_bias, through, added)
 
-    def derivative(self, q: Tensor, u: Tensor, base: Tensor, constants: list[Tensor]) -> Tensor:
+    def derivative(self, q: Tensor, u: Tensor, base: Tensor, field: Field) -> Tensor:
         """[..., 2] dq/dt; ``base`` [..., 2W] is the part of the first layer that q is not in."""
-        hidden = nn.functional.elu(torch.matmul(q, constants[0]) + base)
-        for i in range(6, len(constants), 2):
-            hidden = nn.functional.elu(torch.matmul(hidden, constants[i]) + constants[i + 1])
-        return u + torch.matmul(hidden, constants[3]) + constants[4]
+        hidden = nn.functional.elu(torch.matmul(q, field.of_q) + base)
+        for i, weight in enumerate(field.inner):
+            hidden = nn.functional.elu(torch.matmul(hidden, weight) + field.inner_bias[i])
+        return u + torch.matmul(hidden, field.out) + field.out_bias
 
-    def slope(self, q: Tensor, base: Tensor, constants: list[Tensor]) -> tuple[Tensor, Tensor]:
-        """The network's value [..., 2] and its Jacobian with respect to q, transposed [..., 2, 2].
+    def slope(self, q: Tensor, base: Tensor, field: Field) -> tuple[Tensor, Tensor]:
+        """The networks' value [..., 2] and their Jacobian by q, transposed [..., 2, 2].
 
         Entry [s, g] is the derivative of the g-th component by q_s. The derivative of ELU is
         exp(min(a, 0)), which is min(elu(a), 0) + 1.
         """
-        hidden = nn.functional.elu(torch.matmul(q, constants[0]) + base)
-        tangent = constants[0] * (hidden.clamp(max=0.0) + 1.0).unsqueeze(-2)  # [..., 2, 2W]
-        for i in range(6, len(constants), 2):
-            hidden = nn.functional.elu(torch.matmul(hidden, constants[i]) + constants[i + 1])
-            gain = (hidden.clamp(max=0.0) + 1.0).unsqueeze(-2)
-            tangent = torch.matmul(tangent, constants[i]) * gain
-        value = torch.matmul(hidden, constants[3]) + constants[4]
-        return value, torch.matmul(tangent, constants[3])
+        hidden = nn.functional.elu(torch.matmul(q, field.of_q) + base)
+        gain = hidden.clamp(max=0.0) + 1.0
+        if len(field.inner) == 0:
+            slope = torch.matmul(gain, field.through).unflatten(-1, (2, 2))
+        else:
+            tangent = field.of_q * gain.unsqueeze(-2)  # [..., 2, 2W]
+            for i, weight in enumerate(field.inner):
+                hidden = nn.functional.elu(torch.matmul(hidden, weight) + field.inner_bias[i])
+                gain = (hidden.clamp(max=0.0) + 1.0).unsqueeze(-2)
+                tangent = torch.matmul(tangent, weight) * gain
+            slope = torch.matmul(tangent, field.out)
+        return torch.matmul(hidden, field.out) + field.out_bias, slope
 
     def forward(
-        self, state: Tensor, control: Tensor, step: int, start: Start, constants: list[Tensor]
+        self, state: Tensor, control: Tensor, step: int, start: Start, field: Field
     ) -> Tensor:
         """The state [B, N, M, S] one step later.
 
@@ -110,16 +146,16 @@ class NeuralODE(nn.Module):
             control: [B, N, M, 2] of the decoder (m/s or m/s^2).
             step: not used by this model.
             start: not used by this model.
-            constants: of :meth:`prepare`.
+            field: of :meth:`prepare`.
         """
-        u = control + constants[5]
-        base = torch.matmul(u, constants[1]) + constants[2]
-        q = state[..., -2:]
-        k = self.derivative(q, u, base, constants)
+        u = control + field.added
+        base = torch.matmul(u, field.of_u) + field.rest
+        q = state if self.order == 1 else state[..., 2:]
+        k = self.derivative(q, u, base, field)
         total = self.weights[0] * k
         moved = self.carried[0] * k
         for i in range(1, len(self.nodes)):
-            k = self.derivative(q + (self.dt_s * self.nodes[i]) * k, u, base, constants)
+            k = self.derivative(q + (self.dt_s * self.nodes[i]) * k, u, base, field)
             total = total + self.weights[i] * k
             moved = moved + self.carried[i] * k
         following = q + self.dt_s * total
@@ -129,37 +165,49 @@ class NeuralODE(nn.Module):
         return torch.cat((position, following), dim=-1)
 
     def jacobian(
-        self, state: Tensor, control: Tensor, constants: list[Tensor]
+        self, states: Tensor, controls: Tensor, field: Field, rows: int = ROWS
     ) -> tuple[Tensor, Tensor]:
-        """Derivatives of the discrete step by q, in closed form (design D8).
+        """Derivatives of the discrete step by q for all steps, in closed form (design D8).
 
         Args:
-            state: [..., S] before the step.
-            control: [..., 2].
-            constants: of :meth:`prepare`.
+            states: [H, B, N, M, S] before each step.
+            controls: [H, B, N, M, 2].
+            field: of :meth:`prepare`.
+            rows: states that are worked on at a time.
 
         Returns:
-            [..., 2, 2] of the next q and [..., 2, 2] of the next position (second order; for first
-            order its value has no meaning). The position's derivative by itself is the identity.
+            [2, 2, H, B, N, M] of the next q and of the next position, derivatives of the first
+            index's component by the second's (in first order the latter has no meaning). The
+            position's derivative by itself is the identity.
         """
-        u = control + constants[5]
-        base = torch.matmul(u, constants[1]) + constants[2]
-        q = state[..., -2:]
+        steps = max(1, rows // controls[0, ..., 0].numel())
+        of_q: list[Tensor] = []
+        of_position: list[Tensor] = []
+        for state, control in zip(states.split(steps), controls.split(steps)):  # noqa: B905
+            one, other = self.step_jacobian(state, control, field)
+            of_q.append(one.permute(5, 4, 0, 1, 2, 3))
+            of_position.append(other.permute(5, 4, 0, 1, 2, 3))
+        return torch.cat(of_q, dim=2), torch.cat(of_position, dim=2)
+
+    def step_jacobian(self, state: Tensor, control: Tensor, field: Field) -> tuple[Tensor, Tensor]:
+        """:meth:`jacobian` of states [..., S] and controls [..., 2], transposed: [..., 2, 2]."""
+        u = control + field.added
+        base = torch.matmul(u, field.of_u) + field.rest
+        q = state if self.order == 1 else state[..., 2:]
         eye = torch.eye(2, dtype=q.dtype, device=q.device)
-        value, slope = self.slope(q, base, constants)
+        value, slope = self.slope(q, base, field)
         total = self.weights[0] * slope
         moved = self.carried[0] * slope
         gain = slope
         for i in range(1, len(self.nodes)):
             reach = self.dt_s * self.nodes[i]
-            value, slope = self.slope(q + reach * (u + value), base, constants)
-            # Chain rule on transposes: d k_i = slope^T (I + reach d k_{i-1}).
-            gain = _product(eye + reach * gain, slope)
+            value, slope = self.slope(q + reach * (u + value), base, field)
+            # Chain rule, transposed: d k_i = (I + reach d k_{i-1}) slope.
+            ahead = eye + reach * gain
+            gain = ahead[..., :1] * slope[..., :1, :] + ahead[..., 1:] * slope[..., 1:, :]
             total = total + self.weights[i] * gain
             moved = moved + self.carried[i] * gain
-        of_q = (eye + self.dt_s * total).transpose(-1, -2)
-        of_position = (self.dt_s * eye + (self.dt_s * self.dt_s) * moved).transpose(-1, -2)
-        return of_q, of_position
+        return eye + self.dt_s * total, self.dt_s * eye + (self.dt_s * self.dt_s) * moved
 
 
 class DirectStates(nn.Module):
@@ -175,12 +223,12 @@ class DirectStates(nn.Module):
         self.order = config.order
         self.controls = config.state_size
 
-    def prepare(self, static: Tensor, start: Start) -> list[Tensor]:
+    def prepare(self, static: Tensor, start: Start) -> Tensor:
         """Nothing is constant here."""
-        return [static]
+        return static
 
     def forward(
-        self, state: Tensor, control: Tensor, step: int, start: Start, constants: list[Tensor]
+        self, state: Tensor, control: Tensor, step: int, start: Start, field: Tensor
     ) -> Tensor:
         """The state [B, N, M, S] after ``step`` + 1 steps, from control [B, N, M, S]."""
         expected = start.position + start.velocity * ((step + 1) * self.dt_s)
@@ -188,14 +236,6 @@ class DirectStates(nn.Module):
             expected = torch.cat((expected, start.velocity), dim=-1)
         return expected.unsqueeze(2) + control
 
-    def jacobian(
-        self, state: Tensor, control: Tensor, constants: list[Tensor]
-    ) -> tuple[Tensor, Tensor]:
-        """Not used: without a motion model there is no Kalman filter. The identity."""
-        eye = torch.eye(2, dtype=state.dtype, device=state.device)
-        return eye, eye
-
-
-def _product(x: Tensor, y: Tensor) -> Tensor:
-    """[..., 2, 2] matrix product, written out: far cheaper than a batched call of this size."""
-    return x[..., :1] * y[..., :1, :] + x[..., 1:] * y[..., 1:, :]
+    def jacobian(self, states: Tensor, controls: Tensor, field: Tensor) -> tuple[Tensor, Tensor]:
+        """Not used, and empty: without a motion model there is no Kalman filter."""
+        return states[:0], states[:0]

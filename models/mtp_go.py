@@ -49,15 +49,18 @@ class Encoder(nn.Module):
         link = complete_graph(present)
         flat = inputs.transpose(1, 2).flatten(0, 1)  # [B T, N, .]: the input's GNN in one go
         edges = self.cell.gnn_f.prepare(distance.flatten(0, 1), link.flatten(0, 1))
-        kappa = self.cell.gnn_f(flat, edges).view(
-            present.size(0), present.size(1), flat.size(1), -1
-        )
+        kappas = self.cell.gnn_f(flat, edges).unflatten(0, (present.size(0), present.size(1)))
         h = self.initial.expand(present.size(0), flat.size(1), -1)
         states: list[Tensor] = []
-        for i in range(present.size(1)):
-            edges = self.cell.gnn_h.prepare(distance[:, i], link[:, i])
-            following = self.cell(kappa[:, i], h, edges)
-            h = torch.where(present[:, i].unsqueeze(-1), following, h)
+        # Unbound, not indexed: the gradient of an index fills the whole array with zeros.
+        distances, links, here = (
+            distance.unbind(1),
+            link.unbind(1),
+            present.unsqueeze(-1).unbind(1),
+        )
+        for i, kappa in enumerate(kappas.unbind(1)):
+            edges = self.cell.gnn_h.prepare(distances[i], links[i])
+            h = torch.where(here[i], self.cell(kappa, h, edges), h)
             states.append(h)
         return torch.stack(states, dim=2)
 
@@ -202,7 +205,7 @@ class MTPGO(nn.Module):
         # Decode and move, step by step.
         edges = self.decoder.prepare(position[:, :, -1], valid[:, :, -1])
         bias = presence_bias(valid)
-        constants = self.motion.prepare(static, start)
+        field = self.motion.prepare(static, start)
         h = last + self.decoder.initial
         state = self.first_state(start)
         lead = self.teacher_states(teacher, start)
@@ -218,7 +221,7 @@ class MTPGO(nn.Module):
                 h, self.condition.scale_states(seen, start, k), encoded, bias, edges
             )  # [B, N, D]
             control = self.control(h)  # [B, N, M, 2]
-            state = self.motion(state, control, k, start, constants)  # [B, N, M, S]
+            state = self.motion(state, control, k, start, field)  # [B, N, M, S]
             states.append(state)
             controls.append(control)
             hidden.append(h)
@@ -232,9 +235,9 @@ class MTPGO(nn.Module):
         if initial_covariance is not None:
             first = initial_in_own_frame(initial_covariance, first, start.direction)
         of_q, of_position = self.motion.jacobian(
-            torch.stack(states[:-1]), torch.stack(controls), constants
-        )
-        blocks = self.covariance(first, _batch_last(of_q), _batch_last(of_position), noise)
+            torch.stack(states[:-1]), torch.stack(controls), field
+        )  # [2, 2, H, B, N, M]
+        blocks = self.covariance(first, of_q, of_position, noise)
         return log_weight, mean, rotate_blocks(blocks, start.direction)
 
     def first_state(self, start: Start) -> Tensor:
@@ -277,10 +280,3 @@ class MTPGO(nn.Module):
     def fit_statistics(self, features: Tensor, valid: Tensor) -> None:
         """Fill the scaling buffers from sample scenes: [B, N, T, F] and presence [B, N, T]."""
         self.condition.fit_statistics(features, valid)
-
-
-def _batch_last(matrices: Tensor) -> Tensor:
-    """[2, 2, H, B, N, M] of [H, B, N, M, 2, 2]; what has no batch passes through."""
-    if matrices.dim() == 2:
-        return matrices
-    return matrices.permute(4, 5, 0, 1, 2, 3).contiguous()
