@@ -91,7 +91,7 @@ def _draw_modes(
     start = around.position[agent][None]
     for mode in np.argsort(prediction.weight[agent]).tolist():
         weight = float(prediction.weight[agent, mode])
-        if weight < (SHOWN_WEIGHT if focal else 0.15):
+        if weight < (SHOWN_WEIGHT if focal else 0.15) and weight < strongest:
             continue
         share = weight / strongest
         path = np.concatenate([start, around.turn(prediction.mean[agent, mode, :, :2])])
