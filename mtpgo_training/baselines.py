@@ -52,10 +52,8 @@ def constant_turn_rate(window: HistoryWindow, horizon_steps: int, dt_s: float) -
     # Chord of the arc: v t sinc(angle / 2) along the mean course; smooth through zero rate.
     chord = speed[:, None] * time * np.sinc(angle / (2.0 * np.pi))
     mean_course = course[:, None] + 0.5 * angle
-    step: Float64Array = np.stack(
-        [chord * np.cos(mean_course), chord * np.sin(mean_course)], axis=-1
-    )
-    return window.position[:, -1, None] + step
+    step = np.stack([chord * np.cos(mean_course), chord * np.sin(mean_course)], axis=-1)
+    return np.asarray(window.position[:, -1, None] + step, dtype=np.float64)
 
 
 BASELINES: dict[str, Baseline] = {

@@ -51,7 +51,10 @@ class DataConfig:
         velocity_smoothing_s: standard deviation of the kernel that smooths the target velocities
             (s), 0 for the recorded ones; see :class:`mtpgo_training.futures.FutureTable`.
         standing_weight: weight in the loss of an agent that stands now and does not move over its
-            observed future; below 1 more of the learning goes to those that move.
+            observed future, and its chance to be a graph's centre; below 1 more of the learning
+            goes to those that move.
+        min_future_s: an agent whose future is known for a shorter time is not a graph's centre in
+            training (s): the end of a recording costs as much as its middle and teaches less.
         source_weight: how often a directory's scenes are drawn, by the directory's last part;
             1 where not named.
     """
@@ -68,6 +71,7 @@ class DataConfig:
     rotation_std_rad: float = 0.0
     velocity_smoothing_s: float = 0.0
     standing_weight: float = 1.0
+    min_future_s: float = 0.0
     source_weight: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -47,6 +47,7 @@ class Source:
         restarted: windows of the same instants with short pasts, or empty.
         future: what happened next.
         lanes: its lanes, where the context needs them.
+        chance: for each window, [tracks] the chance of a track to be a graph's centre.
         weight: how often its windows are drawn in an epoch.
     """
 
@@ -55,6 +56,7 @@ class Source:
     restarted: list[TrackedWindow]
     future: FutureTable
     lanes: LaneMap | None
+    chance: list[Float64Array]
     weight: float = 1.0
 
 
@@ -97,15 +99,18 @@ def prepare(
         restarted = cut_restarted_windows(
             recording, history, stride_s, data.restart_within_s, generator
         )
+    windows = cut_windows(recording, history, stride_s)
+    future = FutureTable(
+        recording,
+        max_gap_s=history.max_gap_s,
+        velocity_smoothing_s=data.velocity_smoothing_s if training else 0.0,
+    )
     return Source(
         recording=recording,
-        windows=cut_windows(recording, history, stride_s),
+        windows=windows,
         restarted=restarted,
-        future=FutureTable(
-            recording,
-            max_gap_s=history.max_gap_s,
-            velocity_smoothing_s=data.velocity_smoothing_s if training else 0.0,
-        ),
+        future=future,
+        chance=[_chances(w, recording, future, data, history.dt_s) for w in windows],
         lanes=LaneMap(recording.lanes) if scene.context == "lanes" else None,
         weight=weight,
     )
@@ -158,7 +163,8 @@ class SceneDataset(Dataset[Data]):
         restarted = bool(source.restarted) and rng.random() < self.data.restart_probability
         chosen = source.restarted[w] if restarted else tracked
         items = []
-        for centre in random_cover(chosen.window, self.scene, rng):
+        chance = source.chance[w][chosen.track]
+        for centre in random_cover(chosen.window, self.scene, rng, chance):
             mirror = bool(rng.random() < self.data.mirror_probability)
             turn = float(rng.normal(0.0, 1.0)) * self.data.rotation_std_rad
             items.append(Item(s, w, int(centre), restarted, Augmentation(mirror, turn)))
@@ -286,17 +292,27 @@ def to_scene(vectors: Float64Array, rotation: float) -> Float64Array:
 
 
 def random_cover(
-    window: HistoryWindow, scene: SceneConfig, rng: np.random.Generator
+    window: HistoryWindow,
+    scene: SceneConfig,
+    rng: np.random.Generator,
+    chance: Float64Array | None = None,
 ) -> NDArray[np.int64]:
     """Centres in random order such that every agent valid at t lies in the graph of one.
 
     The same neighbourhoods as the node's ``cover`` (nearest first, limited in number and radius),
     but other centres at every draw.
+
+    Args:
+        window: the history.
+        scene: limits of a graph.
+        rng: the draw.
+        chance: [n] chance of each agent to be a centre if none has covered it; 1 by default.
     """
+    wanted = np.ones(len(window)) if chance is None else chance
     present = np.flatnonzero(window.valid[:, -1])
+    uncovered = rng.random(len(present)) < wanted[present]
     position = window.position[present, -1]
     distance = np.linalg.norm(position[:, None] - position[None], axis=-1)
-    uncovered = np.ones(len(present), dtype=bool)
     centres = []
     for i in rng.permutation(len(present)):
         if not uncovered[i]:
@@ -315,6 +331,28 @@ def _standing(
     speed = np.hypot(features[:, -1, 2], features[:, -1, 3])
     moved = np.linalg.norm(target[..., :2] - features[:, -1:, :2], axis=-1)
     return (speed < STANDING_MPS) & (np.where(known, moved, 0.0).max(axis=-1) < STANDING_M)
+
+
+def _chances(
+    tracked: TrackedWindow,
+    recording: Recording,
+    future: FutureTable,
+    data: DataConfig,
+    dt_s: float,
+) -> Float64Array:
+    """[tracks] chance to be a graph's centre, see ``min_future_s`` and ``standing_weight``."""
+    chance = np.ones(len(recording.track_id))
+    if data.min_future_s <= 0.0 and data.standing_weight >= 1.0:
+        return chance
+    window = tracked.window
+    steps = max(1, round(max(data.min_future_s, 2.0) / dt_s))
+    ahead = future.at(tracked.track, window.stamp_ns, steps, dt_s)
+    moved = np.linalg.norm(ahead.position - window.position[:, -1:], axis=-1)
+    speed = np.nan_to_num(np.linalg.norm(window.velocity[:, -1], axis=-1))
+    stands = (np.where(ahead.known, moved, 0.0).max(axis=1) < STANDING_M) & (speed < STANDING_MPS)
+    long_enough = ahead.known.sum(axis=1) >= round(data.min_future_s / dt_s)
+    chance[tracked.track] = np.where(stands, data.standing_weight, 1.0) * long_enough
+    return chance
 
 
 def _copies(weight: float, rng: np.random.Generator) -> int:

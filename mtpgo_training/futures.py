@@ -80,8 +80,8 @@ class FutureTable:
             dt_s: horizon step (s).
         """
         now = (stamp_ns - self._start_ns) * 1e-9 * self._rate - self._first
-        ahead = np.arange(1, horizon_steps + 1) * (dt_s * self._rate)
-        return self._lookup(track, now + ahead)
+        ahead = np.arange(1, horizon_steps + 1, dtype=np.float64) * (dt_s * self._rate)
+        return self._lookup(track, np.asarray(now + ahead, dtype=np.float64))
 
     def _lookup(self, track: IntArray, when: Float64Array) -> Future:
         """States at ``when`` [H], in frames after the first one."""
@@ -126,4 +126,4 @@ class FutureTable:
             right += weight[:, None, None] * basis[:, :, None] * moved[:, None, :]
         # The ridge makes a fit through two points a line and through one a standstill.
         matrix += np.diag([1e-9, 1e-9, 1e-5])
-        return np.linalg.solve(matrix, right)[:, 1]
+        return np.asarray(np.linalg.solve(matrix, right)[:, 1], dtype=np.float64)

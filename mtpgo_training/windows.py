@@ -104,5 +104,9 @@ def _cut(
         if not window.valid[:, -1].any():
             continue
         piece = np.array([index[key.tobytes()] for key in window.key], dtype=np.int64)
-        windows.append(TrackedWindow(window, owner[piece]))
+        newest = np.full(len(owner), -1)
+        np.maximum.at(newest, owner[piece], piece)
+        # A piece that has just been cut off would be carried on beside its successor.
+        keep = newest[owner[piece]] == piece
+        windows.append(TrackedWindow(window.select(keep), owner[piece[keep]]))
     return windows

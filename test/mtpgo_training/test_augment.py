@@ -1,0 +1,52 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Augmented features against features of the augmented world."""
+
+import numpy as np
+import pytest
+from traffic import braking_cars
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.scene import build_scenes
+from mtpgo_core.task import HistoryConfig, SceneConfig
+from mtpgo_training.augment import Augmentation
+from mtpgo_training.windows import cut_windows
+
+
+def test_a_turn_is_that_of_the_world():
+    scene = SceneConfig(frame="site_origin", context="polar", max_neighbours=3)
+    recording = braking_cars(seconds=4.0)
+    turn = 0.7
+    c, s = np.cos(turn), np.sin(turn)
+    matrix = np.array([[c, s], [-s, c]])
+    turned = recording.__class__(
+        **{
+            **{f: getattr(recording, f) for f in recording.__dataclass_fields__},
+            "position": recording.position @ matrix,
+            "velocity": recording.velocity @ matrix,
+            "yaw": recording.yaw + turn,
+        }
+    )
+    plain, expected = (
+        build_scenes(
+            cut_windows(r, HistoryConfig(), 0.2)[-1].window, scene, centres=np.array([0])
+        ).features[0]
+        for r in (recording, turned)
+    )
+    given = Augmentation(turn_rad=turn).features(plain, scene.features)
+    valid = np.abs(plain).sum(axis=-1) > 0
+    np.testing.assert_allclose(given[valid], expected[valid], atol=2e-4, rtol=1e-4)
+
+
+def test_a_mirror_swaps_left_and_right_and_is_its_own_inverse():
+    names = SceneConfig(context="lanes").features
+    features = np.arange(1.0, 11.0, dtype=np.float32)[None]
+    mirror = Augmentation(mirror=True)
+    out = mirror.features(features, names)
+    np.testing.assert_array_equal(out, [[1, -2, 3, -4, 5, -6, 7, -8, 10, 9]])
+    np.testing.assert_array_equal(mirror.features(out, names), features)
+
+
+def test_an_unknown_feature_is_refused():
+    with pytest.raises(ConfigurationError, match="'speed_limit'"):
+        Augmentation(mirror=True).features(np.zeros((1, 1), np.float32), ("speed_limit",))

@@ -1,0 +1,52 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Small synthetic recordings whose futures can be learned: cars that brake or turn by a rule."""
+
+import numpy as np
+
+from mtpgo_training.recording import Recording
+
+
+def braking_cars(name="01", *, tracks=12, seconds=9.0, rate=10.0, seed=0):
+    """Cars on parallel roads, each slowing down by the same law that constant velocity misses."""
+    rng = np.random.default_rng(seed)
+    frames = np.arange(round(seconds * rate))
+    t = frames / rate
+    rows = []
+    for track in range(tracks):
+        speed, phase = rng.uniform(6.0, 14.0), rng.uniform(0.0, 2.0)
+        decay = 0.25
+        x = speed / decay * (1.0 - np.exp(-decay * (t + phase)))
+        v = speed * np.exp(-decay * (t + phase))
+        first = int(rng.integers(0, 15)) if track % 3 == 0 else 0
+        keep = slice(first, None)
+        course = 0.4 * (track % 4)
+        along = np.array([np.cos(course), np.sin(course)])
+        start = np.array([500.0 + 3.0 * track, -200.0 + 7.0 * track])
+        rows.append(
+            (
+                frames[keep],
+                np.full(len(frames), track)[keep],
+                (start + x[:, None] * along)[keep],
+                (v[:, None] * along)[keep],
+                np.full(len(frames), course)[keep],
+            )
+        )
+    frame, track, position, velocity, yaw = (np.concatenate(c) for c in zip(*rows, strict=True))
+    order = np.lexsort((track, frame))
+    return Recording(
+        name=name,
+        layout="ind",
+        location="test",
+        frame_rate=rate,
+        frame=frame[order].astype(np.int64),
+        track=track[order].astype(np.int64),
+        position=position[order],
+        velocity=velocity[order],
+        acceleration=np.full((len(frame), 2), np.nan),
+        yaw=yaw[order],
+        track_id=np.arange(100, 100 + tracks),
+        agent_class=np.ones(tracks, dtype=np.uint8),
+        size=np.tile([4.5, 1.9], (tracks, 1)),
+        sha256=f"{seed:064d}",
+    )
