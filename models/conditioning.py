@@ -19,7 +19,18 @@ class Conditioning(nn.Module):
     """Scaled inputs of the encoder and of the decoder, and the start of the roll-out.
 
     The scales are buffers, so an exported model carries them.
+
+    Attributes:
+        input_mean: [input_size] of the encoder's inputs.
+        input_std: [input_size].
+        state_mean: [S] of the states that the decoder sees.
+        state_std: [S].
     """
+
+    input_mean: Tensor
+    input_std: Tensor
+    state_mean: Tensor
+    state_std: Tensor
 
     def __init__(self, config: ModelConfig):
         super().__init__()

@@ -4,7 +4,7 @@
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 LAYERS = ("graphconv", "gcn", "gat", "gat+")
 ORDERS = (1, 2)
@@ -130,7 +130,7 @@ class ModelConfig:
 def _check_types(config: ModelConfig) -> None:
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)
-        kinds = (int, float) if field.type is float else (field.type,)
+        kinds = (int, float) if field.type is float else (cast(type, field.type),)
         if not isinstance(value, kinds) or (isinstance(value, bool) and field.type is not bool):
             name = getattr(field.type, "__name__", field.type)
             raise ValueError(f"{field.name} is {value!r}, expected a value of type {name}")

@@ -63,6 +63,8 @@ def symmetric(x: Tensor) -> Tensor:
 class EkfCovariance(nn.Module):
     """P' = F P F^T + G Q G^T over the whole horizon."""
 
+    inflation: Tensor
+
     def __init__(self, config: ModelConfig):
         super().__init__()
         self.order = config.order

@@ -36,7 +36,7 @@ class GraphNetwork(nn.Module):
         """What each layer needs of L graphs: squared distances (m^2) and links, [L, N, N]."""
         edges: list[tuple[Tensor, Tensor]] = []
         for layer, kernel in zip(self.layers, self.kernels):  # noqa: B905 (TorchScript)
-            edges.append(layer.prepare(kernel(squared_distance), link))
+            edges.append(layer.prepare(kernel(squared_distance), link))  # type: ignore[operator]
         return edges
 
     def forward(self, x: Tensor, edges: EdgeList) -> Tensor:

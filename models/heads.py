@@ -97,6 +97,8 @@ class InitialCovariance(nn.Module):
     Learning it per agent lets one that was seen for a moment begin less certain than others.
     """
 
+    std: Tensor
+
     def __init__(self, config: ModelConfig):
         super().__init__()
         std = [config.initial_std_m] * 2 + [config.initial_std_mps] * 2
@@ -105,11 +107,13 @@ class InitialCovariance(nn.Module):
         self.register_buffer("std", torch.tensor(std))
         # Without a Kalman filter there is no P_0 to learn.
         self.learned = config.initial_covariance == "learned" and config.ekf
-        self.head = _quiet(config.hidden, config.state_size) if self.learned else nn.Identity()
+        self.head: nn.Module = nn.Identity()
         if self.learned:
+            head = _quiet(config.hidden, config.state_size)
+            first = [inverse_softplus(max(s - SIGMA_FLOOR, 1e-4)) for s in std]
             with torch.no_grad():
-                floored = [inverse_softplus(max(s - SIGMA_FLOOR, 1e-4)) for s in std]
-                self.head.bias.copy_(torch.tensor(floored))
+                head.bias.copy_(torch.tensor(first))
+            self.head = head
 
     def forward(self, h: Tensor) -> Tensor:
         """[S, S, B, N] of the last encoder states [B, N, D] (m, m/s)."""

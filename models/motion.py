@@ -223,12 +223,13 @@ class DirectStates(nn.Module):
         self.order = config.order
         self.controls = config.state_size
 
-    def prepare(self, static: Tensor, start: Start) -> Tensor:
-        """Nothing is constant here."""
-        return static
+    def prepare(self, static: Tensor, start: Start) -> Field:
+        """A field of nothing: there is no network."""
+        none = torch.empty(0, dtype=static.dtype, device=static.device)
+        return Field(none, none, none, [none], [none], none, none, none, none)
 
     def forward(
-        self, state: Tensor, control: Tensor, step: int, start: Start, field: Tensor
+        self, state: Tensor, control: Tensor, step: int, start: Start, field: Field
     ) -> Tensor:
         """The state [B, N, M, S] after ``step`` + 1 steps, from control [B, N, M, S]."""
         expected = start.position + start.velocity * ((step + 1) * self.dt_s)
@@ -236,6 +237,6 @@ class DirectStates(nn.Module):
             expected = torch.cat((expected, start.velocity), dim=-1)
         return expected.unsqueeze(2) + control
 
-    def jacobian(self, states: Tensor, controls: Tensor, field: Tensor) -> tuple[Tensor, Tensor]:
+    def jacobian(self, states: Tensor, controls: Tensor, field: Field) -> tuple[Tensor, Tensor]:
         """Not used, and empty: without a motion model there is no Kalman filter."""
         return states[:0], states[:0]
