@@ -24,6 +24,7 @@ def record(
     *,
     name: str,
     layout: str,
+    seconds: float,
     frame_rate: float,
     seed: int,
     first_number: int,
@@ -37,6 +38,7 @@ def record(
         in_view: what the picture shows.
         name: of the recording.
         layout: whose numbering and classes it follows.
+        seconds: length of the recording (s).
         frame_rate: frames per second (Hz).
         seed: of the wander.
         first_number: of frames and tracks: 1 in highD, 0 in inD.
@@ -49,11 +51,12 @@ def record(
     own = [kinds[type_name] for type_name in seen.types]
     size = np.array([[kind.length, kind.width] for kind in own])
     moved = centres(seen, size[:, 0], frame_rate, MotionConfig(), seed)
-    vehicle = seen.vehicle[moved.rows]
-    rows = np.flatnonzero(in_view(moved.position, size[vehicle]))
+    vehicle, step = seen.vehicle[moved.rows], seen.step[moved.rows]
+    filmed = (step >= 0) & (step < round(seconds * frame_rate))
+    rows = np.flatnonzero(filmed & in_view(moved.position, size[vehicle]))
     if not len(rows):
         raise SimulationError("no vehicle came into view, expected a longer recording")
-    vehicle, frame = vehicle[rows], seen.step[moved.rows][rows] + first_number
+    vehicle, frame = vehicle[rows], step[rows] + first_number
     first = np.full(len(own), np.iinfo(np.int64).max)
     np.minimum.at(first, vehicle, frame)
     present = np.unique(vehicle)

@@ -51,6 +51,9 @@ def _steering(generator: Generator) -> dict[str, str]:
         "lcAssertive": f"{_between(generator, 1.0, 1.6):.2f}",
         "maxSpeedLat": f"{_between(generator, 0.7, 1.5):.2f}",
         "lcAccelLat": f"{_between(generator, 0.5, 1.0):.2f}",
+        # Nobody moves sideways at rest, nor at an angle that no steering gives.
+        "lcMaxSpeedLatStanding": "0",
+        "lcMaxSpeedLatFactor": "0.3",
     }
 
 

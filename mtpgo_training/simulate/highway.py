@@ -125,6 +125,7 @@ def simulate_highway(config: HighwayConfig, name: str = "01") -> Recording:
         _whole_vehicle_seen,
         name=name,
         layout="highd",
+        seconds=config.seconds,
         frame_rate=config.frame_rate,
         seed=config.seed,
         first_number=1,
@@ -194,7 +195,7 @@ def _demand(
         parts = " ".join(f"{direction.name}_{p}" for p in ("before", "seen", "behind", "signs"))
         routes.append(f'<route id="{direction.name}" edges="{parts}"/>')
         time, number = 0.0, 0
-        while time < config.warm_up_s + config.seconds:
+        while time < config.warm_up_s + config.seconds + sumo.EXTRA_S:
             kind = types[int(generator.choice(len(types), p=probability))]
             lane = 0 if kind.label == "truck" else int(generator.integers(lanes))
             vehicles.append(
@@ -223,7 +224,7 @@ def _signs(
             continue
         steps = [(0.0, direction.limit_mps)]
         time = float(generator.uniform(0.1, 0.3)) * config.warm_up_s
-        while time < config.warm_up_s + config.seconds:
+        while time < config.warm_up_s + config.seconds + sumo.EXTRA_S:
             if direction.traffic == "congested":
                 steps.append((time, float(generator.uniform(2.5, 9.0))))
                 time += float(generator.uniform(30.0, 80.0))

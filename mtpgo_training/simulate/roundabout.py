@@ -107,6 +107,7 @@ def simulate_roundabout(config: RoundaboutConfig, name: str = "00") -> Recording
         _in_view,
         name=name,
         layout="ind",
+        seconds=config.seconds,
         frame_rate=config.frame_rate,
         seed=config.seed,
         first_number=0,
@@ -219,7 +220,7 @@ def _vehicles(
     arm_share = generator.dirichlet(np.full(_ARMS, 6.0))
     turn_share = generator.dirichlet(np.full(_ARMS - 1, 6.0), size=_ARMS)
     vehicles, time, number = [], 0.0, 0
-    while time < config.warm_up_s + config.seconds:
+    while time < config.warm_up_s + config.seconds + sumo.EXTRA_S:
         kind = types[int(generator.choice(len(types), p=probability))]
         arm = int(generator.choice(_ARMS, p=arm_share))
         turn = 1 + int(generator.choice(_ARMS - 1, p=turn_share[arm]))

@@ -23,6 +23,9 @@ import pandas as pd
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.schema import Float64Array
 
+EXTRA_S = 1.5
+"""Time seen before and after the recording (s), for smoothing without edges."""
+
 MAX_STEP_S = 0.04
 """Longest simulation step: car following and sublane steering get rough above it (s)."""
 
@@ -61,7 +64,8 @@ class Floating:
 
     Attributes:
         vehicle: [rows] index into ``names``.
-        step: [rows] frame number from 0, at the recording's frame rate.
+        step: [rows] frame number at the recording's frame rate, from 0 at the end of the warm-up;
+            some frames before and after the recording are given for the smoothing.
         front: [rows, 2] middle of the front bumper, x east, y north (m).
         speed: [rows] (m/s).
         heading: [rows] (rad), counter-clockwise from x.
@@ -145,7 +149,7 @@ def drive(
         network: from :func:`build_network`.
         demand: elements of the route file: types, routes and vehicles.
         observed_edges: edges whose vehicles are kept, everything by default.
-        warm_up_s: time before the first frame (s).
+        warm_up_s: time before the first frame (s), at least ``EXTRA_S``.
         seconds: time seen (s).
         frame_rate: frames per second (Hz).
         seed: of SUMO's random numbers.
@@ -174,23 +178,22 @@ def drive(
         *("--fcd-output", seen),
         *("--fcd-output.attributes", "x,y,angle,speed,type"),
         *(("--fcd-output.filter-edges.input-file", observed) if observed_edges else ()),
-        *("--device.fcd.begin", f"{warm_up_s:g}"),
-        *("--end", f"{warm_up_s + seconds + step_s:g}"),
+        *("--device.fcd.begin", f"{warm_up_s - EXTRA_S:g}"),
+        *("--end", f"{warm_up_s + seconds + EXTRA_S:g}"),
         *("--seed", str(seed)),
         *("--time-to-teleport", "-1"),
         *("--collision.action", "none"),
         "--no-step-log",
         "--no-warnings",
     )
-    return _load(seen, warm_up_s, seconds, frame_rate, step_s)
+    return _load(seen, warm_up_s, frame_rate, step_s)
 
 
-def _load(
-    path: Path, warm_up_s: float, seconds: float, frame_rate: float, step_s: float
-) -> Floating:
+def _load(path: Path, warm_up_s: float, frame_rate: float, step_s: float) -> Floating:
     table = pd.read_csv(path, sep=";", low_memory=False)
     table.columns = [name.split("_", 1)[1] for name in table.columns]
-    table = table.dropna(subset=["id"])
+    # Without any vehicle the file has no column for them.
+    table = table.dropna(subset=["id"]) if "id" in table else table.iloc[:0]
     if table.empty:
         raise SimulationError(
             "the simulation saw no vehicle, expected more traffic or a longer recording"
@@ -199,7 +202,6 @@ def _load(
     frame = np.round(time * frame_rate).astype(np.int64)
     # The simulated instants nearest to the frames; off by at most half a millisecond per frame.
     kept = np.abs(time - frame / frame_rate) < step_s / 2
-    kept &= (frame >= 0) & (frame <= round(seconds * frame_rate))
     table, frame = table[kept], frame[kept]
     vehicle, names = pd.factorize(table["id"])
     order = np.lexsort((frame, vehicle))
