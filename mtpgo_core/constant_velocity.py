@@ -34,7 +34,7 @@ class ConstantVelocityNoise:
     """
 
     position_std_m: float = 0.2
-    velocity_std_mps: float = 0.4
+    velocity_std_mps: float = 0.3
     unknown_velocity_std_mps: float = 10.0
     along_m2ps3: float = 1.0
     across_m2ps3: float = 0.1
@@ -68,7 +68,10 @@ def predict_constant_velocity(
     course = motion_yaw(mean[:, :1, :1], yaw)[:, 0, 0]
     covariance = _covariance(window, time_s, course, noise)
     weight = np.zeros((n, modes))
-    weight[:, 0] = np.where(window.valid[:, -1], 1.0, np.nan)
+    weight[:, 0] = 1.0
+    absent = ~window.valid[:, -1]
+    for values in (weight, mean, course, covariance):
+        values[absent] = np.nan
     return Prediction(
         stamp_ns=window.stamp_ns,
         frame_id=window.frame_id,

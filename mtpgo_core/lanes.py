@@ -89,8 +89,8 @@ class LaneMap:
         after = np.where(wide & (gap >= first_left[:, None]), gap, wide.shape[1]).min(axis=1)
         before = np.where(wide & (gap <= first_left[:, None] - 2), gap, -1).max(axis=1)
         road_left, road_right = left[rows, after], left[rows, before + 1]
-        inside &= lane_left - lane_right <= self._max_width_m
         with np.errstate(invalid="ignore", divide="ignore"):
+            inside &= lane_left - lane_right <= self._max_width_m
             lane = 2.0 * lane_left / (lane_left - lane_right) - 1.0
             road = 2.0 * road_left / (road_left - road_right) - 1.0
         both = np.clip(np.stack([lane, road], axis=1), -1.0, 1.0)

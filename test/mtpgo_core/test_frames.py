@@ -1,0 +1,126 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Frames: there and back, by hand-worked numbers, and against sampled distributions."""
+
+import math
+
+import numpy as np
+import pytest
+from core_helpers import S_NS, states_of
+
+from mtpgo_core.errors import FrameError
+from mtpgo_core.frames import Pose2, PoseBuffer, lift, rotate, rotate_covariance
+
+QUARTER = math.pi / 2
+
+
+def test_a_quarter_turn_takes_x_to_y():
+    np.testing.assert_allclose(rotate(np.array([1.0, 0.0]), QUARTER), [0.0, 1.0], atol=1e-15)
+    np.testing.assert_allclose(rotate(np.array([0.0, 2.0]), QUARTER), [-2.0, 0.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("size", [2, 4])
+def test_covariance_turns_like_the_vectors_that_it_describes(size):
+    draw = np.random.default_rng(0)
+    factor = draw.normal(size=(5, size, size))
+    covariance = factor @ factor.transpose(0, 2, 1)
+    angle = draw.uniform(-4, 4, 5)
+    turned = rotate_covariance(covariance, angle)
+    direction = draw.normal(size=(5, size // 2, 2))
+    # var(u' R v) = u' R C R' u for any direction u of the turned frame.
+    back = rotate(direction, -angle[:, None]).reshape(5, size)
+    flat = direction.reshape(5, size)
+    np.testing.assert_allclose(
+        np.einsum("ni,nij,nj->n", flat, turned, flat),
+        np.einsum("ni,nij,nj->n", back, covariance, back),
+    )
+    np.testing.assert_allclose(rotate_covariance(turned, -angle), covariance, atol=1e-12)
+
+
+def test_points_there_and_back():
+    draw = np.random.default_rng(1)
+    points = draw.uniform(-50, 50, (20, 2))
+    pose = Pose2(412_000.0, 5_400_000.0, 2.3)
+    np.testing.assert_allclose(pose.inverse_point(pose.point(points)), points, atol=1e-8)
+
+
+def vehicle_states():
+    return states_of(
+        1.0,
+        [1],
+        [[10.0, 2.0]],
+        frame="base_link",
+        velocity=[[3.0, 0.0]],
+        acceleration=[[1.0, 0.0]],
+        yaw=[QUARTER + 2.0],
+        covariance=np.diag([4.0, 1.0, 0.5, 0.25])[None],
+    )
+
+
+def test_lift_by_hand():
+    lifted = lift(vehicle_states(), Pose2(100.0, 200.0, QUARTER), "map")
+    assert lifted.frame_id == "map"
+    np.testing.assert_allclose(lifted.position, [[98.0, 210.0]], atol=1e-12)
+    np.testing.assert_allclose(lifted.velocity, [[0.0, 3.0]], atol=1e-12)
+    np.testing.assert_allclose(lifted.acceleration, [[0.0, 1.0]], atol=1e-12)
+    np.testing.assert_allclose(lifted.yaw, [2.0 - math.pi], atol=1e-12)
+    np.testing.assert_allclose(lifted.covariance[0], np.diag([1.0, 4.0, 0.25, 0.5]), atol=1e-12)
+
+
+def test_relative_velocity_gains_the_vehicles_own_motion():
+    # At rest on the ground, ten metres ahead and two to the left of a turning vehicle.
+    pose = Pose2(0.0, 0.0, 0.0, velocity=(8.0, 0.0), yaw_rate=0.5)
+    states = vehicle_states()
+    states.velocity[0] = (-8.0 + 0.5 * 2.0, -0.5 * 10.0)
+    lifted = lift(states, pose, "odom", relative_velocity=True)
+    np.testing.assert_allclose(lifted.velocity, [[0.0, 0.0]], atol=1e-12)
+
+
+def test_unknown_stays_unknown_when_lifted():
+    lifted = lift(states_of(0.0, [1], [[1.0, 1.0]], frame="base_link"), Pose2(0, 0, 1.0), "map")
+    assert np.isnan(lifted.velocity).all()
+    assert np.isnan(lifted.yaw).all()
+    assert np.isnan(lifted.covariance).all()
+
+
+def test_a_pose_that_is_not_finite_is_an_error():
+    with pytest.raises(FrameError, match="expected finite numbers"):
+        lift(vehicle_states(), Pose2(0.0, math.nan, 0.0), "map")
+
+
+def test_poses_are_interpolated_along_the_shorter_arc():
+    poses = PoseBuffer()
+    assert poses.add(0, Pose2(0.0, 0.0, 3.0, (1.0, 0.0), 0.2))
+    assert poses.add(S_NS, Pose2(4.0, -2.0, -3.0, (3.0, 2.0), 0.4))
+    pose = poses.at(S_NS // 2)
+    assert (pose.x, pose.y) == (2.0, -1.0)
+    assert abs(pose.yaw) == pytest.approx(math.pi)
+    assert pose.velocity == (2.0, 1.0)
+    assert pose.yaw_rate == pytest.approx(0.3)
+
+
+def test_just_beyond_the_ends_the_motion_goes_on_and_farther_is_an_error():
+    poses = PoseBuffer(max_extrapolation_s=0.2)
+    with pytest.raises(FrameError, match="no pose is known"):
+        poses.at(0)
+    poses.add(S_NS, Pose2(1.0, 1.0, 0.0, (10.0, 0.0), 1.0))
+    pose = poses.at(S_NS + 100_000_000)
+    assert (pose.x, pose.yaw) == (pytest.approx(2.0), pytest.approx(0.1))
+    assert poses.at(S_NS - 100_000_000).x == pytest.approx(0.0)
+    for far in (S_NS + 300_000_000, S_NS - 300_000_000):
+        with pytest.raises(FrameError, match=r"0\.300 s away, expected at most 0\.200 s"):
+            poses.at(far)
+
+
+def test_poses_may_come_in_any_order_and_are_forgotten():
+    poses = PoseBuffer(span_s=2.0)
+    for k in (0, 3, 1, 2, 10, 9):
+        assert poses.add(k * S_NS // 10, Pose2(k, 0.0, 0.0))
+    assert not poses.add(0, Pose2(99.0, 0.0, 0.0))  # the stamp is there already
+    assert not poses.add(5, Pose2(math.inf, 0.0, 0.0))
+    assert [poses.at(k * S_NS // 20).x for k in range(7)] == [0, 0.5, 1, 1.5, 2, 2.5, 3]
+    poses.add(25 * S_NS // 10, Pose2(25, 0.0, 0.0))
+    assert len(poses) == 3
+    poses.add(0, Pose2(-1.0, 0.0, 0.0))  # the clock was set back
+    assert len(poses) == 1
+    assert poses.at(0).x == -1.0
