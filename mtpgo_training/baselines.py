@@ -64,7 +64,7 @@ BASELINES: dict[str, Baseline] = {
 
 
 def _times(horizon_steps: int, dt_s: float) -> Float64Array:
-    return (np.arange(1, horizon_steps + 1) * dt_s)[:, None]
+    return (np.arange(1, horizon_steps + 1, dtype=np.float64) * dt_s)[:, None]
 
 
 def _last(vectors: Float64Array) -> Float64Array:

@@ -20,6 +20,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.config import TrainingConfig, load_config
 from mtpgo_training.dataset import SceneDataset, Source, dense, prepare, validation_scenes
 from mtpgo_training.learner import model_config
+from mtpgo_training.process import prepare_process
 from mtpgo_training.readers import LAYOUTS
 from mtpgo_training.run_folder import RunFolder, load_checkpoint
 from mtpgo_training.splits import NamedRecording, Splits, read_all, split
@@ -57,8 +58,6 @@ def train(
         folder.check_same(config, splits.describe())
     else:
         folder.start(config, splits.describe())
-    if config.num_threads > 0:
-        torch.set_num_threads(config.num_threads)
     torch.manual_seed(config.seed)
     dataset, validation = _datasets(config, splits, options.horizon_steps, progress)
     model = MTPGO(options)
@@ -151,6 +150,7 @@ def run(args: argparse.Namespace) -> int:
         config = dataclasses.replace(config, optimisation=optimisation)
     if args.seed is not None:
         config = dataclasses.replace(config, seed=args.seed)
+    prepare_process(config.num_threads)
     trainer = train(
         config,
         read_all(pair_layouts(args.data, args.layout)),

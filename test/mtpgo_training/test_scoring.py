@@ -21,7 +21,7 @@ H, DT = 10, 0.2
 
 
 def windows(recording):
-    return [w for w in cut_windows(recording, HistoryConfig(), 1.0)]
+    return cut_windows(recording, HistoryConfig(), 1.0)
 
 
 def predictions(recording):
