@@ -20,10 +20,10 @@ from mtpgo_training.recording import Recording
 MIN_SPEED_MPS = 3.0
 """A focal road user moves at least this fast at t (m/s)."""
 
-ASIDE_WEIGHT = 3.0
-"""A metre to the side of going straight on counts as this many along it."""
+ASIDE_WEIGHT, ALONG_WEIGHT = 3.0, 0.3
+"""What a metre beside going straight on counts, and a metre along it: braking is common."""
 
-LARGEST_INTEREST_M = 15.0
+LARGEST_INTEREST_M = 30.0
 """Beyond this, more is no more interesting, and may be a tracker's error (m)."""
 
 NEAR_M, NEIGHBOUR_M = 40.0, 0.3
@@ -133,5 +133,5 @@ def _interest(now: Float64Array, end: Float64Array, time_s: float) -> Float64Arr
         aside = np.abs(along[:, 0] * beside[:, 1] - along[:, 1] * beside[:, 0])
         distance = np.linalg.norm(now[:, None, :2] - now[None, :, :2], axis=-1)
         near = np.minimum((distance < NEAR_M).sum(axis=1), 10)
-        interest = np.minimum(ASIDE_WEIGHT * aside + forward, LARGEST_INTEREST_M)
+        interest = np.minimum(ASIDE_WEIGHT * aside + ALONG_WEIGHT * forward, LARGEST_INTEREST_M)
         return np.where(speed >= MIN_SPEED_MPS, interest + NEIGHBOUR_M * near, -1.0)

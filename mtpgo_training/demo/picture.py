@@ -18,6 +18,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
 from mtpgo_core.schema import AgentClass, Float64Array
 from mtpgo_training.atomic import replacing
@@ -155,6 +156,7 @@ def _draw_scale(axes: Any, lower: Float64Array, upper: Float64Array) -> None:
         fontsize=8.5,
         color="#444444",
         zorder=30,
+        path_effects=[withStroke(linewidth=3.0, foreground=GROUND)],
     )
 
 
