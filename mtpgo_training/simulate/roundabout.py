@@ -86,7 +86,8 @@ def simulate_roundabout(config: RoundaboutConfig, name: str = "00") -> Recording
     )
     per_hour = config.vehicles_per_hour
     if per_hour is None:
-        per_hour = float(generator.uniform(1100.0, 2200.0)) * (1.0 if lanes == 1 else 1.4)
+        # More gridlocks the ring, as nobody gives way there.
+        per_hour = float(generator.uniform(1000.0, 1900.0))
     with tempfile.TemporaryDirectory(prefix="mtpgo_sumo_") as folder:
         network = sumo.build_network(Path(folder), *_road(radius, lanes))
         demand = [kind.xml() for kind in types]
