@@ -10,14 +10,15 @@ import torch
 
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3
 _KEEP_BYTES = 1 << 30
+_LARGEST_MMAP_THRESHOLD = 32 << 20  # glibc refuses more
 
 
 def prepare_process(num_threads: int) -> None:
     """Set torch's threads and let freed memory stay with the process.
 
     glibc gives large blocks back to the system as soon as they are freed and must have them zeroed
-    again for the next step; keeping them makes a training step a third faster. Denormal numbers,
-    hundreds of times slower than others, count as zero.
+    again for the next step; large batches are faster when it keeps them. Denormal numbers, many
+    times slower than others, count as zero.
 
     Args:
         num_threads: threads of torch; 0 leaves torch's own choice. On a machine with other work
@@ -31,7 +32,7 @@ def prepare_process(num_threads: int) -> None:
     except (OSError, AttributeError):
         return  # another C library, which has habits of its own
     for option, value in (
-        (_M_MMAP_THRESHOLD, _KEEP_BYTES),
+        (_M_MMAP_THRESHOLD, _LARGEST_MMAP_THRESHOLD),
         (_M_TRIM_THRESHOLD, _KEEP_BYTES),
         (_M_TOP_PAD, _KEEP_BYTES >> 4),
     ):
