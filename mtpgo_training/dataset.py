@@ -13,51 +13,20 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset
 from torch_geometric.data import Batch, Data
 from torch_geometric.utils import to_dense_batch
 
-from mtpgo_core.lanes import LaneMap
 from mtpgo_core.scene import build_scenes
-from mtpgo_core.schema import Float64Array, HistoryWindow, SceneBatch
+from mtpgo_core.schema import Float64Array, SceneBatch
 from mtpgo_core.task import HistoryConfig, SceneConfig
 from mtpgo_training.augment import Augmentation
 from mtpgo_training.baselines import BASELINES
 from mtpgo_training.config import DataConfig
-from mtpgo_training.futures import FutureTable
-from mtpgo_training.recording import Recording
-from mtpgo_training.windows import TrackedWindow, cut_restarted_windows, cut_windows
-
-STANDING_MPS = 0.3
-"""An agent slower than this stands (m/s)."""
-
-STANDING_M = 0.5
-"""An agent whose observed future stays within this of its position does not move (m)."""
-
-
-@dataclass(frozen=True)
-class Source:
-    """One recording, ready for scenes to be cut from it.
-
-    Attributes:
-        recording: the recording.
-        windows: its windows.
-        restarted: windows of the same instants with short pasts, or empty.
-        future: what happened next.
-        lanes: its lanes, where the context needs them.
-        chance: for each window, [tracks] the chance of a track to be a graph's centre.
-        weight: how often its windows are drawn in an epoch.
-    """
-
-    recording: Recording
-    windows: list[TrackedWindow]
-    restarted: list[TrackedWindow]
-    future: FutureTable
-    lanes: LaneMap | None
-    chance: list[Float64Array]
-    weight: float = 1.0
+from mtpgo_training.sampling import copies, random_cover, standing
+from mtpgo_training.sources import Source
+from mtpgo_training.windows import TrackedWindow
 
 
 @dataclass(frozen=True)
@@ -69,51 +38,6 @@ class Item:
     centre: int
     restarted: bool
     augmentation: Augmentation
-
-
-def prepare(
-    recording: Recording,
-    history: HistoryConfig,
-    scene: SceneConfig,
-    data: DataConfig,
-    *,
-    training: bool,
-    seed: int = 0,
-    weight: float = 1.0,
-) -> Source:
-    """A recording's windows and futures.
-
-    Args:
-        recording: the recording.
-        history: see :class:`mtpgo_core.task.HistoryConfig`.
-        scene: see :class:`mtpgo_core.task.SceneConfig`.
-        data: strides, restarts and smoothing.
-        training: with the training's stride, smoothing and restarts, or the validation's.
-        seed: of the restarts.
-        weight: how often its windows are drawn in an epoch.
-    """
-    stride_s = data.stride_s if training else data.validation_stride_s
-    restarted: list[TrackedWindow] = []
-    if training and data.restart_probability > 0.0:
-        generator = np.random.default_rng([seed, len(recording)])
-        restarted = cut_restarted_windows(
-            recording, history, stride_s, data.restart_within_s, generator
-        )
-    windows = cut_windows(recording, history, stride_s)
-    future = FutureTable(
-        recording,
-        max_gap_s=history.max_gap_s,
-        velocity_smoothing_s=data.velocity_smoothing_s if training else 0.0,
-    )
-    return Source(
-        recording=recording,
-        windows=windows,
-        restarted=restarted,
-        future=future,
-        chance=[_chances(w, recording, future, data, history.dt_s) for w in windows],
-        lanes=LaneMap(recording.lanes) if scene.context == "lanes" else None,
-        weight=weight,
-    )
 
 
 class SceneDataset(Dataset[Data]):
@@ -153,7 +77,7 @@ class SceneDataset(Dataset[Data]):
         self.items = []
         for s, source in enumerate(self.sources):
             for w, tracked in enumerate(source.windows):
-                for _ in range(_copies(source.weight, rng)):
+                for _ in range(copies(source.weight, rng)):
                     self.items.extend(self._draw(s, w, source, tracked, rng))
 
     def _draw(
@@ -261,7 +185,7 @@ def scene_data(
     target = np.where(known[..., None], np.concatenate([position, velocity], axis=-1), 0.0)
     weight = known.astype(np.float32)
     if standing_weight < 1.0:
-        weight[_standing(features, target, known)] *= standing_weight
+        weight[standing(features, target, known)] *= standing_weight
     return Data(
         x=torch.from_numpy(features),
         valid=torch.from_numpy(valid),
@@ -289,73 +213,3 @@ def to_scene(vectors: Float64Array, rotation: float) -> Float64Array:
     """[..., 2] vectors of the fixed frame in a scene frame turned by ``rotation`` (rad)."""
     c, s = np.cos(rotation), np.sin(rotation)
     return vectors @ np.array([[c, -s], [s, c]])
-
-
-def random_cover(
-    window: HistoryWindow,
-    scene: SceneConfig,
-    rng: np.random.Generator,
-    chance: Float64Array | None = None,
-) -> NDArray[np.int64]:
-    """Centres in random order such that every agent valid at t lies in the graph of one.
-
-    The same neighbourhoods as the node's ``cover`` (nearest first, limited in number and radius),
-    but other centres at every draw.
-
-    Args:
-        window: the history.
-        scene: limits of a graph.
-        rng: the draw.
-        chance: [n] chance of each agent to be a centre if none has covered it; 1 by default.
-    """
-    wanted = np.ones(len(window)) if chance is None else chance
-    present = np.flatnonzero(window.valid[:, -1])
-    uncovered = rng.random(len(present)) < wanted[present]
-    position = window.position[present, -1]
-    distance = np.linalg.norm(position[:, None] - position[None], axis=-1)
-    centres = []
-    for i in rng.permutation(len(present)):
-        if not uncovered[i]:
-            continue
-        centres.append(present[i])
-        near = np.argsort(distance[i], kind="stable")[: scene.max_neighbours + 1]
-        uncovered[near[distance[i, near] <= scene.radius_m]] = False
-        uncovered[i] = False
-    return np.array(centres, dtype=np.int64)
-
-
-def _standing(
-    features: NDArray[np.float32], target: Float64Array, known: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """[N] agents that stand at t and stay where they are."""
-    speed = np.hypot(features[:, -1, 2], features[:, -1, 3])
-    moved = np.linalg.norm(target[..., :2] - features[:, -1:, :2], axis=-1)
-    return (speed < STANDING_MPS) & (np.where(known, moved, 0.0).max(axis=-1) < STANDING_M)
-
-
-def _chances(
-    tracked: TrackedWindow,
-    recording: Recording,
-    future: FutureTable,
-    data: DataConfig,
-    dt_s: float,
-) -> Float64Array:
-    """[tracks] chance to be a graph's centre, see ``min_future_s`` and ``standing_weight``."""
-    chance = np.ones(len(recording.track_id))
-    if data.min_future_s <= 0.0 and data.standing_weight >= 1.0:
-        return chance
-    window = tracked.window
-    steps = max(1, round(max(data.min_future_s, 2.0) / dt_s))
-    ahead = future.at(tracked.track, window.stamp_ns, steps, dt_s)
-    moved = np.linalg.norm(ahead.position - window.position[:, -1:], axis=-1)
-    speed = np.nan_to_num(np.linalg.norm(window.velocity[:, -1], axis=-1))
-    stands = (np.where(ahead.known, moved, 0.0).max(axis=1) < STANDING_M) & (speed < STANDING_MPS)
-    long_enough = ahead.known.sum(axis=1) >= round(data.min_future_s / dt_s)
-    chance[tracked.track] = np.where(stands, data.standing_weight, 1.0) * long_enough
-    return chance
-
-
-def _copies(weight: float, rng: np.random.Generator) -> int:
-    """How often a window is drawn: ``weight`` on average."""
-    whole = int(weight)
-    return whole + int(rng.random() < weight - whole)

@@ -18,11 +18,12 @@ from tqdm import tqdm
 from models.mtp_go import MTPGO
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.config import TrainingConfig, load_config
-from mtpgo_training.dataset import SceneDataset, Source, dense, prepare, validation_scenes
+from mtpgo_training.dataset import SceneDataset, dense, validation_scenes
 from mtpgo_training.learner import model_config
 from mtpgo_training.process import prepare_process
 from mtpgo_training.readers import LAYOUTS
 from mtpgo_training.run_folder import RunFolder, load_checkpoint
+from mtpgo_training.sources import Source, prepare
 from mtpgo_training.splits import NamedRecording, Splits, read_all, split
 from mtpgo_training.trainer import Trainer
 

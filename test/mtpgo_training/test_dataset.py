@@ -20,11 +20,11 @@ from mtpgo_training.config import DataConfig
 from mtpgo_training.dataset import (
     SceneDataset,
     dense,
-    prepare,
-    random_cover,
     to_scene,
     validation_scenes,
 )
+from mtpgo_training.sampling import random_cover
+from mtpgo_training.sources import prepare
 from mtpgo_training.windows import cut_restarted_windows, cut_windows
 
 HISTORY = HistoryConfig()
