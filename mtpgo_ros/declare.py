@@ -21,6 +21,14 @@ from rclpy.parameter import Parameter
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_ros.parameters import Change, PredictorParameters, updated
 
+_TYPE_NAMES = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    str: "text",
+    list: "a list of text",
+}
+
 
 class ParameterServer:
     """Keeps a node's ROS parameters and its :class:`PredictorParameters` the same.
@@ -155,6 +163,5 @@ def _kindred(field: dataclasses.Field[Any], value: Any) -> Any:
     if isinstance(value, wanted) and isinstance(value, bool) == (wanted is bool):
         return value
     raise ConfigurationError(
-        f"parameter {field.name} is {value!r} ({type(value).__name__}), expected"
-        f" {'a list of text' if wanted is list else wanted.__name__}"
+        f"parameter {field.name} is {value!r}, expected {_TYPE_NAMES[wanted]}"
     )

@@ -147,7 +147,7 @@ def _model(name: str, facts: Facts, statistics: Statistics) -> DiagnosticStatus:
         "fallback_agents": str(facts.fallback_agents),
         "degraded": facts.degraded,
     }
-    values |= _counted(statistics.counts(), list(BAD_MODEL))
+    values |= _counted(statistics.counts(), [*BAD_MODEL, "agents_over_limit"])
     return _status(f"{name}: model", level, message, values)
 
 
@@ -170,7 +170,7 @@ def _timing(name: str, facts: Facts, statistics: Statistics) -> DiagnosticStatus
         "latency_ms_p99": f"{latency.p99:.3f}",
         "latency_ms_max": f"{latency.maximum:.3f}",
     }
-    counters = ["predictions", *BAD_TIMING, "late_results_dropped", "agents_over_limit"]
+    counters = ["predictions", *BAD_TIMING, "late_results_dropped"]
     values |= _counted(statistics.counts(), counters)
     return _status(f"{name}: timing", level, message, values)
 

@@ -39,6 +39,7 @@ class DiagnosticsPublisher:
     ) -> None:
         self._node, self._facts = node, facts
         self._statistics, self._refresh = statistics, refresh
+        self._name = node.get_fully_qualified_name().lstrip("/")
         self._period_s = 1.0
         self._published_s = float("-inf")
         self._levels: list[bytes] = []
@@ -56,7 +57,7 @@ class DiagnosticsPublisher:
 
     def _look(self) -> None:
         self._refresh()
-        found = statuses(self._node.get_name(), self._facts, self._statistics())
+        found = statuses(self._name, self._facts, self._statistics())
         levels = [status.level for status in found]
         now = time.monotonic()
         if levels == self._levels and now - self._published_s < self._period_s - 0.5 * _LOOK_S:

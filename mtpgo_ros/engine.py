@@ -11,7 +11,7 @@ import numpy as np
 from mtpgo_core.errors import ModelFileError
 from mtpgo_core.identity import keys_from_integers, keys_from_texts
 from mtpgo_core.lanes import LaneMap
-from mtpgo_core.modelfile import find_model
+from mtpgo_core.modelfile import find_model, load_task
 from mtpgo_core.predictor import PredictionReport, PredictorOptions, ScenePredictor
 from mtpgo_core.schema import KeyArray, Prediction, tracked_states
 from mtpgo_ros.intake import Work
@@ -39,10 +39,12 @@ class Engine:
         self.degraded = ""
         runner = None
         try:
-            # The runner brings torch along, which takes seconds: not before it is wanted.
+            path = find_model(parameters.model)
+            load_task(path)
+            # The runner brings torch along, which takes seconds: not for a file of no use.
             from mtpgo_core.runner import ModelRunner
 
-            runner = ModelRunner.load(find_model(parameters.model), parameters.num_threads)
+            runner = ModelRunner.load(path, parameters.num_threads)
         except ModelFileError as error:
             if parameters.require_model:
                 raise

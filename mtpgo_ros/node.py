@@ -33,7 +33,14 @@ from mtpgo_ros.side_inputs import SideInputs
 from mtpgo_ros.statistics import Statistics
 from mtpgo_ros.worker import Hooks, InferenceWorker, Job
 
-_WORDING = {**ODD_INPUT, **BAD_TIMING, **BAD_MODEL}
+_EXPLAINED = ("malformed", "not_lifted", "qos_incompatible", "model_failures", "cycles_failed")
+"""Counters whose steps are logged with their reason, where that is known."""
+
+_WORDING = {
+    name: wording
+    for name, wording in {**ODD_INPUT, **BAD_TIMING, **BAD_MODEL}.items()
+    if name not in _EXPLAINED
+}
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 _VEHICLE_FRAMES = ("base_link", "base_footprint", "ego_vehicle", "vehicle", "hero")
 
@@ -93,7 +100,9 @@ class PredictorNode(LifecycleNode):
         self._facts.degraded = self._engine.degraded
         if self._engine.degraded:
             self.get_logger().error(f"degraded, constant velocity serves: {self._engine.degraded}")
-        self._outputs = Outputs(self, self.parameters.output, self.parameters.max_modes)
+        self._outputs = Outputs(
+            self, self.parameters.output, self.parameters.max_modes, self._on_failure
+        )
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -174,13 +183,15 @@ class PredictorNode(LifecycleNode):
             self.get_logger().error(f"{what}: {error}")
         return _FAILURE
 
-    def _stop(self) -> None:
-        if self._active:
-            self._active = False
-            self._input.close()
-            self._side_inputs.close()
-            self._lifter.close()
-            self._worker.stop()
+    def _stop(self) -> bool:
+        """Stop listening and predicting; false if the model is still running all the same."""
+        if not self._active:
+            return True
+        self._active = False
+        self._input.close()
+        self._side_inputs.close()
+        self._lifter.close()
+        return self._worker.stop()
 
     def _release(self) -> None:
         if self._outputs is not None:
@@ -190,9 +201,9 @@ class PredictorNode(LifecycleNode):
 
     def stop(self) -> bool:
         """End all threads before the process ends; false if the model is still running."""
-        was_active = self._active
-        self._stop()
-        return not was_active or self._worker.stop()
+        idle = self._stop()
+        self._release()
+        return idle
 
     # ------------------------------------------------------------------ from message to work
 

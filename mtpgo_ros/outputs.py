@@ -1,13 +1,18 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the node publishes of a prediction."""
+"""What the node publishes of a prediction.
+
+The cloud is the answer: it is made and published at once. Markers and the messages of other
+stacks hold thousands of small Python objects, which takes longer than the model; a thread of
+their own makes them where somebody listens, of the newest prediction, so they delay nothing.
+"""
 
 from __future__ import annotations
 
 import threading
-from typing import Any
+from collections.abc import Callable
 
-from rclpy.lifecycle import LifecycleNode
+from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64
 
@@ -16,95 +21,111 @@ from msg_adapters.registry import Writer, output_adapter
 from msg_adapters.types import RclpyTypes
 from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import Prediction
+from mtpgo_ros.latest import LatestOnly
 
 _QOS = QoSProfile(depth=5)
+_CLOUD, _MARKERS = "pointcloud2", "markers"
 _TOPICS = {
-    "pointcloud2": "~/predictions",
-    "markers": "~/markers",
+    _CLOUD: "~/predictions",
+    _MARKERS: "~/markers",
     "autoware": "~/predicted_objects",
 }
-_ALWAYS = "pointcloud2"
-"""The one kind that is made whether somebody listens or not: it is the answer that is timed."""
 
 
 class Outputs:
-    """Publishers of all kinds that can be published here; which of them are used may change.
-
-    Publishing is safe from several threads.
+    """Publishers of all kinds wanted that can be published here; the choice may change.
 
     Args:
         node: the node that owns the publishers.
         kinds: wanted kinds.
         max_modes: modes of an agent.
+        failed: told of an exception, with what was being done.
     """
 
-    def __init__(self, node: LifecycleNode, kinds: tuple[str, ...], max_modes: int) -> None:
+    def __init__(
+        self,
+        node: LifecycleNode,
+        kinds: tuple[str, ...],
+        max_modes: int,
+        failed: Callable[[str, Exception], None],
+    ) -> None:
         self._node = node
+        self._failed = failed
         self._types = RclpyTypes()
-        self._lock = threading.Lock()
-        self._publishers: dict[str, Any] = {}
+        # Held while a message is made or the choice changes.
+        self._cloud_lock, self._side_lock = threading.Lock(), threading.Lock()
+        self._publishers: dict[str, LifecyclePublisher] = {}
         self._writers: dict[str, Writer] = {}
         self._kinds: tuple[str, ...] = ()
         self._max_modes = 0
         self._time = node.create_lifecycle_publisher(Float64, "~/debug/processing_time_ms", _QOS)
         self.configure(kinds, max_modes)
+        self._side = LatestOnly(self._publish_side, "side outputs")
 
     def configure(self, kinds: tuple[str, ...], max_modes: int) -> None:
         """Publish these kinds from the next prediction on."""
-        with self._lock:
+        with self._cloud_lock, self._side_lock:
+            if _MARKERS in self._writers and (
+                max_modes != self._max_modes or _MARKERS not in kinds
+            ):
+                self._clear_markers()
             if max_modes != self._max_modes:
-                self._clear_markers()
                 self._writers = {}
-            elif "markers" in self._kinds and "markers" not in kinds:
-                self._clear_markers()
-                self._writers.pop("markers", None)
             self._max_modes = max_modes
-            self._kinds = kinds
-            for kind in kinds:
-                self._prepare(kind)
+            self._kinds = tuple(kind for kind in kinds if self._prepared(kind))
 
-    def _prepare(self, kind: str) -> None:
-        """Make publisher and writer of a kind, or say why it is left out."""
+    def _prepared(self, kind: str) -> bool:
+        """Make publisher and writer of a kind; false, with a log line, where that cannot be."""
         adapter = output_adapter(kind)
         try:
             if kind not in self._writers:
                 self._writers[kind] = adapter.writer(self._types, max_modes=self._max_modes)
-            if kind not in self._publishers:
-                message_class = self._types.message_class(adapter.message_type)
-                publisher = self._node.create_lifecycle_publisher(
-                    message_class, _TOPICS[kind], _QOS
-                )
-                if self._time.is_activated:  # Added while the node is active.
-                    publisher.on_activate(None)
-                self._publishers[kind] = publisher
         except MessageError as error:
             self._node.get_logger().error(f"output {kind} is left out: {error}")
+            return False
+        if kind not in self._publishers:
+            message_class = self._types.message_class(adapter.message_type)
+            publisher = self._node.create_lifecycle_publisher(message_class, _TOPICS[kind], _QOS)
+            if self._time.is_activated:  # Added while the node is active.
+                publisher.on_activate(None)
+            self._publishers[kind] = publisher
+        return True
 
     def publish(self, prediction: Prediction) -> None:
-        """Publish the answer itself."""
-        with self._lock:
-            if _ALWAYS in self._kinds and _ALWAYS in self._writers:
-                self._publishers[_ALWAYS].publish(self._writers[_ALWAYS](prediction))
+        """Publish the answer itself; safe from several threads."""
+        with self._cloud_lock:
+            if _CLOUD in self._kinds:
+                self._publishers[_CLOUD].publish(self._writers[_CLOUD](prediction))
 
     def publish_rest(self, prediction: Prediction, processing_time_ms: float) -> None:
-        """Publish the processing time, and the other kinds where somebody listens."""
-        with self._lock:
-            self._time.publish(Float64(data=processing_time_ms))
-            for kind in self._kinds:
-                if kind == _ALWAYS or kind not in self._writers:
-                    continue
-                publisher = self._publishers[kind]
-                if publisher.get_subscription_count() > 0:
-                    publisher.publish(self._writers[kind](prediction))
+        """Publish the processing time, and hand the prediction on to the other kinds."""
+        self._time.publish(Float64(data=processing_time_ms))
+        if any(self._listened(kind) for kind in self._kinds):
+            self._side.submit(prediction)
+
+    def _listened(self, kind: str) -> bool:
+        return kind != _CLOUD and self._publishers[kind].get_subscription_count() > 0
+
+    def _publish_side(self, prediction: Prediction) -> None:
+        for kind in self._kinds:
+            try:
+                with self._side_lock:
+                    if kind in self._kinds and self._listened(kind):
+                        self._publishers[kind].publish(self._writers[kind](prediction))
+            except Exception as error:
+                self._failed(f"output {kind} could not be published", error)
 
     def _clear_markers(self) -> None:
-        """Take what has been drawn off the displays."""
-        if "markers" in self._writers and self._publishers["markers"].is_activated:
-            self._publishers["markers"].publish(
-                clear_markers(self._types, stamp_ns=0, frame_id="map")
-            )
+        """Take what has been drawn off the displays, and forget it."""
+        publisher = self._publishers[_MARKERS]
+        if publisher.is_activated:
+            publisher.publish(clear_markers(self._types, stamp_ns=0, frame_id="map"))
+        del self._writers[_MARKERS]
 
     def close(self) -> None:
         """Give the publishers back."""
-        for publisher in (self._time, *self._publishers.values()):
-            self._node.destroy_lifecycle_publisher(publisher)
+        self._side.stop()
+        with self._cloud_lock, self._side_lock:
+            self._kinds = ()
+            for publisher in (self._time, *self._publishers.values()):
+                self._node.destroy_lifecycle_publisher(publisher)

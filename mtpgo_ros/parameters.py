@@ -145,7 +145,7 @@ class PredictorParameters:
         high=3600.0,
     )
     budget: float = _field(
-        0.9,
+        0.85,
         "Share of the period after which constant velocity serves in the stead of a model that is"
         " not ready.",
         low=0.05,

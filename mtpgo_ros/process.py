@@ -44,12 +44,6 @@ def fail(program: str, error: object) -> int:
     return BAD_INPUT
 
 
-def ignore_signals() -> None:
-    """From here on the process only cleans up: a second Ctrl-C must not tear that apart."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
-
-
 def leave(status: int) -> NoReturn:
     """End the process at once, whatever its other threads are doing.
 
@@ -62,7 +56,9 @@ def leave(status: int) -> NoReturn:
 
 
 def stop_on_signals() -> Callable[[], bool]:
-    """Take SIGINT and SIGTERM as the wish to end in order.
+    """Take SIGINT and SIGTERM as the wish to end in order, from now to the end of the process.
+
+    A further one changes nothing: cleaning up must not be torn apart.
 
     Returns:
         A function that says whether one has come.

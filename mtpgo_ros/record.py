@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.process import ArgumentParser, fail, ignore_signals, leave, positive
+from mtpgo_ros.process import ArgumentParser, fail, leave, positive, stop_on_signals
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
@@ -26,32 +27,31 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     Returns:
         0 when a bag was written, 2 for bad input.
     """
+    stopped = stop_on_signals()
     arguments = list(sys.argv[1:] if argv is None else argv)
-    try:
-        return _record(arguments)
-    except KeyboardInterrupt:  # Before the recording began.
-        return 0
-
-
-def _record(arguments: list[str]) -> int:
     import rclpy
-    from rclpy.impl.implementation_singleton import rclpy_implementation
-    from rclpy.utilities import remove_ros_args
 
-    from mtpgo_ros.recorder import record_until_stopped
+    from mtpgo_ros.recorder import record
+    from mtpgo_ros.ros_start import own_arguments, start
 
-    options = _parser().parse_args(remove_ros_args(["record", *arguments])[1:])
+    status = 0
     try:
-        rclpy.init(args=arguments)
-        sentence = record_until_stopped(options.output, topics_of(options), options.duration)
-    except (MtpgoError, rclpy_implementation.RCLError) as error:
+        options = _parser().parse_args(own_arguments(arguments))
+        start(arguments)
+        until = _until(stopped, options.duration)
+        print(record(options.output, topics_of(options), until), flush=True)
+    except MtpgoError as error:
         status = fail("record", error)
-    else:
-        print(sentence, flush=True)
-        status = 0
-    ignore_signals()
     rclpy.try_shutdown()
     return status
+
+
+def _until(stopped: Callable[[], bool], duration_s: float | None) -> Callable[[], bool]:
+    """Whether a signal has come or the duration (s) is over, counted from now on."""
+    if duration_s is None:
+        return stopped
+    end = time.monotonic() + duration_s
+    return lambda: stopped() or time.monotonic() >= end
 
 
 def topics_of(options: argparse.Namespace) -> list[str]:

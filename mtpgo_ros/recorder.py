@@ -4,13 +4,11 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -18,6 +16,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from msg_adapters.types import message_class
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_ros.bag_sink import BagSink
+from mtpgo_ros.ros_start import spin
 
 _DEPTH = 200
 """Messages that may wait for the disk; at 25 Hz that is eight seconds."""
@@ -33,13 +32,13 @@ _KNOWN_TYPES = {
 before their publisher appears, so not even its first message is missed."""
 
 
-def record_until_stopped(path: Path, topics: Sequence[str], duration_s: float | None) -> str:
-    """Record until a signal or the duration ends it.
+def record(path: Path, topics: Sequence[str], stopped: Callable[[], bool]) -> str:
+    """Record until asked to stop.
 
     Args:
         path: folder to be made.
         topics: absolute names.
-        duration_s: time after which the recording ends by itself (s), None for never.
+        stopped: says whether to stop.
 
     Returns:
         What was recorded, in words.
@@ -51,23 +50,14 @@ def record_until_stopped(path: Path, topics: Sequence[str], duration_s: float | 
     try:
         node = Recorder(sink, topics)
         print(f"ready: recording {', '.join(topics)} into {path}", flush=True)
-        _spin(node, duration_s)
+        spin(node, stopped)
     except BaseException:
         sink.discard()
         raise
     sink.close()
-    return f"recorded {sink.messages} messages into {path}" + node.remarks()
-
-
-def _spin(node: Recorder, duration_s: float | None) -> None:
-    end = time.monotonic() + (duration_s if duration_s is not None else float("inf"))
-    try:
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        while (left := end - time.monotonic()) > 0.0 and executor.context.ok():
-            executor.spin_once(timeout_sec=min(left, 1.0))
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass  # The user's way to end a recording.
+    sentence = f"recorded {sink.messages} messages into {path}{node.remarks()}"
+    node.destroy_node()
+    return sentence
 
 
 class Recorder(Node):

@@ -17,7 +17,6 @@ from mtpgo_core.errors import MtpgoError, RecordingError
 from mtpgo_ros.process import (
     ArgumentParser,
     fail,
-    ignore_signals,
     leave,
     not_negative,
     positive,
@@ -41,19 +40,17 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     arguments = list(sys.argv[1:] if argv is None else argv)
     import rclpy
-    from rclpy.signals import SignalHandlerOptions
-    from rclpy.utilities import remove_ros_args
 
-    own = remove_ros_args(["replay", *arguments])[1:]
-    options = _parser().parse_args(own)
+    from mtpgo_ros.ros_start import own_arguments, start
+
     try:
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        options = _parser().parse_args(own_arguments(arguments))
+        start(arguments)
         _replay(options, stopped)
-    except (MtpgoError, _ros_argument_errors()) as error:
+    except MtpgoError as error:
         status = fail("replay", error)
     else:
         status = 0
-    ignore_signals()
     rclpy.try_shutdown()
     return status
 
@@ -103,14 +100,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--no-progress", action="store_true", help="no progress bar")
     return parser
-
-
-def _ros_argument_errors() -> type[Exception]:
-    """The family of rclpy's complaints about what follows ``--ros-args``."""
-    from rclpy.impl.implementation_singleton import rclpy_implementation
-
-    error: type[Exception] = rclpy_implementation.RCLError
-    return error
 
 
 def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:

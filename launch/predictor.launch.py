@@ -1,0 +1,103 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Starts the predictor, and RViz where it is wanted.
+
+    ros2 launch mtpgo_ros predictor.launch.py objects:=/perception/objects rate:=10.0 rviz:=true
+
+Arguments go before the parameter file; those left empty leave the file's value.
+"""
+
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+CONFIG = Path(__file__).resolve().parents[1] / "config"
+
+PARAMETERS = {
+    "model": (str, "name of an installed model or path of an exported one"),
+    "graph": (str, "ego, cover, each or scene"),
+    "rate": (float, "predictions per second, at most (Hz)"),
+    "input_type": (str, "kind of the objects' message, auto: as published"),
+    "ego_id": (str, "identity of the ego"),
+    "fixed_frame": (str, "frame into which objects are lifted"),
+    "use_sim_time": (bool, "time comes from /clock"),
+}
+"""Arguments that are parameters of the node: type and description."""
+
+TOPICS = ("objects", "odometry", "lane_markings", "ego_id")
+"""Topics that may be remapped by an argument; ego_id by ego_topic."""
+
+
+def generate_launch_description() -> LaunchDescription:
+    """What ``ros2 launch`` starts."""
+    arguments = [
+        DeclareLaunchArgument(
+            "params_file",
+            default_value=str(CONFIG / "predictor.yaml"),
+            description="parameter file",
+        ),
+        DeclareLaunchArgument("namespace", default_value="", description="of the node"),
+        DeclareLaunchArgument("rviz", default_value="false", description="start RViz"),
+    ]
+    for name, (_, description) in PARAMETERS.items():
+        arguments.append(
+            DeclareLaunchArgument(name, default_value="", description=description)
+        )
+    for topic in TOPICS:
+        arguments.append(
+            DeclareLaunchArgument(
+                _argument(topic), default_value=topic, description=f"topic for {topic}"
+            )
+        )
+    rviz = Node(
+        package="rviz2",
+        executable="rviz2",
+        arguments=["-d", str(CONFIG / "predictor.rviz")],
+        condition=IfCondition(LaunchConfiguration("rviz")),
+    )
+    return LaunchDescription([*arguments, OpaqueFunction(function=_predictor), rviz])
+
+
+def _argument(topic: str) -> str:
+    return "ego_topic" if topic == "ego_id" else topic
+
+
+def _predictor(context: object) -> list[Node]:
+    """The node, with the parameters that were given on the command line."""
+
+    def given(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    overrides = {
+        name: _value(kind, name, given(name))
+        for name, (kind, _) in PARAMETERS.items()
+        if given(name) != ""
+    }
+    return [
+        Node(
+            package="mtpgo_ros",
+            executable="predictor",
+            name="predictor",
+            namespace=given("namespace"),
+            parameters=[given("params_file"), overrides],
+            remappings=[
+                (topic, given(_argument(topic)))
+                for topic in TOPICS
+                if given(_argument(topic)) != topic
+            ],
+            output="screen",
+        )
+    ]
+
+
+def _value(kind: type, name: str, text: str) -> str | float | bool:
+    """An argument's text as the parameter's type."""
+    if kind is bool:
+        if text.lower() not in ("true", "false"):
+            raise ValueError(f"argument {name} is {text!r}, expected true or false")
+        return text.lower() == "true"
+    return kind(text)

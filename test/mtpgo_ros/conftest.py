@@ -1,0 +1,72 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What the tests of the ROS edge share."""
+
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+import torch
+from rclpy.node import Node
+
+sys.path.insert(0, str(Path(__file__).parent))
+from ros_helpers import Bench, Process, init
+from tiny_model import write_tiny_model
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ros():
+    torch.set_num_threads(1)
+    init()
+
+
+@pytest.fixture(scope="session")
+def models(tmp_path_factory):
+    """Model files: quick, slow (0.1 s a call at least), stuck (minutes), poison (NaN if fast)."""
+    folder = tmp_path_factory.mktemp("models")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return {
+            "quick": write_tiny_model(folder / "quick.pt"),
+            "slow": write_tiny_model(folder / "slow.pt", work=150),
+            "stuck": write_tiny_model(folder / "stuck.pt", work=100_000),
+            "poison": write_tiny_model(folder / "poison.pt", poison=True),
+        }
+
+
+@pytest.fixture
+def bench(models):
+    """Makes started benches; all are closed at the end."""
+    made = []
+
+    def make(model="quick", *, started=True, **parameters):
+        made.append(Bench(models.get(model, model), **parameters))
+        return made[-1].start() if started else made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+@pytest.fixture
+def process():
+    """Makes processes; those still running at the end are killed."""
+    made = []
+
+    def make(module, *arguments):
+        made.append(Process(module, *arguments))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.popen.kill()
+        one.finish()
+
+
+@pytest.fixture
+def peer():
+    """A node to talk to processes."""
+    node = Node("peer")
+    yield node
+    node.destroy_node()

@@ -1,0 +1,269 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A bench for the node: real publishers and subscribers over real DDS, in one executor.
+
+Nothing here waits for a fixed time: everything waits for a condition, with a limit that only a
+broken machine reaches.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters.predictions import prediction_from_pointcloud2
+from msg_adapters.registry import INPUTS
+from msg_adapters.types import RclpyTypes
+from mtpgo_core.identity import keys_from_integers
+from mtpgo_core.schema import Prediction, TrackedStates, tracked_states
+from mtpgo_ros.node import PredictorNode
+
+ROOT = Path(__file__).resolve().parents[2]
+LIMIT_S = 60.0
+START_NS = 1_700_000_000_000_000_000
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_namespaces = itertools.count()
+
+
+def traffic(
+    time_s: float, agents: int = 4, *, speed_mps: float = 10.0, frame_id: str = "map"
+) -> TrackedStates:
+    """Cars one behind the other, driving along x, at a time counted from ``START_NS``."""
+    row = np.arange(agents, dtype=np.float64)
+    position = np.stack([12.0 * row + speed_mps * time_s, np.zeros(agents)], axis=1)
+    return tracked_states(
+        START_NS + round(time_s * 1e9),
+        frame_id,
+        keys_from_integers(range(1, agents + 1)),
+        position,
+        agent_class=np.ones(agents, dtype=np.uint8),
+        velocity=np.tile([speed_mps, 0.0], (agents, 1)),
+        yaw=np.zeros(agents),
+        size=np.tile([4.5, 1.8], (agents, 1)),
+    )
+
+
+def message_of(states: TrackedStates, kind: str = "pointcloud2") -> Any:
+    """The rclpy message of tracked states."""
+    return INPUTS[kind].from_states(states, RclpyTypes())
+
+
+class Bench:
+    """A predictor node, started, and everything around it.
+
+    Attributes:
+        predictions: what was published, decoded, in order.
+        statuses: the newest diagnostics by the last word of their name.
+    """
+
+    def __init__(
+        self, model: Path | str, objects_type: type | None = PointCloud2, **parameters: Any
+    ) -> None:
+        self.namespace = f"/bench{next(_namespaces)}"
+        given = {"model": str(model), "diagnostic_period": 0.1, **parameters}
+        self.node = PredictorNode(
+            namespace=self.namespace,
+            parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
+        )
+        self.peer = Node("peer", namespace=self.namespace)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.peer)
+        self.predictions: list[Prediction] = []
+        self.statuses: dict[str, Any] = {}
+        self.peer.create_subscription(
+            PointCloud2,
+            "predictor/predictions",
+            lambda message: self.predictions.append(prediction_from_pointcloud2(message)),
+            20,
+        )
+        self.peer.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 20)
+        self.objects = None
+        if objects_type is not None:
+            self.objects = self.peer.create_publisher(
+                objects_type,
+                "objects",
+                QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
+            )
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for status in message.status:
+            if status.name.startswith(self.namespace.lstrip("/")):
+                self.statuses[status.name.split()[-1]] = status
+
+    def start(self) -> Bench:
+        """Configure and activate, and wait until both sides have found each other."""
+        assert str(self.node.trigger_configure()).endswith("SUCCESS"), self.node.failure
+        assert str(self.node.trigger_activate()).endswith("SUCCESS"), self.node.failure
+        topic = self.namespace + "/predictor/predictions"
+        self.until(lambda: self.node.count_subscribers(topic) > 0)
+        self.until(lambda: self.peer.count_publishers(topic) > 0)
+        if self.objects is not None:
+            self.until(lambda: self.objects.get_subscription_count() > 0)
+            self.until(lambda: self.node._input._subscription.get_publisher_count() > 0)
+        return self
+
+    def until(self, condition: Callable[[], Any], limit_s: float = LIMIT_S) -> None:
+        """Spin until the condition holds."""
+        end = time.monotonic() + limit_s
+        while not condition():
+            assert time.monotonic() < end, "the condition did not come true in time"
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def count(self, name: str) -> int:
+        """A counter of the node."""
+        return self.node._statistics.counts().get(name, 0)
+
+    def send(self, message: Any) -> None:
+        """Publish a message of objects and wait until the node has taken it."""
+        before = self.count("messages")
+        self.objects.publish(message)
+        self.until(lambda: self.count("messages") > before)
+
+    def predict(self, states: TrackedStates) -> Prediction:
+        """Publish states that are due and wait for their prediction."""
+        self.send(message_of(states))
+        return self.prediction(states.stamp_ns)
+
+    def prediction(self, stamp_ns: int) -> Prediction:
+        """The prediction with this stamp, once it has come."""
+        self.until(lambda: any(p.stamp_ns == stamp_ns for p in self.predictions))
+        return next(p for p in self.predictions if p.stamp_ns == stamp_ns)
+
+    def answered(self, number: int) -> None:
+        """Wait until so many predictions were published, and no more are under way."""
+        self.until(lambda: self.count("predictions") == number)
+
+    def status(self, name: str, level: bytes, word: str = "", **expected: str) -> dict[str, str]:
+        """Wait for a level, a word in the message and values of a status; returns its values."""
+
+        def values() -> dict[str, str]:
+            return {pair.key: pair.value for pair in self.statuses[name].values}
+
+        self.until(
+            lambda: (
+                name in self.statuses
+                and self.statuses[name].level == level
+                and word in self.statuses[name].message
+                and expected.items() <= values().items()
+            )
+        )
+        return values()
+
+    def call(self, kind: type, service: str, request: Any) -> Any:
+        """The answer of one of the node's services."""
+        client = self.peer.create_client(kind, f"predictor/{service}")
+        self.until(client.service_is_ready)
+        future = client.call_async(request)
+        self.until(future.done)
+        self.peer.destroy_client(client)
+        return future.result()
+
+    def close(self) -> None:
+        """Stop and destroy everything."""
+        if not self.node.stop():
+            # The test process lives on: its interpreter must not end under a running model.
+            assert self.node._worker.stop(LIMIT_S)
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.peer.destroy_node()
+
+
+class Process:
+    """One of the executables, as a process of its own; its output is read as it comes.
+
+    Attributes:
+        out, err: lines seen so far.
+    """
+
+    def __init__(self, module: str, *arguments: str | Path) -> None:
+        self.popen = subprocess.Popen(
+            [sys.executable, "-W", "ignore", "-m", f"mtpgo_ros.{module}", *map(str, arguments)],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.out: list[str] = []
+        self.err: list[str] = []
+        self._threads = [
+            threading.Thread(target=_collect, args=(pipe, lines), daemon=True)
+            for lines, pipe in ((self.out, self.popen.stdout), (self.err, self.popen.stderr))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def wait_for(self, word: str, meanwhile: Callable[[], Any] = lambda: time.sleep(0.02)) -> str:
+        """Wait until a line of either stream holds ``word``."""
+        end = time.monotonic() + LIMIT_S
+        while True:
+            ended = self.popen.poll() is not None
+            if ended:
+                self.finish()
+            for line in [*self.out, *self.err]:
+                if word in line:
+                    return line
+            if ended or time.monotonic() > end:
+                raise AssertionError(f"no {word!r} in {self.out} {self.err}")
+            meanwhile()
+
+    def finish(self) -> tuple[int, str, str]:
+        """Exit status, stdout and stderr of a process that ends by itself."""
+        try:
+            status = self.popen.wait(LIMIT_S)
+        finally:
+            self.popen.kill()
+        for thread in self._threads:
+            thread.join()
+        return status, "".join(self.out), "".join(self.err)
+
+    def interrupt(self, number: int = signal.SIGINT) -> tuple[int, str, str]:
+        """Send a signal and wait for the end."""
+        self.popen.send_signal(number)
+        return self.finish()
+
+
+def _collect(pipe: Any, lines: list[str]) -> None:
+    for line in pipe:
+        lines.append(line)
+
+
+def run_process(module: str, *arguments: str | Path) -> tuple[int, str, str]:
+    """Exit status, stdout and stderr of an executable that ends by itself."""
+    return Process(module, *arguments).finish()
+
+
+def one_line(text: str) -> str:
+    """The only line of a text."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    assert len(lines) == 1, text
+    return lines[0]
+
+
+def init() -> None:
+    """rclpy for the whole test process, without its signal handlers."""
+    if not rclpy.ok():
+        rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+
+
+def parameters_of(values: dict[str, Any]) -> Sequence[Any]:
+    """Parameter messages."""
+    return [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]

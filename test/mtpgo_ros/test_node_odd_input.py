@@ -1,0 +1,286 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Odd input over DDS: each has its outcome and its counter, and the node serves on."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from ros_helpers import START_NS, message_of, traffic
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from mtpgo_core.schema import AgentClass, Source
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def changed(states, **values):
+    return dataclasses.replace(states, **values)
+
+
+def spoilt(states, name, row, value):
+    array = getattr(states, name).copy()
+    array[row] = value
+    return changed(states, **{name: array})
+
+
+@pytest.fixture
+def served(bench):
+    """A bench that has predicted four agents at time zero."""
+    b = bench()
+    b.predict(traffic(0.0))
+    return b
+
+
+def still_serves(b, time_s, agents=4):
+    """The next observation is predicted, by the model and for all."""
+    prediction = b.predict(traffic(time_s, agents=agents))
+    assert len(prediction) == agents
+    assert (prediction.source == Source.MODEL).all()
+    assert np.isfinite(prediction.mean).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_position_that_is_not_finite_leaves_that_agent_out(served, value):
+    b = served
+    prediction = b.predict(spoilt(traffic(0.2, agents=6), "position", 4, value))
+    # Agent 5 was never seen at a place; the others are predicted, the sixth with one sample.
+    assert prediction.key[:, 0].tolist() == [1, 2, 3, 4, 6]
+    assert np.isfinite(prediction.mean).all()
+    assert b.count("non_finite") == 1
+    b.status("input", WARN, "without a finite position", non_finite="1")
+    still_serves(b, 0.4, agents=6)
+
+
+@pytest.mark.parametrize("name", ["velocity", "acceleration", "yaw", "size", "covariance", "z"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_other_fields_that_are_not_finite_are_estimated(served, name, value):
+    b = served
+    states = traffic(0.2)
+    prediction = b.predict(spoilt(states, name, slice(None), value))
+    assert len(prediction) == 4
+    assert np.isfinite(prediction.mean).all()
+    # Moved 2 m in 0.2 s: the velocity is estimated where it is missing.
+    assert prediction.mean[:, 0, 0, 2] == pytest.approx(np.full(4, 10.0), abs=0.5)
+    still_serves(b, 0.4)
+
+
+def test_an_absurd_speed_is_rejected(served):
+    b = served
+    prediction = b.predict(spoilt(traffic(0.2), "velocity", 0, 5000.0))
+    assert len(prediction) == 4  # the first agent is carried on from the last observation
+    assert prediction.mean[0, 0, 0, 0] == pytest.approx(4.0, abs=1e-3)
+    assert b.count("too_fast") == 1
+
+
+def test_unknown_classes_are_predicted_as_unknown(served):
+    b = served
+    prediction = b.predict(spoilt(traffic(0.2), "agent_class", slice(None), 200))
+    assert len(prediction) == 4
+    # What the tracker said before still counts for known agents; new ones are unknown.
+    fresh = b.predict(spoilt(traffic(0.4, agents=5), "agent_class", slice(None), 77))
+    assert fresh.agent_class.tolist() == [AgentClass.CAR] * 4 + [AgentClass.UNKNOWN]
+    assert b.count("unknown_class") == 9
+
+
+def test_an_empty_array_lets_time_go_on(served):
+    b = served
+    prediction = b.predict(traffic(0.2, agents=0))
+    assert len(prediction) == 4  # carried on for half a second
+    prediction = b.predict(traffic(0.8, agents=0))
+    assert len(prediction) == 0  # published all the same: the scene is known to be empty
+    assert b.count("empty_messages") == 2
+    still_serves(b, 1.0)
+
+
+def test_empty_from_the_start(bench):
+    b = bench()
+    assert len(b.predict(traffic(0.0, agents=0))) == 0
+
+
+def test_a_thousand_objects_are_all_predicted(bench):
+    b = bench(max_agents=100, max_modes=1)
+    prediction = b.predict(traffic(0.0, agents=1000))
+    assert len(prediction) == 1000
+    assert np.isfinite(prediction.mean).all()
+    if b.count("over_budget") == 0:
+        assert (prediction.source == Source.MODEL).sum() == 100
+        assert b.count("agents_over_limit") == 900
+        b.status("model", WARN, "900 of 1000")
+    # The same with all modes: twelve megabytes and a half in one message.
+    b.node.set_parameters_atomically([_parameter("max_modes", 8)])
+    assert len(b.predict(traffic(0.2, agents=1000))) == 1000
+    still_serves(b, 1.0)
+
+
+def _parameter(name, value):
+    from rclpy.parameter import Parameter
+
+    return Parameter(name, value=value)
+
+
+def test_a_repeated_message_starts_nothing(served):
+    b = served
+    b.send(message_of(traffic(0.0)))
+    assert b.count("duplicates") == 4
+    still_serves(b, 0.2)
+    b.answered(2)
+
+
+def test_older_stamps_start_nothing(served):
+    b = served
+    still_serves(b, 0.2)
+    b.send(message_of(traffic(0.1)))
+    b.send(message_of(traffic(-0.2)))
+    assert b.count("late") == 8
+    still_serves(b, 0.4)
+    b.answered(3)
+    assert b.count("clock_reset") == 0
+
+
+def test_a_jump_back_in_time_begins_anew(served):
+    b = served
+    still_serves(b, 10.0)
+    prediction = b.predict(traffic(1.0))  # the bag has looped
+    assert len(prediction) == 4
+    assert b.count("clock_reset") == 1
+    b.status("input", WARN, "backwards")
+    still_serves(b, 1.2)
+
+
+def test_one_stamp_from_the_future_is_dropped(bench):
+    b = bench()
+    now_ns = b.node.get_clock().now().nanoseconds
+
+    def live(time_s):
+        return changed(traffic(time_s), stamp_ns=now_ns + round(time_s * 1e9))
+
+    b.predict(live(0.0))
+    b.send(message_of(live(3600.0)))
+    assert b.count("future_stamp") == 1
+    assert len(b.predict(live(0.2))) == 4
+    b.answered(2)
+    # A stream that stays ahead has a clock of its own: it is served from its third message on.
+    for step in range(4):
+        b.send(message_of(live(3600.0 + 0.2 * step)))
+    b.prediction(live(3600.6).stamp_ns)
+    b.status("input", WARN, "ahead of the clock")
+
+
+def test_a_message_without_a_stamp_is_dropped(served):
+    b = served
+    b.send(message_of(changed(traffic(0.2), stamp_ns=0)))
+    assert b.count("unstamped") == 1
+    still_serves(b, 0.4)
+    assert b.count("clock_reset") == 0
+
+
+def test_one_message_in_another_frame_is_rejected(served):
+    b = served
+    b.send(message_of(traffic(0.2, frame_id="base_link")))
+    assert (b.count("frame_changed"), b.count("wrong_frame")) == (1, 4)
+    still_serves(b, 0.4)
+    # A stream that stays in its new frame begins anew there.
+    for step in range(3):
+        b.send(message_of(traffic(0.6 + 0.2 * step, frame_id="odom")))
+    prediction = b.prediction(traffic(1.0).stamp_ns)
+    assert prediction.frame_id == "odom"
+    assert len(prediction) == 4
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [[], [PointField(name="x", offset=0, datatype=PointField.FLOAT32, count=1)]],
+    ids=["no fields", "x only"],
+)
+def test_a_cloud_of_something_else_is_left_out(served, fields):
+    b = served
+    b.send(PointCloud2(fields=fields, width=3, height=1, point_step=4, row_step=12))
+    assert b.count("malformed") == 1
+    b.status("input", WARN, "could not be read")
+    still_serves(b, 0.2)
+
+
+def test_a_cloud_that_is_cut_off_is_left_out(served):
+    b = served
+    message = message_of(traffic(0.2))
+    message.data = message.data[: len(message.data) // 2]
+    b.send(message)
+    assert b.count("malformed") == 1
+    still_serves(b, 0.4)
+
+
+def test_objects_as_markers_are_recognised_by_their_type(bench):
+    b = bench(objects_type=MarkerArray)
+    b.send(message_of(traffic(0.0), "markers"))
+    b.send(message_of(traffic(0.2), "markers"))
+    prediction = b.prediction(traffic(0.2).stamp_ns)
+    assert len(prediction) == 4
+    assert prediction.mean[:, 0, 0, 2] == pytest.approx(np.full(4, 10.0), abs=0.5)
+    assert b.node._input.message_type == "visualization_msgs/msg/MarkerArray"
+
+
+def test_a_type_that_carries_no_objects_is_told(bench):
+    b = bench(objects_type=None)
+    publisher = b.peer.create_publisher(String, "objects", 1)
+    b.status("input", WARN, "std_msgs/msg/String")
+    # When the right publisher comes instead, it is taken.
+    b.peer.destroy_publisher(publisher)
+    b.objects = b.peer.create_publisher(PointCloud2, "objects", 5)
+    b.until(lambda: b.objects.get_subscription_count() == 1)
+    b.until(lambda: b.node._input._subscription.get_publisher_count() == 1)
+    b.predict(traffic(0.0))
+
+
+def test_an_input_type_that_is_not_installed_names_the_package(bench):
+    b = bench(started=False, input_type="autoware")
+    assert str(b.node.trigger_configure()).endswith("SUCCESS")
+    assert str(b.node.trigger_activate()).endswith("FAILURE")
+    assert "ros-jazzy-autoware-perception-msgs" in b.node.failure
+
+
+def test_an_output_that_is_not_installed_is_left_out(bench):
+    b = bench(output=["pointcloud2", "autoware"])
+    assert len(b.predict(traffic(0.0))) == 4
+
+
+def test_a_model_over_its_budget_is_stood_in_for(bench):
+    b = bench("slow", budget=0.05)  # ten milliseconds
+    prediction = b.predict(traffic(0.0, speed_mps=20.0))
+    assert (prediction.source == Source.CONSTANT_VELOCITY).all()
+    reached = 12.0 * np.arange(4)[:, None] + 20.0 * prediction.time_s
+    assert prediction.mean[:, 0, :, 0] == pytest.approx(reached, abs=1e-3)
+    b.status("timing", WARN, "over budget", over_budget="1")
+    b.until(lambda: b.count("late_results_dropped") == 1)
+    # Standing agents cost this model nothing: it serves again.
+    b.predict(traffic(5.0, speed_mps=0.0))
+    assert (b.predictions[-1].source == Source.MODEL).all()
+    assert [p.stamp_ns for p in b.predictions] == [START_NS, START_NS + 5_000_000_000]
+
+
+def test_a_model_that_never_keeps_up_is_an_error(bench):
+    b = bench("slow", rate=50.0)
+    for step in range(4):
+        b.predict(traffic(0.02 * step, speed_mps=20.0))
+    assert (b.predictions[-1].source == Source.CONSTANT_VELOCITY).all()
+    b.status("timing", ERROR, "does not keep up")
+
+
+def test_output_that_is_not_finite_is_stood_in_for(bench):
+    b = bench("poison")
+    states = spoilt(traffic(0.0), "velocity", 1, (90.0, 0.0))
+    prediction = b.predict(states)
+    wanted = [Source.MODEL, Source.CONSTANT_VELOCITY, Source.MODEL, Source.MODEL]
+    assert prediction.source.tolist() == wanted
+    assert np.isfinite(prediction.mean).all()
+    b.status("model", WARN, "not finite", non_finite_output="1", fallback_agents="1")
+
+
+def test_without_a_model_constant_velocity_serves(bench):
+    b = bench("/no/such/model.pt", require_model=False)
+    prediction = b.predict(traffic(0.0))
+    assert (prediction.source == Source.CONSTANT_VELOCITY).all()
+    b.status("model", ERROR, "/no/such/model.pt", fallback_agents="4")

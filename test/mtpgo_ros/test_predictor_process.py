@@ -1,0 +1,107 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The executable ``predictor`` as a process: its start, its end and its exit status."""
+
+import itertools
+import signal
+import time
+from pathlib import Path
+
+import pytest
+import rclpy
+from ros_helpers import LIMIT_S, message_of, one_line, run_process, traffic
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters.predictions import prediction_from_pointcloud2
+from mtpgo_core.schema import Source
+
+
+def arguments(model, **parameters):
+    given = {"model": model, **parameters}
+    return ["--ros-args", *[a for k, v in given.items() for a in ("-p", f"{k}:={v}")]]
+
+
+def test_a_missing_model_ends_the_process_with_one_sentence():
+    status, out, err = run_process("predictor", *arguments("/no/such/model.pt"))
+    assert (status, out) == (2, "")
+    assert "/no/such/model.pt does not exist" in one_line(err)
+
+
+def test_a_truncated_model_ends_the_process_with_one_sentence(models, tmp_path):
+    broken = tmp_path / "broken.pt"
+    broken.write_bytes(models["quick"].read_bytes()[:2000])
+    status, out, err = run_process("predictor", *arguments(broken))
+    assert (status, out) == (2, "")
+    assert str(broken) in one_line(err)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (["--ros-args", "-p", "rate:=-1.0"], "parameter rate"),
+        (["--ros-args", "-p", "graph:=star"], "'cover'"),
+        (["--ros-args", "-p", "max_agents:=many"], "max_agents"),
+        (["--ros-args", "-p", "output:=[pointcloud2, carrier_pigeon]"], "carrier_pigeon"),
+        (["--ros-args", "-p", "rate"], "rate"),
+        (["--modle", "x.pt"], "--modle"),
+    ],
+    ids=["range", "choice", "type", "kind", "syntax", "argument"],
+)
+def test_bad_arguments_end_the_process_with_one_sentence(given, words):
+    status, out, err = run_process("predictor", *given)
+    assert (status, out) == (2, "")
+    assert words in one_line(err)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_node_in_order(process, models, number):
+    predictor = process("predictor", *arguments(models["quick"]))
+    predictor.wait_for("ready")
+    status, out, err = predictor.interrupt(number)
+    assert (status, out) == (0, "")
+    assert "Traceback" not in err
+
+
+def test_a_signal_during_the_start_is_no_error(process, models):
+    predictor = process("predictor", *arguments(models["quick"]))
+    command = Path(f"/proc/{predictor.popen.pid}/cmdline")
+    while b"mtpgo_ros" not in command.read_bytes():
+        pass  # Python has begun; how far it gets from here must not matter.
+    status, _, err = predictor.interrupt(signal.SIGTERM)
+    assert "Traceback" not in err
+    assert status in (0, -signal.SIGTERM)  # the latter before main() has been reached
+
+
+def test_a_signal_ends_the_node_while_the_model_runs(process, models, peer):
+    predictor = process("predictor", *arguments(models["stuck"]))
+    predictor.wait_for("ready")
+    objects = peer.create_publisher(PointCloud2, "/objects", 5)
+    steps = itertools.count()
+
+    def publish():
+        objects.publish(message_of(traffic(0.2 * next(steps), speed_mps=20.0)))
+        time.sleep(0.05)
+
+    predictor.wait_for("over budget", publish)
+    status, _, err = predictor.interrupt()
+    assert status == 0
+    assert "Traceback" not in err
+    assert "terminate" not in err
+
+
+def test_without_a_model_the_process_serves_constant_velocity(process, peer):
+    predictor = process("predictor", *arguments("/no/such/model.pt", require_model=False))
+    predictor.wait_for("degraded")
+    predictor.wait_for("ready")
+    heard = []
+    peer.create_subscription(PointCloud2, "/predictor/predictions", heard.append, 5)
+    objects = peer.create_publisher(PointCloud2, "/objects", 5)
+    end = time.monotonic() + LIMIT_S
+    for step in itertools.count():
+        objects.publish(message_of(traffic(0.2 * step)))
+        rclpy.spin_once(peer, timeout_sec=0.1)
+        if heard or time.monotonic() > end:
+            break
+    prediction = prediction_from_pointcloud2(heard[0])
+    assert (prediction.source == Source.CONSTANT_VELOCITY).all()
+    assert predictor.interrupt()[0] == 0
