@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -143,6 +144,37 @@ def test_recordings_are_taken_one_at_a_time(tmp_path: Path) -> None:
             yield recording
 
     assert len(convert(watched(), tmp_path / "out")) == 3
+
+
+def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
+    def peak(frames: int) -> int:
+        generator = np.random.default_rng(0)
+        recording = Recording(
+            name="long",
+            layout="ind",
+            location="",
+            frame_rate=25.0,
+            frame=np.repeat(np.arange(frames), 40),
+            track=np.tile(np.arange(40), frames),
+            position=generator.normal(size=(40 * frames, 2)),
+            velocity=generator.normal(size=(40 * frames, 2)),
+            acceleration=generator.normal(size=(40 * frames, 2)),
+            yaw=generator.normal(size=40 * frames),
+            track_id=np.arange(40),
+            agent_class=np.ones(40, dtype=np.uint8),
+            size=np.ones((40, 2)),
+        )
+        list(recording.frames)  # what the recording itself keeps is not the bag's
+        tracemalloc.start()
+        convert([recording], tmp_path / "long.mcap")
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most
+
+    peak(10)  # imports and caches
+    short, long = peak(400), peak(1200)
+    assert (tmp_path / "long.mcap").stat().st_size > 1_500_000
+    assert long < 1.5 * short
 
 
 def test_ego_time_and_parked(tmp_path: Path) -> None:
