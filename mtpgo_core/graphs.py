@@ -21,9 +21,13 @@ from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, KeyArray
 from mtpgo_core.task import SceneConfig
 from mtpgo_core.tracktable import NameArray, find_names, names_of
 
+_STAY = 0.5
+"""An agent leaves its graph when another centre is nearer than this times its own."""
 _KEEP = 0.8
-"""Hysteresis: an agent leaves its graph when another centre is nearer than this times its own, a
-centre goes when the others reach all its agents within this part of the limits."""
+"""A centre goes when the others reach all its agents within this part of the limits."""
+_FORESIGHT_S = 1.0
+"""A centre counts as farther by what it moves apart in this time, so that agents belong to those
+they move along with, not to the oncoming ones that pass by."""
 _CANDIDATES = 16
 """Places tried for a new centre; more find hardly fewer graphs."""
 
@@ -155,6 +159,9 @@ def choose_graphs(
             order = np.argsort(names[centre], kind="stable")
             previous = _positions(names[centre], order, state.owner[owned])
             previous[before < 0] = -1
+        velocity = np.nan_to_num(window.velocity[present, -1])
+        parting = np.linalg.norm(velocity[members] - velocity[centre][:, None], axis=2)
+        distance = distance + _FORESIGHT_S * parting
         owner = _owners(members, distance, previous, ego_first=config.policy == "ego" and ego >= 0)
     state.centre = names[centre]
     state.agent, state.owner = names[by_name], names[centre[owner]][by_name]
@@ -178,8 +185,7 @@ def graphs_around(window: HistoryWindow, config: SceneConfig, centres: IndexArra
         present.shape[0] if whole else config.max_neighbours,
         np.inf if whole else config.radius_m,
     )
-    members = np.where(members >= 0, present[members], -1) if present.shape[0] else members
-    return Graphs(members, members >= 0)
+    return Graphs(np.where(members >= 0, present[members], -1), members >= 0)
 
 
 def _positions(names: NameArray, order: IndexArray, wanted: NameArray) -> IndexArray:
@@ -224,8 +230,7 @@ def _cover_centres(
         use = _useful(reached, well, first.shape[0])
         centre, covered = centre[use], np.asarray(reached[use].any(axis=0))
     else:
-        covered = np.zeros(n, dtype=bool)
-        covered[neighbourhoods(position, first, *limits)[0][:1]] = ego >= 0
+        covered = np.asarray(_reached(neighbourhoods(position, first, *limits)[0], n).any(axis=0))
     new = []
     while not covered.all():
         candidate, members = _new_centre(position, limits, covered)
@@ -290,7 +295,7 @@ def _owners(
     owner = np.argmin(reach, axis=0)
     agents = np.arange(n)
     held = np.where(previous >= 0, reach[previous, agents], np.inf)
-    stay = np.isfinite(held) & (_KEEP * held <= reach[owner, agents])
+    stay = np.isfinite(held) & (_STAY * held <= reach[owner, agents])
     owner = np.where(stay, previous, owner)
     if ego_first:
         owner = np.where(np.isfinite(reach[0]), 0, owner)

@@ -12,6 +12,7 @@ from mtpgo_core.graphs import GraphState, choose_graphs, graphs_around, neighbou
 from mtpgo_core.history import TrackHistory
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.task import HistoryConfig, SceneConfig
+from mtpgo_core.tracktable import names_of
 
 POLICIES = ("ego", "cover", "each", "scene")
 
@@ -130,6 +131,19 @@ def test_the_order_of_the_message_changes_nothing():
     second = choose_graphs(window_of(position[order], ids[order]), SceneConfig())
     np.testing.assert_array_equal(first.members, second.members)
     np.testing.assert_array_equal(first.primary, second.primary)
+
+
+def test_agents_belong_to_those_they_move_along_with():
+    history = TrackHistory(HistoryConfig())
+    # Two carriageways. Agents 2 and 3 are nearer to the oncoming centre than to that of their own
+    # side; agents 4 and 5 need one centre each.
+    position = [[0.0, 0.0], [10.0, 12.0], [25.0, 0.0], [-12.0, 12.0], [-60.0, 0.0], [70.0, 12.0]]
+    velocity = np.array([[25.0, 0.0], [-25.0, 0.0]] * 3)
+    velocity[3:] = velocity[[1, 0, 1]]
+    history.update(states_of(0.0, range(6), position, velocity=velocity))
+    state = GraphState(centre=names_of(keys_from_integers([0, 1])))
+    found = owners(choose_graphs(history.window(), SceneConfig(radius_m=65.0), state=state))
+    assert found == {0: 0, 1: 1, 2: 0, 3: 1, 4: 0, 5: 1}
 
 
 def traffic(draw, count, length_m=400.0):

@@ -135,11 +135,19 @@ def test_a_reused_identity_starts_a_new_track(jump_m):
     np.testing.assert_array_equal(window.acceleration[0, -1], 0.0)
 
 
-def test_a_jump_that_no_car_makes_is_found_below_the_highest_speed():
+@pytest.mark.parametrize(("jump_m", "restarted"), [(7.0, 0), (8.0, 1), (25.0, 1)])
+def test_a_jump_that_no_car_makes_is_found_below_the_highest_speed(jump_m, restarted):
     history = fed()
-    states = drive(3.4)  # 0.4 s later 40 m at 100 m/s would pass
-    states.position[0, 1] += 25.0
-    assert history.update(states).restarted == 1
+    states = drive(3.4)  # in 0.4 s: 5 m and 2.4 m by the hardest manoeuvre; 45 m by the speed
+    states.position[0, 1] += jump_m
+    assert history.update(states).restarted == restarted
+
+
+@pytest.mark.parametrize(("jump_m", "restarted"), [(14.5, 0), (15.5, 1)])
+def test_of_a_track_seen_once_only_the_highest_speed_is_known(jump_m, restarted):
+    history = TrackHistory(HistoryConfig())
+    history.update(states_of(0.0, [1], [[0.0, 0.0]]))
+    assert history.update(states_of(0.1, [1], [[jump_m, 0.0]])).restarted == restarted
 
 
 def test_jitter_noise_and_hard_braking_do_not_restart_a_track():
