@@ -82,6 +82,7 @@ class HistoryConfig:
         _at_least("history.max_extrapolation_s", self.max_extrapolation_s, 0.0)
         _at_least("history.velocity_tau_s", self.velocity_tau_s, 0.0)
         _at_least("history.acceleration_tau_s", self.acceleration_tau_s, 0.0)
+        _at_least("history.max_speed_mps", self.max_speed_mps, 1.0)
         _choice("history.velocity_source", self.velocity_source, DERIVATIVE_SOURCES)
         _choice("history.acceleration_source", self.acceleration_source, DERIVATIVE_SOURCES)
 

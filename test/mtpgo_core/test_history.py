@@ -240,3 +240,39 @@ def test_attributes_are_the_last_known_ones():
     window = history.window()
     assert (window.agent_class[0], window.z[0]) == (1, 2.0)
     assert window.size[0].tolist() == [4.0, 2.5]
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        HistoryConfig(steps=1),
+        HistoryConfig(max_gap_s=0.0),
+        HistoryConfig(max_extrapolation_s=0.0),
+        HistoryConfig(dt_s=0.1, steps=50, max_gap_s=1.5, max_extrapolation_s=2.0),
+        HistoryConfig(velocity_tau_s=0.0, acceleration_tau_s=0.0),
+    ],
+    ids=["one step", "no gap", "no extrapolation", "long", "no smoothing"],
+)
+def test_every_configuration_is_served(config):
+    config = dataclasses.replace(config, acceleration_source="message")
+    draw = np.random.default_rng(6)
+    history, tracks = TrackHistory(config), {0: [], 1: []}
+    for k in range(80):
+        stamp_ns = 1_000_000_000 + 100_000_000 * k
+        present = np.flatnonzero(draw.random(2) < 0.6)
+        position = np.stack([0.5 * k + 10.0 * present, -0.2 * k + 0.0 * present], axis=1)
+        velocity = np.tile([5.0, -2.0], (len(present), 1))
+        history.update(
+            tracked_states(
+                stamp_ns,
+                "map",
+                keys_from_integers(present),
+                position,
+                velocity=velocity,
+                acceleration=np.zeros_like(position),
+                yaw=np.full(len(present), 0.25),
+            )
+        )
+        for row, agent in enumerate(present):
+            tracks[agent].append((stamp_ns, [*position[row], 5.0, -2.0, 0.0, 0.0, 0.25]))
+        check(history.window(), expected_window(tracks, stamp_ns, config))

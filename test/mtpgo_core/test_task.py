@@ -55,7 +55,14 @@ def test_wrong_values_are_named(data, message):
 
 
 @pytest.mark.parametrize(
-    "changes", [{"dt_s": 0.0}, {"steps": 0}, {"max_gap_s": -0.1}, {"velocity_source": "radar"}]
+    "changes",
+    [
+        {"dt_s": 0.0},
+        {"steps": 0},
+        {"max_gap_s": -0.1},
+        {"max_speed_mps": 0.0},
+        {"velocity_source": "radar"},
+    ],
 )
 def test_histories_that_cannot_be_are_errors(changes):
     with pytest.raises(ConfigurationError, match=f"history.{next(iter(changes))}"):
