@@ -62,6 +62,7 @@ def evaluate(
     policy: str | None = None,
     stride_s: float = 0.2,
     centre: bool = True,
+    min_future_s: float = 0.0,
     progress: bool = False,
 ) -> ScoreTable:
     """Scores of models and baselines over recordings.
@@ -73,6 +74,7 @@ def evaluate(
         stride_s: time between two scored instants (s); of the protocol ``centre``, which costs a
             graph an agent, five times as long.
         centre: score the protocol ``centre`` too.
+        min_future_s: agents observed for a shorter time afterwards are left out (s).
         progress: show a progress bar.
     """
     book = ScoreBook()
@@ -90,6 +92,7 @@ def evaluate(
                         name=name,
                         protocol=protocol,
                         baselines=number == 0,
+                        min_future_s=min_future_s,
                     )
                     bar.update()
     return book.table()
@@ -108,6 +111,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--policy", choices=GRAPH_POLICIES, help="graph policy, the model's own by default"
     )
     parser.add_argument("--stride", type=float, default=0.2, help="time between two instants (s)")
+    parser.add_argument(
+        "--min-future", type=float, default=0.0, help="leave out agents observed for less (s)"
+    )
     parser.add_argument("--no-centre", action="store_true", help="score only all agents")
     parser.add_argument("--json", type=Path, help="write the scores into this file too")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
@@ -132,6 +138,7 @@ def run(args: argparse.Namespace) -> int:
         policy=args.policy,
         stride_s=args.stride,
         centre=not args.no_centre,
+        min_future_s=args.min_future,
         progress=not args.quiet and sys.stderr.isatty(),
     )
     if args.json is not None:
@@ -140,6 +147,7 @@ def run(args: argparse.Namespace) -> int:
             "recordings": {r.name: r.sha256 for r in recordings},
             "layout": args.layout,
             "stride_s": args.stride,
+            "min_future_s": args.min_future,
             "tasks": {name: dataclasses.asdict(r.task.scene) for name, r in runners.items()},
         }
         write_text(args.json, json.dumps(report, indent=2) + "\n")

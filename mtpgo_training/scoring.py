@@ -56,6 +56,7 @@ def add_scores(
     name: str = "model",
     protocol: str = "all",
     baselines: bool = True,
+    min_future_s: float = 0.0,
 ) -> None:
     """Like :func:`score`, into a book that may span recordings and models.
 
@@ -67,6 +68,7 @@ def add_scores(
         name: of the predictions.
         protocol: of the predictions.
         baselines: score the baselines too; only once for several models on the same instants.
+        min_future_s: agents observed for a shorter time afterwards are left out (s).
     """
     ordered = sorted(predictions, key=lambda p: p.stamp_ns)
     future = FutureTable(recording, max_gap_s=history.max_gap_s)
@@ -78,7 +80,7 @@ def add_scores(
         track = _find(prediction.key, tracks)
         horizon, dt_s = len(prediction.time_s), float(prediction.time_s[0])
         truth = future.at(track, prediction.stamp_ns, horizon, dt_s)
-        rows = truth.known.any(axis=1)
+        rows = truth.known.sum(axis=1) >= max(1, round(min(min_future_s / dt_s, horizon)))
         book.add(
             name,
             protocol,

@@ -13,8 +13,8 @@ from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.task import HistoryConfig
 from mtpgo_training.baselines import constant_velocity
 from mtpgo_training.futures import FutureTable
-from mtpgo_training.scorebook import KEYS
-from mtpgo_training.scoring import score
+from mtpgo_training.scorebook import KEYS, ScoreBook
+from mtpgo_training.scoring import add_scores, score
 from mtpgo_training.windows import cut_windows
 
 H, DT = 10, 0.2
@@ -77,6 +77,16 @@ def test_the_truth_itself_scores_zero_and_strangers_do_not_count():
     assert scores["ade"] == pytest.approx(0.0, abs=1e-9)
     assert scores["mr"] == 0.0
     assert scores["n"] == score(perfect, recording).models["model"]["all"]["n"]
+
+
+def test_a_least_future_leaves_agents_out():
+    recording = braking_cars(tracks=5)
+    scores = []
+    for min_future_s in (0.0, H * DT):
+        book = ScoreBook()
+        add_scores(book, predictions(recording), recording, min_future_s=min_future_s)
+        scores.append(book.table().models["model"]["all"])
+    assert scores[1]["n"] == scores[1]["n_final"] == scores[0]["n_final"] < scores[0]["n"]
 
 
 def test_the_text_has_a_line_a_model():
