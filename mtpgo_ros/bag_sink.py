@@ -36,10 +36,10 @@ class BagSink:
     """Writes one bag, under a temporary name until it is complete.
 
     Args:
-        path: folder to be made.
+        path: folder to be made; if it ends in ``.mcap``, one self-contained file instead.
 
     Raises:
-        RecordingError: the folder exists already or cannot be made.
+        RecordingError: the place is taken or cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -50,10 +50,9 @@ class BagSink:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._folder = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-            # mkdtemp makes the folder for the user alone; the bag inside gets the usual mode.
-            self._writer = Writer(
-                self._folder / path.name, version=9, storage_plugin=StoragePlugin.MCAP
-            )
+            # The file inside is named after its folder, and the metadata repeats the name.
+            self._bag = self._folder / (path.stem if path.suffix == ".mcap" else path.name)
+            self._writer = Writer(self._bag, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
         except OSError as error:
             raise RecordingError(f"output {path} cannot be written: {error.strerror}") from error
@@ -97,7 +96,8 @@ class BagSink:
         """
         try:
             self._writer.close()
-            (self._folder / self.path.name).rename(self.path)
+            single = self._bag / f"{self._bag.name}.mcap"
+            (single if self.path.suffix == ".mcap" else self._bag).rename(self.path)
         except OSError as error:
             raise RecordingError(
                 f"output {self.path} cannot be written: {error.strerror}"

@@ -70,7 +70,13 @@ def topics_of(options: argparse.Namespace) -> list[str]:
 def _parser() -> argparse.ArgumentParser:
     parser = ArgumentParser(prog="record", description=__doc__.split("\n\n")[0])
     add = parser.add_argument
-    add("-o", "--output", type=Path, required=True, help="folder of the new bag")
+    add(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        help="new bag: a folder, or one file if it ends in .mcap",
+    )
     add(
         "--topics",
         nargs="+",

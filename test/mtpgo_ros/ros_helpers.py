@@ -8,6 +8,7 @@ broken machine reaches.
 
 from __future__ import annotations
 
+import ctypes
 import itertools
 import os
 import signal
@@ -201,6 +202,7 @@ class Process:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            preexec_fn=_die_with_parent,
         )
         self.out: list[str] = []
         self.err: list[str] = []
@@ -239,6 +241,12 @@ class Process:
         """Send a signal and wait for the end."""
         self.popen.send_signal(number)
         return self.finish()
+
+
+def _die_with_parent() -> None:
+    """Even a test run that is killed leaves no process behind."""
+    set_parent_death_signal = 1
+    ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGKILL)
 
 
 def _collect(pipe: Any, lines: list[str]) -> None:

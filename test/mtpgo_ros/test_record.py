@@ -1,0 +1,153 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``record``: what it writes is what was published, readable by everybody."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+import yaml
+from mcap_ros2.reader import read_ros2_messages
+from rclpy.qos import QoSProfile
+from ros_helpers import (
+    LATCHED,
+    LIMIT_S,
+    message_of,
+    one_line,
+    run_process,
+    traffic,
+)
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+
+from msg_adapters.registry import INPUTS
+from mtpgo_core.errors import RecordingError
+from mtpgo_ros.bag_sink import BagSink
+from mtpgo_ros.record import _parser, topics_of
+
+
+def test_the_topics_follow_the_predictors_name():
+    def topics(*arguments):
+        return topics_of(_parser().parse_args(["-o", "x", *arguments]))
+
+    assert topics() == [
+        "/predictor/predictions",
+        "/predictor/debug/processing_time_ms",
+        "/diagnostics",
+    ]
+    assert topics("--predictor", "ego/predictor", "--objects")[0::3] == [
+        "/ego/predictor/predictions",
+        "/objects",
+    ]
+    assert topics("--topics", "a", "/b", "a") == ["/a", "/b"]
+
+
+@pytest.mark.parametrize("name", ["recording", "recording.mcap"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_recording_ended_by_a_signal_is_complete(process, peer, tmp_path, name, number):
+    output = tmp_path / "new" / name
+    recorder = process(
+        *("record", "-o", output, "--topics", "/predictor/predictions", "/objects", "/ego_id"),
+        *("/diagnostics", "/nobody"),
+    )
+    recorder.wait_for("ready: recording")
+    # The first topic's type is known beforehand, the others' with their publishers.
+    clouds = [
+        peer.create_publisher(PointCloud2, topic, QoSProfile(depth=50))
+        for topic in ("/predictor/predictions", "/objects")
+    ]
+    ego = peer.create_publisher(String, "/ego_id", LATCHED)
+    ego.publish(String(data="3"))
+    end = time.monotonic() + LIMIT_S
+    while any(p.get_subscription_count() == 0 for p in (*clouds, ego)):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    sent = [message_of(traffic(step / 25)) for step in range(50)]
+    for message in sent:
+        for publisher in clouds:
+            publisher.publish(message)
+    for publisher in (*clouds, ego):
+        publisher.wait_for_all_acked()
+    status, out, err = recorder.interrupt(number)
+    assert (status, "Traceback" in err) == (0, False), err
+    assert "recorded 101 messages" in out
+    assert "nobody published /nobody" in out
+    assert [file.name for file in output.parent.iterdir()] == [name]  # nothing temporary is left
+
+    with AnyReader([output]) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+        assert counts == {
+            "/predictor/predictions": 50,
+            "/objects": 50,
+            "/ego_id": 1,
+            "/diagnostics": 0,
+        }
+        decoded = [
+            reader.deserialize(data, c.msgtype)
+            for c, _, data in reader.messages()
+            if c.topic == "/objects"
+        ]
+        assert abs(reader.start_time - time.time_ns()) < 3600 * 10**9  # the wall clock
+    adapter = INPUTS["pointcloud2"]
+    for given, kept in zip(sent, decoded, strict=True):
+        one, other = adapter.to_states(given), adapter.to_states(kept)
+        assert one.stamp_ns == other.stamp_ns
+        assert np.array_equal(one.position, other.position)
+    single = output if output.is_file() else output / f"{name}.mcap"
+    through_mcap = [m.ros_msg for m in read_ros2_messages(str(single), topics=["/ego_id"])]
+    assert [message.data for message in through_mcap] == ["3"]
+    if output.is_dir():
+        about = yaml.safe_load((output / "metadata.yaml").read_text())
+        about = about["rosbag2_bagfile_information"]
+        assert (about["storage_identifier"], about["message_count"]) == ("mcap", 101)
+        profiles = {
+            topic["topic_metadata"]["name"]: topic["topic_metadata"]["offered_qos_profiles"]
+            for topic in about["topics_with_message_count"]
+        }
+        assert profiles["/ego_id"][0]["durability"] == "transient_local"
+
+
+def test_a_recording_with_a_duration_ends_by_itself(tmp_path):
+    status, out, _ = run_process("record", "-o", tmp_path / "bag", "--duration", "0.2")
+    assert status == 0
+    assert "recorded 0 messages" in out
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.message_count == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["-o", "EXISTING"], "exists already"),
+        (["-o", "/proc/nowhere/bag"], "/proc/nowhere/bag cannot be written"),
+        ([], "-o"),
+    ],
+)
+def test_the_executable_answers_bad_input_with_one_sentence(tmp_path, arguments, words):
+    given = [str(tmp_path) if word == "EXISTING" else word for word in arguments]
+    status, out, err = run_process("record", *given)
+    assert (status, out) == (2, "")
+    assert words in one_line(err)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_abandoned_bag_leaves_nothing(tmp_path):
+    sink = BagSink(tmp_path / "bag")
+    sink.add_topic("/x", "std_msgs/msg/Float64", latched=False, reliable=True)
+    sink.write("/x", 1, b"\x00\x01\x00\x00" + bytes(8))
+    sink.discard()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_type_without_a_definition_is_named(tmp_path):
+    sink = BagSink(tmp_path / "bag")
+    with pytest.raises(RecordingError, match="no_msgs/msg/Nothing"):
+        sink.add_topic("/x", "no_msgs/msg/Nothing", latched=False, reliable=True)
+    # A message package that is installed is looked up with its definition files, where it has
+    # them; every type of the common interfaces is known anyway.
+    sink.add_topic(
+        "/y", "autoware_perception_msgs/msg/TrackedObjects", latched=True, reliable=True
+    )
+    sink.discard()
