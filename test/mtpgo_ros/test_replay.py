@@ -226,7 +226,8 @@ def _damaged(tmp_path):
     path = write_bag(tmp_path / "bag", seconds=2.0)
     file = path / "bag.mcap"
     data = bytearray(file.read_bytes())
-    data[100:200] = bytes(100)
+    middle = len(data) // 2
+    data[middle - 2000 : middle] = b"\xff" * 2000
     file.write_bytes(data)
     return path
 

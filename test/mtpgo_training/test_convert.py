@@ -15,9 +15,10 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
+from msg_adapters.lanes import lanes_to_markers
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import RecordingError
-from mtpgo_core.schema import AgentClass
+from mtpgo_core.schema import AgentClass, tracked_states
 from mtpgo_training.bag import create_bag, is_bag, write_recording
 from mtpgo_training.convert import convert, selected
 from mtpgo_training.readers import iter_recordings, load_recordings
@@ -259,6 +260,51 @@ def test_bags_that_cannot_be_used(tmp_path: Path, recording: Recording) -> None:
         load_recordings(tmp_path / "highd", "bag")
     with pytest.raises(RecordingError, match=r"is no bag, expected an \.mcap file"):
         load_recordings(tmp_path / "highd" / "01_tracks.csv", "bag")
+
+
+def test_frame_that_changes_is_named(tmp_path: Path, recording: Recording) -> None:
+    adapter = INPUTS["pointcloud2"]
+    with create_bag(tmp_path / "two.mcap") as bag:
+        bag.add_topic("/objects", adapter.message_type)
+        for states, frame in zip(recording.states(), ("map", "base_link"), strict=True):
+            moved = dataclasses.replace(states, frame_id=frame)
+            bag.write("/objects", states.stamp_ns, adapter.from_states(moved, bag.types))
+    with pytest.raises(RecordingError, match=r"frame changes from 'map' to 'base_link'"):
+        load_recordings(tmp_path / "two.mcap", "bag")
+
+
+def test_empty_messages_and_late_lanes_make_no_recording(
+    tmp_path: Path, recording: Recording
+) -> None:
+    adapter = INPUTS["pointcloud2"]
+    first = next(recording.states())
+    nobody = tracked_states(first.stamp_ns + 10**8, "", first.key[:0], first.position[:0])
+    with create_bag(tmp_path / "odd.mcap") as bag:
+        list(write_recording(bag, recording))
+        bag.write("/objects", nobody.stamp_ns, adapter.from_states(nobody, bag.types))
+        lanes = lanes_to_markers(recording.lanes, bag.types, stamp_ns=0, frame_id="map")
+        bag.write("/lane_markings", nobody.stamp_ns + 10**11, lanes)
+    (back,) = load_recordings(tmp_path / "odd.mcap", "bag")
+    np.testing.assert_array_equal(back.position, recording.position)
+
+
+def test_damaged_bytes_give_one_sentence(tmp_path: Path, recording: Recording) -> None:
+    path = tmp_path / "out.mcap"
+    convert([recording], path)
+    data = path.read_bytes()
+    generator = np.random.default_rng(0)
+    sentences = []
+    for _ in range(60):
+        damaged = bytearray(data)
+        for position in generator.integers(0, len(data), 3):
+            damaged[position] = int(generator.integers(256))
+        path.write_bytes(bytes(damaged))
+        try:
+            load_recordings(path, "bag")
+        except RecordingError as error:
+            sentences.append(str(error))
+    assert len(sentences) > 10
+    assert not [sentence for sentence in sentences if "\n" in sentence]
 
 
 def test_classes_survive(tmp_path: Path, recording: Recording) -> None:

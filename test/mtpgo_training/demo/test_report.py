@@ -3,6 +3,8 @@
 
 import dataclasses
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,6 +64,15 @@ def test_the_summary_has_what_was_promised(content):
     back = json.loads(to_json(content))
     assert back["model"] == {"name": "made", "version": "", "weights_sha256": "ff"}
     assert back["versions"]["torch"].startswith("2.")
+
+
+def test_every_key_is_explained(content):
+    page = (Path(__file__).parents[3] / "docs" / "demo.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([a-z_0-9]+)(?:_\*)?`", page))
+    for key in [*content, *content["recordings"]["a"]]:
+        stem, _, last = key.rpartition("_")
+        known = key in named or f"_{last}" in named or stem in named
+        assert known or key.partition("_")[0] in named, key
 
 
 def test_perfect_predictions_score_zero_and_their_known_likelihood(content):
