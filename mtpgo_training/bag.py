@@ -11,7 +11,7 @@ import dataclasses
 import functools
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -188,10 +188,46 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
     if path.is_dir() and not (path / _METADATA).is_file():
         raise RecordingError(f"{path} has no {_METADATA}, expected a rosbag2 directory")
     try:
-        with AnyReader([path], default_typestore=bag_typestore()) as reader:
-            yield reader
+        reader = AnyReader([path], default_typestore=bag_typestore())
+        reader.open()
+    except Exception as error:  # a damaged bag can fail in any way within the library
+        raise _unreadable(path, error) from error
+    try:
+        yield reader
     except (AnyReaderError, OSError, EOFError) as error:
-        raise RecordingError(f"{path} cannot be read as a bag: {_reason(error)}") from error
+        raise _unreadable(path, error) from error
+    finally:
+        reader.close()
+
+
+def read_messages(
+    path: Path, reader: AnyReader, connections: Collection[Connection]
+) -> Iterator[tuple[Connection, int, Any]]:
+    """Connection, log time (ns) and decoded message of everything on some topics, in time.
+
+    Args:
+        path: of the bag, for the error.
+        reader: from :func:`open_bag`.
+        connections: the topics.
+
+    Raises:
+        RecordingError: the bag is damaged.
+    """
+    stored = reader.messages(connections)
+    while True:
+        try:
+            item = next(stored, None)
+            if item is None:
+                return
+            connection, stamp_ns, data = item
+            message = reader.deserialize(data, connection.msgtype)
+        except Exception as error:  # as above
+            raise _unreadable(path, error) from error
+        yield connection, stamp_ns, message
+
+
+def _unreadable(path: Path, error: Exception) -> RecordingError:
+    return RecordingError(f"{path} cannot be read as a bag: {_reason(error)}")
 
 
 def is_bag(path: Path) -> bool:

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rosbags.highlevel import AnyReader
@@ -18,7 +17,14 @@ from msg_adapters.lanes import lanes_from_markers
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_core.schema import Float64Array, TrackedStates
-from mtpgo_training.bag import EGO_TOPIC, LANES_TOPIC, OBJECTS_TOPIC, is_bag, open_bag
+from mtpgo_training.bag import (
+    EGO_TOPIC,
+    LANES_TOPIC,
+    OBJECTS_TOPIC,
+    is_bag,
+    open_bag,
+    read_messages,
+)
 from mtpgo_training.readers.files import existing_directory, select_names
 from mtpgo_training.readers.table import sha256_of
 from mtpgo_training.recording import Int64Array, Recording
@@ -37,6 +43,12 @@ class _Piece:
     states: list[TrackedStates] = field(default_factory=list)
     lanes: tuple[Float64Array, ...] = ()
     ego: str | None = None
+    received_ns: int | None = None
+
+    def filled(self) -> Iterator[_Piece]:
+        """The piece itself, if there is anybody in it."""
+        if self.states:
+            yield self
 
 
 def read_bags(directory: Path, names: Sequence[str] | None = None) -> Iterator[Recording]:
@@ -87,32 +99,46 @@ def _pieces(path: Path) -> Iterator[_Piece]:
             if (c.topic.endswith(LANES_TOPIC) and c.msgtype == _MARKERS)
             or (c.topic.endswith(EGO_TOPIC) and c.msgtype == "std_msgs/msg/String")
         ]
-        piece, last_ns, empty = _Piece(), None, True
-        for connection, received_ns, data in reader.messages([objects, *others]):
-            message: Any = reader.deserialize(data, connection.msgtype)
+        piece, found = _Piece(), False
+        for connection, received_ns, message in read_messages(path, reader, [objects, *others]):
             if connection is not objects:
                 # Latched messages of the next part come just before its first objects.
-                if last_ns is not None and _apart(last_ns, received_ns):
-                    yield piece
-                    piece, last_ns = _Piece(piece.states[:0], piece.lanes, piece.ego), None
-                if connection.msgtype == _MARKERS:
-                    piece.lanes = lanes_from_markers(message).polylines
-                else:
-                    piece.ego = str(message.data)
+                if piece.received_ns is not None and _apart(piece.received_ns, received_ns):
+                    yield from piece.filled()
+                    piece = _Piece(lanes=piece.lanes, ego=piece.ego)
+                _note(path, piece, connection, message)
                 continue
             try:
                 states = adapter.to_states(message, fallback_stamp_ns=received_ns)
             except MessageError as error:
                 raise RecordingError(f"{path}, topic {connection.topic}: {error}") from error
-            if last_ns is not None and _apart(last_ns, states.stamp_ns):
-                yield piece
-                piece = _Piece([], piece.lanes, piece.ego)
-            last_ns = states.stamp_ns
+            if piece.states and _apart(piece.states[-1].stamp_ns, states.stamp_ns):
+                yield from piece.filled()
+                piece = _Piece(lanes=piece.lanes, ego=piece.ego)
+            piece.received_ns = received_ns
+            if not len(states):
+                continue
+            if piece.states and piece.states[-1].frame_id != states.frame_id:
+                raise RecordingError(
+                    f"{path}, topic {connection.topic}: the frame changes from "
+                    f"{piece.states[-1].frame_id!r} to {states.frame_id!r}, expected one frame"
+                )
             piece.states.append(states)
-            empty = empty and not len(states)
-        if empty:
+            found = True
+        if not found:
             raise RecordingError(f"{path} has no tracked object on its topic {objects.topic}")
-        yield piece
+        yield from piece.filled()
+
+
+def _note(path: Path, piece: _Piece, connection: Connection, message: object) -> None:
+    """Keep what a latched message says."""
+    if connection.msgtype == _MARKERS:
+        try:
+            piece.lanes = lanes_from_markers(message).polylines
+        except MessageError as error:
+            raise RecordingError(f"{path}, topic {connection.topic}: {error}") from error
+    else:
+        piece.ego = str(getattr(message, "data", ""))
 
 
 def _apart(before_ns: int, after_ns: int) -> bool:
