@@ -76,7 +76,7 @@ class Conditioning(nn.Module):
         """
         _, index = last_seen(features, valid)
         steps = torch.arange(features.size(2), device=features.device)
-        since = (steps - index.unsqueeze(-1)).unsqueeze(-1) * self.dt_s  # [B, N, T, 1]
+        since = (steps - index.unsqueeze(-1)).unsqueeze(-1).to(features.dtype) * self.dt_s
         direction = start.direction.unsqueeze(2).expand(-1, -1, features.size(2), -1)
         last_velocity = start.velocity.unsqueeze(2)
         moved = to_own(features[..., :2] - start.origin.unsqueeze(2), direction)
@@ -91,10 +91,10 @@ class Conditioning(nn.Module):
         return torch.cat(parts, dim=-1)
 
     def inputs(self, features: Tensor, valid: Tensor, start: Start) -> Tensor:
-        """[B, N, T, input_size] unscaled inputs of the encoder, zero where not valid."""
+        """[B, N, T, input_size] unscaled inputs of the encoder, of use where valid."""
         if self.agent_frame:
-            features = torch.cat((features, self.own_inputs(features, valid, start)), dim=-1)
-        return features * valid.unsqueeze(-1)
+            return torch.cat((features, self.own_inputs(features, valid, start)), dim=-1)
+        return features
 
     def forward(self, features: Tensor, valid: Tensor, start: Start) -> Tensor:
         """[B, N, T, input_size] scaled inputs of the encoder, zero where not valid."""

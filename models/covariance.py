@@ -71,7 +71,7 @@ class EkfCovariance(nn.Module):
         dt = config.dt_s
         self.to_q = dt  # G's lower block
         self.to_position = 0.5 * dt * dt if config.noise_input == "integrated" else 0.0
-        inflation = torch.ones(2, 2, 1, 1, 1) + INFLATION * torch.eye(2).view(2, 2, 1, 1, 1)
+        inflation = INFLATION * torch.eye(2).view(2, 2, 1, 1, 1)
         self.register_buffer("inflation", inflation, persistent=False)
 
     def forward(
@@ -91,7 +91,7 @@ class EkfCovariance(nn.Module):
             a = p
             for d, q in zip(of_q.unbind(2), (self.to_q**2 * noise).unbind(2)):  # noqa: B905
                 a = block_product(block_product(d, a), d.transpose(0, 1)) + q
-                a = a * self.inflation
+                a = torch.addcmul(a, a, self.inflation)
                 positions.append(a)
             return [symmetric(torch.stack(positions, dim=2))]
         a, c, v = p[:2, :2], p[:2, 2:], p[2:, 2:]
@@ -107,8 +107,8 @@ class EkfCovariance(nn.Module):
             a = a + block_product(m, bt) + block_product(b, c.transpose(0, 1)) + into_a[k]
             c = block_product(m, dt) + into_c[k]
             v = block_product(block_product(d, v), dt) + into_v[k]
-            a = a * self.inflation
-            v = v * self.inflation
+            a = torch.addcmul(a, a, self.inflation)
+            v = torch.addcmul(v, v, self.inflation)
             blocks_a.append(a)
             blocks_c.append(c)
             blocks_v.append(v)

@@ -1,0 +1,121 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes and models for the tests: small, random, and with every kind of presence."""
+
+import math
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from models import MTPGO, ModelConfig
+
+SMALL = {"history_steps": 6, "horizon_steps": 5, "modes": 3, "hidden": 8, "ode_hidden": 5}
+
+
+@dataclass
+class Scene:
+    """One batch of model inputs."""
+
+    features: Tensor
+    valid: Tensor
+    static: Tensor
+
+    @property
+    def present(self) -> Tensor:
+        """[B, N] valid at t."""
+        return self.valid[:, :, -1]
+
+    def inputs(self) -> tuple[Tensor, Tensor, Tensor]:
+        return self.features, self.valid, self.static
+
+
+def make_scene(
+    batch: int,
+    agents: int,
+    steps: int = 16,
+    size: int = 8,
+    dtype: torch.dtype = torch.float64,
+    odd: bool = True,
+) -> Scene:
+    """Curving agents in [B, N, T, F]; ``odd`` presence: late, gone, one sample, a gap, padding.
+
+    The first agent is always there; agent 1 appears late, 2 leaves early, 3 has one sample, 4 is
+    missed for one step, 5 is padding in the first scene, 6 stands still, as far as there are such.
+    """
+    generator = torch.Generator().manual_seed(100 * batch + agents)
+    rand = lambda *shape: torch.randn(*shape, generator=generator, dtype=torch.float64)  # noqa: E731
+    time = (torch.arange(steps) - steps + 1).double() * 0.2
+    angle = rand(batch, agents, 1) * 2.0 + 0.3 * rand(batch, agents, 1) * time
+    speed = 8.0 + 3.0 * rand(batch, agents, 1).abs()
+    if agents > 6:
+        speed[:, 6] = 0.2
+    velocity = speed.unsqueeze(-1) * torch.stack((angle.cos(), angle.sin()), dim=-1)
+    position = 15.0 * rand(batch, agents, 1, 2) + velocity * time.unsqueeze(-1)
+    yaw = angle + 0.1 * rand(batch, agents, 1)
+    parts = (
+        position,
+        velocity,
+        rand(batch, agents, steps, 2),
+        torch.stack((yaw.cos(), yaw.sin()), dim=-1),
+        rand(batch, agents, steps, size - 8),
+    )
+    features = torch.cat(parts, dim=-1)
+    valid = torch.ones(batch, agents, steps, dtype=torch.bool)
+    if odd:
+        marks = (
+            (1, slice(0, steps // 2), False),
+            (2, slice(steps // 2, steps), False),
+            (3, slice(0, steps - 1), False),
+            (4, slice(steps - 3, steps - 2), False),
+        )
+        for agent, when, value in marks:
+            if agent < agents:
+                valid[:, agent, when] = value
+        if agents > 5:
+            valid[0, 5] = False
+    static = torch.nn.functional.one_hot(torch.arange(agents) % 8, 8).double()
+    features = features * valid.unsqueeze(-1)
+    return Scene(features.to(dtype), valid, static.expand(batch, -1, -1).to(dtype))
+
+
+def make_model(dtype: torch.dtype = torch.float64, wild: bool = True, **choices: object) -> MTPGO:
+    """A small model; ``wild`` gives every weight and every scale a random value that matters."""
+    model = MTPGO(ModelConfig.from_dict({**SMALL, **choices})).eval()
+    if wild:
+        with torch.no_grad():
+            for name, parameter in model.named_parameters():
+                if name.endswith("log_bandwidth"):
+                    parameter.copy_(math.log(10.0) + 0.5 * torch.rand(()))
+                else:
+                    parameter.normal_(0.0, 0.4 if name.startswith("motion") else 0.5)
+            condition = model.condition
+            condition.input_mean.normal_()
+            condition.input_std.uniform_(2.0, 9.0)
+            condition.state_mean.normal_()
+            condition.state_std.uniform_(3.0, 9.0)
+    return model.to(dtype)
+
+
+def frozen(model: MTPGO) -> torch.jit.ScriptModule:
+    """The model as it is exported."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit is, and is what we export
+        return torch.jit.freeze(torch.jit.script(model.eval()))
+
+
+def save_and_load(model: torch.jit.ScriptModule, path: Path) -> torch.jit.ScriptModule:
+    """The model after a round trip through a file."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        torch.jit.save(model, str(path))
+        return torch.jit.load(str(path))
+
+
+def constant_velocity(scene: Scene, steps: int, dt_s: float = 0.2) -> Tensor:
+    """[B, N, H, 2] (m)."""
+    last = scene.features[:, :, -1]
+    time = dt_s * torch.arange(1, steps + 1, dtype=last.dtype).unsqueeze(-1)
+    return last[:, :, None, :2] + last[:, :, None, 2:4] * time

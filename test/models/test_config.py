@@ -1,0 +1,48 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Configuration: round trip, and a wrong choice is answered by the right ones."""
+
+import json
+
+import pytest
+
+from models import ModelConfig
+
+
+def test_round_trip_through_json():
+    config = ModelConfig(order=1, layer="gcn", static_features=True, dt_s=0.1)
+    assert ModelConfig.from_dict(json.loads(json.dumps(config.to_dict()))) == config
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "sentence"),
+    [
+        ("layer", "gatt", "layer is 'gatt', expected one of 'graphconv', 'gcn', 'gat', 'gat+'"),
+        ("order", 3, "order is 3, expected one of 1, 2"),
+        ("integrator", "rk5", "integrator is 'rk5', expected one of 'euler', 'heun', 'rk4'"),
+        ("noise_input", "", "noise_input is '', expected one of 'velocity', 'integrated'"),
+        ("initial_covariance", "x", "expected one of 'learned', 'configured'"),
+        ("modes", 0, "modes is 0, expected at least 1"),
+        ("feature_size", 7, "feature_size is 7, expected at least 8"),
+        ("hidden", 64.0, "hidden is 64.0, expected a value of type int"),
+        ("modes", True, "modes is True, expected a value of type int"),
+        ("tied", 1, "tied is 1, expected a value of type bool"),
+        ("dt_s", 0.0, "dt_s is 0.0, expected a positive number"),
+        ("initial_std_m", float("nan"), "initial_std_m is nan, expected a positive number"),
+        ("ode", False, "expected ekf=False without a motion model"),
+        ("learning_rate", 1, "unknown field 'learning_rate'"),
+    ],
+)
+def test_a_bad_value_is_named(field, value, sentence):
+    with pytest.raises(ValueError, match="expected") as error:
+        ModelConfig.from_dict({field: value})
+    assert sentence in str(error.value)
+
+
+def test_static_features_need_classes():
+    with pytest.raises(ValueError, match="static_size 0"):
+        ModelConfig(static_features=True, static_size=0)
+
+
+def test_an_integer_serves_where_a_number_is_wanted():
+    assert ModelConfig(dt_s=1).dt_s == 1
