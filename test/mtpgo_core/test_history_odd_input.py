@@ -222,6 +222,13 @@ def test_a_smaller_jump_back_is_believed_at_the_third_message():
     assert history.newest_stamp_ns == 300_000_000
 
 
+def test_a_row_of_messages_that_are_a_little_late_does_not_reset_the_clock():
+    history = fed()
+    reports = [history.update(drive(2.55 + 0.01 * k)) for k in range(6)]
+    assert [r.late for r in reports] == [2] * 6
+    assert not any(r.clock_reset for r in reports)
+
+
 def test_one_slow_sensor_among_fast_ones_does_not_reset_the_clock():
     history = fed()
     for k in range(1, 20):
@@ -259,6 +266,14 @@ def test_a_stream_that_has_changed_its_frame_starts_anew_at_the_third_message():
     assert window.frame_id == "odom"
     assert window.valid.sum() == 2  # 3.3 lies between the grid times 3.4 and 3.2
     assert (window.position[:, -1, 0] == 34.0).all()
+
+
+def test_a_stream_that_names_a_new_frame_each_time_is_not_believed():
+    history = fed()
+    for k, frame in enumerate(["odom", "base_link"] * 4):
+        odd = dataclasses.replace(drive(3.1 + 0.1 * k), frame_id=frame)
+        assert history.update(odd).wrong_frame == 2
+    assert history.update(drive(4.0)).accepted == 2
 
 
 def test_two_publishers_in_two_frames_leave_the_first_one_served():

@@ -37,6 +37,21 @@ def test_keeps_every_sample_of_the_span(period_ms):
     assert stored(rings, 0)[0].size == 0
 
 
+def test_a_track_that_becomes_faster_loses_nothing():
+    rings = SampleRings(2, 1, KEEP_NS)
+    sent, now = [], 0
+    for k in range(900):
+        now += (100 if k < 333 else 10) * MS
+        rings.append(np.array([1]), now, np.array([[k]]))
+        sent.append((now, k))
+        if k % 50 == 0:
+            stamps, samples = stored(rings, 1)
+            expected = [s for s in sent if s[0] >= now - KEEP_NS]
+            got = list(zip(stamps.tolist(), samples[:, 0].tolist(), strict=True))
+            assert got[-len(expected) :] == expected
+            assert stamps.tolist() == sorted(stamps.tolist())
+
+
 def test_faster_than_200_hz_keeps_the_newest_and_a_bounded_past():
     rings = SampleRings(1, 1, KEEP_NS)
     for k in range(10_000):
