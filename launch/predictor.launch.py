@@ -9,11 +9,12 @@ Arguments go before the parameter file; those left empty leave the file's value.
 
 from pathlib import Path
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+
+from launch import LaunchDescription
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 
@@ -44,9 +45,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("rviz", default_value="false", description="start RViz"),
     ]
     for name, (_, description) in PARAMETERS.items():
-        arguments.append(
-            DeclareLaunchArgument(name, default_value="", description=description)
-        )
+        arguments.append(DeclareLaunchArgument(name, default_value="", description=description))
     for topic in TOPICS:
         arguments.append(
             DeclareLaunchArgument(

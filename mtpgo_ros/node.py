@@ -101,7 +101,7 @@ class PredictorNode(LifecycleNode):
         if self._engine.degraded:
             self.get_logger().error(f"degraded, constant velocity serves: {self._engine.degraded}")
         self._outputs = Outputs(
-            self, self.parameters.output, self.parameters.max_modes, self._on_failure
+            self, self.parameters.output, self.parameters.max_modes, self.on_failure
         )
         return super().on_configure(state)
 
@@ -136,7 +136,7 @@ class PredictorNode(LifecycleNode):
                 fallback=self._engine.fallback,
                 publish=self._publish,
                 count=self._statistics.count,
-                failed=self._on_failure,
+                failed=self.on_failure,
             )
         )
         self._worker.start()
@@ -222,7 +222,7 @@ class PredictorNode(LifecycleNode):
         except Exception as error:
             # Whatever a message holds, the stream goes on.
             self._statistics.count("malformed")
-            self._on_failure(f"message on {self._input.topic} left out", error)
+            self.on_failure(f"message on {self._input.topic} left out", error)
         else:
             if work is not None:
                 self._worker.submit(self._job(work, received_ns))
@@ -312,10 +312,10 @@ class PredictorNode(LifecycleNode):
         if name in _WORDING:
             self._complain(name, f"{_WORDING[name]} ({number} more)")
 
-    def _on_failure(self, what: str, error: Exception) -> None:
-        if self.context.ok():
-            text = " ".join(str(error).split()) or "no message"
-            self._complain(what, f"{what}: {type(error).__name__}: {text}")
+    def on_failure(self, what: str, error: Exception) -> None:
+        """Log an exception that the node survived; from any thread."""
+        text = " ".join(str(error).split()) or "no message"
+        self._complain(what, f"{what}: {type(error).__name__}: {text}")
 
     def _refresh_facts(self) -> None:
         """Bring up to date what the diagnostics tell beside the counters."""

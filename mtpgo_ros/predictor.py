@@ -76,7 +76,7 @@ def _serve(node: PredictorNode, stopped: Callable[[], bool]) -> None:
             if not stopped() and trigger() != TransitionCallbackReturn.SUCCESS:
                 raise MtpgoError(node.failure or "the node could not be started")
         node.starting = False
-    spin(node, stopped)
+    spin(node, stopped, node.on_failure)
 
 
 if __name__ == "__main__":

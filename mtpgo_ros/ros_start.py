@@ -46,13 +46,29 @@ def start(arguments: Sequence[str]) -> None:
         raise ConfigurationError(f"ROS cannot start: {_first_sentence(error)}") from error
 
 
-def spin(node: Node, stopped: Callable[[], bool]) -> None:
-    """Serve the node until asked to stop."""
+def spin(
+    node: Node,
+    stopped: Callable[[], bool],
+    failed: Callable[[str, Exception], None] | None = None,
+) -> None:
+    """Serve the node until asked to stop.
+
+    Args:
+        node: the node.
+        stopped: says whether to stop.
+        failed: told of an exception that a callback or rclpy raised, after which the node is
+            served on; without it the exception ends the spinning.
+    """
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         while not stopped():
-            executor.spin_once(timeout_sec=_LOOK_S)
+            try:
+                executor.spin_once(timeout_sec=_LOOK_S)
+            except Exception as error:
+                if failed is None:
+                    raise
+                failed("a callback failed", error)
     finally:
         executor.shutdown()
 

@@ -4,12 +4,14 @@
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from ros_helpers import LATCHED, START_NS, message_of, parameters_of, traffic
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -221,3 +223,29 @@ def test_stale_input_is_an_error(bench):
     b.status("input", WARN, "nothing has come")
     b.predict(traffic(0.0))
     b.status("input", ERROR, "stale")
+
+
+def test_simulated_time_and_its_jump_back(bench):
+    b = bench(use_sim_time=True)
+    clock = b.peer.create_publisher(Clock, "/clock", 10)
+    b.until(lambda: clock.get_subscription_count() >= 1)
+
+    def tick(time_s):
+        stamp_ns = traffic(time_s).stamp_ns
+
+        def arrived():
+            clock.publish(Clock(clock=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)))
+            b.executor.spin_once(timeout_sec=0.02)
+            return b.node.get_clock().now().nanoseconds == stamp_ns
+
+        b.until(arrived)
+
+    tick(100.0)
+    b.predict(traffic(100.0))
+    # Stamps are held against the simulated time, not against the machine's.
+    b.send(message_of(traffic(200.0)))
+    assert b.count("future_stamp") == 1
+    tick(10.0)  # the bag begins anew: what lies ahead is forgotten before its first message
+    assert b.count("clock_reset") == 1
+    assert len(b.predict(traffic(10.0))) == 4
+    assert b.count("clock_reset") == 1

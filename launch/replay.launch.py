@@ -1,0 +1,61 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Plays a bag into the predictor, in the bag's own time.
+
+    ros2 launch mtpgo_ros replay.launch.py bag:=recording.mcap speed:=2.0 rviz:=true
+
+All ends when the bag does. The predictor's own settings stand in its parameter file.
+"""
+
+from pathlib import Path
+
+from launch.actions import (
+    DeclareLaunchArgument,
+    IncludeLaunchDescription,
+    RegisterEventHandler,
+    Shutdown,
+)
+from launch.event_handlers import OnProcessExit
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from launch import LaunchDescription
+
+HERE = Path(__file__).resolve().parent
+
+
+def generate_launch_description() -> LaunchDescription:
+    """What ``ros2 launch`` starts."""
+    player = Node(
+        package="mtpgo_ros",
+        executable="replay",
+        arguments=[
+            LaunchConfiguration("bag"),
+            "--rate",
+            LaunchConfiguration("speed"),
+            "--wait-for-subscribers",
+            "1",
+            "--no-progress",
+        ],
+        output="screen",
+    )
+    predictor = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(str(HERE / "predictor.launch.py")),
+        launch_arguments={
+            "use_sim_time": "true",
+            "model": LaunchConfiguration("model"),
+            "rviz": LaunchConfiguration("rviz"),
+        }.items(),
+    )
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("bag", description="bag to be played"),
+            DeclareLaunchArgument("speed", default_value="1.0", description="speed of playing"),
+            DeclareLaunchArgument("model", default_value="", description="of the predictor"),
+            DeclareLaunchArgument("rviz", default_value="false", description="start RViz"),
+            predictor,
+            player,
+            RegisterEventHandler(OnProcessExit(target_action=player, on_exit=[Shutdown()])),
+        ]
+    )
