@@ -46,7 +46,9 @@ def find_resource(*parts: str) -> Path:
 def source_tree() -> Path | None:
     """Root of the checkout this code runs from, or None where it runs from an installation."""
     root = Path(__file__).resolve().parents[1]
-    return root if (root / "setup.py").is_file() and (root / "resource" / PACKAGE).is_file() else None
+    return (
+        root if (root / "setup.py").is_file() and (root / "resource" / PACKAGE).is_file() else None
+    )
 
 
 def _places(*parts: str) -> Iterator[Path]:
