@@ -51,7 +51,6 @@ class CausalSlope:
     def reset(self, slot: NDArray[np.intp]) -> None:
         """Forget the past of the signals ``slot``."""
         self._sums[slot] = 0.0
-        self._age_s[slot] = 0.0
 
     def step(
         self, slot: NDArray[np.intp], dt_s: Float64Array, value: Float64Array
@@ -81,7 +80,6 @@ class CausalSlope:
         known = np.asarray(np.isfinite(value).all(axis=1))
         reference = self._reference[slot]
         change = np.where(known[:, None], value - reference, 0.0)
-        change[sums[:, 0] <= 0.0] = 0.0
         sums[:, 3:5] -= change * sums[:, 0:1]
         sums[:, 5:7] -= change * sums[:, 1:2]
         sums[:, 0] += known

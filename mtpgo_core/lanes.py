@@ -111,6 +111,6 @@ class LaneMap:
             fraction = -ahead / advance
             side = np.einsum("psk,pk->ps", to_start, sideways)
             offset = side + fraction * np.einsum("sk,pk->ps", self._along, sideways)
-        met = (advance > 0.0) & (ahead <= 0.0) & (ahead + advance > 0.0)
+        met = (ahead <= 0.0) & (ahead + advance > 0.0)  # from behind to before the agent
         none = np.full((point.shape[0], 2), np.inf)
         return np.concatenate([np.where(met, offset, np.inf), none], axis=1)

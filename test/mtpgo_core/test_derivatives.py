@@ -54,6 +54,17 @@ def test_is_exact_on_a_straight_line_whatever_the_jitter():
     np.testing.assert_allclose(given[known], np.tile([31.25, -7.5], (known.sum(), 1)), atol=1e-6)
 
 
+def test_samples_too_close_together_give_no_slope_yet():
+    times = 0.01 * np.arange(6)
+    given = run(CausalSlope(1, TAU_S), times, times[:, None] * [2.0, 3.0])
+    assert np.isnan(given).all(axis=1).tolist() == [True, True, True, False, False, False]
+    slope = CausalSlope(1, TAU_S)
+    run(slope, times, times[:, None] * [2.0, 3.0])
+    slope.reset(np.array([0]))
+    again = run(slope, times, 7.0 + times[:, None] * [2.0, 3.0])
+    np.testing.assert_array_equal(np.isnan(again), np.isnan(given))
+
+
 def test_lags_behind_a_steady_change_by_tau():
     times = np.arange(0.0, 6.0, 0.01)
     values = np.stack([0.5 * 2.0 * times**2, np.zeros_like(times)], axis=1)

@@ -195,6 +195,48 @@ def test_small_motion_changes_nothing():
         assert sum(again[a] != first[a] for a in first) <= 3
 
 
+def named(*agents):
+    return names_of(keys_from_integers(agents))
+
+
+def test_an_agent_stays_until_another_centre_is_nearer_by_half():
+    state = GraphState(centre=named(0, 1))
+    config = SceneConfig(radius_m=80.0)
+    found = []
+    for x in (40.0, 55.0, 65.0, 70.0, 55.0, 40.0, 30.0):
+        # The two outermost keep both centres in use.
+        position = np.array([[0.0, 0.0], [100.0, 0.0], [x, 0.0], [-70.0, 0.0], [170.0, 0.0]])
+        found.append(owners(choose_graphs(window_of(position), config, state=state))[2])
+    assert found == [0, 0, 0, 1, 1, 1, 1 if 30.0 > 0.5 * 70.0 else 0]
+
+
+def test_of_centres_that_do_the_same_work_one_stays():
+    position = np.stack([np.arange(0.0, 50.0, 5.0), np.zeros(10)], axis=1)
+    for ids in ((3, 4), (9, 0), (0, 5)):
+        state = GraphState(centre=named(*ids))
+        graphs = choose_graphs(window_of(position), SceneConfig(radius_m=60.0), state=state)
+        assert graphs.members[:, 0].tolist() == [ids[1]]
+
+
+def test_the_egos_graph_stays_whatever_the_others_reach():
+    position = np.stack([np.arange(0.0, 50.0, 5.0), np.zeros(10)], axis=1)
+    state = GraphState(centre=named(4, 5, 2))
+    config = SceneConfig(policy="ego", radius_m=60.0)
+    ego = keys_from_integers([2])[0]
+    for _ in range(3):
+        graphs = choose_graphs(window_of(position), config, ego_key=ego, state=state)
+        assert graphs.members[:, 0].tolist() == [2]
+
+
+def test_the_centre_of_a_scene_stays_while_it_is_near_the_middle():
+    state, config = GraphState(), SceneConfig(policy="scene")
+    found = []
+    for x in (1.0, 4.0, 8.0, 30.0, 8.0, 1.0):
+        position = np.array([[x, 0.0], [0.0, 2.0], [-50.0, -1.0], [50.0 - x, -1.0]])
+        found.append(int(choose_graphs(window_of(position), config, state=state).members[0, 0]))
+    assert found == [0, 0, 0, 1, 1, 1]
+
+
 def test_the_middle_of_a_scene_does_not_wander():
     draw = np.random.default_rng(6)
     position, state = draw.uniform(0, 100, (20, 2)), GraphState()
@@ -221,9 +263,10 @@ def test_given_centres_get_a_graph_each_with_all_members_primary():
     np.testing.assert_array_equal(graphs.primary, graphs.members >= 0)
 
 
-def test_agents_at_one_place_keep_the_centre_first():
-    members, distance = neighbourhoods(np.zeros((5, 2)), np.array([3, 0]), 3, 10.0)
-    assert members.tolist() == [[3, 0, 1, 2], [0, 1, 2, 3]]
+def test_agents_at_one_place_keep_the_centre_first_and_their_order():
+    members, distance = neighbourhoods(np.zeros((300, 2)), np.array([200, 0]), 4, 10.0)
+    assert members[:, 0].tolist() == [200, 0]
+    assert (np.diff(members[:, 1:], axis=1) > 0).all()
     assert (distance == 0.0).all()
 
 

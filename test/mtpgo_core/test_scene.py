@@ -133,7 +133,8 @@ def test_unknown_motion_is_zero_along_the_scenes_axis():
 def test_padding_reaches_to_the_largest_graph_only():
     history = TrackHistory(HISTORY)
     position = [[0, 0], [1, 0], [2, 0], [500, 0], [900, 0], [901, 0]]
-    history.update(states_of(0.0, range(6), position))
+    cars = np.full(6, AgentClass.CAR, dtype=np.uint8)
+    history.update(states_of(0.0, range(6), position, agent_class=cars))
     batch = build_scenes(history.window(), SceneConfig())
     assert batch.features.shape[:2] == (3, 3)
     padding = batch.agent < 0
