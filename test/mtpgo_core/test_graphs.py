@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from core_helpers import states_of
 
-from mtpgo_core.graphs import GraphState, choose_graphs, graphs_around, neighbourhoods
+from mtpgo_core.cover import neighbourhoods
+from mtpgo_core.graphs import GraphState, choose_graphs, graphs_around
 from mtpgo_core.history import TrackHistory
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.task import HistoryConfig, SceneConfig
