@@ -43,6 +43,11 @@ class ModelConfig:
             ``configured``: the two values below for everybody.
         initial_std_m: configured, or first value of the learned, position deviation (m).
         initial_std_mps: likewise of the velocity (m/s).
+        observation_std_m: deviation of an observed position around the true one (m). Predicted
+            are observed states, so its square is added to every position's variance. With 0 as in
+            the paper; above it, agents whose motion is nearly certain, the standing ones above
+            all, do not drown the others in the likelihood.
+        observation_std_mps: likewise of the velocity (m/s).
         encoder_gnn: false removes all edges from the encoder's graphs (ablation).
         decoder_gnn: likewise in the decoder.
         ekf: false lets the decoder give the position's covariance directly (ablation).
@@ -71,6 +76,8 @@ class ModelConfig:
     initial_covariance: str = "learned"
     initial_std_m: float = 0.1
     initial_std_mps: float = 0.3
+    observation_std_m: float = 0.0
+    observation_std_mps: float = 0.0
     encoder_gnn: bool = True
     decoder_gnn: bool = True
     ekf: bool = True
@@ -94,6 +101,9 @@ class ModelConfig:
         for name in ("dt_s", "bandwidth_m", "initial_std_m", "initial_std_mps"):
             if not 0.0 < getattr(self, name) < float("inf"):
                 raise ValueError(f"{name} is {getattr(self, name)!r}, expected a positive number")
+        for name in ("observation_std_m", "observation_std_mps"):
+            if not 0.0 <= getattr(self, name) < float("inf"):
+                raise ValueError(f"{name} is {getattr(self, name)!r}, expected at least 0")
         if self.ekf and not self.ode:
             raise ValueError(
                 "ekf is True and ode False, expected ekf=False without a motion model"

@@ -42,6 +42,9 @@ class MTPGO(nn.Module):
         self.initial_covariance = InitialCovariance(config)
         self.covariance = EkfCovariance(config) if config.ekf else DirectCovariance(config)
         self.mixture = MixtureHead(config.hidden, config.modes)
+        std = [config.observation_std_m] * 2 + [config.observation_std_mps] * 2
+        observation = torch.tensor(std[: config.state_size]).square().diag()
+        self.register_buffer("observation", observation, persistent=False)
 
     def forward(
         self,
@@ -137,7 +140,7 @@ class MTPGO(nn.Module):
             torch.stack(states[:-1]), torch.stack(controls), field
         )  # [2, 2, H, B, N, M]
         blocks = self.covariance(first, of_q, of_position, noise)
-        return log_weight, mean, rotate_blocks(blocks, start.direction)
+        return log_weight, mean, rotate_blocks(blocks, start.direction) + self.observation
 
     def first_state(self, start: Start) -> Tensor:
         """[B, N, M, S] the state at t, the same for all modes."""

@@ -96,6 +96,8 @@ class OptimisationConfig:
         weight_decay: of AdamW; 0 is plain Adam.
         clip_norm: largest norm of the gradient.
         huber_delta: error at which the EWTA loss turns linear (m, m/s).
+        mean_weight: share of the expected Huber loss beside the likelihood; 0 as in the paper, see
+            :func:`mtpgo_training.losses.expected_huber`.
         teacher_forcing: probability at the start that a roll-out is fed the observed states; it
             falls linearly to zero at the end of the warm-up (total / 4). The default is none: the
             state already starts at the observed one, and a predictor must live with its own steps.
@@ -112,6 +114,7 @@ class OptimisationConfig:
     weight_decay: float = 0.0
     clip_norm: float = 1.0
     huber_delta: float = 1.0
+    mean_weight: float = 0.0
     teacher_forcing: float = 0.0
     average_decay: float = 0.0
 

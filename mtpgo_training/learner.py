@@ -14,7 +14,7 @@ from models.mtp_go import MTPGO
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task import HistoryConfig, SceneConfig
 from mtpgo_training.baselines import BASELINES
-from mtpgo_training.losses import ewta, negative_log_likelihood
+from mtpgo_training.losses import ewta, expected_huber, negative_log_likelihood
 from mtpgo_training.schedule import Objective
 from mtpgo_training.scorebook import ScoreBook
 
@@ -47,6 +47,7 @@ def training_loss(
     objective: Objective,
     *,
     huber_delta: float,
+    mean_weight: float = 0.0,
     teacher: bool = False,
 ) -> Tensor:
     """The loss of a batch under an objective of algorithm 1, a scalar.
@@ -56,6 +57,7 @@ def training_loss(
         fields: a batch from :func:`mtpgo_training.dataset.dense`.
         objective: EWTA, NLL or their blend. The covariance is computed only where NLL counts.
         huber_delta: see :func:`mtpgo_training.losses.ewta`.
+        mean_weight: share of :func:`mtpgo_training.losses.expected_huber` beside the likelihood.
         teacher: feed the observed states to the roll-out.
     """
     states = model.config.state_size
@@ -79,6 +81,10 @@ def training_loss(
         loss = loss + objective.nll_weight * negative_log_likelihood(
             log_weight, mean, covariance, target, weight
         )
+        if mean_weight > 0.0:
+            loss = loss + objective.nll_weight * mean_weight * expected_huber(
+                log_weight, mean, target, weight, huber_delta
+            )
     return loss
 
 

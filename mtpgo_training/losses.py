@@ -39,6 +39,30 @@ def ewta(
     return best.mean(dim=-1).sum() / mask.sum().clamp(min=1e-6)
 
 
+def expected_huber(
+    log_weight: Tensor, mean: Tensor, target: Tensor, mask: Tensor, huber_delta: float = 1.0
+) -> Tensor:
+    """The Huber loss of the components averaged with their mixture weights, a scalar.
+
+    Not in the paper. The likelihood's gradient on a mean is divided by the variance, so a likely
+    agent teaches much and an uncertain one next to nothing, and nothing in it prefers that the
+    heaviest component be near the truth, which is what ADE measures. Beside the likelihood this
+    term does.
+
+    Args:
+        log_weight: [B, N, M] log mixture weights.
+        mean: [B, N, M, H, S] predicted states.
+        target: [B, N, H, S] observed states; anything finite where not observed.
+        mask: [B, N, H] weight of each step, 0 where not observed.
+        huber_delta: error at which the loss turns from quadratic to linear (m and m/s).
+    """
+    error = huber_loss(
+        mean, target.unsqueeze(2).expand_as(mean), reduction="none", delta=huber_delta
+    ).sum(dim=-1)
+    per_mode = (error * mask.unsqueeze(2)).sum(dim=-1)  # [B, N, M]
+    return (log_weight.exp() * per_mode).sum() / mask.sum().clamp(min=1e-6)
+
+
 def negative_log_likelihood(
     log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
 ) -> Tensor:

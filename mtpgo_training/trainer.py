@@ -117,7 +117,12 @@ class Trainer:
             rate = self._set_learning_rate(i, len(loader))
             teacher = teaching > 0.0 and bool(torch.rand((), generator=generator) < teaching)
             loss = training_loss(
-                self.model, fields, aim, huber_delta=options.huber_delta, teacher=teacher
+                self.model,
+                fields,
+                aim,
+                huber_delta=options.huber_delta,
+                mean_weight=options.mean_weight,
+                teacher=teacher,
             )
             self._descend(loss)
             count = float(fields["valid"][..., -1].sum())

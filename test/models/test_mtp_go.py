@@ -113,3 +113,15 @@ def test_covariance_is_left_out_on_demand():
     without = model.roll_out(*scene.inputs(), None, False, None, None)
     assert without[2].numel() == 0
     torch.testing.assert_close(without[:2], with_it[:2])
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("order", [1, 2])
+def test_observation_noise_is_added_to_every_covariance(order):
+    plain = make_model(order=order)
+    noisy = make_model(order=order, observation_std_m=0.3, observation_std_mps=0.5)
+    noisy.load_state_dict(plain.state_dict())
+    inputs = make_scene(1, 3, steps=6).inputs()
+    expected = torch.tensor([0.09, 0.09, 0.25, 0.25][: 2 * order], dtype=torch.float64).diag()
+    added = noisy(*inputs)[2] - plain(*inputs)[2]
+    torch.testing.assert_close(added, expected.expand_as(added), atol=1e-7, rtol=0.0)

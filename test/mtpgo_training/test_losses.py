@@ -5,7 +5,7 @@
 import pytest
 import torch
 
-from mtpgo_training.losses import ewta, negative_log_likelihood
+from mtpgo_training.losses import ewta, expected_huber, negative_log_likelihood
 
 
 def slow_ewta(mean, target, mask, winners, delta):
@@ -52,7 +52,7 @@ def test_nothing_observed_gives_zero_and_no_nan():
     mean = torch.randn(1, 2, 3, 4, 2, requires_grad=True)
     value = ewta(mean, torch.zeros(1, 2, 4, 2), torch.zeros(1, 2, 4), 1)
     value.backward()
-    assert float(value) == 0.0
+    assert float(value.detach()) == 0.0
     assert torch.isfinite(mean.grad).all()
 
 
@@ -69,3 +69,14 @@ def test_nll_is_the_weighted_mean_of_a_mixture_of_distributions():
     expected = float((each * mask).sum() / mask.sum())
     value = negative_log_likelihood(log_weight, mean, covariance, target, mask)
     assert float(value) == pytest.approx(expected, rel=1e-4)
+
+
+def test_expected_huber_is_weighted_by_the_mixture_and_trains_the_weights():
+    mean = torch.tensor([0.5, 3.0]).view(1, 1, 2, 1, 1)
+    logits = torch.zeros(1, 1, 2, requires_grad=True)
+    log_weight = torch.log_softmax(logits, dim=-1)
+    value = expected_huber(log_weight, mean, torch.zeros(1, 1, 1, 1), torch.ones(1, 1, 1))
+    assert float(value.detach()) == pytest.approx(0.5 * 0.125 + 0.5 * 2.5)
+    value.backward()
+    gradient = logits.grad.flatten()
+    assert gradient[0] < 0.0 < gradient[1]  # towards the nearer component
