@@ -63,7 +63,7 @@ class FixedFrameLifter:
         self._subscription: Subscription = node.create_subscription(
             Odometry, "odometry", self.add, _ODOMETRY_QOS
         )
-        self._tf = _tf_buffer(node)
+        self._tf = _Tf.where_installed(node)
 
     def add(self, message: Any) -> None:
         """Take in a nav_msgs/Odometry."""
@@ -102,7 +102,7 @@ class FixedFrameLifter:
         if self._odometry_frames == (self._fixed_frame, states.frame_id):
             return self._poses.at(states.stamp_ns)
         if self._tf is not None:
-            return self._pose_by_tf(states)
+            return self._tf.pose(self._fixed_frame, states.frame_id, states.stamp_ns)
         parent, child = self._odometry_frames
         seen = f"it gives {child!r} in {parent!r}" if parent or child else "nothing came there"
         raise FrameError(
@@ -111,25 +111,11 @@ class FixedFrameLifter:
             f" {self._subscription.topic_name}: {seen}"
         )
 
-    def _pose_by_tf(self, states: TrackedStates) -> Pose2:
-        time = Time(nanoseconds=states.stamp_ns, clock_type=self._node.get_clock().clock_type)
-        try:
-            found = self._tf.lookup_transform(self._fixed_frame, states.frame_id, time)
-        except Exception as error:  # tf2's exceptions have no common base in Python.
-            raise FrameError(
-                f"TF has no transform from {states.frame_id!r} to {self._fixed_frame!r}: {error}"
-            ) from error
-        transform = found.transform
-        return Pose2(
-            x=transform.translation.x,
-            y=transform.translation.y,
-            yaw=_yaw(transform.rotation),
-        )
-
     def close(self) -> None:
         """Give the subscriptions back."""
         self._node.destroy_subscription(self._subscription)
-        self._tf = None
+        if self._tf is not None:
+            self._tf.close()
 
 
 def _yaw(quaternion: Any) -> float:
@@ -138,13 +124,44 @@ def _yaw(quaternion: Any) -> float:
     return float(yaw_from_quaternions(row)[0])
 
 
-def _tf_buffer(node: Node) -> Any:
-    """A filled TF buffer, None where tf2_ros is not installed (as with ROS from pip)."""
-    try:
-        from tf2_ros import Buffer, TransformListener
-    except ImportError:
-        return None
-    buffer = Buffer(node=node)
-    # The listener lives as long as the buffer refers to it.
-    buffer.mtpgo_listener = TransformListener(buffer, node, spin_thread=False)
-    return buffer
+class _Tf:
+    """Poses from TF.
+
+    Args:
+        node: the node, for clock and subscriptions.
+        tf2_ros: the module.
+    """
+
+    def __init__(self, node: Node, tf2_ros: Any) -> None:
+        self._clock_type = node.get_clock().clock_type
+        self._buffer = tf2_ros.Buffer(node=node)
+        self._listener = tf2_ros.TransformListener(self._buffer, node, spin_thread=False)
+
+    @classmethod
+    def where_installed(cls, node: Node) -> _Tf | None:
+        """None where tf2_ros is not installed, as with ROS from pip."""
+        try:
+            import tf2_ros
+        except ImportError:
+            return None
+        return cls(node, tf2_ros)
+
+    def pose(self, fixed_frame: str, frame_id: str, stamp_ns: int) -> Pose2:
+        """Where ``frame_id`` stood in ``fixed_frame`` at a time (ns).
+
+        Raises:
+            FrameError: TF does not know.
+        """
+        time = Time(nanoseconds=stamp_ns, clock_type=self._clock_type)
+        try:
+            found = self._buffer.lookup_transform(fixed_frame, frame_id, time)
+        except Exception as error:  # tf2's exceptions have no common base in Python.
+            raise FrameError(
+                f"TF has no transform from {frame_id!r} to {fixed_frame!r}: {error}"
+            ) from error
+        place, turn = found.transform.translation, found.transform.rotation
+        return Pose2(x=place.x, y=place.y, yaw=_yaw(turn))
+
+    def close(self) -> None:
+        """Give the subscriptions back."""
+        self._listener.unregister()

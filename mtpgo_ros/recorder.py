@@ -50,7 +50,7 @@ def record(path: Path, topics: Sequence[str], stopped: Callable[[], bool]) -> st
     try:
         node = Recorder(sink, topics)
         print(f"ready: recording {', '.join(topics)} into {path}", flush=True)
-        spin(node, stopped)
+        spin(node, stopped, handled=lambda: sink.messages)
     except BaseException:
         sink.discard()
         raise

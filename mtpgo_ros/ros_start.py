@@ -8,6 +8,7 @@ node that is being made or that still has a bag to close.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 
 import rclpy
@@ -20,6 +21,9 @@ from mtpgo_core.errors import ConfigurationError
 
 _LOOK_S = 0.1
 """A wish to stop is noticed after this long at most."""
+
+_IDLE_PASSES = 10
+"""So many times nothing was handled: a pass may also serve a timer."""
 
 
 def own_arguments(arguments: Sequence[str]) -> list[str]:
@@ -50,6 +54,7 @@ def spin(
     node: Node,
     stopped: Callable[[], bool],
     failed: Callable[[str, Exception], None] | None = None,
+    handled: Callable[[], int] | None = None,
 ) -> None:
     """Serve the node until asked to stop.
 
@@ -58,6 +63,8 @@ def spin(
         stopped: says whether to stop.
         failed: told of an exception that a callback or rclpy raised, after which the node is
             served on; without it the exception ends the spinning.
+        handled: a count of what was handled; given, what has arrived by the stop is handled too,
+            until the count stands still.
     """
     executor = SingleThreadedExecutor()
     executor.add_node(node)
@@ -69,8 +76,20 @@ def spin(
                 if failed is None:
                     raise
                 failed("a callback failed", error)
+        if handled is not None:
+            _drain(executor, handled)
     finally:
         executor.shutdown()
+
+
+def _drain(executor: SingleThreadedExecutor, handled: Callable[[], int]) -> None:
+    """Handle what waits, for a second at most."""
+    end = time.monotonic() + 1.0
+    idle = 0
+    while idle < _IDLE_PASSES and time.monotonic() < end:
+        before = handled()
+        executor.spin_once(timeout_sec=0.0)
+        idle = 0 if handled() > before else idle + 1
 
 
 def _first_sentence(error: Exception) -> str:

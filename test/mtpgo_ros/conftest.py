@@ -23,7 +23,7 @@ def _ros():
 
 @pytest.fixture(scope="session")
 def models(tmp_path_factory):
-    """Model files: quick, slow (0.1 s a call at least), stuck (minutes), poison (NaN if fast)."""
+    """Model files: quick, slow (0.1 s at least), stuck (minutes), lanes, poison (NaN if fast)."""
     folder = tmp_path_factory.mktemp("models")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -31,6 +31,7 @@ def models(tmp_path_factory):
             "quick": write_tiny_model(folder / "quick.pt"),
             "slow": write_tiny_model(folder / "slow.pt", work=150),
             "stuck": write_tiny_model(folder / "stuck.pt", work=100_000),
+            "lanes": write_tiny_model(folder / "lanes.pt", context="lanes"),
             "poison": write_tiny_model(folder / "poison.pt", poison=True),
         }
 
@@ -40,9 +41,13 @@ def bench(models):
     """Makes started benches; all are closed at the end."""
     made = []
 
-    def make(model="quick", *, started=True, **parameters):
+    def make(model="quick", *, started=True, patient=True, **parameters):
         made.append(Bench(models.get(model, model), **parameters))
-        return made[-1].start() if started else made[-1]
+        if started:
+            made[-1].start()
+        if started and patient:
+            made[-1].be_patient()
+        return made[-1]
 
     yield make
     for one in made:

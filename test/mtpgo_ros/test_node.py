@@ -2,10 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node in ordinary service, over DDS."""
 
+import sys
+import types
+
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import TransformStamped
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Odometry
@@ -15,6 +19,8 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import Marker, MarkerArray
 
+from msg_adapters.lanes import lanes_to_markers
+from msg_adapters.types import RclpyTypes
 from mtpgo_core.schema import Source
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -128,7 +134,7 @@ def test_life_cycle_by_services(bench):
     assert change(Transition.TRANSITION_CONFIGURE)
     assert change(Transition.TRANSITION_ACTIVATE)
     b.until(lambda: b.objects.get_subscription_count() == 1)
-    b.until(lambda: b.node._input._subscription.get_publisher_count() == 1)
+    b.until(lambda: b.node._service.objects._subscription.get_publisher_count() == 1)
     assert len(b.predict(traffic(10.0))) == 4
     assert change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
     assert state() == State.PRIMARY_STATE_FINALIZED
@@ -180,7 +186,7 @@ def test_objects_in_the_vehicles_frame_are_lifted_by_odometry(bench):
         message.pose.pose.orientation.z = message.pose.pose.orientation.w = np.sqrt(0.5)
         message.twist.twist.linear.x = 5.0
         odometry.publish(message)
-    b.until(lambda: len(b.node._lifter._poses) == 2)
+    b.until(lambda: len(b.node._service.lifter._poses) == 2)
     prediction = b.predict(traffic(0.1, agents=2, frame_id="base_link"))
     assert prediction.frame_id == "odom"
     # Agent 2, at 12 + 1 m ahead, moving ahead at 10 m/s: in odom it moves along y.
@@ -191,13 +197,65 @@ def test_objects_in_the_vehicles_frame_are_lifted_by_odometry(bench):
     b.status("input", WARN, "lifted")
 
 
+def test_tf_lifts_where_it_is_installed(bench, monkeypatch):
+    """tf2 cannot be had from pip: what we call of it is stood in for."""
+    asked = []
+
+    class Buffer:
+        def __init__(self, node):
+            self.node = node
+
+        def lookup_transform(self, target, source, when):
+            asked.append((target, source, when.nanoseconds))
+            if when.nanoseconds == START_NS:
+                raise LookupError("extrapolation into the past")
+            transform = TransformStamped()
+            transform.transform.translation.x = 100.0
+            transform.transform.rotation.z = transform.transform.rotation.w = np.sqrt(0.5)
+            return transform
+
+    class TransformListener:
+        def __init__(self, buffer, node, *, spin_thread):
+            assert buffer.node is node
+
+        def unregister(self):
+            asked.append("closed")
+
+    module = types.SimpleNamespace(Buffer=Buffer, TransformListener=TransformListener)
+    monkeypatch.setitem(sys.modules, "tf2_ros", module)
+    b = bench(fixed_frame="map")
+    b.send(message_of(traffic(0.0, agents=1, frame_id="base_link")))
+    b.status("input", ERROR, "extrapolation into the past")
+    prediction = b.predict(traffic(0.2, agents=1, frame_id="base_link"))
+    assert prediction.mean[0, 0, :, 0] == pytest.approx(np.full(25, 100.0), abs=1e-3)
+    assert prediction.mean[0, 0, :, 1] == pytest.approx(2.0 + 10.0 * prediction.time_s, abs=1e-3)
+    b.node.stop()
+    assert asked == [
+        ("map", "base_link", START_NS),
+        ("map", "base_link", START_NS + 200_000_000),
+        "closed",
+    ]
+
+
+def test_lane_markings_come_latched_to_a_model_that_wants_them(bench):
+    b = bench("lanes")
+    assert len(b.predict(traffic(0.0))) == 4
+    b.status("model", WARN, "lane_markings")
+    lines = [np.array([[-100.0, y], [500.0, y]]) for y in (2.0, -2.0)]
+    publisher = b.peer.create_publisher(MarkerArray, "lane_markings", LATCHED)
+    publisher.publish(lanes_to_markers(lines, RclpyTypes(), stamp_ns=0, frame_id="map"))
+    b.until(lambda: len(b.node._engine.pipeline.lanes) == 2)
+    assert len(b.predict(traffic(0.2))) == 4
+    b.status("model", OK)
+
+
 def test_the_ego_comes_by_topic_and_a_missing_one_is_told(bench):
     b = bench(graph="ego")
     b.predict(traffic(0.0))
     b.status("model", WARN, "no ego")
     publisher = b.peer.create_publisher(String, "ego_id", LATCHED)
     publisher.publish(String(data="3"))
-    b.until(lambda: b.node._ego_topic == "3")
+    b.until(lambda: b.node._service.ego_topic == "3")
     b.predict(traffic(0.2))
     b.status("model", OK)
     assert b.node._engine._ego_key.tolist() == [3, 0, 0, 0]
@@ -213,7 +271,7 @@ def test_delay_compensation_shifts_the_horizon_and_keeps_the_stamp(bench):
     assert 0.1 <= delay_s < 0.5
     assert prediction.mean[0, 0, :, 0] == pytest.approx(10.0 * prediction.time_s, abs=1e-3)
     # An old recording without its clock cannot be compensated; it is predicted all the same.
-    b.node._intake.reset()
+    b.node._service.intake.reset()
     assert b.predict(traffic(0.0)).time_s[0] == pytest.approx(0.2, abs=1e-6)
     assert b.count("delay_not_compensated") == 1
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import torch
 
-from mtpgo_core.task import TASK_FILE, TaskDescription
+from mtpgo_core.task import TASK_FILE, SceneConfig, TaskDescription
 
 MODES, STEPS, DT_S = 3, 25, 0.2
 POISON_MPS = 80.0
@@ -55,9 +55,17 @@ class TinyModel(torch.nn.Module):
         return weight, mean, covariance
 
 
-def write_tiny_model(path: Path, *, work: int = 0, poison: bool = False) -> Path:
+def write_tiny_model(
+    path: Path, *, work: int = 0, poison: bool = False, context: str = "none"
+) -> Path:
     """Script and save the model with its task description."""
-    task = TaskDescription(name="tiny", horizon_steps=STEPS, modes=MODES, weights_sha256="0" * 64)
+    task = TaskDescription(
+        name="tiny",
+        horizon_steps=STEPS,
+        modes=MODES,
+        scene=SceneConfig(context=context),
+        weights_sha256="0" * 64,
+    )
     module = torch.jit.script(TinyModel(work, poison).eval())
     torch.jit.save(torch.jit.freeze(module), str(path), _extra_files={TASK_FILE: task.to_json()})
     return path
