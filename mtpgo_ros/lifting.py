@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any, Protocol
 
@@ -96,6 +97,8 @@ class FixedFrameLifter:
         """
         if states.frame_id == self._fixed_frame:
             return states
+        if len(states) == 0:  # Nothing to be lifted, and some messages then name no frame.
+            return dataclasses.replace(states, frame_id=self._fixed_frame)
         return lift(states, self._pose(states), self._fixed_frame)
 
     def _pose(self, states: TrackedStates) -> Pose2:

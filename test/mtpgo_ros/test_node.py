@@ -195,6 +195,8 @@ def test_objects_in_the_vehicles_frame_are_lifted_by_odometry(bench):
     assert prediction.mean[1, 0, :, 0] == pytest.approx(np.full(25, 100.0), abs=1e-3)
     assert b.node._facts.frame_error == ""
     b.status("input", WARN, "lifted")
+    assert b.predict(traffic(0.3, agents=0, frame_id="")).frame_id == "odom"  # nothing to lift
+    assert b.count("not_lifted") == 1
 
 
 def test_tf_lifts_where_it_is_installed(bench, monkeypatch):
