@@ -17,6 +17,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.frames import rotate
 from mtpgo_core.graphs import GraphState, choose_graphs, graphs_around
 from mtpgo_core.lanes import LaneMap
+from mtpgo_core.leaders import leader_features
 from mtpgo_core.schema import (
     AgentClass,
     ClassArray,
@@ -158,6 +159,9 @@ def _features(
                 "the model's context is 'lanes' but no lane lines are given, expected a lane map"
             )
         columns.append(lanes.positions(window.position, window.yaw)[agent])
+    elif config.context == "leaders":
+        members, place = np.unique(agent, return_inverse=True)
+        columns.append(leader_features(window, members)[place.reshape(agent.shape)])
     features = np.nan_to_num(np.concatenate(columns, axis=-1), nan=0.0)
     features[~valid] = 0.0
     return features.astype(np.float32)

@@ -25,13 +25,14 @@ TASK_FILE = "task.json"
 
 GRAPH_POLICIES = ("ego", "cover", "each", "scene")
 FRAME_POLICIES = ("centre_heading", "driving_direction", "site_origin")
-CONTEXTS = ("none", "polar", "lanes")
+CONTEXTS = ("none", "polar", "lanes", "leaders")
 DERIVATIVE_SOURCES = ("message", "estimated")
 BASE_FEATURES = ("x", "y", "vx", "vy", "ax", "ay", "cos_yaw", "sin_yaw")
 CONTEXT_FEATURES = {
     "none": (),
     "polar": ("r", "cos_theta", "sin_theta"),
     "lanes": ("d_l", "d_r"),
+    "leaders": tuple(f"lead{i}_{name}" for i in (1, 2) for name in ("gap", "near", "dv", "ax")),
 }
 
 

@@ -1,0 +1,133 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The two agents ahead, by hand-worked numbers and an obvious loop."""
+
+import numpy as np
+import pytest
+
+from mtpgo_core import leaders
+from mtpgo_core.history import TrackHistory
+from mtpgo_core.identity import keys_from_integers
+from mtpgo_core.leaders import BAND_M, NEAR_M, REACH_M, leader_features
+from mtpgo_core.scene import build_scenes
+from mtpgo_core.schema import HistoryWindow, tracked_states
+from mtpgo_core.task import HistoryConfig, SceneConfig
+
+
+def window_of(position, velocity, yaw, valid=None, acceleration=None) -> HistoryWindow:
+    """A window of arrays [n, T, ...]; everything stands at its place."""
+    position = np.asarray(position, dtype=float)
+    n, steps = position.shape[:2]
+    valid = np.ones((n, steps), dtype=bool) if valid is None else np.asarray(valid)
+    zero = np.zeros((n, steps, 2))
+
+    def where_valid(value):
+        value = np.array(value, dtype=float)
+        value[~valid] = np.nan
+        return value
+
+    return HistoryWindow(
+        stamp_ns=0,
+        frame_id="map",
+        key=keys_from_integers(range(n)),
+        agent_class=np.zeros(n, dtype=np.uint8),
+        z=np.zeros(n),
+        size=np.full((n, 2), np.nan),
+        position=where_valid(position),
+        velocity=where_valid(velocity),
+        acceleration=where_valid(zero if acceleration is None else acceleration),
+        yaw=where_valid(yaw),
+        valid=valid,
+        covariance=np.full((n, 4, 4), np.nan),
+    )
+
+
+def test_two_leaders_northbound_by_hand():
+    # Heading north; 10 m and 30 m ahead in the lane, one beside, one behind, one beyond reach.
+    position = [[0, 0], [0.5, 10], [-1, 30], [3.5, 5], [0, -8], [0, 95]]
+    velocity = [[0, 12], [0, 9], [0, 15], [0, 1], [0, 1], [0, 1]]
+    acceleration = [[0, 0], [0, -2], [0, 1], [0, 9], [0, 9], [0, 9]]
+    window = window_of(
+        np.array(position)[:, None],
+        np.array(velocity)[:, None],
+        np.full((6, 1), np.pi / 2),
+        acceleration=np.array(acceleration)[:, None],
+    )
+    got = leader_features(window, np.array([0]))[0, 0]
+    expected = [10, np.exp(-10 / NEAR_M), -3, -2, 30, np.exp(-30 / NEAR_M), 3, 1]
+    np.testing.assert_allclose(got, expected, atol=1e-12)
+
+
+def test_nobody_ahead_is_far_and_neutral():
+    window = window_of([[[0, 0]], [[-5, 0]]], np.zeros((2, 1, 2)), np.zeros((2, 1)))
+    got = leader_features(window, np.array([0]))[0, 0]
+    np.testing.assert_array_equal(got, [REACH_M, 0, 0, 0] * 2)
+
+
+def test_an_absent_agent_is_nobody_s_leader_at_that_step():
+    window = window_of(
+        np.array([[[0, 0], [0, 0]], [[10, 0], [10, 0]]]),
+        np.zeros((2, 2, 2)),
+        np.zeros((2, 2)),
+        valid=[[True, True], [False, True]],
+    )
+    gap = leader_features(window, np.array([0]))[0, :, 0]
+    np.testing.assert_array_equal(gap, [REACH_M, 10])
+
+
+def test_many_random_agents_against_a_loop(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(leaders, "_BLOCK", 100)  # several blocks
+    rng = np.random.default_rng(3)
+    n, steps = 30, 3
+    window = window_of(
+        rng.uniform(-60, 60, (n, steps, 2)),
+        rng.normal(0, 5, (n, steps, 2)),
+        rng.uniform(-np.pi, np.pi, (n, steps)),
+        valid=rng.random((n, steps)) < 0.8,
+        acceleration=rng.normal(0, 1, (n, steps, 2)),
+    )
+    got = leader_features(window, np.arange(n))
+    seen = 0
+    for i in range(n):
+        for k in range(steps):
+            if not window.valid[i, k]:
+                continue
+            ahead = np.array([np.cos(window.yaw[i, k]), np.sin(window.yaw[i, k])])
+            left = np.array([-ahead[1], ahead[0]])
+            found = []
+            for j in range(n):
+                offset = window.position[j, k] - window.position[i, k]
+                if j != i and 0 < offset @ ahead < REACH_M and abs(offset @ left) < BAND_M:
+                    dv = (window.velocity[j, k] - window.velocity[i, k]) @ ahead
+                    ax = window.acceleration[j, k] @ ahead
+                    gap = offset @ ahead
+                    found.append((gap, np.exp(-gap / NEAR_M), dv, ax))
+            seen += len(found) > 0
+            found = [*sorted(found), (REACH_M, 0, 0, 0), (REACH_M, 0, 0, 0)][:2]
+            np.testing.assert_allclose(got[i, k], np.ravel(found), atol=1e-9)
+    assert seen > 10
+
+
+def test_scenes_carry_the_columns_and_no_frame_changes_them():
+    history = TrackHistory(HistoryConfig())
+    for k in range(16):
+        t = 0.2 * k
+        history.update(
+            tracked_states(
+                round(t * 1e9),
+                "map",
+                keys_from_integers([1, 2]),
+                np.array([[10 * t, 0.0], [25 + 8 * t, 0.5]]),
+                velocity=np.array([[10.0, 0.0], [8.0, 0.0]]),
+                yaw=np.zeros(2),
+            )
+        )
+    config = SceneConfig(context="leaders")
+    batch = build_scenes(history.window(), config, centres=np.array([0, 1]))
+    columns = {name: i for i, name in enumerate(config.features)}
+    mine = batch.features[0, 0]  # the follower, in its own graph
+    times = 0.2 * np.arange(16)
+    np.testing.assert_allclose(mine[:, columns["lead1_gap"]], 25 - 2 * times, atol=1e-4)
+    np.testing.assert_allclose(mine[:, columns["lead1_dv"]], -2.0, atol=1e-5)
+    other = batch.features[1, 1]  # the follower again, in the leader's graph
+    np.testing.assert_allclose(other[:, 8:], mine[:, 8:], atol=1e-6)
