@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of a training scene that leave its meaning: a mirror image, a turn of the frame.
+"""Changes of a training scene that leave its meaning: a mirror image, a turn, another scale.
 
 Both work on the finished features by their names, so that no feature can be forgotten: an unknown
 name is an error, not a silent omission.
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.leaders import REACH_M
 from mtpgo_core.schema import Float32Array
 
 FloatArray = NDArray[Any]
@@ -26,7 +27,10 @@ _PAIRS = (
     ("cos_yaw", "sin_yaw"),
     ("cos_theta", "sin_theta"),
 )
-_UNCHANGED = ("r", "d_l", "d_r")
+_LENGTHS = ("r", *(f"lead{i}_{name}" for i in (1, 2) for name in ("gap", "dv", "ax")))
+_NEARNESS = ("lead1_near", "lead2_near")
+_UNCHANGED = ("d_l", "d_r")
+_DIRECTIONS = ("cos_yaw", "cos_theta")
 
 
 @dataclass(frozen=True)
@@ -36,15 +40,17 @@ class Augmentation:
     Attributes:
         mirror: swap left and right.
         turn_rad: turn about the scene's origin (rad, counter-clockwise).
+        scale: factor on all lengths, and so on speeds and accelerations.
     """
 
     mirror: bool = False
     turn_rad: float = 0.0
+    scale: float = 1.0
 
     @property
     def is_none(self) -> bool:
         """Nothing is changed."""
-        return not self.mirror and self.turn_rad == 0.0
+        return not self.mirror and self.turn_rad == 0.0 and self.scale == 1.0
 
     def features(self, features: Float32Array, names: tuple[str, ...]) -> Float32Array:
         """[..., F] features named ``names``, changed.
@@ -53,7 +59,8 @@ class Augmentation:
             ConfigurationError: a feature of which it is not known how it changes.
         """
         at = {name: i for i, name in enumerate(names)}
-        known = {name for pair in _PAIRS for name in pair} | set(_UNCHANGED)
+        known = {name for pair in _PAIRS for name in pair}
+        known |= {*_LENGTHS, *_NEARNESS, *_UNCHANGED}
         unknown = sorted(set(names) - known)
         if unknown:
             raise ConfigurationError(
@@ -64,13 +71,27 @@ class Augmentation:
         for first, second in _PAIRS:
             if first in at:
                 columns = [at[first], at[second]]
-                out[..., columns] = self.vectors(features[..., columns])
+                change = self._directions if first in _DIRECTIONS else self.vectors
+                out[..., columns] = change(features[..., columns])
+        for name in _LENGTHS:
+            if name in at:
+                out[..., at[name]] *= self.scale
+        for name in _NEARNESS:  # exp(-gap / 20 m) where somebody is, else 0
+            if name in at:
+                out[..., at[name]] **= self.scale
+                gap = at[name.replace("near", "gap")]
+                nobody = features[..., at[name]] == 0.0
+                out[..., gap] = np.where(nobody, REACH_M, out[..., gap])
         if self.mirror and "d_l" in at:
             out[..., [at["d_l"], at["d_r"]]] = features[..., [at["d_r"], at["d_l"]]]
         return out
 
     def vectors(self, vectors: FloatArray) -> FloatArray:
-        """[..., 2] positions or directions in the scene frame, changed."""
+        """[..., 2] positions, velocities or accelerations in the scene frame, changed."""
+        return self._directions(vectors) * np.asarray(self.scale, dtype=vectors.dtype)
+
+    def _directions(self, vectors: FloatArray) -> FloatArray:
+        """[..., 2] vectors without a unit, changed."""
         if self.mirror:
             vectors = vectors * np.array([1.0, -1.0], dtype=vectors.dtype)
         if self.turn_rad == 0.0:

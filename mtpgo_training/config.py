@@ -48,6 +48,8 @@ class DataConfig:
             doubles the data where the side of the road does not matter.
         rotation_std_rad: standard deviation of a random turn of the training scenes (rad), for
             sites where the scene's frame has no preferred direction.
+        scale_std: standard deviation of the logarithm of a random scale of the training scenes:
+            all lengths, speeds and accelerations by one factor.
         velocity_smoothing_s: standard deviation of the kernel that smooths the target velocities
             (s), 0 for the recorded ones; see :class:`mtpgo_training.futures.FutureTable`.
         standing_weight: weight in the loss of an agent that stands now and does not move over its
@@ -69,6 +71,7 @@ class DataConfig:
     restart_within_s: float = 1.2
     mirror_probability: float = 0.0
     rotation_std_rad: float = 0.0
+    scale_std: float = 0.0
     velocity_smoothing_s: float = 0.0
     standing_weight: float = 1.0
     min_future_s: float = 0.0

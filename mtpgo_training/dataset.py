@@ -91,7 +91,8 @@ class SceneDataset(Dataset[Data]):
         for centre in random_cover(chosen.window, self.scene, rng, chance):
             mirror = bool(rng.random() < self.data.mirror_probability)
             turn = float(rng.normal(0.0, 1.0)) * self.data.rotation_std_rad
-            items.append(Item(s, w, int(centre), restarted, Augmentation(mirror, turn)))
+            scale = float(np.exp(rng.normal(0.0, 1.0) * self.data.scale_std))
+            items.append(Item(s, w, int(centre), restarted, Augmentation(mirror, turn, scale)))
         return items
 
     def __len__(self) -> int:

@@ -50,3 +50,11 @@ def test_a_mirror_swaps_left_and_right_and_is_its_own_inverse():
 def test_an_unknown_feature_is_refused():
     with pytest.raises(ConfigurationError, match="'speed_limit'"):
         Augmentation(mirror=True).features(np.zeros((1, 1), np.float32), ("speed_limit",))
+
+
+def test_a_scale_changes_lengths_and_speeds_but_not_directions():
+    names = SceneConfig(context="polar").features
+    features = np.arange(1.0, 12.0, dtype=np.float32)[None]
+    out = Augmentation(scale=2.0).features(features, names)
+    np.testing.assert_array_equal(out, [[2, 4, 6, 8, 10, 12, 7, 8, 18, 10, 11]])
+    np.testing.assert_array_equal(Augmentation(scale=2.0).vectors(np.array([1.0, 2.0])), [2, 4])
