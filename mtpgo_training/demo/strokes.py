@@ -108,7 +108,7 @@ def _draw_modes(
                 axes,
                 path[step + 1],
                 around.turn_covariance(prediction.covariance[agent, mode, step]),
-                alpha=weight * (0.26 if focal else 0.10),
+                alpha=weight * (0.26 if focal else 0.06),
                 zorder=z + 1,
             )
 
