@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Augmented features against features of the augmented world."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from traffic import braking_cars
@@ -58,3 +60,31 @@ def test_a_scale_changes_lengths_and_speeds_but_not_directions():
     out = Augmentation(scale=2.0).features(features, names)
     np.testing.assert_array_equal(out, [[2, 4, 6, 8, 10, 12, 7, 8, 18, 10, 11]])
     np.testing.assert_array_equal(Augmentation(scale=2.0).vectors(np.array([1.0, 2.0])), [2, 4])
+
+
+def test_a_scaled_world_has_the_leaders_of_the_scaled_features():
+    scene = SceneConfig(frame="site_origin", context="leaders", max_neighbours=3)
+    recording = braking_cars(seconds=4.0)
+    scale = 0.8
+    smaller = dataclasses.replace(
+        recording, position=scale * recording.position, velocity=scale * recording.velocity
+    )
+    plain, expected = (
+        build_scenes(
+            cut_windows(r, HistoryConfig(), 0.2)[-1].window, scene, centres=np.array([0])
+        ).features[0]
+        for r in (recording, smaller)
+    )
+    given = Augmentation(scale=scale).features(plain, scene.features)
+    gap = scene.features.index("lead1_gap")
+    both = (plain[..., gap] < 80.0) & (expected[..., gap] < 80.0) & (plain[..., gap] > 0.0)
+    assert both.sum() > 10
+    one = slice(gap, gap + 3)
+    np.testing.assert_allclose(given[both][:, one], expected[both][:, one], atol=1e-3, rtol=1e-3)
+
+
+def test_nobody_ahead_stays_nobody_ahead_at_any_scale():
+    names = SceneConfig(context="leaders").features
+    features = np.zeros((1, len(names)), dtype=np.float32)
+    features[..., [names.index("lead1_gap"), names.index("lead2_gap")]] = 80.0
+    np.testing.assert_array_equal(Augmentation(scale=0.7).features(features, names), features)
