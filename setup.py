@@ -52,7 +52,6 @@ EXTRAS = {
         "mypy>=1.11",
         "pytest>=8.0",
         "pytest-timeout>=2.3",
-        "pytest-xdist>=3.5",
         "ruff>=0.6",
         "setuptools>=68,<80",
     ],
