@@ -48,6 +48,8 @@ class ModelConfig:
             the paper; above it, agents whose motion is nearly certain, the standing ones above
             all, do not drown the others in the likelihood.
         observation_std_mps: likewise of the velocity (m/s).
+        covariance_scale: factor on all covariances in the output, 1 in training; a calibration
+            fitted afterwards on recordings that did not train sets it.
         encoder_gnn: false removes all edges from the encoder's graphs (ablation).
         decoder_gnn: likewise in the decoder.
         ekf: false lets the decoder give the position's covariance directly (ablation).
@@ -78,6 +80,7 @@ class ModelConfig:
     initial_std_mps: float = 0.3
     observation_std_m: float = 0.0
     observation_std_mps: float = 0.0
+    covariance_scale: float = 1.0
     encoder_gnn: bool = True
     decoder_gnn: bool = True
     ekf: bool = True
@@ -98,7 +101,13 @@ class ModelConfig:
             _at_least(name, getattr(self, name), 1)
         for name in ("ode_hidden", "ode_layers"):
             _at_least(name, getattr(self, name), 1)
-        for name in ("dt_s", "bandwidth_m", "initial_std_m", "initial_std_mps"):
+        for name in (
+            "dt_s",
+            "bandwidth_m",
+            "initial_std_m",
+            "initial_std_mps",
+            "covariance_scale",
+        ):
             if not 0.0 < getattr(self, name) < float("inf"):
                 raise ValueError(f"{name} is {getattr(self, name)!r}, expected a positive number")
         for name in ("observation_std_m", "observation_std_mps"):

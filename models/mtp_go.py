@@ -32,6 +32,7 @@ class MTPGO(nn.Module):
         self.horizon_steps = config.horizon_steps
         self.modes = config.modes
         self.order = config.order
+        self.covariance_scale = config.covariance_scale
         self.config = config
         self.condition = Conditioning(config)
         self.encoder = Encoder(config, self.condition.input_size)
@@ -140,7 +141,8 @@ class MTPGO(nn.Module):
             torch.stack(states[:-1]), torch.stack(controls), field
         )  # [2, 2, H, B, N, M]
         blocks = self.covariance(first, of_q, of_position, noise)
-        return log_weight, mean, rotate_blocks(blocks, start.direction) + self.observation
+        spread = rotate_blocks(blocks, start.direction) + self.observation
+        return log_weight, mean, self.covariance_scale * spread
 
     def first_state(self, start: Start) -> Tensor:
         """[B, N, M, S] the state at t, the same for all modes."""

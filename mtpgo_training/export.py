@@ -74,14 +74,21 @@ def weights_hash(model: torch.nn.Module) -> str:
     return digest.hexdigest()
 
 
-def load_model(checkpoint: Checkpoint) -> MTPGO:
+def load_model(checkpoint: Checkpoint, *, calibrated: bool = True) -> MTPGO:
     """The validated network of a checkpoint.
+
+    Args:
+        checkpoint: of ``mtpgo train``.
+        calibrated: with the factor on its covariances that fits the validation recordings.
 
     Raises:
         ConfigurationError: the checkpoint belongs to another architecture.
     """
     try:
-        model = MTPGO(ModelConfig.from_dict(checkpoint["model_config"]))
+        config = dict(checkpoint["model_config"])
+        if calibrated:
+            config["covariance_scale"] = checkpoint.get("covariance_scale", 1.0)
+        model = MTPGO(ModelConfig.from_dict(config))
         model.load_state_dict(checkpoint["average"])
     except (KeyError, ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())[:200]
@@ -168,13 +175,17 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     export.add_argument("checkpoint", type=Path, help="checkpoint, or run folder for its best")
     export.add_argument("-o", "--output", type=Path, required=True, help="model file to write")
     export.add_argument("--name", help="name of the model, the configuration's by default")
+    export.add_argument(
+        "--uncalibrated", action="store_true", help="leave the covariances as they were trained"
+    )
     export.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo export``."""
     checkpoint = load_checkpoint(args.checkpoint)
-    task = export_model(load_model(checkpoint), describe(checkpoint, args.name), args.output)
+    model = load_model(checkpoint, calibrated=not args.uncalibrated)
+    task = export_model(model, describe(checkpoint, args.name), args.output)
     print(card(task))
     print(f"written    {args.output}, {args.output.stat().st_size / 1e6:.2f} MB")
     return 0

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 
 import torch
@@ -86,6 +87,33 @@ def training_loss(
                 log_weight, mean, target, weight, huber_delta
             )
     return loss
+
+
+@torch.no_grad()
+def covariance_scale(model: MTPGO, batches: Iterable[Fields], level: float = 0.9) -> float:
+    """The factor on the covariances at which ``level`` of the truths lie in their ellipses.
+
+    Fitted on the heaviest mode's position over all observed steps of the primary agents, and kept
+    between 1/4 and 4: beyond that something else is wrong.
+
+    Args:
+        model: the network, its own ``covariance_scale`` being 1.
+        batches: batches of :func:`mtpgo_training.dataset.validation_scenes`.
+        level: the ellipses' probability.
+    """
+    squared = []
+    for fields in batches:
+        log_weight, mean, covariance = model(fields["x"], fields["valid"], fields["static"])
+        best = log_weight.argmax(dim=-1)[..., None, None, None]
+        path = mean.gather(2, best.expand(-1, -1, 1, *mean.shape[3:])).squeeze(2)[..., :2]
+        best = best.unsqueeze(-1).expand(-1, -1, 1, *covariance.shape[3:])
+        spread = covariance.gather(2, best).squeeze(2)[..., :2, :2]
+        offset = (fields["target"][..., :2] - path).unsqueeze(-1)
+        distance = (offset.mT @ torch.linalg.inv(spread.double()).float() @ offset)[..., 0, 0]
+        known = (fields["weight"] > 0.0) & fields["primary"].unsqueeze(-1)
+        squared.append(distance[known])
+    reach = torch.quantile(torch.cat(squared)[:10_000_000], level)
+    return float((reach / (-2.0 * math.log(1.0 - level))).clamp(0.25, 4.0))
 
 
 @torch.no_grad()

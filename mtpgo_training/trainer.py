@@ -25,7 +25,7 @@ from tqdm import tqdm
 from models.mtp_go import MTPGO
 from mtpgo_training.config import TrainingConfig
 from mtpgo_training.dataset import SceneDataset, dense
-from mtpgo_training.learner import training_loss, validation_scores
+from mtpgo_training.learner import covariance_scale, training_loss, validation_scores
 from mtpgo_training.run_folder import RunFolder
 from mtpgo_training.schedule import learning_rate, objective
 from mtpgo_training.scorebook import ScoreTable
@@ -69,6 +69,7 @@ class Trainer:
         self.epoch = 0
         self.step = 0
         self.best = math.inf
+        self.scale = 1.0
         self.rows: list[dict[str, Any]] = []
         self.table: ScoreTable | None = None
 
@@ -198,6 +199,8 @@ class Trainer:
         merit = self._merit(scores["all"])
         better = merit < self.best
         self.best = min(merit, self.best)
+        if better:
+            self.scale = covariance_scale(self.average, self._validation_batches())
         self.folder.save(self.state(), best=better)
         self.folder.write_log(self.rows)
 
@@ -224,6 +227,7 @@ class Trainer:
             "epoch": self.epoch,
             "step": self.step,
             "best": self.best,
+            "covariance_scale": self.scale,
             "rows": self.rows,
             "metrics": self.table.to_dict() if self.table else {},
             "splits": self.splits,
@@ -237,4 +241,5 @@ class Trainer:
         self.epoch = checkpoint["epoch"]
         self.step = checkpoint["step"]
         self.best = checkpoint["best"]
+        self.scale = checkpoint["covariance_scale"]
         self.rows = checkpoint["rows"]

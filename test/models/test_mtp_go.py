@@ -116,6 +116,16 @@ def test_covariance_is_left_out_on_demand():
 
 
 @torch.no_grad()
+def test_covariance_scale_multiplies_the_covariance_only():
+    plain = make_model(observation_std_m=0.1)
+    scaled = make_model(observation_std_m=0.1, covariance_scale=1.7)
+    scaled.load_state_dict(plain.state_dict())
+    inputs = make_scene(1, 3, steps=6).inputs()
+    torch.testing.assert_close(scaled(*inputs)[:2], plain(*inputs)[:2])
+    torch.testing.assert_close(scaled(*inputs)[2], 1.7 * plain(*inputs)[2])
+
+
+@torch.no_grad()
 @pytest.mark.parametrize("order", [1, 2])
 def test_observation_noise_is_added_to_every_covariance(order):
     plain = make_model(order=order)

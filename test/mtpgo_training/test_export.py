@@ -55,6 +55,7 @@ def run_folder(model, tmp_path_factory):
         "config": dataclasses.asdict(CONFIG),
         "model_config": model.config.to_dict(),
         "average": model.state_dict(),
+        "covariance_scale": 1.3,
         "epoch": 3,
         "step": 40,
         "metrics": {"model": {"all": {"ade": 0.5, "n": 7, "fnll": None}}},
@@ -67,7 +68,9 @@ def run_folder(model, tmp_path_factory):
 @pytest.fixture(scope="module")
 def model_file(run_folder, tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "tiny.pt"
-    arguments = argparse.Namespace(checkpoint=run_folder.path, output=path, name=None)
+    arguments = argparse.Namespace(
+        checkpoint=run_folder.path, output=path, name=None, uncalibrated=False
+    )
     assert export.run(arguments) == 0
     return path
 
@@ -105,7 +108,7 @@ def test_the_runner_computes_what_the_eager_model_computes(model_file, model):
         turn = np.array([[c, -s], [s, c]])
         expected = mean[b, i].numpy()[order][..., :2] @ turn.T + batch.origin[b]
         np.testing.assert_allclose(prediction.mean[row][..., :2], expected, atol=1e-4)
-        spread = turn @ covariance[b, i].numpy()[order][..., :2, :2] @ turn.T
+        spread = 1.3 * turn @ covariance[b, i].numpy()[order][..., :2, :2] @ turn.T
         np.testing.assert_allclose(prediction.covariance[row], spread, atol=1e-4, rtol=1e-3)
 
 

@@ -1,0 +1,84 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Steps on one batch: which loss counts, and the calibration of the covariances."""
+
+import dataclasses
+
+import pytest
+import torch
+from torch_geometric.loader import DataLoader
+from traffic import braking_cars
+
+from models.mtp_go import MTPGO
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task import HistoryConfig, SceneConfig
+from mtpgo_training.config import DataConfig
+from mtpgo_training.dataset import dense, validation_scenes
+from mtpgo_training.learner import (
+    covariance_scale,
+    model_config,
+    training_loss,
+    validation_scores,
+)
+from mtpgo_training.schedule import Objective
+from mtpgo_training.sources import prepare
+
+HISTORY, SCENE, H = HistoryConfig(), SceneConfig(max_neighbours=3), 8
+OPTIONS = {"hidden": 8, "modes": 3, "horizon_steps": H, "ode_hidden": 4}
+
+
+@pytest.fixture(scope="module")
+def batches():
+    source = prepare(braking_cars(), HISTORY, SCENE, DataConfig(), training=False)
+    scenes = validation_scenes([source], HISTORY, SCENE, H)
+    return [dense(batch) for batch in DataLoader(scenes, batch_size=16)]
+
+
+@pytest.fixture(scope="module")
+def model():
+    torch.manual_seed(0)
+    return MTPGO(model_config(OPTIONS, HISTORY, SCENE))
+
+
+def test_sizes_follow_from_the_task():
+    config = model_config(OPTIONS, HISTORY, SceneConfig(context="polar", classes=("car",)))
+    assert (config.feature_size, config.static_size, config.history_steps) == (11, 1, 16)
+    with pytest.raises(ConfigurationError, match="model: layer is 'x', expected one of"):
+        model_config({"layer": "x"}, HISTORY, SCENE)
+
+
+def test_a_blend_is_the_sum_of_its_parts(model, batches):
+    def loss(ewta, nll):
+        with torch.no_grad():
+            return float(
+                training_loss(model, batches[2], Objective(1, ewta, nll), huber_delta=1.0)
+            )
+
+    assert loss(0.3, 0.7) == pytest.approx(0.3 * loss(1.0, 0.0) + 0.7 * loss(0.0, 1.0), rel=1e-4)
+
+
+def test_the_first_phase_leaves_the_covariance_alone(model, batches):
+    model.zero_grad(set_to_none=True)
+    training_loss(model, batches[2], Objective(2, 1.0, 0.0), huber_delta=1.0).backward()
+    touched = {n.split(".")[0] for n, p in model.named_parameters() if p.grad is not None}
+    assert "noise" not in touched
+    assert {"encoder", "decoder", "control"} <= touched
+
+
+def test_a_calibrated_model_needs_no_calibration(model, batches):
+    scale = covariance_scale(model, batches)
+    assert abs(scale - 1.0) > 0.02
+    config = dataclasses.replace(model.config, covariance_scale=scale)
+    calibrated = MTPGO(config)
+    calibrated.load_state_dict(model.state_dict())
+    assert covariance_scale(calibrated, batches) == pytest.approx(1.0, abs=1e-3)
+    before, after = (validation_scores(m, batches).table().models for m in (model, calibrated))
+    assert before["model"]["all"]["ade"] == pytest.approx(after["model"]["all"]["ade"], rel=1e-5)
+
+
+def test_an_untrained_model_scores_nearly_as_constant_velocity(model, batches):
+    models = validation_scores(model, batches).table().models
+    for protocol in ("all", "centre"):
+        assert models["model"][protocol]["n"] == models["cv"][protocol]["n"]
+        expected = models["cv"][protocol]["ade"]
+        assert models["model"][protocol]["ade"] == pytest.approx(expected, rel=0.05)
