@@ -23,8 +23,12 @@ MIN_SPEED_MPS = 3.0
 ASIDE_WEIGHT, ALONG_WEIGHT = 3.0, 0.3
 """What a metre beside going straight on counts, and a metre along it: braking is common."""
 
-LARGEST_INTEREST_M = 30.0
+LARGEST_INTEREST_M = 60.0
 """Beyond this, more is no more interesting, and may be a tracker's error (m)."""
+
+BEGUN_S = 1.0
+"""Going straight on is counted from this long before the moment (s), so that what makes the moment
+has just begun and can be seen."""
 
 NEAR_M, NEIGHBOUR_M = 40.0, 0.3
 """Each road user closer than the one (m) adds the other to the interest (m), up to ten."""
@@ -99,20 +103,19 @@ def _best_moments(
         track = tracks_of(recording, prediction.key)
         horizon, dt_s = len(prediction.time_s), float(prediction.time_s[0])
         truth = future.at(track, prediction.stamp_ns, horizon, dt_s)
-        now = _now(recording, prediction.stamp_ns, track)
+        before = _state_at(recording, prediction.stamp_ns - round(BEGUN_S * 1e9), track)
         now_frame = (prediction.stamp_ns - recording.start_time_ns) * 1e-9 * recording.frame_rate
         by_model = prediction.source == Source.MODEL
         old = by_model & (track >= 0) & (frame[track] <= now_frame - past_s * recording.frame_rate)
-        interest = np.where(
-            old & truth.known[:, -1], _interest(now, truth.position[:, -1], horizon * dt_s), -1.0
-        )
+        departure = _interest(before, truth.position[:, -1], BEGUN_S + horizon * dt_s)
+        interest = np.where(old & truth.known[:, -1], departure, -1.0)
         agent = int(np.nanargmax(interest)) if np.isfinite(interest).any() else 0
         if interest[agent] > 0.0:
             moments.append(Moment(recording, prediction, agent, float(interest[agent])))
     return moments
 
 
-def _now(recording: Recording, stamp_ns: int, track: np.ndarray) -> Float64Array:
+def _state_at(recording: Recording, stamp_ns: int, track: np.ndarray) -> Float64Array:
     """[n, 4] position and velocity at the stamp, NaN for who is not there (m, m/s)."""
     frame = round((stamp_ns - recording.start_time_ns) * 1e-9 * recording.frame_rate)
     left, right = np.searchsorted(recording.frame, [frame, frame + 1])
@@ -124,7 +127,13 @@ def _now(recording: Recording, stamp_ns: int, track: np.ndarray) -> Float64Array
 
 
 def _interest(now: Float64Array, end: Float64Array, time_s: float) -> Float64Array:
-    """[n] how far from going straight on (m), sideways more than along; crowds add a little."""
+    """[n] how far from going straight on (m), sideways more than along; crowds add a little.
+
+    Args:
+        now: [n, 4] position and velocity to go straight on from (m, m/s).
+        end: [n, 2] position after ``time_s`` seconds (m).
+        time_s: time between the two (s).
+    """
     speed = np.linalg.norm(now[:, 2:], axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         along = now[:, 2:] / speed[:, None]

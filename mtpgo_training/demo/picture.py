@@ -108,7 +108,7 @@ def _window(moment: Moment, around: Surroundings) -> tuple[Float64Array, Float64
             around.turn(prediction.mean[agent, shown, :, :2]).reshape(-1, 2),
             around.past[agent],
             around.future[agent],
-            np.zeros((1, 2)),
+            np.array([[0.0, 0.0], around.velocity[agent] * float(prediction.time_s[-1])]),
         ]
     )
     points = points[np.isfinite(points).all(axis=1)]
