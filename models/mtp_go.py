@@ -27,6 +27,8 @@ class MTPGO(nn.Module):
         config: see :class:`models.config.ModelConfig`.
     """
 
+    observation: Tensor
+
     def __init__(self, config: ModelConfig):
         super().__init__()
         self.horizon_steps = config.horizon_steps
