@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import select
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -35,11 +36,13 @@ class Wait:
         subscribers: number of subscribers that one of the topics must have.
         timeout_s: how long to wait for them (s).
         delay_s: time for discovery, after the subscribers have come (s).
+        paused: wait, after that, for a line on standard input.
     """
 
     subscribers: int
     timeout_s: float
     delay_s: float
+    paused: bool = False
 
 
 class BagPlayer:
@@ -102,6 +105,10 @@ class BagPlayer:
         start = time.monotonic() + wait.delay_s
         while not stopped() and time.monotonic() < start:
             time.sleep(_POLL_S)
+        if wait.paused and not stopped():
+            print("paused: press Enter to start", flush=True)
+            while not stopped() and not select.select([sys.stdin], [], [], _POLL_S)[0]:
+                pass
         return not stopped()
 
     def _subscribers(self) -> int:

@@ -107,7 +107,9 @@ class ObjectsInput:
             cast(Callable[[Any], None], self._on_message),  # rclpy counts the arguments
             _QOS,
             event_callbacks=SubscriptionEventCallbacks(
-                incompatible_qos=self._on_incompatible_qos, message_lost=self._on_message_lost
+                incompatible_qos=self._on_incompatible_qos,
+                matched=self._on_matched,
+                message_lost=self._on_message_lost,
             ),
         )
         self.status = ""
@@ -123,6 +125,14 @@ class ObjectsInput:
     def _on_message(self, message: Any, info: dict[str, Any]) -> None:
         if self._adapter is not None:
             self._handler(message, self._adapter, _received_ns(info))
+
+    def _on_matched(self, event: Any) -> None:
+        # Discovery ends on the two sides at different times, and what a publisher sends before it
+        # has ended here is not heard: who must not lose the first message waits for this line.
+        if event.current_count_change > 0:
+            self._node.get_logger().info(
+                f"hearing {event.current_count} publisher(s) on {self.topic}"
+            )
 
     def _on_incompatible_qos(self, event: Any) -> None:
         self._statistics.count("qos_incompatible", event.total_count_change)

@@ -98,6 +98,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="S",
         help="time between the publishers' start and the first message, for discovery (0.5 s)",
     )
+    add("--start-paused", action="store_true", help="start when Enter is pressed")
     add("--no-progress", action="store_true", help="no progress bar")
     return parser
 
@@ -120,7 +121,12 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
         timing = Timing(origin_ns, end_ns, options.rate, options.clock_rate)
         player = BagPlayer(bag, timing, options.topics)
         try:
-            wait = Wait(options.wait_for_subscribers, options.wait_timeout, options.delay)
+            wait = Wait(
+                options.wait_for_subscribers,
+                options.wait_timeout,
+                options.delay,
+                options.start_paused,
+            )
             if player.wait(wait, stopped):
                 report = player.run(stopped, loop=options.loop, progress=not options.no_progress)
                 print(f"played {report.sentence()}", flush=True)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -54,7 +55,7 @@ class Child:
         with log.open("wb") as output:
             self._process = subprocess.Popen(
                 command,
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.PIPE,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 env={**os.environ, "PYTHONUNBUFFERED": "1", **environment},
@@ -84,14 +85,23 @@ class Child:
         """All that it has printed."""
         return self.log.read_text(encoding="utf-8", errors="replace")
 
-    def wait_for(self, word: str, timeout_s: float) -> None:
-        """Wait until it has printed ``word``.
+    def press_enter(self) -> None:
+        """Send a line to its standard input."""
+        assert self._process.stdin is not None
+        with contextlib.suppress(
+            BrokenPipeError
+        ):  # it has ended; whoever waits for it will say so
+            self._process.stdin.write(b"\n")
+            self._process.stdin.flush()
+
+    def wait_for(self, word: str, timeout_s: float, times: int = 1) -> None:
+        """Wait until it has printed ``word``, as many ``times``.
 
         Raises:
             ProcessError: it ended before, or the time is over.
         """
-        wait_until(lambda: word in self.text() or not self.running, timeout_s)
-        if word in self.text():
+        wait_until(lambda: self.text().count(word) >= times or not self.running, timeout_s)
+        if self.text().count(word) >= times:
             return
         if not self.running:
             raise self._ended_early()

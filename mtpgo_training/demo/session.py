@@ -76,30 +76,36 @@ def run_session(
         with Child("record", writing, logs / "record.log", environment) as recorder:
             recorder.wait_for("ready", READY_S)
             with _Progress(sum(durations_s)) as progress:
-                for bag, duration_s in zip(bags, durations_s, strict=True):
-                    _play(bag, duration_s, logs, environment, progress, (predictor, recorder))
+                for number, (bag, duration_s) in enumerate(zip(bags, durations_s, strict=True), 1):
+                    with _player(bag, logs, environment) as replay:
+                        replay.wait_for("paused", READY_S)
+                        predictor.wait_for("hearing", READY_S, times=number)
+                        replay.press_enter()
+                        _watch(replay, duration_s, progress, (predictor, recorder))
             time.sleep(LAST_REPORT_S)
 
 
-def _play(
-    bag: Path,
-    duration_s: float,
-    logs: Path,
-    environment: dict[str, str],
-    progress: _Progress,
-    others: Sequence[Child],
-) -> None:
-    arguments = [str(bag), "--wait-for-subscribers", str(SUBSCRIBERS), "--no-progress"]
+def _player(bag: Path, logs: Path, environment: dict[str, str]) -> Child:
+    """``replay`` of one bag, waiting for its start.
+
+    It waits for its subscribers, but discovery may end later on their side; what the best-effort
+    subscription of the predictor does not hear by then would be lost. So it starts paused.
+    """
+    arguments = [str(bag), "--wait-for-subscribers", str(SUBSCRIBERS), "--start-paused"]
     log = logs / f"replay_{bag.stem}.log"
-    with Child("replay", arguments, log, environment) as replay:
+    return Child("replay", [*arguments, "--no-progress"], log, environment)
 
-        def meanwhile() -> None:
-            progress.advance(duration_s)
-            for other in others:
-                other.check()
 
-        progress.begin()
-        replay.wait(duration_s + READY_S, meanwhile)
+def _watch(replay: Child, duration_s: float, progress: _Progress, others: Sequence[Child]) -> None:
+    """Follow one playing to its end and to the last answer."""
+
+    def meanwhile() -> None:
+        progress.advance(duration_s)
+        for other in others:
+            other.check()
+
+    progress.begin()
+    replay.wait(duration_s + READY_S, meanwhile)
     progress.end(duration_s)
     time.sleep(LAST_ANSWER_S)
 

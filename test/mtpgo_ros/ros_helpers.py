@@ -209,6 +209,7 @@ class Process:
             [sys.executable, "-W", "ignore", "-m", f"mtpgo_ros.{module}", *map(str, arguments)],
             cwd=ROOT,
             env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

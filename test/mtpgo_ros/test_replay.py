@@ -173,7 +173,10 @@ class Listener:
         end = time.monotonic() + LIMIT_S
         while not condition():
             assert time.monotonic() < end
-            self.executor.spin_once(timeout_sec=0.02)
+            self.spin()
+
+    def spin(self):
+        self.executor.spin_once(timeout_sec=0.02)
 
 
 def test_the_executable_plays_every_message_with_the_clock(process, peer, bag):
@@ -209,6 +212,21 @@ def test_a_part_of_a_bag_is_looped_faster_until_interrupted(process, peer, bag):
     status, out, err = player.interrupt()
     assert (status, err) == (0, "")
     assert "played" in out
+
+
+def test_a_paused_start_waits_for_a_line(process, peer, bag):
+    listener = Listener(peer)
+    player = process("replay", bag, "--start-paused", "--wait-for-subscribers", "1", "--rate", "5")
+    player.wait_for("paused", listener.spin)
+    end = time.monotonic() + 0.3
+    while time.monotonic() < end:
+        listener.spin()
+    assert (listener.objects, listener.ticks) == ([], [])
+    player.popen.stdin.write("\n")
+    player.popen.stdin.flush()
+    listener.spin_until(lambda: len(listener.objects) == 26)
+    status, _, err = player.finish()
+    assert status == 0, err
 
 
 def _nothing(tmp_path):
