@@ -5,9 +5,10 @@
 import pytest
 import torch
 from made import frozen, make_model, make_scene
+from torch.nn.functional import leaky_relu
 
 from models.fast import FastMTPGO, deployable
-from models.fast.attention import TINY, add_energy
+from models.fast.attention import add_energy
 
 COVERED = {
     "default": {},
@@ -86,12 +87,14 @@ def test_energy_in_blocks(block):
     slope, a = torch.randn(2, kinds, channels).double()
     before = torch.randn(kinds, scenes, agents, agents).double()
     score = before.clone()
-    weight = 0.4 / TINY * a.unsqueeze(-1)
-    add_energy(score, -query, key, edge, slope, weight, block)
+    add_energy(score, -query, key, edge, slope, 0.8 * a, block)
     z = query.unsqueeze(3) + key.unsqueeze(2)
     z = z + edge.unsqueeze(-1) * slope[:, None, None, None]
-    want = before + 0.4 * (z.abs() * a[:, None, None, None]).sum(-1)
-    torch.testing.assert_close(score, want, rtol=1e-12, atol=1e-12)
+    of_keys = (key @ a.view(kinds, 1, channels, 1)).squeeze(-1).unsqueeze(2)
+    of_edges = edge * (slope * a).sum(-1)[:, None, None, None]
+    got = score + 0.2 * (of_keys + of_edges)
+    want = before + (leaky_relu(z, 0.2) * a[:, None, None, None]).sum(-1)
+    torch.testing.assert_close(got.softmax(-1), want.softmax(-1), rtol=1e-12, atol=1e-12)
 
 
 def test_weights_are_copied_out_of_the_graph():
