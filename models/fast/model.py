@@ -48,8 +48,6 @@ class FastMTPGO(nn.Module):
 
     observation: Tensor
     time: Tensor
-    control_bias: Tensor
-    control_body: Tensor
 
     def __init__(self, model: MTPGO):
         super().__init__()
@@ -63,11 +61,9 @@ class FastMTPGO(nn.Module):
         self.initial_covariance = model.initial_covariance
         self.encoder = FastEncoder(model.encoder)
         self.decoder = FastDecoder(model.decoder, model.condition, model.modes)
-        self.motion = FastMotion(cast(NeuralODE, model.motion), model.control.out, model.modes)
+        self.motion = FastMotion(cast(NeuralODE, model.motion), model.modes)
         self.covariance = FastCovariance(cast(EkfCovariance, model.covariance))
-        body = model.control.body
-        self.register_buffer("control_body", body.weight.detach().t().contiguous())
-        self.register_buffer("control_bias", body.bias.detach().clone())
+        self.control = model.control
         self.register_buffer("observation", model.observation)
         time = model.config.dt_s * torch.arange(1, self.horizon_steps + 1, dtype=torch.float64)
         self.register_buffer("time", time.view(1, 1, -1, 1))
@@ -95,7 +91,7 @@ class FastMTPGO(nn.Module):
         absent = complete_graph(valid[:, :, -1]).logical_not_()
         edge, fixed = self.decoder.gnn.prepare(squared_distances(position[:, :, -1]), absent)
         summaries, constant = self.decoder.prepare(encoded, presence_bias(valid))
-        commands = self.motion.prepare(static, start.velocity)
+        constants = self.motion.prepare(static, start.velocity)
         h = (last + self.decoder.initial).flatten(0, 1)
         state = torch.zeros(rows, 4, dtype=h.dtype, device=h.device)
         states: list[Tensor] = []
@@ -104,10 +100,8 @@ class FastMTPGO(nn.Module):
         for _ in range(self.horizon_steps):
             deviation = state.view(scenes * agents, self.modes * 4)
             h = self.decoder(h, deviation, summaries, constant, edge, fixed)
-            body = torch.addmm(self.control_bias, h, self.control_body)
-            body = nn.functional.elu(body, inplace=True)
-            command = torch.addmm(commands, body, self.motion.product)
-            state, unit = self.motion(state, command.view(rows, self.motion.columns))
+            control = self.control(h.unsqueeze(0)).view(rows, 2)
+            state, unit = self.motion(state, control, constants)
             states.append(state)
             units.append(unit)
             hidden.append(h)

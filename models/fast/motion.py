@@ -10,7 +10,7 @@ last layer):
 
     h_1 = elu(b + w Q),  h_i = elu(b + w Q + a_i dt (u + o) Q + a_i dt h_{i-1} (O Q)).
 
-b and dt (u + o) Q are linear in the decoder's output and come out of the same product as u.
+What is linear in u, d and w, the next state's part included, comes out of one product.
 """
 
 import torch
@@ -23,26 +23,23 @@ from models.motion import NeuralODE
 class FastMotion(nn.Module):
     """As :class:`models.motion.NeuralODE` of second order with one hidden layer.
 
+    Columns of the product: b + w Q, dt (u + o) Q, and the next state but for the networks' part.
+
     Args:
         motion: the motion model.
-        out: the control head's last layer, folded into :attr:`product`.
         modes: M.
-
-    Attributes:
-        columns: of one mode in the product: b, dt (u + o) Q, and what u adds to the next state.
     """
 
     product: Tensor
     bias: Tensor
     of_q: Tensor
     recurrent: Tensor
-    state: Tensor
     output: Tensor
     through: Tensor
     base: Tensor
     of_static: Tensor
 
-    def __init__(self, motion: NeuralODE, out: nn.Linear, modes: int):
+    def __init__(self, motion: NeuralODE, modes: int):
         super().__init__()
         self.modes = modes
         self.nodes = list(motion.nodes)
@@ -61,21 +58,18 @@ class FastMotion(nn.Module):
         shift = motion.last_bias.detach().double()
         moved = dt * dt * sum(self.carried)
         eye = torch.eye(2, dtype=torch.float64)
-        # Per mode: of u, and a constant.
+        free = torch.eye(4, dtype=torch.float64)
+        free[2:, :2] = dt * eye
+        none = torch.zeros(4, width, dtype=torch.float64)
         of_control = torch.cat((of_u, dt * of_q, moved * eye, dt * eye), dim=1)  # [2, columns]
-        constant = torch.cat(
-            (motion.first_bias.detach().double().flatten(), dt * shift @ of_q, moved * shift)
-        )
-        constant = torch.cat((constant, dt * shift))
-        head = out.weight.detach().double().view(modes, 2, -1)
-        self.register_buffer("product", (of_control.t() @ head).flatten(0, 1).t().contiguous())
-        bias = out.bias.detach().double().view(modes, 2) @ of_control + constant
-        self.register_buffer("bias", bias.flatten())
+        of_state = torch.cat((none, none, free), dim=1)  # [4, columns]
+        of_state[2:, :width] = of_q
+        self.register_buffer("product", torch.cat((of_control, of_state)))
+        rest = motion.first_bias.detach().double().flatten()
+        constant = torch.cat((rest, dt * shift @ of_q, moved * shift, dt * shift))
+        self.register_buffer("bias", constant)
         self.register_buffer("of_q", of_q)
         self.register_buffer("recurrent", dt * output @ of_q)  # [2W, 2W]
-        state = torch.eye(4, dtype=torch.float64)
-        state[2:, :2] = dt * eye
-        self.register_buffer("state", state)
         stages = [
             torch.cat((dt * dt * c * output, dt * b * output), dim=1)
             for b, c in zip(self.weights, self.carried, strict=True)
@@ -89,24 +83,25 @@ class FastMotion(nn.Module):
         self.register_buffer("of_static", first[:, :, 3:].flatten(0, 1).t().contiguous())
 
     def prepare(self, static: Tensor, velocity: Tensor) -> Tensor:
-        """[B * N, M * columns] constants of the product, from classes and v_0 [B, N, 2]."""
+        """[B N M, columns] constants of the product, from classes and v_0 [B, N, 2]."""
         own = torch.matmul(velocity.flatten(0, 1), self.of_q)
         if self.static_size > 0:
             own = own + torch.matmul(static.flatten(0, 1), self.of_static)
-        whole = self.bias.view(1, self.modes, self.columns).repeat(own.size(0), 1, 1)
+        whole = self.bias.repeat(own.size(0), self.modes, 1)
         whole[..., : self.width].add_(own.unsqueeze(1))
-        return whole.flatten(1)
+        return whole.flatten(0, 1)
 
-    def forward(self, state: Tensor, command: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, state: Tensor, control: Tensor, constant: Tensor) -> tuple[Tensor, Tensor]:
         """Deviations [R, 4] one step later, and the stages' units [R, stages 2W].
 
         Args:
             state: [R, 4] with R = B N M.
-            command: [R, columns] of the product.
+            control: [R, 2] of the decoder.
+            constant: of :meth:`prepare`.
         """
         width = self.width
-        base, drive, push = command.split([width, width, 4], dim=1)
-        before = torch.addmm(base, state[:, 2:], self.of_q)
+        linear = torch.addmm(constant, torch.cat((control, state), dim=1), self.product)
+        before, drive, free = linear.split([width, width, 4], dim=1)
         unit = nn.functional.elu(before)
         units = [unit]
         driven = before
@@ -118,7 +113,7 @@ class FastMotion(nn.Module):
             unit = nn.functional.elu(unit, inplace=True)
             units.append(unit)
         joined = torch.cat(units, dim=1)
-        return torch.addmm(torch.addmm(push, state, self.state), joined, self.output.t()), joined
+        return torch.addmm(free, joined, self.output.t()), joined
 
     def jacobian(self, units: Tensor) -> tuple[Tensor, Tensor]:
         """[2, 2, R] derivatives by q of the next q and of the next position, from units [R, .].
