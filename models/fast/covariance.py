@@ -39,10 +39,12 @@ class FastCovariance(nn.Module):
         t0, t1 = turned[0:1].unbind(2), turned[1:2].unbind(2)
         out: list[Tensor] = []
         for k, q in enumerate(added):
-            fp = torch.mul(w0[k], p[2:3]).addcmul_(w1[k], p[3:4])
-            fp[:2].add_(p[:2])
-            p = torch.addcmul(q, fp[:, 2:3], t0[k]).addcmul_(fp[:, 3:4], t1[k])
-            p[:, :2].add_(fp[:, :2])
+            upper, row2, row3 = p.split([2, 1, 1])
+            fp = torch.mul(w0[k], row2).addcmul_(w1[k], row3)
+            fp[:2].add_(upper)
+            left, column2, column3 = fp.split([2, 1, 1], dim=1)
+            p = torch.addcmul(q, column2, t0[k]).addcmul_(column3, t1[k])
+            p[:, :2].add_(left)
             p.mul_(self.inflation)
             out.append(p)
         whole = torch.stack(out, dim=2)
