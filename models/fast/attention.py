@@ -15,6 +15,11 @@ BLOCK = 196608
 """Numbers of the [N, N, C] intermediate worked on at a time: 0.8 MB, within a core's cache."""
 
 
+def make_scratch(x: Tensor, agents: int, channels: int, block: int = BLOCK) -> Tensor:
+    """Room for :func:`add_energy` with numbers like those of ``x``."""
+    return torch.empty(max(block, agents * channels), dtype=x.dtype, device=x.device)
+
+
 def add_energy(
     score: Tensor,
     query: Tensor,
@@ -22,7 +27,7 @@ def add_energy(
     edge: Tensor,
     slope: Tensor,
     weight: Tensor,
-    block: int = BLOCK,
+    scratch: Tensor,
 ) -> None:
     """Add sum_c weight_c max(k_jc + e_ij w_c, -q_ic) to the scores [K, B, N, N], in place.
 
@@ -38,13 +43,16 @@ def add_energy(
         edge: [K, B, N, N] weights.
         slope: [K, C] how the edge weight enters each channel.
         weight: [K, C].
-        block: see BLOCK.
+        scratch: [at least N C] room for the intermediate, of :func:`make_scratch`: memory that was
+            just written is far quicker than what the allocator gives.
     """
     kinds, scenes, agents, channels = query.size(0), query.size(1), query.size(2), query.size(3)
     pairs = agents * agents
     least, keys, edges = query.unsqueeze(3), key.unsqueeze(2), edge.unsqueeze(-1)
-    if kinds * scenes * pairs * channels <= block:
-        z = torch.addcmul(keys, edges, slope[:, None, None, None])
+    block, total = scratch.numel(), kinds * scenes * pairs * channels
+    if total <= block:
+        z = scratch[:total].view(kinds, scenes, agents, agents, channels)
+        torch.addcmul(keys, edges, slope[:, None, None, None], out=z)
         torch.maximum(z, least, out=z)
         flat, sums = z.view(kinds, scenes * pairs, channels), score.view(kinds, scenes * pairs)
         for kind in range(kinds):  # a batched product with one column is ten times slower
@@ -60,9 +68,11 @@ def add_energy(
             parts, bounds = some_edges[i].split(rows, dim=1), some_least[i].split(rows, dim=1)
             sums_of = some_sums[i].split(k.size(0) * rows * agents)
             for j, e in enumerate(parts):
-                z = torch.addcmul(k, e, w)
+                flat = scratch[: e.size(0) * e.size(1) * agents * channels].view(-1, channels)
+                z = flat.view(e.size(0), e.size(1), agents, channels)
+                torch.addcmul(k, e, w, out=z)
                 torch.maximum(z, bounds[j], out=z)
-                sums_of[j].addmv_(z.view(-1, channels), a)
+                sums_of[j].addmv_(flat, a)
 
 
 class PackedAttention(nn.Module):
@@ -135,8 +145,8 @@ class PackedAttention(nn.Module):
         edge = torch.exp(squared_distance * self.sharpness)
         return edge, (edge * self.along).masked_fill_(absent, float("-inf"))
 
-    def forward(self, x: Tensor, edge: Tensor, fixed: Tensor) -> Tensor:
-        """[K, B, N, C] of inputs [K, B * N, in] on prepared graphs."""
+    def forward(self, x: Tensor, edge: Tensor, fixed: Tensor, scratch: Tensor) -> Tensor:
+        """[K, B, N, C] of inputs [K, B * N, in] on prepared graphs, see :func:`make_scratch`."""
         scenes, agents, size = edge.size(1), edge.size(2), self.size
         if self.kinds == 1:
             packed = torch.addmm(self.bias[0], x[0], self.product[0])
@@ -150,7 +160,7 @@ class PackedAttention(nn.Module):
             parts = y.split([size, size, size, size, self.columns - 4 * size], dim=-1)
             value, query, key, own, rest = parts[0], parts[1], parts[2], parts[3], parts[4]
         score = fixed + rest[..., 0].unsqueeze(2)
-        add_energy(score, query, key, edge, self.slope, self.weight)
+        add_energy(score, query, key, edge, self.slope, self.weight, scratch)
         attention = torch.softmax(score, dim=-1)
         out = torch.baddbmm(own.flatten(0, 1), attention.flatten(0, 1), value.flatten(0, 1))
         return out.view(self.kinds, scenes, agents, size)

@@ -66,6 +66,7 @@ class FastDecoder(nn.Module):
         constant: Tensor,
         edge: Tensor,
         fixed: Tensor,
+        scratch: Tensor,
     ) -> Tensor:
         """The next state [B N, D].
 
@@ -76,6 +77,7 @@ class FastDecoder(nn.Module):
             constant: of :meth:`prepare`.
             edge: [2, B, N, N] of the GNNs' ``prepare``.
             fixed: likewise.
+            scratch: of :func:`models.fast.attention.make_scratch`.
         """
         score, rest = torch.addmm(constant, deviation, self.embed).split(
             [self.steps, self.hidden], dim=1
@@ -83,6 +85,6 @@ class FastDecoder(nn.Module):
         alpha = torch.softmax(torch.addmm(score, h, self.of_h), dim=1)
         f = torch.baddbmm(rest.unsqueeze(1), alpha.unsqueeze(1), summaries).squeeze(1)
         f = nn.functional.leaky_relu(f, 0.2, inplace=True)
-        kappa, xi = self.gnn(torch.stack((f, h)), edge, fixed).flatten(1, 2).unbind(0)
+        kappa, xi = self.gnn(torch.stack((f, h)), edge, fixed, scratch).flatten(1, 2).unbind(0)
         split = kappa.split([2 * self.hidden, self.hidden], dim=1)
         return gru_update(split, xi, h, self.hidden)

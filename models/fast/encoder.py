@@ -45,7 +45,7 @@ class FastEncoder(nn.Module):
         self.register_buffer("initial", encoder.initial.detach().clone())
         self.of_input, self.of_state = attentions(encoder.cell)
 
-    def forward(self, inputs: Tensor, position: Tensor, valid: Tensor) -> Tensor:
+    def forward(self, inputs: Tensor, position: Tensor, valid: Tensor, scratch: Tensor) -> Tensor:
         """States [B, N, T, D] of inputs [B, N, T, .], positions [B, N, T, 2] and presence."""
         scenes, agents, steps = valid.size(0), valid.size(1), valid.size(2)
         present = valid.permute(2, 0, 1)  # [T, B, N]
@@ -54,7 +54,9 @@ class FastEncoder(nn.Module):
         graphs = distance.flatten(0, 1), absent.flatten(0, 1)
         edge, fixed = self.of_input.prepare(graphs[0], graphs[1])
         x = inputs.permute(2, 0, 1, 3).reshape(1, steps * scenes * agents, inputs.size(-1))
-        kappas = self.of_input(x, edge, fixed).view(steps, scenes, agents, 3 * self.hidden)
+        kappas = self.of_input(x, edge, fixed, scratch).view(
+            steps, scenes, agents, 3 * self.hidden
+        )
         of_gates, of_candidate = kappas.split([2 * self.hidden, self.hidden], dim=-1)
         gates, candidates = of_gates.unbind(0), of_candidate.unbind(0)
         edge, fixed = self.of_state.prepare(graphs[0], graphs[1])
@@ -65,7 +67,8 @@ class FastEncoder(nn.Module):
         h = self.initial.repeat(scenes, agents, 1)
         states: list[Tensor] = []
         for i, gate in enumerate(gates):
-            xi = self.of_state(h.view(1, scenes * agents, self.hidden), edges[i], fixeds[i])
+            flat = h.view(1, scenes * agents, self.hidden)
+            xi = self.of_state(flat, edges[i], fixeds[i], scratch)
             following = gru_update([gate, candidates[i]], xi[0], h, self.hidden)
             h = following if everybody else torch.where(here[i], following, h)
             states.append(h)

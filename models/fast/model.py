@@ -11,6 +11,7 @@ from models.attention import presence_bias
 from models.config import ModelConfig
 from models.covariance import EkfCovariance, initial_in_own_frame, rotate_blocks
 from models.edges import complete_graph, squared_distances
+from models.fast.attention import make_scratch
 from models.fast.covariance import FastCovariance
 from models.fast.decoder import FastDecoder
 from models.fast.encoder import FastEncoder
@@ -82,7 +83,8 @@ class FastMTPGO(nn.Module):
         start = self.condition.start(features, valid)
         inputs = self.condition(features, valid, start)
         position = features[..., :2]
-        encoded = self.encoder(inputs, position, valid)  # [B, N, T, D]
+        scratch = make_scratch(features, valid.size(1), self.decoder.gnn.size)
+        encoded = self.encoder(inputs, position, valid, scratch)  # [B, N, T, D]
         last = encoded[:, :, -1].contiguous()
         log_weight = self.mixture(last)
 
@@ -99,7 +101,7 @@ class FastMTPGO(nn.Module):
         hidden: list[Tensor] = []
         for _ in range(self.horizon_steps):
             deviation = state.view(scenes * agents, self.modes * 4)
-            h = self.decoder(h, deviation, summaries, constant, edge, fixed)
+            h = self.decoder(h, deviation, summaries, constant, edge, fixed, scratch)
             control = self.control(h.unsqueeze(0)).view(rows, 2)
             state, unit = self.motion(state, control, constants)
             states.append(state)

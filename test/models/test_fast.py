@@ -8,7 +8,7 @@ from made import frozen, make_model, make_scene
 from torch.nn.functional import leaky_relu
 
 from models.fast import FastMTPGO, deployable
-from models.fast.attention import add_energy
+from models.fast.attention import add_energy, make_scratch
 
 COVERED = {
     "default": {},
@@ -87,7 +87,7 @@ def test_energy_in_blocks(block):
     slope, a = torch.randn(2, kinds, channels).double()
     before = torch.randn(kinds, scenes, agents, agents).double()
     score = before.clone()
-    add_energy(score, -query, key, edge, slope, 0.8 * a, block)
+    add_energy(score, -query, key, edge, slope, 0.8 * a, make_scratch(a, agents, channels, block))
     z = query.unsqueeze(3) + key.unsqueeze(2)
     z = z + edge.unsqueeze(-1) * slope[:, None, None, None]
     of_keys = (key @ a.view(kinds, 1, channels, 1)).squeeze(-1).unsqueeze(2)
