@@ -21,7 +21,7 @@ from models.mtp_go import MTPGO
 from mtpgo_core.errors import ConfigurationError, ModelFileError
 from mtpgo_core.runner import ModelRunner
 from mtpgo_core.task import TASK_FILE, TaskDescription, from_dict
-from mtpgo_training.atomic import replacing
+from mtpgo_training.atomic import replacing, require_writable
 from mtpgo_training.config import TrainingConfig
 from mtpgo_training.info import card
 from mtpgo_training.run_folder import Checkpoint, load_checkpoint, versions
@@ -183,6 +183,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo export``."""
+    require_writable(args.output)
     checkpoint = load_checkpoint(args.checkpoint)
     model = load_model(checkpoint, calibrated=not args.uncalibrated)
     task = export_model(model, describe(checkpoint, args.name), args.output)
