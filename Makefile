@@ -75,7 +75,7 @@ $(STAMP): $(REQUIREMENTS)
 	    "on Debian and Ubuntu install the package python3-venv" >&2; exit 2; \
 	fi; \
 	echo "== Setting up $(VENV) with $$("$$python" --version): a virtual environment and the pinned" \
-	  "packages (about 2 GB, once; a few minutes)"; \
+	  "packages (once; 2 GB, or 6 GB where pip takes PyTorch with CUDA; some minutes)"; \
 	"$$python" -m venv "$(VENV)"
 	@echo "== Installing requirements/development.txt"
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check \
