@@ -18,6 +18,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("export", "mtpgo_training.export", "export a trained model for the node"),
     ("evaluate", "mtpgo_training.evaluate", "score a model on recordings"),
     ("info", "mtpgo_training.info", "what a model file says about itself"),
+    ("benchmark", "mtpgo_training.benchmark", "measure the speed of the model"),
     ("demo", "mtpgo_training.demo", "play a recording through the node and score it"),
 )
 """Name, module with ``add_parser(subparsers)``, and help of every subcommand."""

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from models.config import ModelConfig
+from models.fast import deployable
 from models.mtp_go import MTPGO
 from mtpgo_core.errors import ConfigurationError, ModelFileError
 from mtpgo_core.runner import ModelRunner
@@ -59,7 +60,7 @@ def export_model(model: MTPGO, task: TaskDescription, path: Path) -> TaskDescrip
     )
     with warnings.catch_warnings(), replacing(path) as temporary:
         warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit in 2.13, see SPEED notes
-        frozen = torch.jit.freeze(torch.jit.script(model))
+        frozen = torch.jit.freeze(torch.jit.script(deployable(model)))
         torch.jit.save(frozen, str(temporary), _extra_files={TASK_FILE: task.to_json()})
         _check(model, temporary)
     return task

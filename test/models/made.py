@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from models import MTPGO, ModelConfig
+from models.fast import deployable
 
 SMALL = {"history_steps": 6, "horizon_steps": 5, "modes": 3, "hidden": 8, "ode_hidden": 5}
 
@@ -103,7 +104,7 @@ def frozen(model: MTPGO) -> torch.jit.ScriptModule:
     """The model as it is exported."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit is, and is what we export
-        return torch.jit.freeze(torch.jit.script(model.eval()))
+        return torch.jit.freeze(torch.jit.script(deployable(model.eval())))
 
 
 def save_and_load(model: torch.jit.ScriptModule, path: Path) -> torch.jit.ScriptModule:
