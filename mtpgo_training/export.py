@@ -135,13 +135,12 @@ def _check(model: MTPGO, path: Path) -> None:
     with torch.inference_mode():
         expected, given = model(features, valid, static), loaded(features, valid, static)
     # A variance of 900 m^2 in float32 is itself good to 1e-4 at best: covariances count in shares.
-    variance = (
-        torch.diagonal(expected[2], dim1=-2, dim2=-1).mean(-1)[..., None, None].clamp(min=1.0)
-    )
-    scales = (1.0, 1.0, variance[..., None, None])
+    variances = torch.diagonal(expected[2], dim1=-2, dim2=-1)
+    scale = variances.mean(-1).clamp(min=1.0)[..., None, None]
+    scales = (1.0, 1.0, scale)
     difference = max(
-        float(((a - b).abs() / scale).max())
-        for a, b, scale in zip(expected, given, scales, strict=True)
+        float(((a - b).abs() / size).max())
+        for a, b, size in zip(expected, given, scales, strict=True)
     )
     if not difference <= LARGEST_DIFFERENCE_M:
         raise ModelFileError(
