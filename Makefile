@@ -29,7 +29,7 @@ unexport VIRTUAL_ENV
 endif
 unexport $(ROS_VARIABLES) PYTHONHOME
 
-.PHONY: help demo test check lint types format environment clean distclean
+.PHONY: help demo test benchmark check lint types format environment clean distclean
 
 help: ## what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -42,6 +42,10 @@ demo: $(STAMP) ## play a recording through the real node, score it; DATA=DIR LAY
 test: check ## everything: ruff, mypy, pytest
 	@echo "== pytest"
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+benchmark: $(STAMP) ## speed tables, and the ratios that must hold; takes some minutes
+	@$(BIN)/mtpgo benchmark latency
+	@$(BIN)/python -m pytest benchmarks
 
 check: lint types
 
@@ -75,7 +79,7 @@ $(STAMP): $(REQUIREMENTS)
 	    "on Debian and Ubuntu install the package python3-venv" >&2; exit 2; \
 	fi; \
 	echo "== Setting up $(VENV) with $$("$$python" --version): a virtual environment and the pinned" \
-	  "packages (about 2 GB, once; a few minutes)"; \
+	  "packages (once; 2 GB, or 6 GB where pip takes PyTorch with CUDA; some minutes)"; \
 	"$$python" -m venv "$(VENV)"
 	@echo "== Installing requirements/development.txt"
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check \

@@ -120,6 +120,7 @@ class ScenePredictor:
         self.last_report = PredictionReport()
         self._history = TrackHistory(self.task.history, max_tracks)
         self._graphs = GraphState()
+        self._graphs_ns: int | None = None
 
     @property
     def newest_stamp_ns(self) -> int | None:
@@ -174,7 +175,7 @@ class ScenePredictor:
         if self._runner is None or len(present) == 0:
             self.last_report = PredictionReport(agents=len(present))
             return constant
-        options, state = self.options, self._graphs
+        options, state = self.options, self._memory(present.stamp_ns)
         served = self._served(present, options.max_agents, ego_key, state)
         if not served.any():
             self.last_report = PredictionReport(agents=len(present), over_limit=len(present))
@@ -201,6 +202,18 @@ class ScenePredictor:
             largest_graph=int((batch.agent >= 0).sum(axis=1).max(initial=0)),
         )
         return modelled if usable.all() else merge(constant, modelled, usable)
+
+    def _memory(self, stamp_ns: int) -> GraphState:
+        """What the last cycle left, if it is not so old that even the history forgot it.
+
+        Identities may be given anew after a pause, and a stream's predictions must not depend on
+        what was seen before it.
+        """
+        span_ns = round(self.task.history.steps * self.task.history.dt_s * 1e9)
+        if self._graphs_ns is not None and abs(stamp_ns - self._graphs_ns) > span_ns:
+            self._graphs = GraphState()
+        self._graphs_ns = stamp_ns
+        return self._graphs
 
     def _scene(self, options: PredictorOptions) -> SceneConfig:
         """The task's scene with the options' deviations."""

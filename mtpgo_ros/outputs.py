@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Any
 
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64
@@ -85,11 +87,27 @@ class Outputs:
             return False
         if kind not in self._publishers:
             message_class = self._types.message_class(adapter.message_type)
-            publisher = self._node.create_lifecycle_publisher(message_class, _TOPICS[kind], _QOS)
+            publisher = self._node.create_lifecycle_publisher(
+                message_class,
+                _TOPICS[kind],
+                _QOS,
+                event_callbacks=PublisherEventCallbacks(
+                    matched=self._on_matched if kind == _CLOUD else None
+                ),
+            )
             if self._time.is_activated:  # Added while the node is active.
                 publisher.on_activate(None)
             self._publishers[kind] = publisher
         return True
+
+    def _on_matched(self, event: Any) -> None:
+        # Until discovery has ended on this side nothing is sent to a new subscriber: who must not
+        # miss the first prediction waits for this line.
+        if event.current_count_change > 0:
+            topic = self._node.resolve_topic_name(_TOPICS[_CLOUD])
+            self._node.get_logger().info(
+                f"heard by {event.current_count} subscriber(s) on {topic}"
+            )
 
     def publish(self, prediction: Prediction) -> None:
         """Publish the answer itself; safe from several threads."""

@@ -35,6 +35,22 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def require_writable(path: Path) -> None:
+    """That ``path`` can be written, found out before long work rather than after it.
+
+    Raises:
+        ConfigurationError: it cannot.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
+    if path.is_dir():
+        raise ConfigurationError(f"{path} is a directory, expected a file to write")
+
+
 def write_text(path: Path, text: str) -> None:
     """``text`` into ``path``, atomically."""
     with replacing(path) as temporary:

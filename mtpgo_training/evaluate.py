@@ -24,7 +24,7 @@ from mtpgo_core.predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.runner import ModelRunner, find_model
 from mtpgo_core.schema import Prediction
 from mtpgo_core.task import GRAPH_POLICIES
-from mtpgo_training.atomic import write_text
+from mtpgo_training.atomic import require_writable, write_text
 from mtpgo_training.readers import LAYOUTS, load_recordings
 from mtpgo_training.recording import Recording
 from mtpgo_training.scorebook import ScoreBook, ScoreTable
@@ -126,6 +126,8 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigurationError(f"--stride is {args.stride}, expected more than 0")
     if args.policy == "ego":
         raise ConfigurationError("--policy is 'ego' but a recording has no ego, expected another")
+    if args.json is not None:
+        require_writable(args.json)
     recordings = load_recordings(args.data, args.layout, args.recordings)
     runners = {}
     for given in args.model:

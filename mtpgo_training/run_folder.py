@@ -14,6 +14,7 @@ import io
 import json
 import pickle
 import platform
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +103,9 @@ def load_checkpoint(path: Path) -> Checkpoint:
     if not path.is_file():
         raise ConfigurationError(f"the checkpoint {path} does not exist")
     try:
-        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # for a TorchScript file
+            checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     except (OSError, RuntimeError, EOFError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).split("\n", 1)[0][:120]
         raise ConfigurationError(f"{path} is no readable checkpoint: {reason}") from error

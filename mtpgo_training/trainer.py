@@ -70,6 +70,7 @@ class Trainer:
         self.step = 0
         self.best = math.inf
         self.scale = 1.0
+        self.metrics: dict[str, Any] = {}
         self.rows: list[dict[str, Any]] = []
         self.table: ScoreTable | None = None
 
@@ -201,6 +202,8 @@ class Trainer:
         self.best = min(merit, self.best)
         if better:
             self.scale = covariance_scale(self.average, self._validation_batches())
+            book = validation_scores(self.average, self._validation_batches(), self.scale)
+            self.metrics = book.table().to_dict()
         self.folder.save(self.state(), best=better)
         self.folder.write_log(self.rows)
 
@@ -229,7 +232,7 @@ class Trainer:
             "best": self.best,
             "covariance_scale": self.scale,
             "rows": self.rows,
-            "metrics": self.table.to_dict() if self.table else {},
+            "metrics": self.metrics,
             "splits": self.splits,
         }
 
@@ -242,4 +245,5 @@ class Trainer:
         self.step = checkpoint["step"]
         self.best = checkpoint["best"]
         self.scale = checkpoint["covariance_scale"]
+        self.metrics = checkpoint["metrics"]
         self.rows = checkpoint["rows"]

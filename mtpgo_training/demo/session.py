@@ -75,6 +75,7 @@ def run_session(
         writing = ["-o", str(recorded), "--topics", *TOPICS]
         with Child("record", writing, logs / "record.log", environment) as recorder:
             recorder.wait_for("ready", READY_S)
+            predictor.wait_for("heard by", READY_S)
             with _Progress(sum(durations_s)) as progress:
                 for number, (bag, duration_s) in enumerate(zip(bags, durations_s, strict=True), 1):
                     with _player(bag, logs, environment) as replay:

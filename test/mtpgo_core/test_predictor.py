@@ -203,6 +203,19 @@ def test_a_reset_forgets_everything(runner):
     check_complete(predictor.predict(), range(3))
 
 
+def test_a_stream_after_a_pause_does_not_depend_on_the_one_before(runner):
+    options = PredictorOptions(radius_m=30.0)
+    fresh, used = ScenePredictor(runner, options=options), ScenePredictor(runner, options=options)
+    # The same numbers in another order along the road, so other agents become centres.
+    drive(used, spacing_m=-20.0, speed=5.0)
+    used.predict()
+    for predictor in (fresh, used):
+        drive(predictor, start=600)
+        predictor.predict()
+    assert fresh._graphs.centre.tolist() == used._graphs.centre.tolist()
+    assert fresh._graphs.owner.tolist() == used._graphs.owner.tolist()
+
+
 def test_agents_that_come_and_go_are_all_predicted(runner):
     draw = np.random.default_rng(1)
     predictor = ScenePredictor(runner)

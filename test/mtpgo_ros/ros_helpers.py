@@ -132,10 +132,16 @@ class Bench:
 
     def until(self, condition: Callable[[], Any], limit_s: float = LIMIT_S) -> None:
         """Spin until the condition holds."""
+        assert self.comes_true(condition, limit_s), "the condition did not come true in time"
+
+    def comes_true(self, condition: Callable[[], Any], limit_s: float) -> bool:
+        """Spin until the condition holds; whether it does within the time."""
         end = time.monotonic() + limit_s
         while not condition():
-            assert time.monotonic() < end, "the condition did not come true in time"
+            if time.monotonic() >= end:
+                return False
             self.executor.spin_once(timeout_sec=0.02)
+        return True
 
     def count(self, name: str) -> int:
         """A counter of the node."""

@@ -253,12 +253,18 @@ def test_a_model_over_its_budget_is_stood_in_for(bench):
     reached = 12.0 * np.arange(4)[:, None] + 20.0 * prediction.time_s
     assert prediction.mean[:, 0, :, 0] == pytest.approx(reached, abs=1e-3)
     b.status("timing", WARN, "over budget", over_budget="1")
-    b.until(lambda: b.count("late_results_dropped") == 1)
+    # On a busy machine the budget may be used up before the model begins, and no result is late.
+    steps = 0
+    while not b.comes_true(lambda: b.count("late_results_dropped") > 0, 3.0):
+        steps += 1
+        assert steps < 12, "the model never began within its budget"
+        b.predict(traffic(0.2 * steps, speed_mps=20.0))
     # Given its time, the model serves again.
     b.be_patient()
     b.predict(traffic(5.0, speed_mps=0.0))
     assert (b.predictions[-1].source == Source.MODEL).all()
-    assert [p.stamp_ns for p in b.predictions] == [START_NS, START_NS + 5_000_000_000]
+    stamps = [START_NS + round(0.2e9 * step) for step in range(steps + 1)]
+    assert [p.stamp_ns for p in b.predictions] == [*stamps, START_NS + 5_000_000_000]
 
 
 def test_a_model_that_never_keeps_up_is_an_error(bench):

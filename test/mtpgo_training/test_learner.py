@@ -73,6 +73,7 @@ def test_a_calibrated_model_needs_no_calibration(model, batches):
     calibrated.load_state_dict(model.state_dict())
     assert covariance_scale(calibrated, batches) == pytest.approx(1.0, abs=1e-3)
     before, after = (validation_scores(m, batches).table().models for m in (model, calibrated))
+    assert after["model"]["all"]["coverage_90"] == pytest.approx(0.9, abs=0.002)
     assert before["model"]["all"]["ade"] == pytest.approx(after["model"]["all"]["ade"], rel=1e-5)
 
 
