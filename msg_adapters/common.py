@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from msg_adapters.types import Types
 from mtpgo_core.errors import ConfigurationError, MessageError
+from mtpgo_core.frames import rotate
 from mtpgo_core.identity import key_to_int
 from mtpgo_core.schema import BoolArray, Float64Array, KeyArray
 
@@ -135,13 +136,6 @@ def small_integer_keys(key: KeyArray, bits: int, where: str) -> list[int]:
                 f"identity {number:#x} does not fit into the {bits}-bit id of {where}"
             )
     return numbers
-
-
-def rotate(vector: Float64Array, angle: Float64Array) -> Float64Array:
-    """[n, 2] vectors turned counter-clockwise by [n] angles (rad); NaN where the angle is."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    x, y = vector[..., 0], vector[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
 def to_header_frame(vector: Float64Array, yaw: Float64Array, twist_frame: str) -> Float64Array:

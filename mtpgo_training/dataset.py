@@ -18,6 +18,7 @@ from torch.utils.data import Dataset
 from torch_geometric.data import Batch, Data
 from torch_geometric.utils import to_dense_batch
 
+from mtpgo_core.frames import rotate
 from mtpgo_core.scene import build_scenes
 from mtpgo_core.schema import Float64Array, SceneBatch
 from mtpgo_core.task import HistoryConfig, SceneConfig
@@ -212,5 +213,4 @@ def dense(batch: Batch) -> dict[str, Tensor]:
 
 def to_scene(vectors: Float64Array, rotation: float) -> Float64Array:
     """[..., 2] vectors of the fixed frame in a scene frame turned by ``rotation`` (rad)."""
-    c, s = np.cos(rotation), np.sin(rotation)
-    return vectors @ np.array([[c, -s], [s, c]])
+    return rotate(vectors, -rotation)

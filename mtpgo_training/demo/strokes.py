@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.patches import Ellipse, Polygon
 
+from mtpgo_core.frames import rotate
 from mtpgo_core.schema import AgentClass, Float64Array
 from mtpgo_training.demo.moments import Moment
 from mtpgo_training.demo.surroundings import Surroundings
@@ -146,8 +147,7 @@ def _draw_body(
     corners = 0.5 * np.array(
         [(length, width), (-length, width), (-length, -width), (length, -width)]
     )
-    cos, sin = np.cos(around.yaw[agent]), np.sin(around.yaw[agent])
-    corners = corners @ np.array([[cos, sin], [-sin, cos]]) + around.position[agent]
+    corners = rotate(corners, around.yaw[agent]) + around.position[agent]
     axes.add_patch(
         Polygon(
             corners,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtpgo_core.frames import rotate, rotate_covariance
 from mtpgo_core.schema import Float64Array
 from mtpgo_training.demo.moments import Moment
 from mtpgo_training.demo.plan import tracks_of
@@ -46,9 +47,7 @@ class Surroundings:
 
     def turn_covariance(self, covariance: Float64Array) -> Float64Array:
         """[2, 2] covariance of the recording's frame in this one (m^2)."""
-        cos, sin = np.cos(self.angle), np.sin(self.angle)
-        rotation = np.array([[cos, sin], [-sin, cos]])
-        return rotation @ covariance @ rotation.T
+        return rotate_covariance(covariance, -self.angle)
 
 
 def surroundings(moment: Moment, past_s: float) -> Surroundings:
@@ -96,5 +95,4 @@ def _paths(recording: Recording) -> list[np.ndarray]:
 
 def _turn(vectors: Float64Array, angle: float) -> Float64Array:
     """[..., 2] vectors in axes that are turned by ``angle``."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    return vectors @ np.array([[cos, -sin], [sin, cos]])
+    return rotate(vectors, -angle)
