@@ -5,8 +5,8 @@
 import torch
 from torch import Tensor, nn
 
-from models.config import ModelConfig
 from models.frames import Start, heading, last_seen, to_own
+from models.options import NetworkConfig
 
 OWN_STD = (3.0, 1.0, 10.0, 2.0, 2.0, 1.0, 1.0, 1.0, 0.2, 0.2)
 """First scales of the ten own-frame inputs, see :meth:`Conditioning.own_inputs`."""
@@ -32,11 +32,11 @@ class Conditioning(nn.Module):
     state_mean: Tensor
     state_std: Tensor
 
-    def __init__(self, config: ModelConfig):
+    def __init__(self, config: NetworkConfig):
         super().__init__()
         self.agent_frame = config.agent_frame
         self.dt_s = config.dt_s
-        self.order = config.order
+        self.order = config.state_size // 2
         context = (1.0,) * (config.feature_size - len(FEATURE_STD))
         std = FEATURE_STD + context + (OWN_STD if config.agent_frame else ())
         # In the agent's frame the decoder sees how far a state is from uniform motion.

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from models.config import ModelConfig
+from models.options import NetworkConfig
 
 INFLATION = 1e-5
 """Share of each variance that is added to it in every step.
@@ -128,9 +129,9 @@ class DirectCovariance(nn.Module):
     position's, and no correlation with it. Such a model is trained by the position's likelihood.
     """
 
-    def __init__(self, config: ModelConfig):
+    def __init__(self, config: NetworkConfig):
         super().__init__()
-        self.order = config.order
+        self.order = config.state_size // 2
         self.dt_s = config.dt_s
 
     def forward(

@@ -38,6 +38,25 @@ def to_scene(vector: Tensor, direction: Tensor) -> Tensor:
     return torch.stack((cos * x - sin * y, sin * x + cos * y), dim=-1)
 
 
+def states_to_scene(states: Tensor, start: Start) -> Tensor:
+    """[H, B, N, M, S] states in the scene frame, from the agents' frames."""
+    shape = [states.size(0), -1, -1, states.size(3), -1]
+    direction = start.direction.unsqueeze(2).unsqueeze(0).expand(shape)
+    position = to_scene(states[..., :2], direction) + start.origin.unsqueeze(2)
+    if states.size(-1) == 2:
+        return position
+    return torch.cat((position, to_scene(states[..., 2:], direction)), dim=-1)
+
+
+def states_to_own(states: Tensor, start: Start) -> Tensor:
+    """[B, N, H, S] states in the agents' frames, from the scene frame."""
+    direction = start.direction.unsqueeze(2).expand(-1, -1, states.size(2), -1)
+    position = to_own(states[..., :2] - start.origin.unsqueeze(2), direction)
+    if states.size(-1) == 2:
+        return position
+    return torch.cat((position, to_own(states[..., 2:4], direction)), dim=-1)
+
+
 def heading(velocity: Tensor, yaw: Tensor) -> Tensor:
     """[..., 2] unit direction of motion, the yaw's where the agent hardly moves.
 

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """MTP-GO: graph GRU encoder and decoder, neural ODE, Kalman covariance, mixture output."""
 
+from typing import TYPE_CHECKING
+
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from models.attention import presence_bias
 from models.coder import Decoder, Encoder
-from models.conditioning import Conditioning
 from models.config import ModelConfig
 from models.covariance import (
     DirectCovariance,
@@ -15,28 +16,29 @@ from models.covariance import (
     initial_in_own_frame,
     rotate_blocks,
 )
-from models.frames import Start, to_own, to_scene
+from models.frames import Start, states_to_own, states_to_scene
 from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead
 from models.motion import DirectStates, NeuralODE
+from models.predictor import TrajectoryPredictor
 
 
-class MTPGO(nn.Module):
+class MTPGO(TrajectoryPredictor):
     """Multimodal Gaussian trajectories of all agents of B scenes.
 
     Args:
         config: see :class:`models.config.ModelConfig`.
     """
 
+    if TYPE_CHECKING:  # TorchScript would compile an annotation that it can see
+        config: ModelConfig
     observation: Tensor
 
     def __init__(self, config: ModelConfig):
-        super().__init__()
+        super().__init__(config)
         self.horizon_steps = config.horizon_steps
         self.modes = config.modes
         self.order = config.order
         self.covariance_scale = config.covariance_scale
-        self.config = config
-        self.condition = Conditioning(config)
         self.encoder = Encoder(config, self.condition.input_size)
         self.decoder = Decoder(config)
         self.motion = NeuralODE(config) if config.ode else DirectStates(config)
@@ -49,29 +51,6 @@ class MTPGO(nn.Module):
         observation = torch.tensor(std[: config.state_size]).square().diag()
         self.register_buffer("observation", observation, persistent=False)
 
-    def forward(
-        self,
-        features: Tensor,
-        valid: Tensor,
-        static: Tensor,
-        initial_covariance: Tensor | None = None,
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """Predict every agent, in the scene frame.
-
-        Args:
-            features: [B, N, T, F], columns as in the task's scene configuration; what stands where
-                ``valid`` is false does not matter.
-            valid: [B, N, T] presence; an agent absent at t gets finite numbers without meaning.
-            static: [B, N, C] one-hot class.
-            initial_covariance: [B, N, S, S] P_0 in the scene frame, for instance the tracker's;
-                an agent whose entries are not all finite takes the model's own.
-
-        Returns:
-            log mixture weights [B, N, M], means [B, N, M, H, S] and covariances
-            [B, N, M, H, S, S] of x, y (m) and in second order vx, vy (m/s).
-        """
-        return self.roll_out(features, valid, static, initial_covariance, True, None, None)
-
     def roll_out(
         self,
         features: Tensor,
@@ -82,21 +61,7 @@ class MTPGO(nn.Module):
         teacher: Tensor | None,
         teacher_valid: Tensor | None,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """:meth:`forward` with the options of training.
-
-        Args:
-            features: as in :meth:`forward`, and so the next three.
-            valid: see there.
-            static: see there.
-            initial_covariance: see there.
-            with_covariance: false saves the covariances, which come back empty.
-            teacher: [B, N, H, S] true future states in the scene frame. Where given and valid, the
-                decoder sees them instead of its own last prediction; the motion model never does.
-            teacher_valid: [B, N, H].
-
-        Returns:
-            As :meth:`forward`.
-        """
+        """See :meth:`models.predictor.TrajectoryPredictor.roll_out`."""
         features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
         start = self.condition.start(features, valid)
         inputs = self.condition(features, valid, start)  # [B, N, T, .]
@@ -113,7 +78,7 @@ class MTPGO(nn.Module):
         field = self.motion.prepare(static, start)
         h = last + self.decoder.initial
         state = self.first_state(start)
-        lead = self.teacher_states(teacher, start)
+        lead = None if teacher is None else states_to_own(torch.nan_to_num(teacher), start)
         states = [state]
         controls: list[Tensor] = []
         hidden: list[Tensor] = []
@@ -130,7 +95,7 @@ class MTPGO(nn.Module):
             states.append(state)
             controls.append(control)
             hidden.append(h)
-        mean = self.to_scene(torch.stack(states[1:]), start).permute(1, 2, 3, 0, 4).contiguous()
+        mean = states_to_scene(torch.stack(states[1:]), start).permute(1, 2, 3, 0, 4).contiguous()
 
         # Covariance, over the whole horizon at once where it can be.
         if not with_covariance:
@@ -152,37 +117,3 @@ class MTPGO(nn.Module):
         if self.order == 2:
             state = torch.cat((state, start.velocity), dim=-1)
         return state.unsqueeze(2).expand(-1, -1, self.modes, -1)
-
-    def teacher_states(self, teacher: Tensor | None, start: Start) -> Tensor | None:
-        """[B, N, H, S] the true future in the agents' frames, finite where it is unknown."""
-        if teacher is None:
-            return None
-        direction = start.direction.unsqueeze(2).expand(-1, -1, teacher.size(2), -1)
-        teacher = torch.nan_to_num(teacher)
-        position = to_own(teacher[..., :2] - start.origin.unsqueeze(2), direction)
-        if self.order == 1:
-            return position
-        return torch.cat((position, to_own(teacher[..., 2:4], direction)), dim=-1)
-
-    def to_scene(self, states: Tensor, start: Start) -> Tensor:
-        """[H, B, N, M, S] states in the scene frame, from the agents' frames."""
-        direction = start.direction.unsqueeze(2).expand(-1, -1, self.modes, -1)
-        direction = direction.unsqueeze(0).expand(states.size(0), -1, -1, -1, -1)
-        position = to_scene(states[..., :2], direction) + start.origin.unsqueeze(2)
-        if self.order == 1:
-            return position
-        return torch.cat((position, to_scene(states[..., 2:], direction)), dim=-1)
-
-    def set_statistics(
-        self,
-        feature_mean: Tensor,
-        feature_std: Tensor,
-        own_mean: Tensor | None = None,
-        own_std: Tensor | None = None,
-    ) -> None:
-        """Fill the scaling buffers, see :meth:`Conditioning.set_statistics`."""
-        self.condition.set_statistics(feature_mean, feature_std, own_mean, own_std)
-
-    def fit_statistics(self, features: Tensor, valid: Tensor) -> None:
-        """Fill the scaling buffers from sample scenes: [B, N, T, F] and presence [B, N, T]."""
-        self.condition.fit_statistics(features, valid)
