@@ -39,7 +39,7 @@ def top_mode(mean: Array, weight: Array) -> Array:
 
 def ade(mean: Array, weight: Array, truth: Array, mask: Mask) -> Array:
     """[...] ADE (m): displacement of the top mode, averaged over the observed steps."""
-    return _over_steps(_distance(top_mode(mean, weight), truth), mask)
+    return _over_steps(displacement(mean, weight, truth), mask)
 
 
 def fde(mean: Array, weight: Array, truth: Array, mask: Mask) -> Array:
@@ -61,6 +61,11 @@ def miss_rate(
     """
     final = fde(mean, weight, truth, mask)
     return np.where(np.isnan(final), np.nan, (final > miss_threshold_m).astype(float))
+
+
+def displacement(mean: Array, weight: Array, truth: Array) -> Array:
+    """[..., H] distance of the top mode from the truth (m), unmasked; averaged it is ADE."""
+    return _distance(top_mode(mean, weight), truth)
 
 
 def apde(mean: Array, weight: Array, truth: Array, mask: Mask) -> Array:
@@ -107,11 +112,45 @@ def coverage(
     The ellipse of a two-dimensional Gaussian that holds the share ``level`` has the squared
     Mahalanobis radius -2 ln(1 - level). A calibrated prediction averages to ``level``.
     """
+    return share_inside(nees(mean, weight, covariance, truth), mask, level)
+
+
+def share_inside(squared: Array, mask: Mask, level: float) -> Array:
+    """[...] share of the observed steps with a NEES ``squared`` [..., H] inside of ``level``."""
+    return _over_steps((squared <= radius_squared(level)).astype(float), mask)
+
+
+def radius_squared(level: float) -> float:
+    """Squared Mahalanobis radius of the ellipse that holds the share ``level`` of a Gaussian."""
+    return float(-2.0 * np.log(1.0 - level))
+
+
+def nees(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
+    """[..., H] normalised estimation error squared of the top mode, unmasked.
+
+    The error weighed by the inverse covariance, e' C^-1 e. Of a Gaussian with the right
+    covariance it has a chi-square distribution of two degrees of freedom, so its average is 2:
+    more says that the ellipses are too small, less that they are too large. Where the heaviest
+    mode is not the one that happens, its average is more than 2 although the mixture is right.
+    """
     best = np.argmax(weight, axis=-1)[..., None, None, None]
     chosen = np.take_along_axis(covariance, best[..., None], axis=-4).squeeze(-4)
-    difference = truth - top_mode(mean, weight)
-    squared, _ = _mahalanobis(difference, chosen)
-    return _over_steps((squared <= -2.0 * np.log(1.0 - level)).astype(float), mask)
+    squared, _ = _mahalanobis(truth - top_mode(mean, weight), chosen)
+    return squared
+
+
+def mixture_nees(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
+    """[..., H] the same of the whole mixture, by its overall mean and covariance, unmasked.
+
+    The covariance of a mixture is the average of the modes' covariances and of the spread of
+    their means. Whatever its shape, a mixture that tells the truth has an average of 2.
+    """
+    w = weight[..., None, None].astype(np.float64)
+    middle = (w * mean).sum(axis=-3)
+    apart = mean - middle[..., None, :, :]
+    spread = covariance + apart[..., :, None] * apart[..., None, :]
+    squared, _ = _mahalanobis(truth - middle, (w[..., None] * spread).sum(axis=-4))
+    return squared
 
 
 def nll(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:

@@ -110,3 +110,32 @@ def test_coverage_of_a_calibrated_gaussian_is_its_level():
 def test_average_leaves_out_the_undefined():
     assert metrics.average(np.array([1.0, np.nan, 3.0])) == 2.0
     assert np.isnan(metrics.average(np.array([np.nan])))
+
+
+def test_nees_of_a_hand_worked_case():
+    mean = np.array([[[0.0, 0.0]], [[3.0, 4.0]]])  # [M, H, 2]
+    covariance = np.array([[np.diag([4.0, 1.0])], [np.diag([9.0, 16.0])]])
+    truth = np.array([[2.0, 2.0]])
+    assert metrics.nees(mean, np.array([0.7, 0.3]), covariance, truth) == pytest.approx(5.0)
+    assert metrics.nees(mean, np.array([0.3, 0.7]), covariance, truth) == pytest.approx(
+        1 / 9 + 4 / 16
+    )
+
+
+def test_the_nees_of_a_true_mixture_is_two_whatever_its_shape():
+    rng = np.random.default_rng(0)
+    weight = np.array([0.5, 0.3, 0.2])
+    mean = np.array([[[0.0, 0.0]], [[9.0, 1.0]], [[-2.0, 6.0]]])
+    covariance = np.array([[np.diag([1.0, 2.0])], [[[3.0, 1.0], [1.0, 1.0]]], [np.eye(2)]])
+    mode = rng.choice(3, size=20_000, p=weight)
+    truth = np.stack([rng.multivariate_normal(mean[m, 0], covariance[m, 0]) for m in mode])
+    n = len(truth)
+    tiled = (np.tile(a, (n, *[1] * a.ndim)) for a in (mean, weight, covariance))
+    values = metrics.mixture_nees(*tiled, truth[:, None])
+    assert values.mean() == pytest.approx(2.0, rel=0.02)
+    # One mode alone: both are the same.
+    alone = (np.tile(a[:1], (n, *[1] * a.ndim)) for a in (mean, weight / weight[0], covariance))
+    one = list(alone)
+    np.testing.assert_allclose(
+        metrics.mixture_nees(*one, truth[:, None]), metrics.nees(*one, truth[:, None])
+    )
