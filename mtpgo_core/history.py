@@ -31,42 +31,16 @@ No loop runs over agents: every step is an array operation over the agents of a 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtpgo_core.resampling import (
-    NEVER_NS,
-    Brackets,
-    between,
-    between_angles,
-    bracket,
-    fill_backwards,
-    wrap,
-)
-from mtpgo_core.schema import Float64Array, HistoryWindow, TrackedStates
+from mtpgo_core.observations import carry, derive, has_jumped, interpolate, usable
+from mtpgo_core.resampling import NEVER_NS, Brackets, bracket
+from mtpgo_core.schema import HistoryWindow, TrackedStates
 from mtpgo_core.task import HistoryConfig
-from mtpgo_core.trackstore import (
-    ACCELERATION,
-    POSITION,
-    SAMPLE_COLUMNS,
-    VELOCITY,
-    YAW,
-    TrackStore,
-)
+from mtpgo_core.trackstore import ACCELERATION, POSITION, VELOCITY, YAW, TrackStore
 from mtpgo_core.tracktable import names_of
 from mtpgo_core.updates import StreamWatch, UpdateReport, Verdict
 
 __all__ = ["TrackHistory", "UpdateReport"]
-
-_FARTHEST_M = 1e8
-"""No map reaches farther (UTM coordinates stay below 1e7 m)."""
-_JUMP_M = 5.0
-"""A track may always move by this much between two observations, whatever the time (m)."""
-_JUMP_MPSS = 30.0
-"""Change of velocity, by collision or tracker, that a track may show and stay the same."""
-_HARDEST_MPSS = 200.0
-"""A given acceleration beyond is taken as missing."""
-_MOVING_MPS = 0.5
-"""From this speed on the direction of motion stands in for an unknown yaw."""
 
 
 class TrackHistory:
@@ -122,33 +96,36 @@ class TrackHistory:
         newest_ns = stamp_ns if newest_ns is None else newest_ns
         forgotten = store.forget_before(newest_ns - self._keep_ns)
 
-        finite = (np.abs(states.position) <= _FARTHEST_M).all(axis=1)
-        speed_mps = np.hypot(states.velocity[:, 0], states.velocity[:, 1])
-        given = np.isfinite(states.velocity).all(axis=1)
-        too_fast = finite & given & (speed_mps > self.config.max_speed_mps)
-        usable = np.flatnonzero(finite & ~too_fast)
-        names, first = np.unique(names_of(states.key[usable]), return_index=True)
-        index = usable[first]
+        finite, too_fast = usable(self.config, states)
+        rows = np.flatnonzero(finite & ~too_fast)
+        names, first = np.unique(names_of(states.key[rows]), return_index=True)
+        index = rows[first]
         slot = store.table.find(names)
         last_ns = np.where(slot >= 0, store.rings.last_ns[slot], NEVER_NS)
         fresh = last_ns < stamp_ns
         names, index, slot = names[fresh], index[fresh], slot[fresh]
 
         known = slot >= 0
-        restarted = self._restart_jumped(slot[known], stamp_ns, states.position[index[known]])
-        new, dropped = store.admit(names[~known], slot[known])
+        seen_again = slot[known]
+        jumped = has_jumped(
+            self.config, store, seen_again, stamp_ns, states.position[index[known]]
+        )
+        if jumped.any():
+            store.blank(seen_again[jumped])
+        new, dropped = store.admit(names[~known], seen_again)
         slot[~known] = new
         slot, index = slot[slot >= 0], index[slot >= 0]
         if slot.shape[0]:
-            store.rings.append(slot, stamp_ns, self._derive(slot, stamp_ns, states, index))
+            sample = derive(self.config, store, slot, stamp_ns, states, index)
+            store.rings.append(slot, stamp_ns, sample)
             store.tell(slot, states, index)
         return UpdateReport(
             accepted=slot.shape[0],
             new_tracks=int((new >= 0).sum()),
-            restarted=restarted,
+            restarted=int(jumped.sum()),
             duplicates=int((last_ns == stamp_ns).sum()),
             late=int((last_ns > stamp_ns).sum()),
-            duplicate_keys=usable.shape[0] - first.shape[0],
+            duplicate_keys=rows.shape[0] - first.shape[0],
             non_finite=int((~finite).sum()),
             too_fast=int(too_fast.sum()),
             dropped=dropped,
@@ -156,57 +133,6 @@ class TrackHistory:
             clock_reset=verdict is Verdict.CLOCK_RESET,
             frame_changed=verdict is Verdict.NEW_FRAME,
         )
-
-    def _restart_jumped(
-        self, slot: NDArray[np.intp], stamp_ns: int, position: Float64Array
-    ) -> int:
-        """Blank the tracks that cannot have moved to ``position`` [n, 2]; returns how many.
-
-        What a track can do is judged by its positions alone: some trackers send velocities of
-        zero, or in another frame than they say.
-        """
-        rings = self._store.rings
-        dt_s = (stamp_ns - rings.last_ns[slot]) * 1e-9
-        step = position - rings.last[slot, POSITION]
-        surprise = step - self._store.motion[slot] * dt_s[:, None]
-        moved_m = np.hypot(step[:, 0], step[:, 1])
-        surprise_m = np.hypot(surprise[:, 0], surprise[:, 1])
-        jumped = moved_m > _JUMP_M + self.config.max_speed_mps * dt_s
-        jumped |= surprise_m > _JUMP_M + 0.5 * _JUMP_MPSS * dt_s**2  # never true for NaN
-        if jumped.any():
-            self._store.blank(slot[jumped])
-        return int(jumped.sum())
-
-    def _derive(
-        self, slot: NDArray[np.intp], stamp_ns: int, states: TrackedStates, index: NDArray[np.intp]
-    ) -> Float64Array:
-        """[n, 7] position, velocity, acceleration and yaw, with what is missing estimated."""
-        config, store = self.config, self._store
-        first = store.rings.count[slot] == 0
-        dt_s = np.where(first, 0.0, (stamp_ns - store.rings.last_ns[slot]) * 1e-9)
-        sample = np.empty((slot.shape[0], SAMPLE_COLUMNS))
-        sample[:, POSITION] = states.position[index]
-
-        velocity = store.velocity.step(slot, dt_s, sample[:, POSITION])
-        store.motion[slot] = velocity
-        if config.velocity_source == "message":
-            velocity = _prefer(states.velocity[index], velocity)
-        sample[:, VELOCITY] = velocity
-
-        acceleration = store.acceleration.step(slot, dt_s, velocity)
-        if config.acceleration_source == "message":
-            sane = np.abs(states.acceleration[index]) <= _HARDEST_MPSS
-            given = np.where(sane, states.acceleration[index], np.nan)
-            acceleration = _prefer(given, acceleration)
-        sample[:, ACCELERATION] = acceleration
-
-        moving = np.hypot(velocity[:, 0], velocity[:, 1]) > _MOVING_MPS
-        course = np.arctan2(velocity[:, 1], velocity[:, 0])
-        yaw = states.yaw[index]
-        angle = np.abs(yaw) < 1e6  # false for NaN; what lies beyond is no angle
-        unknown = np.where(moving, course, store.rings.last[slot, YAW])
-        sample[:, YAW] = np.where(angle, wrap(np.where(angle, yaw, 0.0)), unknown)
-        return sample
 
     def window(self, stamp_ns: int | None = None) -> HistoryWindow:
         """The grid samples up to a common time, of every track that has any.
@@ -236,7 +162,12 @@ class TrackHistory:
         if seen.shape[0] < slot.shape[0]:
             brackets = Brackets(**{k: v[seen] for k, v in vars(brackets).items()})
             slot, place = slot[seen], place[seen]
-        sample = self._interpolate(slot, place, brackets)
+        rows = np.arange(slot.shape[0])[:, None]
+        sample = interpolate(
+            store.rings.samples(slot, place[rows, brackets.left]),
+            store.rings.samples(slot, place[rows, brackets.right]),
+            brackets,
+        )
         return HistoryWindow(
             stamp_ns=stamp_ns,
             frame_id=self.frame_id,
@@ -249,35 +180,5 @@ class TrackHistory:
             acceleration=sample[..., ACCELERATION],
             yaw=sample[..., YAW],
             valid=brackets.valid,
-            covariance=_carry(store.covariance[slot], brackets.after_s),
+            covariance=carry(store.covariance[slot], brackets.after_s),
         )
-
-    def _interpolate(
-        self, slot: NDArray[np.intp], place: NDArray[np.intp], brackets: Brackets
-    ) -> Float64Array:
-        """[n, T, 7] samples at the grid times, NaN where not valid or not known."""
-        rows = np.arange(slot.shape[0])[:, None]
-        left = self._store.rings.samples(slot, place[rows, brackets.left])
-        right = self._store.rings.samples(slot, place[rows, brackets.right])
-        sample = between(left, right, brackets.fraction[..., None])
-        sample[..., YAW] = between_angles(left[..., YAW], right[..., YAW], brackets.fraction)
-        for part in (VELOCITY, ACCELERATION, slice(YAW, None)):
-            sample[..., part] = fill_backwards(sample[..., part], brackets.valid)
-        reach_m = np.nan_to_num(sample[:, -1, VELOCITY]) * brackets.after_s[:, None]
-        sample[:, -1, POSITION] += reach_m
-        return np.where(brackets.valid[..., None], sample, np.nan)
-
-
-def _carry(covariance: Float64Array, time_s: Float64Array) -> Float64Array:
-    """Covariances [n, 4, 4] of (x, y, vx, vy) after ``time_s`` [n] at constant velocity."""
-    if not time_s.any():
-        return covariance
-    step = np.zeros((time_s.shape[0], 4, 4))
-    step[:] = np.eye(4)
-    step[:, [0, 1], [2, 3]] = time_s[:, None]
-    return step @ covariance @ step.transpose(0, 2, 1)
-
-
-def _prefer(given: Float64Array, estimate: Float64Array) -> Float64Array:
-    """The given vectors [n, 2] where finite, else the estimate."""
-    return np.where(np.isfinite(given).all(axis=1, keepdims=True), given, estimate)
