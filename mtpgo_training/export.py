@@ -16,15 +16,15 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from models.config import ModelConfig
-from models.fast import deployable
-from models.mtp_go import MTPGO
+from models.options import NetworkConfig
+from models.predictor import TrajectoryPredictor
 from mtpgo_core.errors import ConfigurationError, ModelFileError
 from mtpgo_core.runner import ModelRunner
 from mtpgo_core.task import TASK_FILE, TaskDescription, from_dict
 from mtpgo_training.atomic import replacing, require_writable
 from mtpgo_training.config import TrainingConfig
 from mtpgo_training.info import card
+from mtpgo_training.networks import MTP_GO, NETWORKS, name_of, rebuild
 from mtpgo_training.run_folder import Checkpoint, load_checkpoint, versions
 
 LARGEST_DIFFERENCE_M = 1e-4
@@ -34,7 +34,7 @@ its covariances by more than this share of their variance."""
 STATE_NAMES = ("x", "y", "vx", "vy")
 
 
-def export_model(model: MTPGO, task: TaskDescription, path: Path) -> TaskDescription:
+def export_model(model: TrajectoryPredictor, task: TaskDescription, path: Path) -> TaskDescription:
     """Script, freeze and save a model with its task description, and check the file.
 
     Args:
@@ -50,18 +50,18 @@ def export_model(model: MTPGO, task: TaskDescription, path: Path) -> TaskDescrip
         ModelFileError: the exported model does not compute what the eager one does.
         ConfigurationError: the file cannot be written.
     """
-    model = model.eval()
+    model, name = model.eval(), name_of(model)
     task = dataclasses.replace(
         task,
         states=STATE_NAMES[: model.config.state_size],
         horizon_steps=model.config.horizon_steps,
         modes=model.config.modes,
-        model=model.config.to_dict(),
+        model={"network": name, **model.config.to_dict()},
         weights_sha256=weights_hash(model),
     )
     with warnings.catch_warnings(), replacing(path) as temporary:
         warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit in 2.13, see SPEED notes
-        frozen = torch.jit.freeze(torch.jit.script(deployable(model)))
+        frozen = torch.jit.freeze(torch.jit.script(NETWORKS[name].deployed(model)))
         torch.jit.save(frozen, str(temporary), _extra_files={TASK_FILE: task.to_json()})
         _check(model, temporary)
     return task
@@ -76,7 +76,7 @@ def weights_hash(model: torch.nn.Module) -> str:
     return digest.hexdigest()
 
 
-def load_model(checkpoint: Checkpoint, *, calibrated: bool = True) -> MTPGO:
+def load_model(checkpoint: Checkpoint, *, calibrated: bool = True) -> TrajectoryPredictor:
     """The validated network of a checkpoint.
 
     Args:
@@ -90,7 +90,7 @@ def load_model(checkpoint: Checkpoint, *, calibrated: bool = True) -> MTPGO:
         config = dict(checkpoint["model_config"])
         if calibrated:
             config["covariance_scale"] = checkpoint.get("covariance_scale", 1.0)
-        model = MTPGO(ModelConfig.from_dict(config))
+        model = rebuild(checkpoint.get("network", MTP_GO), config)
         model.load_state_dict(checkpoint["average"])
     except (KeyError, ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())[:200]
@@ -127,7 +127,7 @@ def describe(checkpoint: Checkpoint, name: str | None = None) -> TaskDescription
     )
 
 
-def _check(model: MTPGO, path: Path) -> None:
+def _check(model: TrajectoryPredictor, path: Path) -> None:
     """That the file computes what the eager model computes, on agents with gaps and padding."""
     ModelRunner.load(path, num_threads=None)  # the schema and the shapes, as the node checks them
     loaded = torch.jit.load(str(path))
@@ -149,7 +149,7 @@ def _check(model: MTPGO, path: Path) -> None:
         )
 
 
-def _example(config: ModelConfig) -> tuple[Tensor, Tensor, Tensor]:
+def _example(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor]:
     """Two scenes of five agents at driving speeds, some seen late, some absent."""
     draw = torch.Generator().manual_seed(0)
     shape = (2, 5, config.history_steps)

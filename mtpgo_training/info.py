@@ -15,6 +15,7 @@ def card(task: TaskDescription) -> str:
     training = task.training
     lines = [
         f"{task.name} (exported by version {task.version or 'unknown'})",
+        f"network    {task.model.get('network', 'mtp-go')}",
         f"states     {', '.join(task.states)}",
         f"horizon    {task.horizon_steps} steps of {task.history.dt_s} s, {task.modes} modes",
         f"history    {task.history.steps} steps of {task.history.dt_s} s",
