@@ -39,7 +39,7 @@ def top_mode(mean: Array, weight: Array) -> Array:
 
 def ade(mean: Array, weight: Array, truth: Array, mask: Mask) -> Array:
     """[...] ADE (m): displacement of the top mode, averaged over the observed steps."""
-    return _over_steps(displacement(mean, weight, truth), mask)
+    return over_steps(displacement(mean, weight, truth), mask)
 
 
 def fde(mean: Array, weight: Array, truth: Array, mask: Mask) -> Array:
@@ -77,12 +77,12 @@ def apde(mean: Array, weight: Array, truth: Array, mask: Mask) -> Array:
     path = top_mode(mean, weight)
     pairs = _distance(path[..., :, None, :], truth[..., None, :, :])  # [..., H, H]
     nearest = np.min(np.where(mask[..., None, :], pairs, np.inf), axis=-1)
-    return _over_steps(nearest, mask)
+    return over_steps(nearest, mask)
 
 
 def anll(mean: Array, weight: Array, covariance: Array, truth: Array, mask: Mask) -> Array:
     """[...] ANLL (nats): negative log-likelihood of the position, averaged over observed steps."""
-    return _over_steps(nll(mean, weight, covariance, truth), mask)
+    return over_steps(nll(mean, weight, covariance, truth), mask)
 
 
 def fnll(mean: Array, weight: Array, covariance: Array, truth: Array, mask: Mask) -> Array:
@@ -95,7 +95,7 @@ def min_ade(mean: Array, truth: Array, mask: Mask) -> Array:
     """[...] minADE (m): the smallest over the M modes of the mode's ADE."""
     distance = _distance(mean, truth[..., None, :, :])  # [..., M, H]
     known = np.broadcast_to(mask[..., None, :], distance.shape)
-    return np.min(_over_steps(distance, known), axis=-1)
+    return np.min(over_steps(distance, known), axis=-1)
 
 
 def min_fde(mean: Array, truth: Array, mask: Mask) -> Array:
@@ -117,7 +117,7 @@ def coverage(
 
 def share_inside(squared: Array, mask: Mask, level: float) -> Array:
     """[...] share of the observed steps with a NEES ``squared`` [..., H] inside of ``level``."""
-    return _over_steps((squared <= radius_squared(level)).astype(float), mask)
+    return over_steps((squared <= radius_squared(level)).astype(float), mask)
 
 
 def radius_squared(level: float) -> float:
@@ -181,8 +181,8 @@ def _distance(a: Array, b: Array) -> Array:
     return np.linalg.norm(a - b, axis=-1)
 
 
-def _over_steps(values: Array, mask: Mask) -> Array:
-    """Mean of ``values`` over the last axis where ``mask``, NaN where no step is observed."""
+def over_steps(values: Array, mask: Mask) -> Array:
+    """[...] mean of ``values`` [..., H] where ``mask``, NaN where no step is observed."""
     count = mask.sum(axis=-1)
     total = np.where(mask, values, 0.0).sum(axis=-1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)

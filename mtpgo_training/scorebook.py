@@ -10,34 +10,21 @@ MR and FNLL over those observed at the last step.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_training import metrics
+from mtpgo_training.metrics import Array, Mask
+from mtpgo_training.scorepage import KEYS, AgentScores, Page, score_agents
 
-Array = NDArray[np.floating]
-Mask = NDArray[np.bool_]
-
-KEYS = (
-    "ade",
-    "fde",
-    "mr",
-    "apde",
-    "anll",
-    "fnll",
-    "min_ade",
-    "min_fde",
-    "coverage_50",
-    "coverage_90",
-    "coverage_95",
-)
-"""Names of the values, as in the JSON; ``n`` agents and ``n_final`` beside them."""
+__all__ = ["KEYS", "PROTOCOLS", "TITLES", "ScoreBook", "ScoreTable", "Scores"]
 
 PROTOCOLS = ("centre", "all")
 
-_TITLES = {
+TITLES = {
     "ade": "ADE m",
     "fde": "FDE m",
     "mr": "MR",
@@ -51,48 +38,22 @@ _TITLES = {
     "coverage_95": "in 95%",
     "n": "agents",
 }
+"""Heads of the columns of a table."""
 
 Scores = dict[str, float]
 
 
-def agent_scores(
-    mean: Array, weight: Array, covariance: Array | None, truth: Array, mask: Mask
-) -> dict[str, Array]:
-    """Every metric of n agents, each [n]; those of the distribution NaN without ``covariance``.
-
-    Args:
-        mean: [n, M, H, 2] (m).
-        weight: [n, M].
-        covariance: [n, M, H, 2, 2] (m^2) or None.
-        truth: [n, H, 2] (m).
-        mask: [n, H] observed.
-    """
-    unknown = np.full(mean.shape[0], np.nan)
-    values: dict[str, Array] = {
-        "ade": metrics.ade(mean, weight, truth, mask),
-        "fde": metrics.fde(mean, weight, truth, mask),
-        "mr": metrics.miss_rate(mean, weight, truth, mask),
-        "apde": metrics.apde(mean, weight, truth, mask),
-        "min_ade": metrics.min_ade(mean, truth, mask),
-        "min_fde": metrics.min_fde(mean, truth, mask),
-    }
-    if covariance is None:
-        distribution = ("anll", "fnll", "coverage_50", "coverage_90", "coverage_95")
-        return values | dict.fromkeys(distribution, unknown)
-    values["anll"] = metrics.anll(mean, weight, covariance, truth, mask)
-    values["fnll"] = metrics.fnll(mean, weight, covariance, truth, mask)
-    for percent in (50, 90, 95):
-        values[f"coverage_{percent}"] = metrics.coverage(
-            mean, weight, covariance, truth, mask, percent / 100.0
-        )
-    return values
-
-
 @dataclass
 class ScoreBook:
-    """Collects the scores of several models on the same agents."""
+    """Collects the scores of several models on the same agents, recording by recording.
 
-    _pages: dict[tuple[str, str], list[dict[str, Array]]] = field(default_factory=dict)
+    Attributes:
+        pages: by model, protocol and recording, in the order in which they came.
+        step_s: time between two horizon steps (s), NaN where nobody told.
+    """
+
+    pages: dict[tuple[str, str, str], Page] = field(default_factory=dict)
+    step_s: float = float("nan")
 
     def add(
         self,
@@ -104,11 +65,37 @@ class ScoreBook:
         covariance: Array | None,
         truth: Array,
         mask: Mask,
-    ) -> None:
-        """Score n agents, see :func:`agent_scores`."""
-        if mean.shape[0]:
-            values = agent_scores(mean, weight, covariance, truth, mask)
-            self._pages.setdefault((model, protocol), []).append(values)
+        recording: str = "",
+        agent_class: NDArray[np.uint8] | None = None,
+        manoeuvres: NDArray[np.uint8] | None = None,
+    ) -> AgentScores:
+        """Score n agents.
+
+        Args:
+            model: its name.
+            protocol: one of :data:`PROTOCOLS`.
+            mean: [n, M, H, 2] (m).
+            weight: [n, M].
+            covariance: [n, M, H, 2, 2] (m^2), None where the model has none.
+            truth: [n, H, 2] (m).
+            mask: [n, H] observed.
+            recording: name of the recording.
+            agent_class: [n], default unknown.
+            manoeuvres: [n] from :func:`mtpgo_training.manoeuvres.label`, default none.
+
+        Returns:
+            The scores that were added.
+        """
+        scores = score_agents(mean, weight, covariance, truth, mask)
+        n = mean.shape[0]
+        if n:
+            nothing = np.zeros(n, dtype=np.uint8)
+            self.pages.setdefault((model, protocol, recording), Page()).add(
+                scores,
+                nothing if agent_class is None else agent_class,
+                nothing if manoeuvres is None else manoeuvres,
+            )
+        return scores
 
     def add_path(
         self,
@@ -119,9 +106,12 @@ class ScoreBook:
         truth: Array,
         mask: Mask,
         covariance: Array | None = None,
-    ) -> None:
-        """Score n agents with one path [n, H, 2] each, and covariance [n, H, 2, 2] if known."""
-        self.add(
+        recording: str = "",
+        agent_class: NDArray[np.uint8] | None = None,
+        manoeuvres: NDArray[np.uint8] | None = None,
+    ) -> AgentScores:
+        """Like :meth:`add`, with one path [n, H, 2] each, and covariance [n, H, 2, 2] if known."""
+        return self.add(
             model,
             protocol,
             mean=path[:, None],
@@ -129,18 +119,57 @@ class ScoreBook:
             covariance=None if covariance is None else covariance[:, None],
             truth=truth,
             mask=mask,
+            recording=recording,
+            agent_class=agent_class,
+            manoeuvres=manoeuvres,
         )
+
+    def merge(self, other: ScoreBook) -> None:
+        """Take the agents of another book in; books can be pickled and sent between processes."""
+        for key, page in other.pages.items():
+            self.pages.setdefault(key, Page()).merge(page)
+        if np.isnan(self.step_s):
+            self.step_s = other.step_s
+
+    @property
+    def recordings(self) -> list[str]:
+        """Names of the recordings, in the order in which they came."""
+        return list(dict.fromkeys(recording for _, _, recording in self.pages))
+
+    def series(self) -> dict[tuple[str, str], dict[str, Page]]:
+        """By model and protocol, the pages by recording."""
+        found: dict[tuple[str, str], dict[str, Page]] = {}
+        for (model, protocol, recording), page in self.pages.items():
+            found.setdefault((model, protocol), {})[recording] = page
+        return found
 
     def table(self) -> ScoreTable:
         """The averages over all agents so far."""
         models: dict[str, dict[str, Scores]] = {}
-        for (model, protocol), pages in self._pages.items():
-            joined = {k: np.concatenate([page[k] for page in pages]) for k in KEYS}
-            scores = {k: metrics.average(v) for k, v in joined.items()}
-            scores["n"] = int(np.isfinite(joined["ade"]).sum())
-            scores["n_final"] = int(np.isfinite(joined["fde"]).sum())
-            models.setdefault(model, {})[protocol] = scores
+        for (model, protocol), pages in self.series().items():
+            models.setdefault(model, {})[protocol] = averages(list(pages.values()))
         return ScoreTable(models)
+
+
+def averages(
+    pages: list[Page], chosen: Callable[[Page], NDArray[np.bool_]] | None = None
+) -> Scores:
+    """The values of :data:`KEYS` over the agents of some pages, ``n`` and ``n_final``.
+
+    Args:
+        pages: of one model and protocol.
+        chosen: [agents] of a page which of them count; all by default.
+    """
+    rows = {
+        key: np.concatenate(
+            [p.values(key) if chosen is None else p.values(key)[chosen(p)] for p in pages]
+        ).astype(np.float64)
+        for key in KEYS
+    }
+    scores: Scores = {key: metrics.average(values) for key, values in rows.items()}
+    scores["n"] = int(np.isfinite(rows["ade"]).sum())
+    scores["n_final"] = int(np.isfinite(rows["fde"]).sum())
+    return scores
 
 
 @dataclass(frozen=True)
@@ -166,19 +195,24 @@ class ScoreTable:
 
     def text(self, protocol: str = "all") -> str:
         """A table for the terminal, one model a line."""
-        rows = [["", *_TITLES.values()]]
+        rows = [["", *TITLES.values()]]
         for model, protocols in self.models.items():
             scores = protocols.get(protocol)
             if scores is not None:
-                rows.append([model, *(_cell(k, scores[k]) for k in _TITLES)])
-        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        return "\n".join(
-            "  ".join(
-                cell.ljust(width) if i == 0 else cell.rjust(width)
-                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-            )
-            for row in rows
+                rows.append([model, *(_cell(k, scores[k]) for k in TITLES)])
+        return columns(rows)
+
+
+def columns(rows: list[list[str]]) -> str:
+    """Rows of cells as text, the first column to the left, the others to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(width) if i == 0 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         )
+        for row in rows
+    )
 
 
 def _cell(key: str, value: float) -> str:

@@ -9,20 +9,163 @@ instants for the same agents, from the history that the node would have had.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.constant_velocity import predict_constant_velocity
 from mtpgo_core.history import TrackHistory
-from mtpgo_core.schema import HistoryWindow, KeyArray, Prediction
+from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, KeyArray, Prediction
 from mtpgo_core.task import HistoryConfig
 from mtpgo_training.baselines import BASELINES
 from mtpgo_training.futures import FutureTable
+from mtpgo_training.manoeuvres import label
 from mtpgo_training.recording import Recording
 from mtpgo_training.scorebook import ScoreBook, ScoreTable
+from mtpgo_training.scorepage import AgentScores
 
 IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What became of n predicted agents.
+
+    Attributes:
+        track: [n] index in the recording, -1 where it has no such track.
+        truth: [n, H, 2] positions (m), zero where not known.
+        mask: [n, H] which are known.
+        agent_class: [n] the recording's.
+        manoeuvres: [n] see :func:`mtpgo_training.manoeuvres.label`.
+        dt_s: horizon step (s).
+    """
+
+    track: IntArray
+    truth: Float64Array
+    mask: BoolArray
+    agent_class: NDArray[np.uint8]
+    manoeuvres: NDArray[np.uint8]
+    dt_s: float
+
+    def select(self, rows: BoolArray | IntArray) -> Observed:
+        """Some of the agents."""
+        return Observed(
+            self.track[rows],
+            self.truth[rows],
+            self.mask[rows],
+            self.agent_class[rows],
+            self.manoeuvres[rows],
+            self.dt_s,
+        )
+
+
+class Judge:
+    """Scores predictions on one recording, in any order.
+
+    Args:
+        recording: what happened.
+        max_gap_s: longest gap within a track that is bridged (s).
+        min_future_s: agents observed for a shorter time afterwards are left out (s).
+        name: of the recording in the book, its own by default.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        *,
+        max_gap_s: float = 0.5,
+        min_future_s: float = 0.0,
+        name: str | None = None,
+    ) -> None:
+        self.recording = recording
+        self.name = recording.name if name is None else name
+        self._future = FutureTable(recording, max_gap_s=max_gap_s)
+        self._min_future_s = min_future_s
+        self._tracks = {key.tobytes(): i for i, key in enumerate(recording.key)}
+
+    def tracks(self, key: KeyArray) -> IntArray:
+        """[n] track of each key, -1 where the recording has none."""
+        return np.array([self._tracks.get(row.tobytes(), -1) for row in key], dtype=np.int64)
+
+    def observed(self, key: KeyArray, stamp_ns: int, horizon: int, dt_s: float) -> Observed:
+        """What became of the agents after ``stamp_ns``, over ``horizon`` steps of ``dt_s``."""
+        track = self.tracks(key)
+        now_too = self._future.at(track, stamp_ns - round(dt_s * 1e9), horizon + 1, dt_s)
+        # Only tracks that exist have a class; the others are nowhere known.
+        agent_class = np.where(track >= 0, self.recording.agent_class[track], 0).astype(np.uint8)
+        return Observed(
+            track=track,
+            truth=now_too.position[:, 1:],
+            mask=now_too.known[:, 1:],
+            agent_class=agent_class,
+            manoeuvres=label(
+                now_too.position, now_too.known, dt_s, agent_class, self.recording.lanes
+            ),
+            dt_s=dt_s,
+        )
+
+    def add(
+        self, book: ScoreBook, prediction: Prediction, name: str, protocol: str
+    ) -> tuple[BoolArray, Observed, AgentScores]:
+        """Score a prediction.
+
+        Returns:
+            Which of its agents count, what became of these, and their scores.
+        """
+        horizon = len(prediction.time_s)
+        dt_s = float(prediction.time_s[0]) if horizon else float("nan")
+        seen = self.observed(prediction.key, prediction.stamp_ns, horizon, dt_s)
+        least = max(1, round(min(self._min_future_s / dt_s, horizon)))
+        rows = seen.mask.sum(axis=1) >= least
+        seen = seen.select(rows)
+        book.step_s = dt_s
+        scores = book.add(
+            name,
+            protocol,
+            mean=prediction.mean[rows][..., :2],
+            weight=prediction.weight[rows],
+            covariance=prediction.covariance[rows],
+            truth=seen.truth,
+            mask=seen.mask,
+            recording=self.name,
+            agent_class=seen.agent_class,
+            manoeuvres=seen.manoeuvres,
+        )
+        return rows, seen, scores
+
+    def add_baselines(
+        self, book: ScoreBook, window: HistoryWindow, seen: Observed, protocol: str
+    ) -> Float64Array:
+        """Score the baselines for those agents that the window holds at its time.
+
+        Returns:
+            [n] ADE of constant velocity for the agents of ``seen``, NaN where there is none (m).
+        """
+        held = self.tracks(window.key)
+        held[~window.valid[:, -1]] = -1
+        at = {int(t): i for i, t in enumerate(held) if t >= 0}
+        index = np.array([at.get(int(t), -1) for t in seen.track], dtype=np.int64)
+        there = index >= 0
+        past, seen = window.select(index[there]), seen.select(there)
+        horizon, dt_s = seen.mask.shape[1], seen.dt_s
+        constant = predict_constant_velocity(past, horizon_steps=horizon, dt_s=dt_s, modes=1)
+        ade = np.full(len(there), np.nan)
+        for name, baseline in BASELINES.items():
+            scores = book.add_path(
+                name,
+                protocol,
+                path=baseline(past, horizon, dt_s),
+                covariance=constant.covariance[:, 0] if name == "cv" else None,
+                truth=seen.truth,
+                mask=seen.mask,
+                recording=self.name,
+                agent_class=seen.agent_class,
+                manoeuvres=seen.manoeuvres,
+            )
+            if name == "cv":
+                ade[there] = scores.values["ade"]
+        return ade
 
 
 def score(
@@ -70,74 +213,20 @@ def add_scores(
         baselines: score the baselines too; only once for several models on the same instants.
         min_future_s: agents observed for a shorter time afterwards are left out (s).
     """
+    judge = Judge(recording, max_gap_s=history.max_gap_s, min_future_s=min_future_s)
     ordered = sorted(predictions, key=lambda p: p.stamp_ns)
-    future = FutureTable(recording, max_gap_s=history.max_gap_s)
-    tracks = {key.tobytes(): i for i, key in enumerate(recording.key)}
-    windows = _windows(recording, history, [p.stamp_ns for p in ordered])
+    windows = windows_at(recording, history, [p.stamp_ns for p in ordered])
     for prediction, window in zip(ordered, windows, strict=True):
-        if not len(prediction):
-            continue
-        track = _find(prediction.key, tracks)
-        horizon, dt_s = len(prediction.time_s), float(prediction.time_s[0])
-        truth = future.at(track, prediction.stamp_ns, horizon, dt_s)
-        rows = truth.known.sum(axis=1) >= max(1, round(min(min_future_s / dt_s, horizon)))
-        book.add(
-            name,
-            protocol,
-            mean=prediction.mean[rows][..., :2],
-            weight=prediction.weight[rows],
-            covariance=prediction.covariance[rows],
-            truth=truth.position[rows],
-            mask=truth.known[rows],
-        )
-        if baselines:
-            chosen = track[rows]
-            _add_baselines(
-                book,
-                protocol,
-                window,
-                tracks,
-                chosen,
-                truth.position[rows],
-                truth.known[rows],
-                dt_s,
-            )
+        if len(prediction):
+            _, seen, _ = judge.add(book, prediction, name, protocol)
+            if baselines:
+                judge.add_baselines(book, window, seen, protocol)
 
 
-def _add_baselines(
-    book: ScoreBook,
-    protocol: str,
-    window: HistoryWindow,
-    tracks: dict[bytes, int],
-    chosen: IntArray,
-    truth: NDArray[np.float64],
-    mask: NDArray[np.bool_],
-    dt_s: float,
-) -> None:
-    """The baselines for those of the ``chosen`` tracks that the window holds at t."""
-    held = _find(window.key, tracks)
-    held[~window.valid[:, -1]] = -1
-    at = {int(t): i for i, t in enumerate(held) if t >= 0}
-    index = np.array([at.get(int(t), -1) for t in chosen], dtype=np.int64)
-    there = index >= 0
-    seen, truth, mask = window.select(index[there]), truth[there], mask[there]
-    horizon = truth.shape[1]
-    constant = predict_constant_velocity(seen, horizon_steps=horizon, dt_s=dt_s, modes=1)
-    for name, baseline in BASELINES.items():
-        book.add_path(
-            name,
-            protocol,
-            path=baseline(seen, horizon, dt_s),
-            covariance=constant.covariance[:, 0] if name == "cv" else None,
-            truth=truth,
-            mask=mask,
-        )
-
-
-def _windows(
-    recording: Recording, config: HistoryConfig, stamps: list[int]
+def windows_at(
+    recording: Recording, config: HistoryConfig, stamps: Iterable[int]
 ) -> Iterator[HistoryWindow]:
-    """The history's window at each of the ascending stamps."""
+    """The history's window at each of the ascending stamps (ns)."""
     history = TrackHistory(config)
     states = recording.states()
     coming = next(states, None)
@@ -146,8 +235,3 @@ def _windows(
             history.update(coming)
             coming = next(states, None)
         yield history.window(stamp)
-
-
-def _find(keys: KeyArray, tracks: dict[bytes, int]) -> IntArray:
-    """[n] track of each key, -1 where the recording has none."""
-    return np.array([tracks.get(key.tobytes(), -1) for key in keys], dtype=np.int64)

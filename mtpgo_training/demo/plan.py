@@ -13,12 +13,10 @@ import numpy as np
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.recording import DEFAULT_START_NS, Recording
+from mtpgo_training.seen import seen_hashes
 
 PAUSE_S = 60.0
 """Time of the observations' clock between two recordings (s): no history reaches over it."""
-
-SEEN_USES = ("train", "validation")
-"""Uses of a recording in training after which a score on it says little."""
 
 
 @dataclass(frozen=True)
@@ -83,16 +81,6 @@ def make_plan(
         placed.append(recording)
         start_ns = span_ns(recording)[1] + round(PAUSE_S * 1e9)
     return Plan(tuple(placed), tuple(left_out))
-
-
-def seen_hashes(training: Mapping[str, Any]) -> set[str]:
-    """SHA-256 of the recordings that took part in training or in choosing its best state."""
-    entries = training.get("recordings", ())
-    return {
-        str(entry["sha256"])
-        for entry in entries
-        if isinstance(entry, Mapping) and entry.get("split") in SEEN_USES and "sha256" in entry
-    }
 
 
 def tracks_of(recording: Recording, key: np.ndarray) -> np.ndarray:
