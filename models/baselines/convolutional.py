@@ -16,7 +16,7 @@ CHANNELS = 16
 
 
 class ConvolutionalPooling(Interaction):
-    """Two convolutions and a maximum over the social tensor (Deo and Trivedi, section IV-B).
+    """Two convolutions and a maximum over the social tensor.
 
     A 3 x 3 convolution, one of three rows, the maximum over pairs of rows. Two agents in a cell
     are summed.

@@ -12,7 +12,7 @@ from models.baselines.recurrent import RecurrentPredictor
 
 
 class SocialPooling(Interaction):
-    """A fully connected layer with ReLU on the social tensor (Alahi et al., eq. 1 and 2).
+    """A fully connected layer with ReLU on the social tensor.
 
     The tensor [cells, D] of an agent holds in each cell the sum of the states of the neighbours
     that stand there. It is never made: sum and layer are linear, so every agent's state is brought
