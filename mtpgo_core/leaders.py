@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from mtpgo_core.schema import Float64Array, HistoryWindow
 
 LEADERS = 2
-REACH_M = 80.0
-"""Nobody farther ahead is looked at."""
 BAND_M = 2.0
 """Half the width of the path ahead: half a lane and a little."""
 NEAR_M = 20.0
@@ -28,13 +26,15 @@ _BLOCK = 1 << 20
 """Pairs times steps that are worked on at a time, which bounds the memory for large scenes."""
 
 
-def leader_features(window: HistoryWindow, agents: NDArray[np.intp]) -> Float64Array:
+def leader_features(
+    window: HistoryWindow, agents: NDArray[np.intp], reach_m: float = 80.0
+) -> Float64Array:
     """[r, T, 8] what is known of the two next agents ahead of each of ``agents`` [r].
 
     Ahead is what lies within ``BAND_M`` of the straight line along the agent's own yaw at that
-    step, up to ``REACH_M``, centre to centre. For each of the two in turn:
+    step, up to ``reach_m``, centre to centre. For each of the two in turn:
 
-    * ``gap``: distance ahead (m), ``REACH_M`` where nobody is;
+    * ``gap``: distance ahead (m), ``reach_m`` where nobody is;
     * ``near``: exp(-gap / ``NEAR_M``), 0 where nobody is;
     * ``dv``: its velocity less the agent's, along the agent's yaw (m/s), else 0;
     * ``ax``: its acceleration along the agent's yaw (m/s^2), else 0.
@@ -46,11 +46,11 @@ def leader_features(window: HistoryWindow, agents: NDArray[np.intp]) -> Float64A
     rows = max(1, _BLOCK // max(1, len(window) * steps))
     for start in range(0, len(agents), rows):
         some = agents[start : start + rows]
-        out[start : start + rows] = _ahead_of(window, some)
+        out[start : start + rows] = _ahead_of(window, some, reach_m)
     return out
 
 
-def _ahead_of(window: HistoryWindow, agents: NDArray[np.intp]) -> Float64Array:
+def _ahead_of(window: HistoryWindow, agents: NDArray[np.intp], reach_m: float) -> Float64Array:
     """:func:`leader_features` of a few agents."""
     yaw = np.nan_to_num(window.yaw[agents])[:, None]  # [r, 1, T]
     cos, sin = np.cos(yaw), np.sin(yaw)
@@ -58,7 +58,7 @@ def _ahead_of(window: HistoryWindow, agents: NDArray[np.intp]) -> Float64Array:
     along = cos * offset[..., 0] + sin * offset[..., 1]
     across = cos * offset[..., 1] - sin * offset[..., 0]
     with np.errstate(invalid="ignore"):  # NaN where somebody is absent compares as not ahead
-        ahead = (along > 0.0) & (along < REACH_M) & (np.abs(across) < BAND_M)
+        ahead = (along > 0.0) & (along < reach_m) & (np.abs(across) < BAND_M)
     along = np.where(ahead, along, np.inf)
     row = np.arange(len(agents))[:, None]
     step = np.arange(along.shape[2])
@@ -75,7 +75,7 @@ def _ahead_of(window: HistoryWindow, agents: NDArray[np.intp]) -> Float64Array:
         dv = cos[:, 0] * velocity[..., 0] + sin[:, 0] * velocity[..., 1] - speed
         ax = cos[:, 0] * acceleration[..., 0] + sin[:, 0] * acceleration[..., 1]
         parts += [
-            np.where(there, gap, REACH_M),
+            np.where(there, gap, reach_m),
             np.where(there, np.exp(-np.where(there, gap, 0.0) / NEAR_M), 0.0),
             np.where(there, dv, 0.0),
             np.where(there, ax, 0.0),

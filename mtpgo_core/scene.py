@@ -161,7 +161,8 @@ def _features(
         columns.append(lanes.positions(window.position, window.yaw)[agent])
     elif config.context == "leaders":
         members, place = np.unique(agent, return_inverse=True)
-        columns.append(leader_features(window, members)[place.reshape(agent.shape)])
+        ahead = leader_features(window, members, config.leader_reach_m)
+        columns.append(ahead[place.reshape(agent.shape)])
     features = np.nan_to_num(np.concatenate(columns, axis=-1), nan=0.0)
     features[~valid] = 0.0
     return features.astype(np.float32)

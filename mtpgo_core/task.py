@@ -99,6 +99,7 @@ class SceneConfig:
         frame: scene-frame policy, one of ``FRAME_POLICIES``.
         site_origin: origin for ``site_origin``, in the fixed frame (m).
         context: context features, one of ``CONTEXTS``.
+        leader_reach_m: how far ahead the context ``leaders`` looks (m).
         classes: class names of the one-hot static feature, in order.
     """
 
@@ -108,6 +109,7 @@ class SceneConfig:
     frame: str = "centre_heading"
     site_origin: tuple[float, float] = (0.0, 0.0)
     context: str = "none"
+    leader_reach_m: float = 80.0
     classes: tuple[str, ...] = (
         "car",
         "van",
@@ -125,6 +127,7 @@ class SceneConfig:
         _choice("scene.context", self.context, CONTEXTS)
         _at_least("scene.max_neighbours", self.max_neighbours, 0)
         _at_least("scene.radius_m", self.radius_m, 0.0)
+        _at_least("scene.leader_reach_m", self.leader_reach_m, 1.0)
 
     @property
     def features(self) -> tuple[str, ...]:

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.leaders import REACH_M
 from mtpgo_core.schema import Float32Array
 
 FloatArray = NDArray[Any]
@@ -81,7 +80,7 @@ class Augmentation:
                 out[..., at[name]] **= self.scale
                 gap = at[name.replace("near", "gap")]
                 nobody = features[..., at[name]] == 0.0
-                out[..., gap] = np.where(nobody, REACH_M, out[..., gap])
+                out[..., gap] = np.where(nobody, features[..., gap], out[..., gap])
         if self.mirror and "d_l" in at:
             out[..., [at["d_l"], at["d_r"]]] = features[..., [at["d_r"], at["d_l"]]]
         return out

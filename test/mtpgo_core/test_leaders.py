@@ -8,10 +8,12 @@ import pytest
 from mtpgo_core import leaders
 from mtpgo_core.history import TrackHistory
 from mtpgo_core.identity import keys_from_integers
-from mtpgo_core.leaders import BAND_M, NEAR_M, REACH_M, leader_features
+from mtpgo_core.leaders import BAND_M, NEAR_M, leader_features
 from mtpgo_core.scene import build_scenes
 from mtpgo_core.schema import HistoryWindow, tracked_states
 from mtpgo_core.task import HistoryConfig, SceneConfig
+
+REACH_M = 80.0
 
 
 def window_of(position, velocity, yaw, valid=None, acceleration=None) -> HistoryWindow:
@@ -75,7 +77,8 @@ def test_an_absent_agent_is_nobody_s_leader_at_that_step():
     np.testing.assert_array_equal(gap, [REACH_M, 10])
 
 
-def test_many_random_agents_against_a_loop(monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("reach_m", [REACH_M, 50.0])
+def test_many_random_agents_against_a_loop(monkeypatch: pytest.MonkeyPatch, reach_m: float):
     monkeypatch.setattr(leaders, "_BLOCK", 100)  # several blocks
     rng = np.random.default_rng(3)
     n, steps = 30, 3
@@ -86,7 +89,7 @@ def test_many_random_agents_against_a_loop(monkeypatch: pytest.MonkeyPatch):
         valid=rng.random((n, steps)) < 0.8,
         acceleration=rng.normal(0, 1, (n, steps, 2)),
     )
-    got = leader_features(window, np.arange(n))
+    got = leader_features(window, np.arange(n), reach_m)
     seen = 0
     for i in range(n):
         for k in range(steps):
@@ -97,13 +100,13 @@ def test_many_random_agents_against_a_loop(monkeypatch: pytest.MonkeyPatch):
             found = []
             for j in range(n):
                 offset = window.position[j, k] - window.position[i, k]
-                if j != i and 0 < offset @ ahead < REACH_M and abs(offset @ left) < BAND_M:
+                if j != i and 0 < offset @ ahead < reach_m and abs(offset @ left) < BAND_M:
                     dv = (window.velocity[j, k] - window.velocity[i, k]) @ ahead
                     ax = window.acceleration[j, k] @ ahead
                     gap = offset @ ahead
                     found.append((gap, np.exp(-gap / NEAR_M), dv, ax))
             seen += len(found) > 0
-            found = [*sorted(found), (REACH_M, 0, 0, 0), (REACH_M, 0, 0, 0)][:2]
+            found = [*sorted(found), (reach_m, 0, 0, 0), (reach_m, 0, 0, 0)][:2]
             np.testing.assert_allclose(got[i, k], np.ravel(found), atol=1e-9)
     assert seen > 10
 
@@ -131,3 +134,9 @@ def test_scenes_carry_the_columns_and_no_frame_changes_them():
     np.testing.assert_allclose(mine[:, columns["lead1_dv"]], -2.0, atol=1e-5)
     other = batch.features[1, 1]  # the follower again, in the leader's graph
     np.testing.assert_allclose(other[:, 8:], mine[:, 8:], atol=1e-6)
+    short = SceneConfig(context="leaders", leader_reach_m=21.0)
+    gap = build_scenes(history.window(), short, centres=np.array([0])).features[0, 0]
+    seen = 25 - 2 * times < 21.0
+    np.testing.assert_allclose(
+        gap[:, columns["lead1_gap"]], np.where(seen, 25 - 2 * times, 21.0), atol=1e-4
+    )

@@ -1,0 +1,106 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The results of an evaluation as plain data for JSON, and as text for the terminal."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from mtpgo_core.runner import ModelRunner
+from mtpgo_training.baselines import BASELINES
+from mtpgo_training.details import details, over_groups, seed_groups
+from mtpgo_training.evaluate_bags import BagResult
+from mtpgo_training.scorebook import columns
+from mtpgo_training.seen import seen_by, warnings_of
+
+Json = dict[str, Any]
+
+HEADINGS = {"all": "all agents", "centre": "each agent in the centre of its graph"}
+"""What the protocols are called, in the order in which they are shown."""
+
+ONE_RECORDING = (
+    "no intervals over recordings can be given for a single recording: its road users share its "
+    "traffic"
+)
+
+
+def describe(
+    result: BagResult, runners: Mapping[str, ModelRunner], args: argparse.Namespace
+) -> Json:
+    """The content of ``--json``, from which the tables and the report are made."""
+    evaluation = result.evaluation
+    models = evaluation.book.table().to_dict()
+    seen = seen_by({n: r.task.training for n, r in runners.items()}, evaluation.recordings)
+    groups = seed_groups(list(runners), args.seeds and len(runners) > 1)
+    single = len(evaluation.recordings) < 2
+    return {
+        "models": models,
+        **details(evaluation.book),
+        "seeds": over_groups(models, groups),
+        "agreement": {
+            bag: {model: found.to_dict() for model, found in found_by.items()}
+            for bag, found_by in result.agreements.items()
+        },
+        "recordings": evaluation.recordings,
+        "seen": seen,
+        "warnings": [*warnings_of(seen), *result.warnings],
+        "notes": [ONE_RECORDING] if single else [],
+        "layout": sorted({str(v) for key, v in args.data_options if key == "layout"}),
+        "stride_s": None if args.predictions else args.stride,
+        "min_future_s": args.min_future,
+        "policy": args.policy,
+        "baselines": list(BASELINES),
+        "tasks": {name: dataclasses.asdict(r.task.scene) for name, r in runners.items()},
+        "weights": {name: r.task.weights_sha256 for name, r in runners.items()},
+    }
+
+
+def print_result(content: Json, result: BagResult) -> None:
+    """The tables for the terminal."""
+    table = result.evaluation.book.table()
+    for protocol, heading in HEADINGS.items():
+        if any(protocol in scores for scores in content["models"].values()):
+            print(f"{heading}:")
+            print(table.text(protocol))
+            print(interval_text(content, protocol))
+    for group, row in content["seeds"].items():
+        print(seeds_text(group, row))
+    for bag, found in result.agreements.items():
+        for model, agreement in found.items():
+            print(agreement.text(bag, model))
+
+
+def interval_text(content: Json, protocol: str) -> str:
+    """The intervals over recordings of the most important values."""
+    if content["notes"]:
+        return "\n".join(content["notes"])
+    keys = {"ade": "ADE m", "fde": "FDE m", "anll": "ANLL", "coverage_90": "in 90%"}
+    rows = [["95 % interval", *keys.values(), "ADE / cv"]]
+    for model, protocols in content["intervals"].items():
+        if protocol in protocols:
+            relative = content["relative"][model].get(protocol, {}).get("ade")
+            share = [None, None] if relative is None else [relative["low"], relative["high"]]
+            ends = [protocols[protocol][key] for key in keys] + [share]
+            rows.append([model, *(_span(*end) for end in ends)])
+    return columns(rows)
+
+
+def seeds_text(group: str, row: Json) -> str:
+    """Mean and interval over the seeds of one recipe."""
+    lines = []
+    for protocol in HEADINGS:
+        if protocol in row:
+            parts = [
+                f"{key} {v['mean']:.3f} ({_span(v['low'], v['high'])})"
+                for key, v in row[protocol].items()
+                if key in ("ade", "fde", "anll", "coverage_90")
+            ]
+            lines.append(f"{group}, {len(row['models'])} seeds, {protocol}: {', '.join(parts)}")
+    return "\n".join(lines)
+
+
+def _span(low: float | None, high: float | None) -> str:
+    return "-" if low is None or high is None else f"{low:.3f}..{high:.3f}"
