@@ -13,7 +13,20 @@ import yaml
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task import HistoryConfig, SceneConfig, from_dict
+from mtpgo_training.data_config import DataConfig, with_preset
 from mtpgo_training.schedule import LEARNING_RATE_SCHEDULES
+
+ACCELERATORS = ("auto", "cpu", "gpu", "mps")
+STRATEGIES = ("auto", "ddp")
+PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
+"""What of Lightning's choices these networks are trained with: small, so copied to each device."""
+
+
+def _choice(name: str, value: str, valid: tuple[str, ...]) -> None:
+    if value not in valid:
+        raise ConfigurationError(
+            f"{name} is {value!r}, expected one of {', '.join(repr(v) for v in valid)}"
+        )
 
 
 def _positive(name: str, value: float) -> None:
@@ -24,65 +37,6 @@ def _positive(name: str, value: float) -> None:
 def _share(name: str, value: float) -> None:
     if not 0.0 <= value <= 1.0:
         raise ConfigurationError(f"{name} is {value!r}, expected 0 to 1")
-
-
-@dataclass(frozen=True)
-class DataConfig:
-    """Which recordings teach, which judge, and how scenes are cut from them.
-
-    A recording is named ``NAME`` or ``DIRECTORY/NAME``, the directory's last part. Recordings are
-    never divided: a whole one teaches or judges.
-
-    Attributes:
-        validation: names of the recordings that choose the checkpoint.
-        test: names of the recordings that are left alone.
-        train: names of those that teach; empty for all others.
-        validation_fraction: share of the recordings drawn for validation where ``validation`` is
-            empty.
-        stride_s: time between two windows of a training recording (s).
-        validation_stride_s: likewise of a validation recording (s).
-        restart_probability: share of the training scenes in which every agent was first seen
-            within the last ``restart_within_s``, as after an occlusion or a tracker's restart.
-        restart_within_s: longest time such agents have been seen (s).
-        mirror_probability: share of the training scenes that are mirrored (left for right): it
-            doubles the data where the side of the road does not matter.
-        rotation_std_rad: standard deviation of a random turn of the training scenes (rad), for
-            sites where the scene's frame has no preferred direction.
-        scale_std: standard deviation of the logarithm of a random scale of the training scenes:
-            all lengths, speeds and accelerations by one factor.
-        velocity_smoothing_s: standard deviation of the kernel that smooths the target velocities
-            (s), 0 for the recorded ones; see :class:`mtpgo_training.futures.FutureTable`.
-        standing_weight: weight in the loss of an agent that stands now and does not move over its
-            observed future, and its chance to be a graph's centre; below 1 more of the learning
-            goes to those that move.
-        min_future_s: an agent whose future is known for a shorter time is not a graph's centre in
-            training (s): the end of a recording costs as much as its middle and teaches less.
-        source_weight: how often a directory's scenes are drawn, by the directory's last part;
-            1 where not named.
-    """
-
-    validation: tuple[str, ...] = ()
-    test: tuple[str, ...] = ()
-    train: tuple[str, ...] = ()
-    validation_fraction: float = 0.1
-    stride_s: float = 0.2
-    validation_stride_s: float = 1.0
-    restart_probability: float = 0.15
-    restart_within_s: float = 1.2
-    mirror_probability: float = 0.0
-    rotation_std_rad: float = 0.0
-    scale_std: float = 0.0
-    velocity_smoothing_s: float = 0.0
-    standing_weight: float = 1.0
-    min_future_s: float = 0.0
-    source_weight: dict[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for name in ("stride_s", "validation_stride_s", "restart_within_s"):
-            _positive(f"data.{name}", getattr(self, name))
-        for name in ("restart_probability", "mirror_probability", "standing_weight"):
-            _share(f"data.{name}", getattr(self, name))
-        _share("data.validation_fraction", self.validation_fraction)
 
 
 @dataclass(frozen=True)
@@ -126,11 +80,55 @@ class OptimisationConfig:
             _positive(f"optimisation.{name}", getattr(self, name))
         _share("optimisation.teacher_forcing", self.teacher_forcing)
         _share("optimisation.average_decay", self.average_decay)
-        if self.learning_rate_schedule not in LEARNING_RATE_SCHEDULES:
-            raise ConfigurationError(
-                f"optimisation.learning_rate_schedule is {self.learning_rate_schedule!r}, "
-                f"expected one of {', '.join(repr(s) for s in LEARNING_RATE_SCHEDULES)}"
-            )
+        _choice(
+            "optimisation.learning_rate_schedule",
+            self.learning_rate_schedule,
+            LEARNING_RATE_SCHEDULES,
+        )
+
+
+@dataclass(frozen=True)
+class TrainerConfig:
+    """On what and in which steps a training runs; another choice leaves the same training.
+
+    Attributes:
+        accelerator: one of ``ACCELERATORS``; ``auto`` takes the GPU where there is one.
+        devices: devices, or processes on a CPU, on each machine; 0 for all that are there.
+        num_nodes: machines.
+        strategy: one of ``STRATEGIES``; ``auto`` is ``ddp`` for more than one device.
+        precision: one of ``PRECISIONS``. Validation is always in full precision.
+        loader_workers: processes that cut the scenes beside the one that learns; 0 for none.
+        validate_every_epochs: epochs from one validation to the next; the last is validated too.
+        patience_epochs: stop after so many epochs on the likelihood without a better validation;
+            0 for never.
+        checkpoint_minutes: time between two checkpoints within an epoch (min); one is written at
+            the end of every epoch, too.
+    """
+
+    accelerator: str = "auto"
+    devices: int = 1
+    num_nodes: int = 1
+    strategy: str = "auto"
+    precision: str = "32-true"
+    loader_workers: int = 0
+    validate_every_epochs: int = 1
+    patience_epochs: int = 0
+    checkpoint_minutes: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name, valid in (
+            ("accelerator", ACCELERATORS),
+            ("strategy", STRATEGIES),
+            ("precision", PRECISIONS),
+        ):
+            _choice(f"trainer.{name}", getattr(self, name), valid)
+        for name in ("num_nodes", "validate_every_epochs", "checkpoint_minutes"):
+            _positive(f"trainer.{name}", getattr(self, name))
+        for name in ("devices", "loader_workers", "patience_epochs"):
+            if getattr(self, name) < 0:
+                raise ConfigurationError(
+                    f"trainer.{name} is {getattr(self, name)}, expected at least 0"
+                )
 
 
 @dataclass(frozen=True)
@@ -139,26 +137,32 @@ class TrainingConfig:
 
     Attributes:
         name: name of the model that comes out.
+        network: which one, a name in :data:`mtpgo_training.networks.NETWORKS`.
         seed: of the initial weights, the order and the augmentation.
-        num_threads: threads of torch; 0 leaves torch's own choice.
+        num_threads: threads of torch; 0 leaves torch's own choice. Several processes on a CPU have
+            one each.
         data: see :class:`DataConfig`.
         history: see :class:`mtpgo_core.task.HistoryConfig`; travels with the model.
         scene: see :class:`mtpgo_core.task.SceneConfig`; travels with the model.
-        model: fields of :class:`models.config.ModelConfig`; sizes that follow from the task
-            (features, steps, classes) are set from it.
+        model: options of the network, for ``mtp-go`` the fields of
+            :class:`models.config.ModelConfig`; sizes that follow from the task (features, steps,
+            classes) are set from it.
         optimisation: see :class:`OptimisationConfig`.
+        trainer: see :class:`TrainerConfig`.
         licence: the terms of the data, written into the exported file.
         attribution: who is to be named as the data's source, likewise.
     """
 
     name: str = "model"
+    network: str = "mtp-go"
     seed: int = 1
     num_threads: int = 2
-    data: DataConfig = DataConfig()
+    data: DataConfig = field(default_factory=DataConfig)
     history: HistoryConfig = field(default_factory=HistoryConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
     model: dict[str, Any] = field(default_factory=dict)
     optimisation: OptimisationConfig = OptimisationConfig()
+    trainer: TrainerConfig = TrainerConfig()
     licence: str = ""
     attribution: str = ""
 
@@ -179,6 +183,8 @@ def load_config(path: Path) -> TrainingConfig:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"the configuration {path} is no YAML: {reason}") from error
+    if isinstance(data, dict) and "data" in data:
+        data = {**data, "data": with_preset(data["data"])}
     return from_dict(TrainingConfig, {} if data is None else data, str(path))
 
 

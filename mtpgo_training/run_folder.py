@@ -3,13 +3,15 @@
 """The folder of a training run: what determined it, its log and its checkpoints.
 
 ``config.yaml`` and ``run.json`` (data hashes, splits, versions, seed) are written at the start;
-``log.csv`` gets a line an epoch; ``last.pt`` is where an interrupted run goes on, ``best.pt`` is
-the best by validation. Checkpoints hold plain data only, so they load with ``weights_only``.
+``log.csv`` gets a line an epoch, ``tensorboard/`` the same and more; ``last.pt`` is where an
+interrupted run goes on, ``best.pt`` is the best by validation. Checkpoints hold plain data only,
+so they load with ``weights_only``.
 """
 
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import json
 import pickle
@@ -22,8 +24,8 @@ import numpy as np
 import torch
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic import replacing, write_text
-from mtpgo_training.config import TrainingConfig, dump_config
+from mtpgo_training.atomic import replacing, require_writable, write_text
+from mtpgo_training.config import TrainingConfig, dump_config, load_config
 
 CHECKPOINT_FORMAT = 1
 
@@ -39,8 +41,8 @@ class RunFolder:
         self.last = path / "last.pt"
         self._log = path / "log.csv"
 
-    def start(self, config: TrainingConfig, splits: list[dict[str, str]]) -> None:
-        """Make the folder and write down what determines the run.
+    def require_new(self) -> None:
+        """That no run is there yet.
 
         Raises:
             ConfigurationError: the folder exists and is not empty, or cannot be written.
@@ -49,27 +51,57 @@ class RunFolder:
             raise ConfigurationError(
                 f"the run folder {self.path} exists already, expected a new one or --resume"
             )
+        require_writable(self.path / "config.yaml")
+
+    def start(
+        self,
+        config: TrainingConfig,
+        splits: list[dict[str, str]],
+        initial_weights: str = "",
+    ) -> None:
+        """Make the folder and write down what determines the run.
+
+        Args:
+            config: the configuration.
+            splits: the recordings by use, with their hashes.
+            initial_weights: SHA-256 of the weights it starts from, if not random ones.
+
+        Raises:
+            ConfigurationError: as :meth:`require_new`.
+        """
+        self.require_new()
         write_text(self.path / "config.yaml", dump_config(config))
-        facts = {"splits": splits, "seed": config.seed, "versions": versions()}
+        facts = {
+            "network": config.network,
+            "splits": splits,
+            "seed": config.seed,
+            "initial_weights_sha256": initial_weights or None,
+            "versions": versions(),
+        }
         write_text(self.path / "run.json", json.dumps(facts, indent=2) + "\n")
 
     def check_same(self, config: TrainingConfig, splits: list[dict[str, str]]) -> None:
         """That a resumed run is the one that was started.
 
+        On what it runs (section ``trainer``, threads) may differ.
+
         Raises:
             ConfigurationError: no run is there, or the configuration or the data differ.
         """
         try:
-            stored = (self.path / "config.yaml").read_text(encoding="utf-8")
+            stored = load_config(self.path / "config.yaml")
             facts = json.loads((self.path / "run.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, ConfigurationError) as error:
             raise ConfigurationError(
                 f"the run folder {self.path} holds no run to resume ({error})"
             ) from error
-        if stored != dump_config(config):
+        stored = dataclasses.replace(
+            stored, trainer=config.trainer, num_threads=config.num_threads
+        )
+        if stored != config:
             raise ConfigurationError(
-                f"the configuration differs from {self.path / 'config.yaml'}, expected the same "
-                "to resume"
+                f"the configuration differs from {self.path / 'config.yaml'} in "
+                f"{_first_difference(stored, config)}, expected the same to resume"
             )
         if facts.get("splits") != splits:
             raise ConfigurationError(
@@ -77,16 +109,29 @@ class RunFolder:
                 "to resume"
             )
 
-    def save(self, checkpoint: Checkpoint, *, best: bool) -> None:
-        """Write ``last.pt``, and ``best.pt`` too if it is the best."""
-        for path in (self.last, self.best) if best else (self.last,):
-            with replacing(path) as temporary:
-                torch.save({"format": CHECKPOINT_FORMAT, **checkpoint}, temporary)
+    def save(
+        self, checkpoint: Checkpoint, resumption: Checkpoint | None = None, *, best: bool
+    ) -> None:
+        """Write ``last.pt``, and ``best.pt`` too if it is the best.
+
+        Args:
+            checkpoint: the averaged weights and all that an export needs.
+            resumption: what only going on needs, in ``last.pt`` beside the former.
+            best: whether it is the best so far.
+        """
+        if best:
+            self._write(self.best, checkpoint)
+        self._write(self.last, {**checkpoint, **(resumption or {})})
+
+    def _write(self, path: Path, checkpoint: Checkpoint) -> None:
+        with replacing(path) as temporary:
+            torch.save({"format": CHECKPOINT_FORMAT, **checkpoint}, temporary)
 
     def write_log(self, rows: list[dict[str, Any]]) -> None:
         """All lines of the log, one an epoch."""
         text = io.StringIO()
-        writer = csv.DictWriter(text, fieldnames=list(rows[-1]), lineterminator="\n")
+        columns = list(dict.fromkeys(column for row in rows for column in row))
+        writer = csv.DictWriter(text, fieldnames=columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
         write_text(self._log, text.getvalue())
@@ -114,6 +159,17 @@ def load_checkpoint(path: Path) -> Checkpoint:
             f"{path} is no checkpoint of `mtpgo train`, expected format {CHECKPOINT_FORMAT}"
         )
     return checkpoint
+
+
+def _first_difference(stored: TrainingConfig, given: TrainingConfig) -> str:
+    """Where two configurations differ: the field, and both of its values."""
+    before, now = dataclasses.asdict(stored), dataclasses.asdict(given)
+    name = next(key for key in now if before[key] != now[key])
+    if not isinstance(now[name], dict):
+        return f"{name} ({before[name]!r} there, {now[name]!r} here)"
+    keys = dict.fromkeys([*now[name], *before[name]])
+    key = next(k for k in keys if before[name].get(k) != now[name].get(k))
+    return f"{name}.{key} ({before[name].get(key)!r} there, {now[name].get(key)!r} here)"
 
 
 def versions() -> dict[str, str]:

@@ -17,6 +17,8 @@ ALLOWED = {
     "msg_adapters": {"numpy", "mtpgo_core"},
     "mtpgo_ros": {"rclpy", "numpy", "rosbags", "tqdm", "msg_adapters", "mtpgo_core"},
     "mtpgo_training": {
+        "jinja2",
+        "lightning",
         "matplotlib",
         "mcap",
         "models",

@@ -10,18 +10,14 @@ from torch_geometric.loader import DataLoader
 from traffic import braking_cars
 
 from models.mtp_go import MTPGO
-from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task import HistoryConfig, SceneConfig
 from mtpgo_training.config import DataConfig
 from mtpgo_training.dataset import dense, validation_scenes
-from mtpgo_training.learner import (
-    covariance_scale,
-    model_config,
-    training_loss,
-    validation_scores,
-)
+from mtpgo_training.learner import training_loss
+from mtpgo_training.networks import build_network
 from mtpgo_training.schedule import Objective
 from mtpgo_training.sources import prepare
+from mtpgo_training.validation import validate
 
 HISTORY, SCENE, H = HistoryConfig(), SceneConfig(max_neighbours=3), 8
 OPTIONS = {"hidden": 8, "modes": 3, "horizon_steps": H, "ode_hidden": 4}
@@ -37,14 +33,7 @@ def batches():
 @pytest.fixture(scope="module")
 def model():
     torch.manual_seed(0)
-    return MTPGO(model_config(OPTIONS, HISTORY, SCENE))
-
-
-def test_sizes_follow_from_the_task():
-    config = model_config(OPTIONS, HISTORY, SceneConfig(context="polar", classes=("car",)))
-    assert (config.feature_size, config.static_size, config.history_steps) == (11, 1, 16)
-    with pytest.raises(ConfigurationError, match="model: layer is 'x', expected one of"):
-        model_config({"layer": "x"}, HISTORY, SCENE)
+    return build_network("mtp-go", OPTIONS, HISTORY, SCENE)
 
 
 def test_a_blend_is_the_sum_of_its_parts(model, batches):
@@ -66,19 +55,21 @@ def test_the_first_phase_leaves_the_covariance_alone(model, batches):
 
 
 def test_a_calibrated_model_needs_no_calibration(model, batches):
-    scale = covariance_scale(model, batches)
+    book, reach = validate(model, batches)
+    scale = reach.scale()
     assert abs(scale - 1.0) > 0.02
     config = dataclasses.replace(model.config, covariance_scale=scale)
     calibrated = MTPGO(config)
     calibrated.load_state_dict(model.state_dict())
-    assert covariance_scale(calibrated, batches) == pytest.approx(1.0, abs=1e-3)
-    before, after = (validation_scores(m, batches).table().models for m in (model, calibrated))
+    again, reach = validate(calibrated, batches)
+    assert reach.scale() == pytest.approx(1.0, abs=1e-3)
+    before, after = book.table().models, again.table().models
     assert after["model"]["all"]["coverage_90"] == pytest.approx(0.9, abs=0.002)
     assert before["model"]["all"]["ade"] == pytest.approx(after["model"]["all"]["ade"], rel=1e-5)
 
 
 def test_an_untrained_model_scores_nearly_as_constant_velocity(model, batches):
-    models = validation_scores(model, batches).table().models
+    models = validate(model, batches)[0].table().models
     for protocol in ("all", "centre"):
         assert models["model"][protocol]["n"] == models["cv"][protocol]["n"]
         expected = models["cv"][protocol]["ade"]

@@ -1,0 +1,127 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a run is fed: scenes of the recordings, and an epoch's batches in an order of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import lightning
+import torch
+from torch_geometric.data import Data
+from torch_geometric.loader import DataLoader
+from tqdm import tqdm
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.config import TrainingConfig
+from mtpgo_training.dataset import SceneDataset, validation_scenes
+from mtpgo_training.sources import Source, prepare
+from mtpgo_training.splits import NamedRecording, Splits
+from mtpgo_training.trainer.state import RunState
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """The scenes of a run.
+
+    Attributes:
+        training: drawn anew for every epoch.
+        validation: the same throughout.
+    """
+
+    training: SceneDataset
+    validation: list[Data]
+
+
+def prepare_scenes(
+    config: TrainingConfig, splits: Splits, horizon_steps: int, *, progress: bool
+) -> Scenes:
+    """Make all recordings ready.
+
+    Args:
+        config: the configuration.
+        splits: the recordings by use.
+        horizon_steps: H.
+        progress: show a bar.
+
+    Raises:
+        ConfigurationError: nobody is present in the recordings of a use.
+    """
+
+    def sources(named: Sequence[NamedRecording], training: bool) -> list[Source]:
+        bar = tqdm(
+            named,
+            desc="training recordings" if training else "validation recordings",
+            disable=not progress,
+            leave=False,
+        )
+        return [
+            prepare(
+                item.recording,
+                config.history,
+                config.scene,
+                config.data,
+                training=training,
+                seed=config.seed,
+                weight=config.data.source_weight.get(item.source, 1.0),
+            )
+            for item in bar
+        ]
+
+    dataset = SceneDataset(
+        sources(splits.train, True),
+        config.history,
+        config.scene,
+        config.data,
+        horizon_steps,
+        config.seed,
+    )
+    validation = validation_scenes(
+        sources(splits.validation, False), config.history, config.scene, horizon_steps
+    )
+    if not len(dataset):
+        raise ConfigurationError("no agent is present in any recording of data.train")
+    if not validation:
+        raise ConfigurationError("no agent is present in any recording of data.validation")
+    return Scenes(dataset, validation)
+
+
+class SceneLoaders(lightning.LightningDataModule):
+    """The batches of an epoch: they follow from the seed and the epoch's number alone.
+
+    Each of several processes takes its share of every batch, so that a step learns from the same
+    scenes on any number of devices. A last batch with fewer scenes than processes is left out.
+    """
+
+    def __init__(self, scenes: Scenes, config: TrainingConfig, state: RunState) -> None:
+        """Keep what the batches are made of.
+
+        Args:
+            scenes: the run's scenes.
+            config: the configuration.
+            state: how far the run is; the loader of an epoch under way begins where it stands.
+        """
+        super().__init__()
+        self.scenes = scenes
+        self.config = config
+        self.state = state
+        self.steps = 0
+        """Batches of the epoch under way, those included that are done."""
+
+    def train_dataloader(self) -> DataLoader:
+        """What is left of the epoch under way."""
+        dataset, size = self.scenes.training, self.config.optimisation.batch_scenes
+        dataset.set_epoch(self.state.epoch)
+        seed = self.config.seed * 1_000_003 + self.state.epoch
+        order = torch.randperm(len(dataset), generator=torch.Generator().manual_seed(seed))
+        rank, processes = (
+            (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
+        )
+        batches = [batch.tolist() for batch in order.split(size) if len(batch) >= processes]
+        self.steps = len(batches)
+        return DataLoader(
+            dataset,
+            batch_sampler=[batch[rank::processes] for batch in batches[self.state.batch :]],
+            num_workers=self.config.trainer.loader_workers,
+        )
