@@ -114,7 +114,8 @@ def none(value: float) -> float | None:
 
 
 def _plain(scores: Scores) -> dict[str, float | None]:
-    return {key: none(value) for key, value in scores.items()}
+    """Like :meth:`ScoreTable.to_dict`: counts stay whole numbers."""
+    return {key: None if np.isnan(value) else value for key, value in scores.items()}
 
 
 def _sums(pages: Sequence[Page], keys: Sequence[str]) -> tuple[Array, Array]:
@@ -150,7 +151,7 @@ def _by_class(pages: Sequence[Page]) -> Json:
     present = sorted({int(c) for page in pages for c in np.unique(page.classes())})
     return {
         AgentClass(kind).name.lower(): _plain(
-            averages(list(pages), lambda page, kind=kind: page.classes() == kind)
+            averages(pages, [page.classes() == kind for page in pages])
         )
         for kind in present
     }
@@ -159,7 +160,7 @@ def _by_class(pages: Sequence[Page]) -> Json:
 def _by_manoeuvre(pages: Sequence[Page]) -> Json:
     found: Json = {}
     for name in MANOEUVRES:
-        scores = averages(list(pages), lambda page, name=name: members(page.labels(), name))
+        scores = averages(pages, [members(page.labels(), name) for page in pages])
         if scores["n"]:
             found[name] = _plain(scores)
     return found
@@ -168,8 +169,9 @@ def _by_manoeuvre(pages: Sequence[Page]) -> Json:
 def _by_horizon(pages: Sequence[Page], step_s: float, drawn: Array | None) -> Json:
     steps = max((len(page.step_counts["displacement"]) for page in pages), default=0)
 
-    def stacked(arrays: Sequence[Array]) -> Array:
-        return np.stack([np.pad(a, (0, steps - len(a))) for a in arrays])
+    def stacked(arrays: Sequence[NDArray[np.floating]]) -> Array:
+        padded = [np.pad(a.astype(np.float64), (0, steps - len(a))) for a in arrays]
+        return np.stack(padded)
 
     content: Json = {
         "time_s": [none(round(step_s * k, 6)) for k in range(1, steps + 1)],

@@ -1,58 +1,30 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo evaluate``: exported models on recordings, by the very path that the node takes.
-
-Protocol ``all``: under the graph policy of the node (``cover`` by default) every agent counts once
-an instant. Protocol ``centre``: every agent is predicted in the graph of which it is the centre
-(policy ``each``), as the paper evaluates.
-"""
+"""``mtpgo evaluate``: models, or recorded predictions, against what recordings show."""
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tqdm import tqdm
 
-from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.lanes import LaneMap
-from mtpgo_core.predictor import PredictorOptions, ScenePredictor
+from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.runner import ModelRunner, find_model
-from mtpgo_core.schema import Prediction
 from mtpgo_core.task import GRAPH_POLICIES
 from mtpgo_training.atomic import require_writable, write_text
-from mtpgo_training.readers import LAYOUTS, load_recordings
+from mtpgo_training.data_arguments import add_data_arguments, data_sources, named_recordings
+from mtpgo_training.evaluate_bags import BagResult, evaluate_bags, observed_recordings
+from mtpgo_training.evaluation import Settings, evaluate_all, predict_recording
 from mtpgo_training.recording import Recording
-from mtpgo_training.scorebook import ScoreBook, ScoreTable
-from mtpgo_training.scoring import add_scores
+from mtpgo_training.report.markdown import markdown_table, read_results
+from mtpgo_training.results import describe, print_result
+from mtpgo_training.scorebook import ScoreTable
 
-
-def predict_recording(
-    runner: ModelRunner, recording: Recording, *, policy: str | None = None, stride_s: float = 0.2
-) -> Iterator[Prediction]:
-    """The predictions that the node would publish on a recording.
-
-    Args:
-        runner: the model.
-        recording: every frame is observed.
-        policy: graph policy, None for the model's own.
-        stride_s: time between two predictions (s).
-    """
-    predictor = ScenePredictor(
-        runner,
-        options=PredictorOptions(policy=policy, max_agents=10_000),
-        lanes=LaneMap(recording.lanes) if recording.lanes else None,
-    )
-    stride = max(1, round(stride_s * recording.frame_rate))
-    frames = recording.frames.tolist()
-    for frame, states in zip(frames, recording.states(), strict=True):
-        predictor.observe(states)
-        if (frame - frames[0]) % stride == 0:
-            yield predictor.predict(states.stamp_ns)
+__all__ = ["add_parser", "evaluate", "predict_recording", "run"]
 
 
 def evaluate(
@@ -63,9 +35,8 @@ def evaluate(
     stride_s: float = 0.2,
     centre: bool = True,
     min_future_s: float = 0.0,
-    progress: bool = False,
 ) -> ScoreTable:
-    """Scores of models and baselines over recordings.
+    """Average scores of models and baselines over recordings.
 
     Args:
         runners: models by name. The baselines use the history of the first.
@@ -75,87 +46,171 @@ def evaluate(
             graph an agent, five times as long.
         centre: score the protocol ``centre`` too.
         min_future_s: agents observed for a shorter time afterwards are left out (s).
-        progress: show a progress bar.
     """
-    book = ScoreBook()
-    runs = [("all", policy, stride_s)] + ([("centre", "each", 5.0 * stride_s)] if centre else [])
-    total = len(runs) * len(runners) * len(recordings)
-    with tqdm(total=total, desc="evaluating", disable=not progress, leave=False) as bar:
-        for protocol, chosen, stride in runs:
-            for number, (name, runner) in enumerate(runners.items()):
-                for recording in recordings:
-                    add_scores(
-                        book,
-                        predict_recording(runner, recording, policy=chosen, stride_s=stride),
-                        recording,
-                        history=runner.task.history,
-                        name=name,
-                        protocol=protocol,
-                        baselines=number == 0,
-                        min_future_s=min_future_s,
-                    )
-                    bar.update()
-    return book.table()
+    settings = Settings(policy, stride_s, centre, min_future_s)
+    return evaluate_all(runners, [(r.name, r) for r in recordings], settings).book.table()
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add ``mtpgo evaluate`` to the command line."""
-    parser = subparsers.add_parser("evaluate", help="score a model on recordings")
-    parser.add_argument(
-        "--model", nargs="+", required=True, help="model files or names of shipped models"
+    parser = subparsers.add_parser(
+        "evaluate",
+        help="score models or recorded predictions on recordings",
+        description="Score models, or predictions that were recorded into bags, on recordings. "
+        "What the values mean stands in docs/evaluation.md.",
     )
-    parser.add_argument("--data", type=Path, required=True, help="directory with recordings")
-    parser.add_argument("--layout", required=True, help=", ".join(LAYOUTS))
-    parser.add_argument("--recordings", nargs="+", help="names of recordings, all by default")
-    parser.add_argument(
-        "--policy", choices=GRAPH_POLICIES, help="graph policy, the model's own by default"
+    add = parser.add_argument
+    add(
+        "--model",
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="model files or names of shipped models",
     )
-    parser.add_argument("--stride", type=float, default=0.2, help="time between two instants (s)")
-    parser.add_argument(
-        "--min-future", type=float, default=0.0, help="leave out agents observed for less (s)"
+    add_data_arguments(parser)
+    add(
+        "--predictions",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="BAG",
+        help="bags of recorded predictions; without --data, what the bags observed is the truth",
     )
-    parser.add_argument("--no-centre", action="store_true", help="score only all agents")
-    parser.add_argument("--json", type=Path, help="write the scores into this file too")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add("--topic", help="topic of the recorded predictions, found by itself by default")
+    add("--policy", choices=GRAPH_POLICIES, help="graph policy, the model's own by default")
+    add("--stride", type=float, default=0.2, help="time between two instants (s)")
+    add("--min-future", type=float, default=0.0, help="leave out agents observed for less (s)")
+    add("--no-centre", action="store_true", help="score only all agents")
+    add(
+        "--seeds",
+        action="store_true",
+        help="the models differ only in their seed: intervals over them (found by itself for "
+        "names that end in -seed1, -seed2)",
+    )
+    add("--json", type=Path, metavar="FILE", help="write all results into this file too")
+    add("--report", type=Path, metavar="DIR", help="write a page with figures into this folder")
+    add("--markdown", action="store_true", help="print the table of a model card")
+    add(
+        "--results",
+        nargs="+",
+        type=Path,
+        metavar="JSON",
+        help="do not evaluate: print the table of a model card from earlier --json files",
+    )
+    add("--quiet", action="store_true", help="no progress bar")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo evaluate``."""
-    if not args.stride > 0:
-        raise ConfigurationError(f"--stride is {args.stride}, expected more than 0")
-    if args.policy == "ego":
-        raise ConfigurationError("--policy is 'ego' but a recording has no ego, expected another")
+    if args.results:
+        if args.model or args.predictions or args.data_options:
+            raise ConfigurationError("--results is given with --model, --data or --predictions")
+        print(markdown_table([(path.stem, read_results(path)) for path in args.results]))
+        return 0
+    _check(args)
+    if args.report is not None:
+        # Only here: pictures need matplotlib and jinja2, and the folder must be writable.
+        from mtpgo_training.report.page import prepare_folder, write_report
+
+        prepare_folder(args.report)
     if args.json is not None:
         require_writable(args.json)
-    recordings = load_recordings(args.data, args.layout, args.recordings)
-    runners = {}
-    for given in args.model:
-        runner = ModelRunner.load(find_model(given))
-        name = runner.task.name if runner.task.name not in runners else str(given)
-        runners[name] = runner
-    table = evaluate(
-        runners,
-        recordings,
-        policy=args.policy,
-        stride_s=args.stride,
-        centre=not args.no_centre,
-        min_future_s=args.min_future,
-        progress=not args.quiet and sys.stderr.isatty(),
-    )
+    runners = _load_models(args.model)
+    result = _from_bags(args, runners) if args.predictions else _from_models(args, runners)
+    if not result.evaluation.book.pages:
+        raise RecordingError(
+            "nothing could be scored: in the recordings nobody is predicted and observed "
+            "afterwards"
+        )
+    content = describe(result, runners, args)
+    for sentence in content["warnings"]:
+        print(f"mtpgo: warning: {sentence}", file=sys.stderr)
     if args.json is not None:
-        report = {
-            "models": table.to_dict(),
-            "recordings": {r.name: r.sha256 for r in recordings},
-            "layout": args.layout,
-            "stride_s": args.stride,
-            "min_future_s": args.min_future,
-            "tasks": {name: dataclasses.asdict(r.task.scene) for name, r in runners.items()},
-        }
-        write_text(args.json, json.dumps(report, indent=2) + "\n")
-    for protocol in ("all", "centre"):
-        if any(protocol in scores for scores in table.models.values()):
-            title = {"all": "all agents", "centre": "each agent in the centre of its graph"}
-            print(f"{title[protocol]}:")
-            print(table.text(protocol))
+        write_text(args.json, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    if args.markdown:
+        print(markdown_table([("", content)]))
+    else:
+        print_result(content, result)
+    if args.report is not None:
+        page = write_report(args.report, content, result.evaluation.scenes)
+        print(f"Report written to {page}.")
     return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what cannot work before anything is loaded.
+
+    Raises:
+        ConfigurationError: one sentence.
+    """
+    if not args.model and not args.predictions:
+        raise ConfigurationError("neither --model nor --predictions is given, expected one")
+    if args.model and not args.predictions and not args.data_options:
+        raise ConfigurationError("--model is given without --data, expected recordings")
+    if not args.stride > 0:
+        raise ConfigurationError(f"--stride is {args.stride}, expected more than 0")
+    if not args.min_future >= 0:
+        raise ConfigurationError(f"--min-future is {args.min_future}, expected at least 0")
+    if args.policy == "ego":
+        raise ConfigurationError("--policy is 'ego' but a recording has no ego, expected another")
+    if args.predictions and args.policy is not None:
+        raise ConfigurationError(
+            "--policy is given with --predictions, whose graphs were chosen by the node"
+        )
+    if args.topic is not None and not args.predictions:
+        raise ConfigurationError("--topic is given without --predictions")
+
+
+def _load_models(given: Sequence[str]) -> dict[str, ModelRunner]:
+    """The models by the name in their file, or by that of the file where names repeat."""
+    loaded = [(str(one), ModelRunner.load(find_model(one))) for one in given]
+    names = [runner.task.name for _, runner in loaded]
+    if len(set(names)) < len(names):
+        names = [runner.path.stem for _, runner in loaded]
+    if len(set(names)) < len(names):
+        names = [one for one, _ in loaded]
+    if len(set(names)) < len(names):
+        raise ConfigurationError(f"--model names {' '.join(given)}, expected each model once")
+    return dict(zip(names, (runner for _, runner in loaded), strict=True))
+
+
+def _from_models(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:
+    settings = Settings(args.policy, args.stride, not args.no_centre, args.min_future)
+    hidden = args.quiet or not sys.stderr.isatty()
+    bars: list[tqdm] = []
+
+    def progress(name: str, frames: int) -> Callable[[], object]:
+        for bar in bars:
+            bar.close()
+        bars[:] = [tqdm(total=frames, desc=name, unit="frame", disable=hidden, leave=False)]
+        return bars[0].update
+
+    try:
+        return BagResult(
+            evaluate_all(
+                runners,
+                named_recordings(data_sources(args.data_options)),
+                settings,
+                draw=list(runners) if args.report is not None else (),
+                progress=progress,
+            )
+        )
+    finally:
+        for bar in bars:
+            bar.close()
+
+
+def _from_bags(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:
+    if args.data_options:
+        recordings = dict(named_recordings(data_sources(args.data_options)))
+    else:
+        recordings = observed_recordings(args.predictions)
+    return evaluate_bags(
+        args.predictions,
+        recordings,
+        runners,
+        topic=args.topic,
+        min_future_s=args.min_future,
+        draw=args.report is not None,
+    )

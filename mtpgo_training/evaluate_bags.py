@@ -141,8 +141,8 @@ class _Played:
             book = evaluation.book if baselines else ScoreBook()
             cv = judge.add_baselines(book, window, seen, PROTOCOL)
             if keeper is not None:
-                ade = scores.values["ade"]
-                keeper.offer(self.recording, prediction, rows, seen.mask, ade, cv)
+                ade, age_s = scores.values["ade"], judge.age_s(seen.track, prediction.stamp_ns)
+                keeper.offer(self.recording, prediction, rows, seen.mask, ade, cv, age_s)
 
     def score_models(
         self, result: BagResult, bag: str, predictions: Sequence[Prediction], *, first: bool

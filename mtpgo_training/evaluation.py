@@ -154,7 +154,8 @@ class _Entry:
         elif keeper is not None:
             cv = judge.add_baselines(ScoreBook(), window, seen, self.protocol)
         if keeper is not None and cv is not None:
-            keeper.offer(judge.recording, prediction, rows, seen.mask, scores.values["ade"], cv)
+            ade, age_s = scores.values["ade"], judge.age_s(seen.track, prediction.stamp_ns)
+            keeper.offer(judge.recording, prediction, rows, seen.mask, ade, cv, age_s)
 
 
 def _windows(

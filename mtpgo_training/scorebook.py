@@ -10,7 +10,7 @@ MR and FNLL over those observed at the last step.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -151,21 +151,19 @@ class ScoreBook:
         return ScoreTable(models)
 
 
-def averages(
-    pages: list[Page], chosen: Callable[[Page], NDArray[np.bool_]] | None = None
-) -> Scores:
+def averages(pages: Sequence[Page], chosen: Sequence[NDArray[np.bool_]] | None = None) -> Scores:
     """The values of :data:`KEYS` over the agents of some pages, ``n`` and ``n_final``.
 
     Args:
         pages: of one model and protocol.
-        chosen: [agents] of a page which of them count; all by default.
+        chosen: for each page, [agents] which of them count; all by default.
     """
-    rows = {
-        key: np.concatenate(
-            [p.values(key) if chosen is None else p.values(key)[chosen(p)] for p in pages]
-        ).astype(np.float64)
-        for key in KEYS
-    }
+    rows = {}
+    for key in KEYS:
+        values = [page.values(key).astype(np.float64) for page in pages]
+        if chosen is not None:
+            values = [v[some] for v, some in zip(values, chosen, strict=True)]
+        rows[key] = np.concatenate(values)
     scores: Scores = {key: metrics.average(values) for key, values in rows.items()}
     scores["n"] = int(np.isfinite(rows["ade"]).sum())
     scores["n_final"] = int(np.isfinite(rows["fde"]).sum())

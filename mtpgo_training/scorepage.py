@@ -143,9 +143,9 @@ class Page:
         for key in STEP_KEYS:
             known = scores.mask & np.isfinite(scores.steps[key])
             self._add_steps(key, np.where(known, scores.steps[key], 0.0).sum(0), known.sum(0))
-        known = np.isfinite(scores.inside).all(axis=1)
-        self.inside = self.inside + scores.inside[known].sum(axis=0)
-        self.inside_count += int(known.sum())
+        judged = scores.inside[np.isfinite(scores.inside[:, 0])]
+        self.inside = self.inside + judged.sum(axis=0)
+        self.inside_count += len(judged)
 
     def merge(self, other: Page) -> None:
         """Take the agents of another page in."""

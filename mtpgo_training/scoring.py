@@ -82,7 +82,16 @@ class Judge:
         self.name = recording.name if name is None else name
         self._future = FutureTable(recording, max_gap_s=max_gap_s)
         self._min_future_s = min_future_s
+        self._first: IntArray | None = None
         self._tracks = {key.tobytes(): i for i, key in enumerate(recording.key)}
+
+    def age_s(self, track: IntArray, stamp_ns: int) -> Float64Array:
+        """[n] time since the recording first shows each track (s)."""
+        if self._first is None:
+            self._first = np.full(len(self.recording.track_id), np.iinfo(np.int64).max)
+            np.minimum.at(self._first, self.recording.track, self.recording.frame)
+        now_s = (stamp_ns - self.recording.start_time_ns) * 1e-9
+        return np.asarray(now_s - self._first[track] / self.recording.frame_rate)
 
     def tracks(self, key: KeyArray) -> IntArray:
         """[n] track of each key, -1 where the recording has none."""

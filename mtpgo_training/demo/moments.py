@@ -46,12 +46,14 @@ class Moment:
         prediction: what was predicted then.
         agent: row of the road user in focus.
         interest: by which it was chosen (m).
+        note: more to be said about it in its title.
     """
 
     recording: Recording
     prediction: Prediction
     agent: int
     interest: float
+    note: str = ""
 
 
 def choose_moments(
@@ -69,15 +71,20 @@ def choose_moments(
         for recording, predictions in played
         for moment in _best_moments(recording, predictions, past_s)
     ]
-    candidates.sort(key=lambda moment: -moment.interest)
+    return choose(candidates, count)
+
+
+def choose(candidates: Sequence[Moment], count: int) -> list[Moment]:
+    """The most interesting moments, of different sites and road users as far as there are any."""
+    left = sorted(candidates, key=lambda moment: -moment.interest)
     chosen: list[Moment] = []
-    while candidates and len(chosen) < count:
+    while left and len(chosen) < count:
         # The sites shown least often so far come first; the sort is stable.
         shown = [moment.recording.location for moment in chosen]
-        candidates.sort(key=lambda moment: shown.count(moment.recording.location))
-        best = candidates[0]
+        left.sort(key=lambda moment: shown.count(moment.recording.location))
+        best = left[0]
         chosen.append(best)
-        candidates = [moment for moment in candidates[1:] if _differs(moment, best)]
+        left = [moment for moment in left[1:] if _differs(moment, best)]
     return chosen
 
 

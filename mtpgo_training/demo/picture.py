@@ -169,6 +169,7 @@ def _title(moment: Moment, around: Surroundings) -> str:
     return (
         f"Recording {recording.name}, t = {time_s:.1f} s: {kind} {recording.track_id[track]} at "
         f"{speed * 3.6:.0f} km/h among {len(prediction)} predicted road users"
+        + (f"; {moment.note}" if moment.note else "")
     )
 
 

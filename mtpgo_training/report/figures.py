@@ -24,7 +24,7 @@ INK, GRID = "#2b3036", "#e3e5e7"
 PROTOCOL = "all"
 """The protocol that the figures show; the page has the tables of both."""
 
-_STYLE = {
+_STYLE: Any = {
     "font.size": 10,
     "font.family": "DejaVu Sans",
     "axes.edgecolor": "#b9bdc1",
@@ -126,7 +126,7 @@ def _reliability(content: Json) -> Figure | None:
         return None
     figure, axes = _new()
     axes.plot([0, 1], [0, 1], color="#8d949a", lw=1.0, zorder=2)
-    axes.text(0.99, 0.925, "calibrated", ha="right", va="top", color="#8d949a", fontsize=9)
+    axes.text(0.47, 0.44, "calibrated", ha="left", va="top", color="#8d949a", fontsize=9)
     for name in names:
         rows = content["reliability"][name][PROTOCOL]
         axes.plot(rows["level"], rows["observed"], **_style(content, name), marker="o", ms=3)

@@ -46,7 +46,7 @@ def markdown_table(results: Sequence[tuple[str, Json]]) -> str:
         results: what each is called, which is left out where it is empty, and its content.
     """
     named = any(name for name, _ in results)
-    heads = [*(["data"] if named else []), "agents", "model", *_titles()]
+    heads = [*(["data"] if named else []), "protocol", "model", *_titles()]
     lines = [_line(heads), _line(["---"] * len(heads))]
     for name, content in results:
         for protocol in _PROTOCOLS:

@@ -4,7 +4,8 @@
 
 Best is where the most was gained over constant velocity (its ADE less the model's), so that nobody
 is shown who just drove on; worst is the largest ADE. Only road users observed for the whole
-horizon and predicted by the model itself are considered, each one once.
+horizon and predicted by the model itself are considered, each one once; for the best, only those
+that had been observed for ``PAST_S``, so that there is a past to be seen.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ from mtpgo_core.schema import BoolArray, Float64Array, Prediction, Source
 from mtpgo_training.demo.moments import Moment, choose
 from mtpgo_training.metrics import Array
 from mtpgo_training.recording import Recording
+
+PAST_S = 2.0
+"""Time for which who is shown as best had been observed (s)."""
 
 _KEPT = 12
 """Candidates of each kind that are kept: enough to choose different ones from."""
@@ -39,6 +43,7 @@ class SceneKeeper:
         mask: BoolArray,
         ade: Array,
         cv_ade: Float64Array,
+        age_s: Float64Array,
     ) -> None:
         """Look at one prediction.
 
@@ -49,11 +54,13 @@ class SceneKeeper:
             mask: [rows, H] observed.
             ade: [rows] (m).
             cv_ade: [rows] constant velocity's (m).
+            age_s: [rows] time since the recording first shows the road user (s).
         """
         agents = np.flatnonzero(rows)
         usable = mask.all(axis=1) & (prediction.source[agents] == Source.MODEL)
         usable &= np.isfinite(ade) & np.isfinite(cv_ade)
-        for held, value in ((self._best, cv_ade - ade), (self._worst, ade)):
+        old = age_s >= PAST_S - 1e-6
+        for held, value in ((self._best, np.where(old, cv_ade - ade, -1.0)), (self._worst, ade)):
             worth = np.where(usable, value, -np.inf)
             if not len(worth) or worth.max() <= 0.0:
                 continue

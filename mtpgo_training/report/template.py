@@ -99,7 +99,8 @@ road user once, and different sites as far as there are any.</p>{% endif %}
 
 CAPTIONS = {
     "horizon": "Distance of the heaviest mode from the truth at each time ahead; the band is the "
-    "95 % interval over recordings.",
+    "95 % interval over recordings. All curves share the recordings, so their order is surer than "
+    "the band looks: see the column ADE / cv.",
     "reliability": "How often the truth lies in the heaviest mode's ellipse of each level. Above "
     "the line the ellipses are too large, below too small.",
     "nees": "Squared error of the heaviest mode weighed by its covariance (solid) and of the "
