@@ -37,10 +37,7 @@ class ConvolutionalPooling(Interaction):
     def prepare(self, position: Tensor, direction: Tensor, present: Tensor) -> Tensor:
         """[B, N, N] the row of all agents' tensors to which agent j adds; a last one is unused."""
         cell = self.grid(position, direction, present)
-        agents = torch.arange(present.numel(), device=present.device).view(present.shape)
-        row = agents.unsqueeze(2) * self.grid.cells + cell
-        none = torch.full_like(row, present.numel() * self.grid.cells)
-        return torch.where(cell < self.grid.cells, row, none)
+        return self.grid.rows_of(cell, owner=True)
 
     def tensor(self, h: Tensor, links: Tensor) -> Tensor:
         """[B N, D, rows, columns] the social tensor of each agent."""

@@ -47,3 +47,18 @@ class Grid(nn.Module):
         inside = inside & present.unsqueeze(1) & present.unsqueeze(2) & other
         cell = row * self.columns + column
         return torch.where(inside, cell, torch.full_like(cell, float(self.cells))).long()
+
+    def rows_of(self, cell: Tensor, owner: bool) -> Tensor:
+        """[B, N, N] where (agent, cell) stands in a table of B N agents times ``cells`` rows.
+
+        What is in no cell gets the number after the last row's.
+
+        Args:
+            cell: [B, N, N] of :meth:`forward`.
+            owner: the agent is the grid's owner i, else its neighbour j.
+        """
+        count = cell.size(0) * cell.size(1)
+        agent = torch.arange(count, device=cell.device).view(cell.size(0), cell.size(1))
+        agent = agent.unsqueeze(2) if owner else agent.unsqueeze(1)
+        none = torch.full_like(cell, count * self.cells)
+        return torch.where(cell < self.cells, agent * self.cells + cell, none)

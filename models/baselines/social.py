@@ -33,10 +33,7 @@ class SocialPooling(Interaction):
     def prepare(self, position: Tensor, direction: Tensor, present: Tensor) -> Tensor:
         """[B N, N] rows of the contributions that each agent adds up; the last row is zero."""
         cell = self.grid(position, direction, present)
-        agents = torch.arange(present.numel(), device=present.device).view(present.shape)
-        row = agents.unsqueeze(1) * self.grid.cells + cell
-        none = torch.full_like(row, present.numel() * self.grid.cells)
-        return torch.where(cell < self.grid.cells, row, none).flatten(0, 1)
+        return self.grid.rows_of(cell, owner=False).flatten(0, 1)
 
     def forward(self, h: Tensor, links: Tensor) -> Tensor:
         """[B, N, size] of states [B, N, D] and the rows of :meth:`prepare`."""
