@@ -44,13 +44,21 @@ REQUIREMENTS = [
 EXTRAS = {
     # ROS 2 Jazzy as wheels, for a machine without ROS; where ROS is installed, that one is used.
     "ros": ["ros-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
-    "training": ["matplotlib>=3.8", "pandas>=2.2", "PyYAML>=6.0"],
+    "training": [
+        "Jinja2>=3.1",
+        "lightning>=2.5",
+        "matplotlib>=3.8",
+        "pandas>=2.2",
+        "PyYAML>=6.0",
+        "tensorboard>=2.16",
+    ],
     "simulation": ["eclipse-sumo>=1.20"],
     "development": [
         "colcon-common-extensions>=0.3",
         "mcap-ros2-support>=0.5",
         "mypy>=1.11",
         "pytest>=8.0",
+        "pytest-benchmark>=5.0",
         "pytest-timeout>=2.3",
         "ruff>=0.6",
         "setuptools>=68,<80",
