@@ -14,7 +14,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.runner import ModelRunner, load_task
 from mtpgo_core.task import HistoryConfig, SceneConfig
 from mtpgo_training import export, info
-from mtpgo_training.config import TrainingConfig
+from mtpgo_training.config import DataConfig, OptimisationConfig, TrainingConfig
 from mtpgo_training.evaluate import evaluate
 from mtpgo_training.networks import (
     NETWORKS,
@@ -24,7 +24,9 @@ from mtpgo_training.networks import (
     options_for,
     rebuild,
 )
-from mtpgo_training.run_folder import RunFolder
+from mtpgo_training.run_folder import RunFolder, load_checkpoint
+from mtpgo_training.splits import NamedRecording
+from mtpgo_training.trainer.run import train
 
 HISTORY, SCENE = HistoryConfig(), SceneConfig(max_neighbours=3, context="polar")
 OPTIONS = {"hidden": 12, "modes": 3, "horizon_steps": 8}
@@ -140,3 +142,29 @@ def test_a_checkpoint_of_another_network_is_one_sentence(exported):
         export.load_model({**checkpoint, "average": model.state_dict()})
     assert "does not fit" in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["s-lstm", "gnn-rnn"])
+def test_a_baseline_is_trained_by_the_same_trainer(name, tmp_path):
+    """Through both objectives: it comes near the truth that constant velocity misses."""
+    config = TrainingConfig(
+        network=name,
+        num_threads=1,
+        data=DataConfig(validation=("03",), validation_stride_s=1.0, stride_s=0.4),
+        scene=SceneConfig(max_neighbours=3),
+        model={**OPTIONS, "modes": 2},
+        optimisation=OptimisationConfig(
+            epochs=6, batch_scenes=8, learning_rate=1e-2, warmup_steps=5, teacher_forcing=0.3
+        ),
+    )
+    recordings = [
+        NamedRecording("cars", braking_cars(f"{seed:02d}", seed=seed, tracks=8, seconds=5.0))
+        for seed in (1, 3)
+    ]
+    folder = RunFolder(tmp_path / "run")
+    train(config, recordings, folder)
+    checkpoint = load_checkpoint(folder.path)
+    assert checkpoint["network"] == name
+    assert name_of(export.load_model(checkpoint)) == name
+    scores = checkpoint["metrics"]
+    assert scores["model"]["all"]["ade"] < 0.5 * scores["cv"]["all"]["ade"]
