@@ -54,10 +54,8 @@ class TrackHistory:
     def __init__(self, config: HistoryConfig, max_tracks: int = 4096) -> None:
         self.config = config
         self._max_tracks = max_tracks
-        self._dt_ns = round(config.dt_s * 1e9)
-        self._gap_ns = round(config.max_gap_s * 1e9)
-        self._reach_ns = round(config.max_extrapolation_s * 1e9)
-        self._keep_ns = (config.steps - 1) * self._dt_ns + max(self._gap_ns, self._reach_ns)
+        self._keep_ns = config.keep_ns
+        self._grid_ns = np.array(config.grid_ns, dtype=np.int64)
         self._watch = StreamWatch(self._keep_ns)
         self.clear()
 
@@ -147,16 +145,16 @@ class TrackHistory:
         Returns:
             The window; empty (stamp 0 unless given) before the first message.
         """
-        store, steps = self._store, self.config.steps
+        store = self._store
         if stamp_ns is None:
             stamp_ns = self._watch.newest_ns or 0
         slot = store.table.slots
         stamps, place = store.rings.in_order(slot)
         brackets = bracket(
             stamps,
-            stamp_ns + self._dt_ns * np.arange(1 - steps, 1, dtype=np.int64),
-            max_gap_ns=self._gap_ns,
-            max_extrapolation_ns=self._reach_ns,
+            stamp_ns + self._grid_ns,
+            max_gap_ns=self.config.max_gap_ns,
+            max_extrapolation_ns=self.config.max_extrapolation_ns,
         )
         seen = np.flatnonzero(brackets.valid.any(axis=1))
         if seen.shape[0] < slot.shape[0]:

@@ -38,7 +38,7 @@ _MOVING_MPS = 0.5
 
 def usable(config: HistoryConfig, states: TrackedStates) -> tuple[BoolArray, BoolArray]:
     """[n] observations with a usable position, and [n] those of them that are too fast."""
-    finite = (np.abs(states.position) <= _FARTHEST_M).all(axis=1)
+    finite = np.asarray((np.abs(states.position) <= _FARTHEST_M).all(axis=1))
     speed_mps = np.hypot(states.velocity[:, 0], states.velocity[:, 1])
     given = np.isfinite(states.velocity).all(axis=1)
     return finite, finite & given & (speed_mps > config.max_speed_mps)

@@ -73,8 +73,13 @@ class SampleRings:
         self.last_ns[slot] = NEVER_NS
         self.last[slot] = np.nan
 
-    def append(self, slot: IndexArray, stamp_ns: int, sample: Float64Array) -> None:
-        """Write one sample [n, columns] into each slot, newer than all that are there."""
+    def append(
+        self, slot: IndexArray, stamp_ns: int | NDArray[np.int64], sample: Float64Array
+    ) -> None:
+        """Write one sample [n, columns] into each slot, newer than all that are there.
+
+        The time is one for all or [n] (ns).
+        """
         column = self._columns(slot, stamp_ns)
         self._stamp[slot, column] = stamp_ns
         self._sample[slot, column] = sample
@@ -92,7 +97,7 @@ class SampleRings:
         """[n, T, columns] samples of each slot at the places [n, T]."""
         return self._sample[slot[:, None], place]
 
-    def _columns(self, slot: IndexArray, stamp_ns: int) -> IndexArray:
+    def _columns(self, slot: IndexArray, stamp_ns: int | NDArray[np.int64]) -> IndexArray:
         """Where in the rings the new samples go; lengthens the rings while they are too short."""
         while True:
             length = self._stamp.shape[1]

@@ -87,6 +87,27 @@ class HistoryConfig:
         _choice("history.velocity_source", self.velocity_source, DERIVATIVE_SOURCES)
         _choice("history.acceleration_source", self.acceleration_source, DERIVATIVE_SOURCES)
 
+    @property
+    def grid_ns(self) -> tuple[int, ...]:
+        """Times of the T grid samples before the common time (ns), from the oldest to 0."""
+        dt_ns = round(self.dt_s * 1e9)
+        return tuple(range((1 - self.steps) * dt_ns, 1, dt_ns))
+
+    @property
+    def max_gap_ns(self) -> int:
+        """``max_gap_s`` (ns)."""
+        return round(self.max_gap_s * 1e9)
+
+    @property
+    def max_extrapolation_ns(self) -> int:
+        """``max_extrapolation_s`` (ns)."""
+        return round(self.max_extrapolation_s * 1e9)
+
+    @property
+    def keep_ns(self) -> int:
+        """How long a track is remembered after its last observation (ns)."""
+        return max(self.max_gap_ns, self.max_extrapolation_ns) - self.grid_ns[0]
+
 
 @dataclass(frozen=True)
 class SceneConfig:

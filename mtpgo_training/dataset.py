@@ -25,7 +25,13 @@ from mtpgo_core.task import HistoryConfig, SceneConfig
 from mtpgo_training.augment import Augmentation
 from mtpgo_training.baselines import BASELINES
 from mtpgo_training.config import DataConfig
-from mtpgo_training.sampling import copies, random_cover, standing
+from mtpgo_training.sampling import (
+    balanced_copies,
+    copies,
+    draw_balanced,
+    draw_cover,
+    standing,
+)
 from mtpgo_training.sources import Source
 from mtpgo_training.windows import TrackedWindow
 
@@ -70,6 +76,13 @@ class SceneDataset(Dataset[Data]):
         self.horizon_steps = horizon_steps
         self.seed = seed
         self.items: list[Item] = []
+        self._copies = None
+        if data.lane_change_share > 0.0:
+            found = [
+                (s.changes, s.chance * s.weight) for s in self.sources if s.changes is not None
+            ]
+            share, copies_each = data.lane_change_share, data.lane_change_copies
+            self._copies = balanced_copies(found, share, copies_each)
         self.set_epoch(0)
 
     def set_epoch(self, epoch: int) -> None:
@@ -77,19 +90,20 @@ class SceneDataset(Dataset[Data]):
         rng = np.random.default_rng([self.seed, epoch])
         self.items = []
         for s, source in enumerate(self.sources):
-            for w, tracked in enumerate(source.windows):
+            for w in range(len(source.windows)):
                 for _ in range(copies(source.weight, rng)):
-                    self.items.extend(self._draw(s, w, source, tracked, rng))
+                    self.items.extend(self._draw(s, w, source, rng))
 
-    def _draw(
-        self, s: int, w: int, source: Source, tracked: TrackedWindow, rng: np.random.Generator
-    ) -> list[Item]:
+    def _draw(self, s: int, w: int, source: Source, rng: np.random.Generator) -> list[Item]:
         """The graphs of one window."""
-        restarted = bool(source.restarted) and rng.random() < self.data.restart_probability
-        chosen = source.restarted[w] if restarted else tracked
+        restarted = source.restarted is not None and rng.random() < self.data.restart_probability
+        candidates = source.candidates(w, restarted=restarted)
         items = []
-        chance = source.chance[w][chosen.track]
-        for centre in random_cover(chosen.window, self.scene, rng, chance):
+        if self._copies is None:
+            centres = draw_cover(candidates, self.scene, rng)
+        else:
+            centres = draw_balanced(candidates, self._copies, rng)
+        for centre in centres:
             mirror = bool(rng.random() < self.data.mirror_probability)
             turn = float(rng.normal(0.0, 1.0)) * self.data.rotation_std_rad
             scale = float(np.exp(rng.normal(0.0, 1.0) * self.data.scale_std))
@@ -102,7 +116,9 @@ class SceneDataset(Dataset[Data]):
     def __getitem__(self, index: int) -> Data:
         item = self.items[index]
         source = self.sources[item.source]
-        tracked = (source.restarted if item.restarted else source.windows)[item.window]
+        windows = source.restarted if item.restarted else source.windows
+        assert windows is not None
+        tracked = windows[item.window]
         batch = build_scenes(
             tracked.window,
             self.scene,

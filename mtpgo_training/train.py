@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.cache import add_cache_arguments, cache_from
 from mtpgo_training.config import PRECISIONS, TrainingConfig, load_config
 from mtpgo_training.readers import LAYOUTS
 
@@ -54,6 +55,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--minutes", "--max-minutes", type=float, help="stop cleanly after this long (min)"
     )
+    add_cache_arguments(parser)
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     parser.set_defaults(run=run)
 
@@ -66,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
             "--init-from is given with --resume, expected one: a resumed run has its weights"
         )
     pairs = pair_layouts(args.data, args.layout)
+    cache = cache_from(args)
     try:
         from mtpgo_training.trainer.run import train
     except ModuleNotFoundError as error:
@@ -81,11 +84,12 @@ def run(args: argparse.Namespace) -> int:
 
     module = train(
         config,
-        read_all(pairs),
+        read_all(pairs, cache),
         RunFolder(args.out),
         resume=args.resume,
         init_from=args.init_from,
         max_minutes=args.minutes,
+        cache=cache,
         talk=not args.quiet,
         progress=not args.quiet and sys.stderr.isatty(),
     )

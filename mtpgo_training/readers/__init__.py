@@ -6,41 +6,53 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.readers.drone import DRONE_READERS
-from mtpgo_training.readers.files import find_drone_files
-from mtpgo_training.readers.ngsim import read_ngsim
+from mtpgo_training.readers.files import DroneFiles, find_drone_files
+from mtpgo_training.readers.ngsim import ngsim_units
+from mtpgo_training.readers.units import Unit
 from mtpgo_training.recording import Recording
 
-DirectoryReader = Callable[[Path, Sequence[str] | None], Iterator[Recording]]
+if TYPE_CHECKING:
+    from mtpgo_training.cache import RecordingCache
+
+DirectoryReader = Callable[[Path, Sequence[str] | None], list[Unit]]
 
 
 def _drone(layout: str) -> DirectoryReader:
-    def read(directory: Path, names: Sequence[str] | None) -> Iterator[Recording]:
-        for files in find_drone_files(directory, names):
-            yield DRONE_READERS[layout](files)
+    def unit(files: DroneFiles) -> Unit:
+        read = DRONE_READERS[layout]
+        return Unit(files.name, layout, files.all, lambda: iter([read(files)]))
 
-    return read
+    def find(directory: Path, names: Sequence[str] | None) -> list[Unit]:
+        return [unit(files) for files in find_drone_files(directory, names)]
+
+    return find
 
 
-def _bags(directory: Path, names: Sequence[str] | None) -> Iterator[Recording]:
+def _bags(directory: Path, names: Sequence[str] | None) -> list[Unit]:
     # Only bags need the message adapters and rosbags.
-    from mtpgo_training.readers.bag import read_bags
+    from mtpgo_training.readers.bag import bag_units
 
-    return read_bags(directory, names)
+    return bag_units(directory, names)
 
 
 LAYOUTS: dict[str, DirectoryReader] = {
     **{layout: _drone(layout) for layout in DRONE_READERS},
-    "ngsim": read_ngsim,
+    "ngsim": ngsim_units,
     "bag": _bags,
 }
-"""Layout name -> reader of the recordings in a directory."""
+"""Layout name -> finder of the units of files in a directory."""
 
 
 def iter_recordings(
-    directory: str | Path, layout: str, names: Sequence[str] | None = None
+    directory: str | Path,
+    layout: str,
+    names: Sequence[str] | None = None,
+    *,
+    cache: RecordingCache | None = None,
 ) -> Iterator[Recording]:
     """The recordings of a directory, one after the other.
 
@@ -48,6 +60,7 @@ def iter_recordings(
         directory: where the files lie.
         layout: a name in ``LAYOUTS``.
         names: the recordings wanted, all by default.
+        cache: where recordings are kept that have been read before.
 
     Raises:
         RecordingError: an unknown layout, no recordings, or a defect of a file.
@@ -56,11 +69,16 @@ def iter_recordings(
         raise RecordingError(
             f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
         )
-    yield from LAYOUTS[layout](Path(directory), names)
+    for unit in LAYOUTS[layout](Path(directory), names):
+        yield from unit.read() if cache is None else cache.recordings(unit)
 
 
 def load_recordings(
-    directory: str | Path, layout: str, names: Sequence[str] | None = None
+    directory: str | Path,
+    layout: str,
+    names: Sequence[str] | None = None,
+    *,
+    cache: RecordingCache | None = None,
 ) -> list[Recording]:
     """All recordings that :func:`iter_recordings` gives, as a list."""
-    return list(iter_recordings(directory, layout, names))
+    return list(iter_recordings(directory, layout, names, cache=cache))

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +28,7 @@ from mtpgo_training.bag import (
 )
 from mtpgo_training.readers.files import existing_directory, select_names
 from mtpgo_training.readers.table import sha256_of
+from mtpgo_training.readers.units import Unit
 from mtpgo_training.recording import Int64Array, Recording
 
 PIECE_GAP_S = 5.0
@@ -51,8 +53,8 @@ class _Piece:
             yield self
 
 
-def read_bags(directory: Path, names: Sequence[str] | None = None) -> Iterator[Recording]:
-    """The recordings of a bag, or of all bags in a directory.
+def bag_units(directory: Path, names: Sequence[str] | None = None) -> list[Unit]:
+    """A bag, or all bags in a directory.
 
     A bag with long pauses (several recordings joined) gives one recording per part, named
     ``BAG-1``, ``BAG-2`` and so on.
@@ -62,7 +64,7 @@ def read_bags(directory: Path, names: Sequence[str] | None = None) -> Iterator[R
         names: names of the bags wanted (without ``.mcap``), all by default.
 
     Raises:
-        RecordingError: no bag there, a damaged one, or none of its topics has tracked objects.
+        RecordingError: no bag there.
     """
     if is_bag(directory):
         found = {directory.stem if directory.suffix == ".mcap" else directory.name: directory}
@@ -76,12 +78,23 @@ def read_bags(directory: Path, names: Sequence[str] | None = None) -> Iterator[R
             raise RecordingError(
                 f"{directory} has no bags, expected .mcap files or rosbag2 directories"
             )
-    for name in select_names(list(found), names, directory):
-        pieces = list(_pieces(found[name]))
-        sha256 = sha256_of(_sources(found[name]))
-        for number, piece in enumerate(pieces, start=1):
-            own = f"{name}-{number}" if len(pieces) > 1 else name
-            yield _recording(own, piece, sha256 if len(pieces) == 1 else f"{sha256}#{number}")
+    return [
+        Unit(name, "bag", _sources(found[name]), functools.partial(_read_bag, name, found[name]))
+        for name in select_names(list(found), names, directory)
+    ]
+
+
+def _read_bag(name: str, path: Path) -> Iterator[Recording]:
+    """The recordings of one bag.
+
+    Raises:
+        RecordingError: a damaged bag, or none of its topics has tracked objects.
+    """
+    pieces = list(_pieces(path))
+    sha256 = sha256_of(_sources(path))
+    for number, piece in enumerate(pieces, start=1):
+        own = f"{name}-{number}" if len(pieces) > 1 else name
+        yield _recording(own, piece, sha256 if len(pieces) == 1 else f"{sha256}#{number}")
 
 
 def _sources(path: Path) -> list[Path]:

@@ -10,6 +10,7 @@ of ``HEADING_STEP_M``; nothing of the future is looked at.
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass, Float64Array
 from mtpgo_training.readers.files import check_layout, existing_directory, select_names
 from mtpgo_training.readers.table import read_header, read_table, sha256_of
+from mtpgo_training.readers.units import Unit
 from mtpgo_training.recording import Int64Array, Recording
 
 FOOT_M = 0.3048
@@ -41,17 +43,17 @@ _INTEGERS = ("vehicle_id", "global_time", "v_class")
 _NUMBERS = ("local_x", "local_y", "v_length", "v_width")
 
 
-def read_ngsim(directory: Path, names: Sequence[str] | None = None) -> Iterator[Recording]:
-    """The recordings in a directory of NGSIM files, or in one such file.
+def ngsim_units(directory: Path, names: Sequence[str] | None = None) -> list[Unit]:
+    """The files in a directory of NGSIM files, or one such file.
 
-    They are called after file, site and period, as far as a file holds several.
+    Their recordings are called after file, site and period, as far as a file holds several.
 
     Args:
         directory: a directory with ``.csv`` or ``.csv.gz`` files, or one file.
         names: names of the files wanted, without the suffix.
 
     Raises:
-        RecordingError: no files, or a defect of one.
+        RecordingError: no files.
     """
     if directory.is_file():
         paths = [directory]
@@ -61,8 +63,10 @@ def read_ngsim(directory: Path, names: Sequence[str] | None = None) -> Iterator[
         if not paths:
             raise RecordingError(f"{directory} has no recordings, expected NGSIM's .csv files")
     by_name = {path.name.split(".csv")[0]: path for path in paths}
-    for name in select_names(list(by_name), names, directory):
-        yield from _read_file(name, by_name[name])
+    return [
+        Unit(name, "ngsim", (by_name[name],), functools.partial(_read_file, name, by_name[name]))
+        for name in select_names(list(by_name), names, directory)
+    ]
 
 
 def _read_file(name: str, path: Path) -> Iterator[Recording]:

@@ -11,12 +11,12 @@ import lightning
 import torch
 from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
-from tqdm import tqdm
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.cache import RecordingCache
 from mtpgo_training.config import TrainingConfig
 from mtpgo_training.dataset import SceneDataset, validation_scenes
-from mtpgo_training.sources import Source, prepare
+from mtpgo_training.sources import Source, prepare_all
 from mtpgo_training.splits import NamedRecording, Splits
 from mtpgo_training.trainer.state import RunState
 
@@ -35,7 +35,12 @@ class Scenes:
 
 
 def prepare_scenes(
-    config: TrainingConfig, splits: Splits, horizon_steps: int, *, progress: bool
+    config: TrainingConfig,
+    splits: Splits,
+    horizon_steps: int,
+    *,
+    cache: RecordingCache | None = None,
+    progress: bool,
 ) -> Scenes:
     """Make all recordings ready.
 
@@ -43,6 +48,7 @@ def prepare_scenes(
         config: the configuration.
         splits: the recordings by use.
         horizon_steps: H.
+        cache: where what is costly to compute is kept.
         progress: show a bar.
 
     Raises:
@@ -50,24 +56,14 @@ def prepare_scenes(
     """
 
     def sources(named: Sequence[NamedRecording], training: bool) -> list[Source]:
-        bar = tqdm(
+        return prepare_all(
             named,
-            desc="training recordings" if training else "validation recordings",
-            disable=not progress,
-            leave=False,
+            config,
+            training=training,
+            horizon_steps=horizon_steps,
+            cache=cache,
+            progress=progress,
         )
-        return [
-            prepare(
-                item.recording,
-                config.history,
-                config.scene,
-                config.data,
-                training=training,
-                seed=config.seed,
-                weight=config.data.source_weight.get(item.source, 1.0),
-            )
-            for item in bar
-        ]
 
     dataset = SceneDataset(
         sources(splits.train, True),

@@ -16,13 +16,14 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from torch_geometric.loader import DataLoader
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.cache import RecordingCache
 from mtpgo_training.config import TrainingConfig
 from mtpgo_training.dataset import dense
 from mtpgo_training.export import weights_hash
 from mtpgo_training.networks import build_network
 from mtpgo_training.process import prepare_process
 from mtpgo_training.run_folder import Checkpoint, RunFolder, load_checkpoint
-from mtpgo_training.splits import NamedRecording, split
+from mtpgo_training.splits import NamedRecording, split, window_s
 from mtpgo_training.trainer.data import SceneLoaders, Scenes, prepare_scenes
 from mtpgo_training.trainer.judge import epochs_without_better
 from mtpgo_training.trainer.keeper import Keeper, restore, start_from
@@ -43,6 +44,7 @@ def train(
     resume: bool = False,
     init_from: Path | None = None,
     max_minutes: float | None = None,
+    cache: RecordingCache | None = None,
     talk: bool = False,
     progress: bool = False,
 ) -> TrainingModule:
@@ -55,6 +57,7 @@ def train(
         resume: go on with the run in the folder; its configuration and data must be the same.
         init_from: checkpoint of the same architecture whose weights to start from.
         max_minutes: stop cleanly after this long.
+        cache: where what is costly to compute from the recordings is kept.
         talk: print what the run is and a line an epoch.
         progress: show progress bars.
 
@@ -67,10 +70,11 @@ def train(
     """
     quieten()
     prepare_process(_threads(config))
-    splits = split(recordings, config.data, config.seed)
-    described = splits.describe()
     torch.manual_seed(config.seed)
     network = build_network(config.network, config.model, config.history, config.scene)
+    guard_s = window_s(config.history, network.config.horizon_steps)
+    splits = split(recordings, config.data, config.seed, guard_s)
+    described = splits.describe()
     initial = None if init_from is None else load_checkpoint(init_from)
     checkpoint: Checkpoint | None = None
     if resume:
@@ -93,6 +97,7 @@ def train(
         config,
         splits,
         network.config.horizon_steps,
+        cache=cache,
         progress=progress and trainer.is_global_zero,
     )
     if checkpoint is None and initial is None:
