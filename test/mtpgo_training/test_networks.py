@@ -167,4 +167,4 @@ def test_a_baseline_is_trained_by_the_same_trainer(name, tmp_path):
     assert checkpoint["network"] == name
     assert name_of(export.load_model(checkpoint)) == name
     scores = checkpoint["metrics"]
-    assert scores["model"]["all"]["ade"] < 0.5 * scores["cv"]["all"]["ade"]
+    assert scores["model"]["all"]["ade"] < 0.6 * scores["cv"]["all"]["ade"]
