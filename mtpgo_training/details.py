@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.schema import AgentClass
+from mtpgo_training.baselines import BASELINES
 from mtpgo_training.intervals import bootstrap, bootstrap_ratio, draws, over_seeds
 from mtpgo_training.manoeuvres import MANOEUVRES, members
 from mtpgo_training.scorebook import ScoreBook, Scores, averages
@@ -40,7 +41,7 @@ def details(book: ScoreBook) -> Json:
     """
     names = book.recordings
     drawn = draws(len(names))
-    series = book.series()
+    series = dict(sorted(book.series().items(), key=lambda item: item[0][0] in BASELINES))
     content: Json = {key: {} for key in _PARTS}
     for (model, protocol), pages in series.items():
         ordered = [pages.get(name, Page()) for name in names]

@@ -212,5 +212,6 @@ def _from_bags(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> Bag
         runners,
         topic=args.topic,
         min_future_s=args.min_future,
+        own_clock=bool(args.data_options),
         draw=args.report is not None,
     )

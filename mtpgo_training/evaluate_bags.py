@@ -13,6 +13,7 @@ from mtpgo_core.runner import ModelRunner
 from mtpgo_core.schema import Prediction
 from mtpgo_core.task import HistoryConfig
 from mtpgo_training.agreement import Agreement, replay_offline
+from mtpgo_training.alignment import find_parts
 from mtpgo_training.evaluation import Evaluation
 from mtpgo_training.readers import load_recordings
 from mtpgo_training.recorded import bag_name, match, read_predictions
@@ -68,6 +69,7 @@ def evaluate_bags(
     *,
     topic: str | None = None,
     min_future_s: float = 0.0,
+    own_clock: bool = True,
     draw: bool = False,
 ) -> BagResult:
     """Score recorded predictions, and beside them models at the very same instants.
@@ -78,6 +80,8 @@ def evaluate_bags(
         runners: models by name, may be none. The baselines use the history of the first.
         topic: of the predictions, found by itself by default.
         min_future_s: agents observed for a shorter time afterwards are left out (s).
+        own_clock: the bags may have another clock than the recordings, which their own
+            observations tell; not where the recordings come from the bags.
         draw: keep the best and worst scenes for a picture.
 
     Raises:
@@ -95,7 +99,13 @@ def evaluate_bags(
     done: set[str] = set()
     for bag, bag_called in zip(bags, names, strict=True):
         predictions = read_predictions(bag, topic)
-        matched = match(bag, predictions, recordings)
+        parts = find_parts(_observed(bag), recordings) if own_clock else []
+        if parts and not any(part.name for part in parts):
+            result.warnings.append(
+                f"what {bag} observed is in none of the recordings, so its predictions are "
+                "matched by their stamps and identities as they are"
+            )
+        matched = match(bag, predictions, recordings, parts)
         if matched.strangers:
             result.warnings.append(
                 f"{matched.strangers} of the {len(predictions)} predictions in {bag} are of no "
@@ -107,6 +117,14 @@ def evaluate_bags(
             played.score_models(result, bag_called, own, first=name not in done)
             done.add(name)
     return result
+
+
+def _observed(bag: Path) -> list[Recording]:
+    """What a bag observed, nothing where it has predictions alone."""
+    try:
+        return load_recordings(bag, "bag")
+    except RecordingError:
+        return []
 
 
 @dataclass(frozen=True)

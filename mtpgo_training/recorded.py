@@ -16,6 +16,7 @@ from msg_adapters.predictions import POINT, prediction_from_pointcloud2
 from mtpgo_core.assemble import select
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_core.schema import BoolArray, Prediction
+from mtpgo_training.alignment import Part, restamped
 from mtpgo_training.bag import open_bag, read_messages
 from mtpgo_training.recording import Recording
 
@@ -100,7 +101,10 @@ class Matched:
 
 
 def match(
-    bag: Path, predictions: Sequence[Prediction], recordings: Mapping[str, Recording]
+    bag: Path,
+    predictions: Sequence[Prediction],
+    recordings: Mapping[str, Recording],
+    parts: Sequence[Part] = (),
 ) -> Matched:
     """Find the recording of each prediction, by time, identities and places.
 
@@ -108,6 +112,7 @@ def match(
         bag: where they come from, for the error.
         predictions: what was recorded.
         recordings: what may have been played, by name.
+        parts: what the bag's own observations say of that, if there are any.
 
     Raises:
         RecordingError: none of them belongs to any of the recordings.
@@ -118,7 +123,13 @@ def match(
     for prediction in predictions:
         if not len(prediction):
             continue
-        found = [(name, *place.find(prediction)) for name, place in places.items()]
+        part = next((p for p in parts if p.name and p.holds(prediction.stamp_ns)), None)
+        stamp_ns = prediction.stamp_ns if part is None else restamped(prediction, part)
+        found = [
+            (name, *place.find(prediction, stamp_ns))
+            for name, place in places.items()
+            if part is None or part.name == name
+        ]
         name, stamp_ns, rows = max(found, key=lambda item: int(item[2].sum()))
         if not rows.any():
             strangers += 1
@@ -150,10 +161,10 @@ class _Places:
         self._first_ns, self._last_ns = _span_ns(recording)
         self._tracks = {key.tobytes(): i for i, key in enumerate(recording.key)}
 
-    def find(self, prediction: Prediction) -> tuple[int, BoolArray]:
+    def find(self, prediction: Prediction, stamp_ns: int) -> tuple[int, BoolArray]:
         """The stamp in the recording's frames (ns), and [n] which agents are there."""
         nobody = np.zeros(len(prediction), dtype=np.bool_)
-        stamp_ns, recording = prediction.stamp_ns, self._recording
+        recording = self._recording
         early, late = self._first_ns - STAMP_SLACK_NS, self._last_ns + STAMP_SLACK_NS
         if not early <= stamp_ns <= late:
             return stamp_ns, nobody

@@ -65,18 +65,22 @@ def print_result(content: Json, result: BagResult) -> None:
         if any(protocol in scores for scores in content["models"].values()):
             print(f"{heading}:")
             print(table.text(protocol))
-            print(interval_text(content, protocol))
+            print()
+            if not content["notes"]:
+                print(f"{interval_text(content, protocol)}\n")
+    if any("all" in found for found in content["by_manoeuvre"].values()):
+        print(f"{manoeuvre_text(content)}\n")
     for group, row in content["seeds"].items():
         print(seeds_text(group, row))
     for bag, found in result.agreements.items():
         for model, agreement in found.items():
             print(agreement.text(bag, model))
+    for note in content["notes"]:
+        print(f"Note: {note}.")
 
 
 def interval_text(content: Json, protocol: str) -> str:
     """The intervals over recordings of the most important values."""
-    if content["notes"]:
-        return "\n".join(content["notes"])
     keys = {"ade": "ADE m", "fde": "FDE m", "anll": "ANLL", "coverage_90": "in 90%"}
     rows = [["95 % interval", *keys.values(), "ADE / cv"]]
     for model, protocols in content["intervals"].items():
@@ -85,6 +89,19 @@ def interval_text(content: Json, protocol: str) -> str:
             share = [None, None] if relative is None else [relative["low"], relative["high"]]
             ends = [protocols[protocol][key] for key in keys] + [share]
             rows.append([model, *(_span(*end) for end in ends)])
+    return columns(rows)
+
+
+def manoeuvre_text(content: Json) -> str:
+    """ADE by manoeuvre of all agents that were observed for the whole horizon."""
+    found = {m: p["all"] for m, p in content["by_manoeuvre"].items() if "all" in p}
+    names = list(dict.fromkeys(name for rows in found.values() for name in rows))
+    counts = {name: max(r[name]["n"] for r in found.values() if name in r) for name in names}
+    rows = [["ADE m", *(f"{name.replace('_', ' ')} ({counts[name]})" for name in names)]]
+    rows += [
+        [model, *(f"{r[name]['ade']:.3f}" if name in r else "-" for name in names)]
+        for model, r in found.items()
+    ]
     return columns(rows)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_training import metrics
+from mtpgo_training.baselines import BASELINES
 from mtpgo_training.metrics import Array, Mask
 from mtpgo_training.scorepage import KEYS, AgentScores, Page, score_agents
 
@@ -144,11 +145,11 @@ class ScoreBook:
         return found
 
     def table(self) -> ScoreTable:
-        """The averages over all agents so far."""
+        """The averages over all agents so far, the baselines after the models."""
         models: dict[str, dict[str, Scores]] = {}
         for (model, protocol), pages in self.series().items():
             models.setdefault(model, {})[protocol] = averages(list(pages.values()))
-        return ScoreTable(models)
+        return ScoreTable(dict(sorted(models.items(), key=lambda item: item[0] in BASELINES)))
 
 
 def averages(pages: Sequence[Page], chosen: Sequence[NDArray[np.bool_]] | None = None) -> Scores:
