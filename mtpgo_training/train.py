@@ -43,7 +43,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="start from these weights (checkpoint or run folder of the same architecture)",
     )
     parser.add_argument("--name", help="name of the model that comes out, overrides name")
-    parser.add_argument("--model", metavar="NETWORK", help="overrides network")
+    parser.add_argument(
+        "--model", metavar="NETWORK", help="overrides network, and adds its name to name"
+    )
     parser.add_argument("--epochs", type=int, help="overrides optimisation.epochs")
     parser.add_argument("--seed", type=int, help="overrides seed")
     parser.add_argument(
@@ -115,7 +117,8 @@ def overridden(config: TrainingConfig, args: argparse.Namespace) -> TrainingConf
         from mtpgo_training.networks import options_for
 
         options = options_for(args.model, config.model)
-        config = dataclasses.replace(config, network=args.model, model=options)
+        name = f"{config.name}-{args.model}"
+        config = dataclasses.replace(config, name=name, network=args.model, model=options)
     return dataclasses.replace(
         config,
         **given(name=args.name, seed=args.seed),

@@ -87,7 +87,8 @@ class SceneLoaders(lightning.LightningDataModule):
     """The batches of an epoch: they follow from the seed and the epoch's number alone.
 
     Each of several processes takes its share of every batch, so that a step learns from the same
-    scenes on any number of devices. A last batch with fewer scenes than processes is left out.
+    scenes on any number of devices. What is left at an epoch's end joins the last whole batch if
+    it is less than half of one: a step from a scene or two is mostly noise.
     """
 
     def __init__(self, scenes: Scenes, config: TrainingConfig, state: RunState) -> None:
@@ -114,10 +115,11 @@ class SceneLoaders(lightning.LightningDataModule):
         rank, processes = (
             (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
         )
-        batches = [batch.tolist() for batch in order.split(size) if len(batch) >= processes]
+        cuts = tuple(range(size, len(order) - (size + 1) // 2 + 1, size))
+        batches = order.tensor_split(cuts)
         self.steps = len(batches)
         return DataLoader(
             dataset,
-            batch_sampler=[batch[rank::processes] for batch in batches[self.state.batch :]],
+            batch_sampler=[b[rank::processes].tolist() for b in batches[self.state.batch :]],
             num_workers=self.config.trainer.loader_workers,
         )

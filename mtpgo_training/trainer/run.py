@@ -102,6 +102,7 @@ def train(
     )
     if checkpoint is None and initial is None:
         _fit_statistics(module, scenes, config.seed)
+    _require_shares(trainer, config, scenes)
     if starts:
         folder.start(config, described, weights_hash(module.average) if initial else "")
     narrator.introduce(trainer, module, scenes, splits, folder)
@@ -160,6 +161,20 @@ def _trainer(
             f"the section trainer (accelerator {options.accelerator!r}, {options.devices} "
             f"device(s), precision {options.precision!r}) does not fit this machine: {reason}"
         ) from error
+
+
+def _require_shares(trainer: lightning.Trainer, config: TrainingConfig, scenes: Scenes) -> None:
+    """That every process finds a scene in every batch.
+
+    Raises:
+        ConfigurationError: one would not.
+    """
+    processes, size = trainer.world_size, config.optimisation.batch_scenes
+    if processes > 1 and min(size // 2, len(scenes.training)) < processes:
+        raise ConfigurationError(
+            f"optimisation.batch_scenes is {size}, with {len(scenes.training)} scenes an epoch, "
+            f"expected at least {2 * processes} of both for {processes} processes"
+        )
 
 
 def _threads(config: TrainingConfig) -> int:
