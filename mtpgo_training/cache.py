@@ -172,7 +172,7 @@ def _checksum(*columns: NDArray[Any]) -> int:
     value = 0
     for column in columns:
         flat = np.ascontiguousarray(column).reshape(-1)
-        value = zlib.crc32(memoryview(flat.view(np.uint8)), value)
+        value = zlib.crc32(flat.view(np.uint8).data, value)
     return value
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from mtpgo_core.observations import derive, has_jumped, interpolate, usable
 from mtpgo_core.resampling import NEVER_NS, Brackets, bracket
-from mtpgo_core.schema import Float64Array, tracked_states
+from mtpgo_core.schema import Float64Array, TrackedStates, tracked_states
 from mtpgo_core.task import HistoryConfig
 from mtpgo_core.trackstore import SAMPLE_COLUMNS, TrackStore
 from mtpgo_core.tracktable import names_of
@@ -31,7 +31,8 @@ IntArray = NDArray[np.int64]
 Columns = dict[str, NDArray[Any]]
 
 TRACKS_AT_ONCE = 2048
-"""Tracks that are taken in together, which bounds the memory."""
+ROWS_AT_ONCE = 200_000
+"""Tracks and rows that are taken in together, which bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -142,42 +143,32 @@ def take_in(recording: Recording, history: HistoryConfig) -> Columns:
 
     Rows that the history rejects (no finite position, too fast) are left out.
     """
-    rank = np.empty(len(recording.track_id), dtype=np.int64)
-    rank[np.argsort(names_of(recording.key), kind="stable")] = np.arange(len(rank))
-    order = np.lexsort((recording.frame, rank[recording.track]))
-    position, velocity = recording.position[order], recording.velocity[order]
-    states = tracked_states(
-        0,
-        FRAME_ID,
-        recording.key[recording.track[order]],
-        position,
-        velocity=velocity,
-        acceleration=recording.acceleration[order],
-        yaw=recording.yaw[order],
-    )
-    with np.errstate(invalid="ignore", over="ignore"):
-        finite, too_fast = usable(history, states)
-        rows = np.flatnonzero(finite & ~too_fast)
-        frame, track = recording.frame[order][rows], recording.track[order][rows]
-        stamp_ns = _stamps(recording, frame)
-        sample = np.empty((len(rows), SAMPLE_COLUMNS))
-        fresh = np.zeros(len(rows), dtype=np.bool_)
-        replaced = np.zeros(len(rows), dtype=np.bool_)
-        for some in _together(track):
-            store = TrackStore(history, len(some), history.keep_ns)
-            names = np.zeros((len(some), 4), dtype=np.uint32)
-            names[:, 0] = np.arange(len(some))
-            slots, _ = store.admit(names_of(names), np.empty(0, dtype=np.intp))
-            for n in range(int((some[:, 1] - some[:, 0]).max())):
-                going = some[:, 0] + n < some[:, 1]
-                at, slot = some[going, 0] + n, slots[going]
-                _forget(history, store, slot, stamp_ns[at], states.position[rows[at]])
-                fresh[at] = store.rings.count[slot] == 0
+    order = _by_track(recording, _usable_rows(recording, history))
+    track = recording.track[order]
+    stamp_ns = _stamps(recording, recording.frame[order])
+    sample = np.empty((len(order), SAMPLE_COLUMNS))
+    fresh, replaced = np.zeros((2, len(order)), dtype=np.bool_)
+    for bounds in _together(track):
+        length = bounds[:, 1] - bounds[:, 0]
+        first = np.cumsum(length) - length
+        mine = np.arange(length.sum()) + np.repeat(bounds[:, 0] - first, length)
+        states = _states(recording, order[mine])
+        store = TrackStore(history, len(bounds), history.keep_ns)
+        names = np.zeros((len(bounds), 4), dtype=np.uint32)
+        names[:, 0] = np.arange(len(bounds))
+        slots, _ = store.admit(names_of(names), np.empty(0, dtype=np.intp))
+        with np.errstate(invalid="ignore", over="ignore"):
+            for n in range(int(length.max())):
+                going = n < length
+                slot, here = slots[going], first[going] + n
+                at = mine[here]
+                _forget(history, store, slot, stamp_ns[at], states.position[here])
                 count = store.rings.count[slot]
-                sample[at] = derive(history, store, slot, stamp_ns[at], states, rows[at])
+                sample[at] = derive(history, store, slot, stamp_ns[at], states, here)
                 store.rings.append(slot, stamp_ns[at], sample[at])
-                replaced[at - 1] |= (store.rings.count[slot] == count) & ~fresh[at]
-    begin = np.maximum.accumulate(np.where(fresh, np.arange(len(rows)), 0))
+                fresh[at] = count == 0
+                replaced[at - 1] |= store.rings.count[slot] == count
+    begin = np.maximum.accumulate(np.where(fresh, np.arange(len(order)), 0))
     return {
         "stamp_ns": stamp_ns,
         "track": track.astype(np.int32),
@@ -185,6 +176,37 @@ def take_in(recording: Recording, history: HistoryConfig) -> Columns:
         "replaced": replaced,
         "sample": sample,
     }
+
+
+def _states(recording: Recording, rows: IntArray | slice) -> TrackedStates:
+    """Rows of a recording as the history takes them; their times stand elsewhere."""
+    return tracked_states(
+        0,
+        FRAME_ID,
+        recording.key[recording.track[rows]],
+        recording.position[rows],
+        velocity=recording.velocity[rows],
+        acceleration=recording.acceleration[rows],
+        yaw=recording.yaw[rows],
+    )
+
+
+def _usable_rows(recording: Recording, history: HistoryConfig) -> IntArray:
+    """The rows that the history does not reject."""
+    good = np.zeros(len(recording), dtype=np.bool_)
+    with np.errstate(invalid="ignore", over="ignore"):
+        for begin in range(0, len(good), ROWS_AT_ONCE):
+            some = slice(begin, begin + ROWS_AT_ONCE)
+            finite, too_fast = usable(history, _states(recording, some))
+            good[some] = finite & ~too_fast
+    return np.flatnonzero(good)
+
+
+def _by_track(recording: Recording, rows: IntArray) -> IntArray:
+    """The rows by track, in the order of the keys, and time."""
+    rank = np.empty(len(recording.track_id), dtype=np.int64)
+    rank[np.argsort(names_of(recording.key), kind="stable")] = np.arange(len(rank))
+    return rows[np.lexsort((recording.frame[rows], rank[recording.track[rows]]))]
 
 
 def _stamps(recording: Recording, frame: IntArray) -> IntArray:
@@ -201,8 +223,14 @@ def _together(track: IntArray) -> Iterator[IntArray]:
     starts = np.flatnonzero(np.append(True, track[1:] != track[:-1]))
     bounds = np.stack([starts, np.append(starts[1:], len(track))], axis=1)
     bounds = bounds[np.argsort(bounds[:, 0] - bounds[:, 1], kind="stable")]
-    for begin in range(0, len(bounds), TRACKS_AT_ONCE):
-        yield bounds[begin : begin + TRACKS_AT_ONCE]
+    rows = np.cumsum(bounds[:, 1] - bounds[:, 0])
+    begin = 0
+    while begin < len(bounds):
+        before = int(rows[begin - 1]) if begin else 0
+        end = int(np.searchsorted(rows, before + ROWS_AT_ONCE, side="right"))
+        end = min(max(end, begin + 1), begin + TRACKS_AT_ONCE)
+        yield bounds[begin:end]
+        begin = end
 
 
 def _forget(

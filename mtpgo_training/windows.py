@@ -235,7 +235,7 @@ def frames_every(recording: Recording, stride_s: float) -> IntArray:
     """The frames every ``stride_s``, counted from the first, at which anybody is present.
 
     Where frames come at no fixed times (a bag of jittered messages), the nearest one is taken if
-    it lies within half a usual step of frames.
+    it lies less than a usual step of frames away.
     """
     frames = recording.frames
     if not len(frames):
@@ -248,7 +248,7 @@ def frames_every(recording: Recording, stride_s: float) -> IntArray:
     nearer = np.abs(frames[before] - wanted) < np.abs(frames[after] - wanted)
     chosen = np.where(nearer, frames[before], frames[after])
     usual = float(np.median(np.diff(frames))) if len(frames) > 1 else 1.0
-    return np.unique(chosen[np.abs(chosen - wanted) <= 0.5 * usual])
+    return np.unique(chosen[np.abs(chosen - wanted) < usual])
 
 
 def _times(recording: Recording, stride_s: float) -> IntArray:

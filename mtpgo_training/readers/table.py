@@ -16,6 +16,8 @@ import pandas as pd
 
 from mtpgo_core.errors import RecordingError
 
+_ROWS_AT_ONCE = 100_000
+
 _UNREADABLE = (OSError, EOFError, zlib.error, UnicodeDecodeError, pd.errors.ParserError)
 
 
@@ -68,7 +70,7 @@ def read_table(
         )
     present = [name for name in wanted if name in header]
     kinds: dict[str, Any] = {name: str for name in texts if name in present}
-    table = _parse(path, kinds)
+    table = _parse(path, present, kinds)
     for name in present:
         if name not in kinds:
             table[name] = _numbers(path, table[name], unknown=name in unknown_allowed)
@@ -88,24 +90,40 @@ def sha256_of(paths: Sequence[Path]) -> str:
     return digest.hexdigest()
 
 
-def _parse(path: Path, kinds: dict[str, Any]) -> pd.DataFrame:
-    """The whole file; all columns, as pandas overlooks lines that are too long otherwise."""
+def _parse(path: Path, present: Sequence[str], kinds: dict[str, Any]) -> pd.DataFrame:
+    """The columns wanted, chunk by chunk, so that the others never fill the memory together.
+
+    All columns are looked at, as pandas overlooks lines that are too long otherwise.
+    """
+    chunks: list[pd.DataFrame] = []
+    rows, ends_open, open_cells = 0, False, 0
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)
-            table = pd.read_csv(
-                path, dtype=kinds, index_col=False, low_memory=False, skipinitialspace=True
+            stream = pd.read_csv(
+                path,
+                dtype=kinds,
+                index_col=False,
+                low_memory=False,
+                skipinitialspace=True,
+                chunksize=_ROWS_AT_ONCE,
             )
+            with stream:
+                for chunk in stream:
+                    chunk.columns = [str(name).strip() for name in chunk.columns]
+                    last = chunk.iloc[:, -1].isna().to_numpy(bool)
+                    rows += len(chunk)
+                    open_cells += int(last.sum())
+                    ends_open = bool(last[-1]) if len(last) else ends_open
+                    width = chunk.shape[1]
+                    chunks.append(chunk[list(present)])
     except (*_UNREADABLE, pd.errors.ParserWarning) as error:
         raise RecordingError(f"{path} cannot be read as CSV: {_reason(error)}") from error
-    table.columns = [str(name).strip() for name in table.columns]
-    last = table.iloc[:, -1].isna().to_numpy(bool)
-    if len(last) > 1 and last[-1] and not last[:-1].any():
+    if rows > 1 and ends_open and open_cells == 1:
         raise RecordingError(
-            f"{path} ends within line {len(last) + 1}, expected {table.shape[1]} cells: "
-            "the file is truncated"
+            f"{path} ends within line {rows + 1}, expected {width} cells: the file is truncated"
         )
-    return table
+    return pd.concat(chunks, ignore_index=True) if len(chunks) > 1 else chunks[0].copy()
 
 
 def _reason(error: BaseException) -> str:
