@@ -112,19 +112,17 @@ class RecordingCache:
         text = json.dumps(facts, sort_keys=True)
         key = hashlib.sha256(text.encode()).hexdigest()[:32]
         path = self.folder / key
-        found = _read_or_warn(path)
+        found = _read_or_none(path)
         if found is not None:
             return found
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             with _locked(self.folder / f".lock-{int(key[:8], 16) % _LOCKS:02d}"):
                 # Another process may have written it in the meantime.
-                found = _read_or_warn(path)
+                found = _read_or_none(path, warn=True)
                 if found is None:
-                    columns = make()
-                    self._write(path, facts, columns)
-                    found = _read_or_warn(path)
-                return columns if found is None else found
+                    self._write(path, facts, make())
+                return _read(path) if found is None else found
         except OSError as error:
             _log.warning("mtpgo: the cache %s cannot be used: %s", self.folder, error.strerror)
             return make()
@@ -143,14 +141,15 @@ class RecordingCache:
             shutil.rmtree(aside, ignore_errors=True)
 
 
-def _read_or_warn(path: Path) -> Columns | None:
+def _read_or_none(path: Path, *, warn: bool = False) -> Columns | None:
     """The columns of an entry; None where there is none or it is damaged."""
     if not path.is_dir():
         return None
     try:
         return _read(path)
     except (DamagedEntryError, OSError, ValueError, KeyError, TypeError) as error:
-        _log.warning("mtpgo: the cache entry %s is damaged and made anew (%s)", path, error)
+        if warn:
+            _log.warning("mtpgo: the cache entry %s is damaged and made anew (%s)", path, error)
         return None
 
 
