@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import AgentClass, Float64Array, HistoryWindow
 from mtpgo_core.task import SceneConfig
 from mtpgo_training.config import DataConfig
@@ -167,12 +168,20 @@ def balanced_copies(
             which the agent counts.
         share: of lane changes among the graphs.
         lane_changes: graphs around an agent that changes its lane.
+
+    Raises:
+        ConfigurationError: nobody changes a lane.
     """
     count = {
         value: sum(float(chance[found == value].sum()) for found, chance in sources)
         for value in (-1, 0, 1)
     }
     changes = count[-1] + count[1]
+    if not changes > 0.0:
+        raise ConfigurationError(
+            "data.lane_change_share is set but no agent changes its lane in the recordings of "
+            "data.train, expected 0 for such traffic"
+        )
     copies = dict.fromkeys((-1, 0, 1, NO_MANOEUVRE), 0.0)
     for side in (-1, 1):
         if count[side] > 0.0:
