@@ -24,8 +24,10 @@ SAME_PLACE_M = 0.05
 SAME_SHARE = 0.9
 """This share of a bag's observations must be of a recording that was played."""
 
-_SAMPLE = 400
-_CANDIDATES = 8
+MOVING_MPS = 1.0
+"""Only who is faster shows by its place what time it is (m/s)."""
+
+_SAMPLE, _ASKED, _CANDIDATES = 400, 60, 8
 _GRID_NS = 1_000_000
 _OFF_GRID_NS = 2_000_000
 
@@ -89,7 +91,7 @@ def _shift_ns(piece: Recording, recording: Recording) -> tuple[int, float]:
     span = int(recording.frame[-1]) + 2
     codes = recording.track[order] * span + recording.frame[order]
     best_shift, best_share = 0, -1.0
-    for shift in _candidates_ns(piece, own, recording):
+    for shift in _candidates_ns(piece, own, recording, order):
         then_ns = stamp_ns - shift
         frame = np.rint((then_ns - recording.start_time_ns) * 1e-9 * recording.frame_rate).astype(
             np.int64
@@ -106,21 +108,33 @@ def _shift_ns(piece: Recording, recording: Recording) -> tuple[int, float]:
     return best_shift, best_share
 
 
-def _candidates_ns(piece: Recording, own: Int64Array, recording: Recording) -> list[int]:
-    """No shift at all, and those that make the most tracks begin at the same time (ns)."""
-    begins, began = _first_ns(piece), _first_ns(recording)
-    shifts = begins[own >= 0] - began[own[own >= 0]]
+def _candidates_ns(
+    piece: Recording, own: Int64Array, recording: Recording, order: Int64Array
+) -> list[int]:
+    """No shift at all, and those that bring the most road users to where they were (ns)."""
+    speed = np.nan_to_num(np.linalg.norm(piece.velocity, axis=1), nan=np.inf)
+    rows = np.flatnonzero((own[piece.track] >= 0) & (speed >= MOVING_MPS))
+    if not len(rows):
+        return [0]
+    shifts = []
+    for row in rows[np.unique(np.linspace(0, len(rows) - 1, _ASKED).astype(np.int64))].tolist():
+        track = own[piece.track[row]]
+        its = order[slice(*np.searchsorted(recording.track[order], [track, track + 1]))]
+        away = np.linalg.norm(recording.position[its] - piece.position[row], axis=1)
+        if len(its) and away.min() <= SAME_PLACE_M:
+            frames = np.array([piece.frame[row], recording.frame[its[np.argmin(away)]]])
+            now_ns = int(_stamps_ns(piece, frames[:1])[0])
+            shifts.append(now_ns - int(_stamps_ns(recording, frames[1:])[0]))
     # Rounded only for counting: layouts and messages round their stamps differently.
-    grid = np.rint(shifts / _GRID_NS).astype(np.int64)
-    common = [g for g, _ in Counter(grid.tolist()).most_common(_CANDIDATES)]
-    return [0, *(int(np.median(shifts[grid == g])) for g in common)]
-
-
-def _first_ns(recording: Recording) -> Int64Array:
-    """[tracks] stamp of the first observation (ns)."""
-    first = np.full(len(recording.track_id), np.iinfo(np.int64).max)
-    np.minimum.at(first, recording.track, recording.frame)
-    return _stamps_ns(recording, first)
+    grid = [round(shift / _GRID_NS) for shift in shifts]
+    common = [g for g, _ in Counter(grid).most_common(_CANDIDATES)]
+    return [
+        0,
+        *(
+            int(np.median([s for s, at in zip(shifts, grid, strict=True) if at == g]))
+            for g in common
+        ),
+    ]
 
 
 def _stamps_ns(recording: Recording, frame: Int64Array) -> Int64Array:

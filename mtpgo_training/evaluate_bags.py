@@ -14,6 +14,7 @@ from mtpgo_core.schema import Prediction
 from mtpgo_core.task import HistoryConfig
 from mtpgo_training.agreement import Agreement, replay_offline
 from mtpgo_training.alignment import find_parts
+from mtpgo_training.bag import open_bag
 from mtpgo_training.evaluation import Evaluation
 from mtpgo_training.readers import load_recordings
 from mtpgo_training.recorded import bag_name, match, read_predictions
@@ -49,6 +50,8 @@ def observed_recordings(bags: Sequence[Path]) -> dict[str, Recording]:
     """
     found: dict[str, Recording] = {}
     for bag in bags:
+        with open_bag(bag):
+            pass  # that it is no bag is another matter than that it observed nothing
         try:
             recordings = load_recordings(bag, "bag")
         except RecordingError as error:

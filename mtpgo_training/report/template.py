@@ -14,7 +14,7 @@ PAGE = """\
 * { box-sizing: border-box; }
 body { margin: 0; background: var(--ground); color: var(--ink);
   font: 15px/1.5 system-ui, "Segoe UI", "DejaVu Sans", Helvetica, Arial, sans-serif; }
-main { max-width: 1120px; margin: 0 auto; padding: 32px 20px 64px; }
+main { max-width: 1240px; margin: 0 auto; padding: 32px 20px 64px; }
 h1 { font-size: 26px; margin: 0 0 4px; }
 h2 { font-size: 18px; margin: 40px 0 10px; }
 h3 { font-size: 15px; margin: 20px 0 6px; }
@@ -24,17 +24,18 @@ p { margin: 6px 0 10px; max-width: 78ch; }
   margin: 12px 0; overflow-x: auto; }
 .warning { border-left: 4px solid #c0392b; }
 .warning p { margin: 2px 0; }
-table { border-collapse: collapse; width: 100%; font-size: 13.5px;
+table { border-collapse: collapse; width: 100%; font-size: 12.5px;
   font-variant-numeric: tabular-nums; }
-th, td { padding: 5px 9px; text-align: right; white-space: nowrap; }
+th, td { padding: 5px 6px; text-align: right; white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; }
 th { color: var(--soft); font-weight: 600; border-bottom: 1px solid var(--line); }
 tbody tr + tr td { border-top: 1px solid #f0f1f2; }
 tr.baseline td { color: var(--soft); }
 td.best { font-weight: 700; color: var(--ink); }
-.span { display: block; font-size: 11px; color: var(--soft); font-weight: 400; }
+.span { display: block; font-size: 10.5px; color: var(--soft); font-weight: 400; }
 .dot { display: inline-block; width: 9px; height: 9px; border-radius: 50%; margin-right: 7px; }
-.figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(330px, 1fr)); gap: 12px; }
+.figures { display: grid; grid-template-columns: repeat(3, 1fr); gap: 12px; }
+@media (max-width: 900px) { .figures { grid-template-columns: 1fr; } }
 figure { margin: 0; }
 .figures figure, .wide { background: #fff; border: 1px solid var(--line); border-radius: 8px;
   padding: 10px; }
