@@ -23,6 +23,9 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
 )
 """Name, module with ``add_parser(subparsers)``, and help of every subcommand."""
 
+EXTRA_MODULES = {"jinja2", "lightning", "matplotlib", "pandas", "tensorboard", "yaml"}
+"""What the extra ``training`` brings, as it is imported."""
+
 
 def build_parser(command: str | None = None) -> argparse.ArgumentParser:
     """The parser; only the module of ``command`` is loaded, the others are listed by name."""
@@ -53,14 +56,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"mtpgo: {error}", file=sys.stderr)
         return 2
     except ModuleNotFoundError as error:
-        # A subcommand or one of its optional libraries that this installation lacks.
-        print(
-            f"mtpgo {command}: the Python module {error.name!r} is not installed", file=sys.stderr
-        )
+        print(f"mtpgo: {missing_module(error, command)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("mtpgo: interrupted", file=sys.stderr)
         return 130
+
+
+def missing_module(error: ModuleNotFoundError, command: str | None) -> str:
+    """The sentence for a library that this installation lacks."""
+    module = (error.name or str(error)).split(".")[0].split()[0]
+    if module not in EXTRA_MODULES:
+        return f"{command} needs the Python module {module!r}, which is not installed"
+    return (
+        f"{command} needs {module}, which comes with the extra 'training': "
+        "pip install 'mtpgo_ros[training]'"
+    )
 
 
 if __name__ == "__main__":

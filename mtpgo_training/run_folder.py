@@ -24,7 +24,7 @@ import numpy as np
 import torch
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic import replacing, require_writable, write_text
+from mtpgo_training.atomic import replacing, write_text
 from mtpgo_training.config import TrainingConfig, dump_config, load_config
 
 CHECKPOINT_FORMAT = 1
@@ -45,13 +45,12 @@ class RunFolder:
         """That no run is there yet.
 
         Raises:
-            ConfigurationError: the folder exists and is not empty, or cannot be written.
+            ConfigurationError: the folder exists and is not empty.
         """
         if self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
             raise ConfigurationError(
                 f"the run folder {self.path} exists already, expected a new one or --resume"
             )
-        require_writable(self.path / "config.yaml")
 
     def start(
         self,
@@ -67,7 +66,7 @@ class RunFolder:
             initial_weights: SHA-256 of the weights it starts from, if not random ones.
 
         Raises:
-            ConfigurationError: as :meth:`require_new`.
+            ConfigurationError: the folder exists and is not empty, or cannot be written.
         """
         self.require_new()
         write_text(self.path / "config.yaml", dump_config(config))

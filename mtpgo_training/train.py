@@ -17,9 +17,6 @@ from mtpgo_training.cache import add_cache_arguments, cache_from
 from mtpgo_training.config import PRECISIONS, TrainingConfig, load_config
 from mtpgo_training.readers import LAYOUTS
 
-EXTRA = ("lightning", "tensorboard")
-"""What ``mtpgo train`` needs beside the rest of the offline half."""
-
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add ``mtpgo train`` to the command line."""
@@ -71,18 +68,11 @@ def run(args: argparse.Namespace) -> int:
         )
     pairs = pair_layouts(args.data, args.layout)
     cache = cache_from(args)
-    try:
-        from mtpgo_training.trainer.run import train
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.split(".")[0] not in EXTRA:
-            raise
-        raise ConfigurationError(
-            f"mtpgo train needs {error.name}, which comes with the extra 'training': "
-            "pip install 'mtpgo_ros[training]'"
-        ) from error
+    # Loaded here, for Lightning takes seconds and a parser needs none of it.
     from mtpgo_training.run_folder import RunFolder
     from mtpgo_training.splits import read_all
     from mtpgo_training.trainer.narrator import farewell
+    from mtpgo_training.trainer.run import train
 
     module = train(
         config,

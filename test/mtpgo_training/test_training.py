@@ -222,12 +222,12 @@ def test_patience_ends_a_run_that_gets_no_better(tmp_path):
     config = dataclasses.replace(
         CONFIG,
         optimisation=dataclasses.replace(
-            CONFIG.optimisation, warmup_steps=0, learning_rate=1e-12, epochs=30
+            CONFIG.optimisation, warmup_steps=0, learning_rate=1e-12, epochs=16
         ),
         trainer=dataclasses.replace(CONFIG.trainer, patience_epochs=2, validate_every_epochs=2),
     )
     stopped = run(tmp_path / "r", config)
-    assert 8 <= stopped.state.epoch < 30
+    assert 6 <= stopped.state.epoch < 16
     assert stopped.state.epoch - stopped.state.best_epoch >= 2
     validated = ["all_ade" in row for row in stopped.state.rows]
     assert validated == [n % 2 == 1 for n in range(len(validated))]
