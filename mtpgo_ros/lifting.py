@@ -5,17 +5,16 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any, Protocol
 
-import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.time import Time
 
-from msg_adapters.common import stamp_to_ns, yaw_from_quaternions
+from msg_adapters.common import stamp_to_ns
+from msg_adapters.odometry import pose_of, yaw_of
 from mtpgo_core.errors import FrameError
 from mtpgo_core.frames import Pose2, PoseBuffer, lift
 from mtpgo_core.schema import TrackedStates
@@ -72,22 +71,7 @@ class FixedFrameLifter:
         if frames != self._odometry_frames:
             self._poses.clear()
             self._odometry_frames = frames
-        pose = message.pose.pose
-        yaw = _yaw(pose.orientation)
-        forward, left = message.twist.twist.linear.x, message.twist.twist.linear.y
-        self._poses.add(
-            stamp_to_ns(message.header.stamp),
-            Pose2(
-                x=pose.position.x,
-                y=pose.position.y,
-                yaw=yaw,
-                velocity=(
-                    math.cos(yaw) * forward - math.sin(yaw) * left,
-                    math.sin(yaw) * forward + math.cos(yaw) * left,
-                ),
-                yaw_rate=message.twist.twist.angular.z,
-            ),
-        )
+        self._poses.add(stamp_to_ns(message.header.stamp), pose_of(message))
 
     def lift(self, states: TrackedStates) -> TrackedStates:
         """The states in the fixed frame.
@@ -119,12 +103,6 @@ class FixedFrameLifter:
         self._node.destroy_subscription(self._subscription)
         if self._tf is not None:
             self._tf.close()
-
-
-def _yaw(quaternion: Any) -> float:
-    """Yaw (rad) of a geometry_msgs/Quaternion."""
-    row = np.array([[quaternion.x, quaternion.y, quaternion.z, quaternion.w]])
-    return float(yaw_from_quaternions(row)[0])
 
 
 class _Tf:
@@ -163,7 +141,7 @@ class _Tf:
                 f"TF has no transform from {frame_id!r} to {fixed_frame!r}: {error}"
             ) from error
         place, turn = found.transform.translation, found.transform.rotation
-        return Pose2(x=place.x, y=place.y, yaw=_yaw(turn))
+        return Pose2(x=place.x, y=place.y, yaw=yaw_of(turn))
 
     def close(self) -> None:
         """Give the subscriptions back."""

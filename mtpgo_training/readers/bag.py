@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +28,7 @@ from mtpgo_training.bag import (
     read_messages,
 )
 from mtpgo_training.readers.files import existing_directory, select_names
+from mtpgo_training.readers.poses import BagPoses
 from mtpgo_training.readers.table import sha256_of
 from mtpgo_training.readers.units import Unit
 from mtpgo_training.recording import Int64Array, Recording
@@ -35,6 +37,9 @@ PIECE_GAP_S = 5.0
 """A longer pause between messages, or a step back in time, begins another recording (s)."""
 
 _MARKERS = "visualization_msgs/msg/MarkerArray"
+_ANYTHING = (_MARKERS, "sensor_msgs/msg/PointCloud2")
+_OUTPUTS = ("predictions", "markers")
+_LOOKED_AT = 20
 _FREE_RATE = 1000.0  # Hz, the frame grid of messages that come at no fixed rate
 
 
@@ -112,6 +117,7 @@ def _pieces(path: Path) -> Iterator[_Piece]:
             if (c.topic.endswith(LANES_TOPIC) and c.msgtype == _MARKERS)
             or (c.topic.endswith(EGO_TOPIC) and c.msgtype == "std_msgs/msg/String")
         ]
+        poses = BagPoses(path, reader)
         piece, found = _Piece(), False
         for connection, received_ns, message in read_messages(path, reader, [objects, *others]):
             if connection is not objects:
@@ -129,8 +135,10 @@ def _pieces(path: Path) -> Iterator[_Piece]:
                 yield from piece.filled()
                 piece = _Piece(lanes=piece.lanes, ego=piece.ego)
             piece.received_ns = received_ns
-            if not len(states):
+            lifted = poses.lift(states)
+            if lifted is None or not len(lifted):
                 continue
+            states = lifted
             if piece.states and piece.states[-1].frame_id != states.frame_id:
                 raise RecordingError(
                     f"{path}, topic {connection.topic}: the frame changes from "
@@ -139,7 +147,10 @@ def _pieces(path: Path) -> Iterator[_Piece]:
             piece.states.append(states)
             found = True
         if not found:
-            raise RecordingError(f"{path} has no tracked object on its topic {objects.topic}")
+            reason = f": {poses.complaint}" if poses.complaint else ""
+            raise RecordingError(
+                f"{path} has no tracked object on its topic {objects.topic}{reason}"
+            )
         yield from piece.filled()
 
 
@@ -166,11 +177,13 @@ def _objects_topic(path: Path, reader: AnyReader) -> tuple[Connection, InputAdap
         for c in reader.connections
         if c.msgtype in by_type and not c.topic.endswith(LANES_TOPIC) and c.msgcount > 0
     ]
-    # Clouds and markers may be anything; the other kinds are tracked objects for sure.
+    # Clouds and markers may be anything, the predictor's own output as well; the other kinds are
+    # tracked objects for sure.
     usable.sort(
         key=lambda c: (
             not c.topic.endswith(OBJECTS_TOPIC),
-            c.msgtype in (_MARKERS, "sensor_msgs/msg/PointCloud2"),
+            c.msgtype in _ANYTHING,
+            c.topic.rpartition("/")[2] in _OUTPUTS,
             c.topic,
         )
     )
@@ -180,7 +193,23 @@ def _objects_topic(path: Path, reader: AnyReader) -> tuple[Connection, InputAdap
             f"{path} has no topic with tracked objects, it has {topics}; expected one of "
             f"{', '.join(by_type)}"
         )
+    if len(usable) > 1 and usable[0].msgtype in _ANYTHING:
+        usable.sort(key=lambda c: not _holds_objects(path, reader, c, by_type[c.msgtype]))
     return usable[0], by_type[usable[0].msgtype]
+
+
+def _holds_objects(
+    path: Path, reader: AnyReader, connection: Connection, adapter: InputAdapter
+) -> bool:
+    """Whether the first messages of a topic can be read as tracked objects."""
+    stored = read_messages(path, reader, [connection])
+    for _, received_ns, message in itertools.islice(stored, _LOOKED_AT):
+        try:
+            if len(adapter.to_states(message, fallback_stamp_ns=received_ns)):
+                return True
+        except MessageError:
+            return False
+    return False
 
 
 def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:

@@ -106,7 +106,8 @@ def test_recordings_of_one_block_are_dealt_out_whole():
 
 
 def test_too_short_for_blocks_is_one_sentence():
-    with pytest.raises(ConfigurationError, match=r"no block is left for data\.validation out of 1"):
+    sentence = r"no block is left for data\.validation out of 1"
+    with pytest.raises(ConfigurationError, match=sentence):
         split(recordings(9.0), DataConfig(split="time", validation_fraction=0.0), 0, GUARD_S)
 
 
