@@ -40,6 +40,7 @@ class PredictorOptions:
 
     Attributes:
         policy: graph policy, None for the task's.
+        max_neighbours: agents of a graph beside its centre, None for the task's.
         radius_m: radius of a graph (m), None for the task's.
         max_agents: so many agents are served by the model, those nearest to the ego or, without
             one, to the middle of all; the others at constant velocity.
@@ -47,6 +48,7 @@ class PredictorOptions:
     """
 
     policy: str | None = None
+    max_neighbours: int | None = None
     radius_m: float | None = None
     max_agents: int = 128
     use_tracker_covariance: bool = False
@@ -55,6 +57,10 @@ class PredictorOptions:
         if self.policy is not None and self.policy not in GRAPH_POLICIES:
             raise ConfigurationError(
                 f"policy is {self.policy!r}, expected one of {', '.join(GRAPH_POLICIES)}"
+            )
+        if self.max_neighbours is not None and self.max_neighbours < 0:
+            raise ConfigurationError(
+                f"max_neighbours is {self.max_neighbours!r}, expected at least 0"
             )
         if self.radius_m is not None and not self.radius_m > 0.0:
             raise ConfigurationError(f"radius_m is {self.radius_m!r}, expected more than 0")
@@ -221,6 +227,9 @@ class ScenePredictor:
         return dataclasses.replace(
             scene,
             policy=options.policy or scene.policy,
+            max_neighbours=(
+                scene.max_neighbours if options.max_neighbours is None else options.max_neighbours
+            ),
             radius_m=options.radius_m or scene.radius_m,
         )
 

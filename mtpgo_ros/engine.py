@@ -107,6 +107,7 @@ class Engine:
             "file": str(self._runner.path) if self._runner is not None else "",
             "weights_sha256": task.weights_sha256 if self._runner is not None else "",
             "graph": options.policy or task.scene.policy,
+            "max_neighbours": str(options.max_neighbours or task.scene.max_neighbours),
             "radius_m": f"{options.radius_m or task.scene.radius_m:g}",
             "horizon_s": f"{task.horizon_steps * task.history.dt_s:g}",
             "modes": str(self.pipeline.modes),
@@ -134,6 +135,7 @@ class Engine:
 def _options(parameters: PredictorParameters) -> PredictorOptions:
     return PredictorOptions(
         policy=parameters.graph or None,
+        max_neighbours=parameters.max_neighbours or None,
         radius_m=parameters.radius or None,
         max_agents=parameters.max_agents,
         use_tracker_covariance=parameters.use_tracker_covariance,

@@ -92,6 +92,13 @@ class PredictorParameters:
         low=1,
         high=4096,
     )
+    max_neighbours: int = _field(
+        0,
+        "Agents of a graph beside its centre, the nearest first; 0 takes the number that the model"
+        " was trained with. The graph 'scene' has no such limit.",
+        low=0,
+        high=4096,
+    )
     radius: float = _field(
         0.0,
         "Agents farther than this from a graph's centre are not its neighbours (m); 0 takes the"

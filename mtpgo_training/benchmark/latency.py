@@ -4,9 +4,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import platform
 import tempfile
 import time
 import warnings
@@ -24,7 +21,8 @@ from models import MTPGO, ModelConfig
 from models.fast import deployable
 from models.motion import NeuralODE
 from mtpgo_core.errors import ModelFileError
-from mtpgo_training.atomic import replacing
+from mtpgo_training.atomic import require_writable
+from mtpgo_training.benchmark.machine import heading, write_json
 from mtpgo_training.benchmark.plain import PlainMTPGO
 from mtpgo_training.process import prepare_process
 
@@ -181,7 +179,7 @@ def measure(agents: int, seconds: float, peak_gflops: float) -> Row:
 
 
 def print_latency(
-    agents: list[int], threads: list[int], seconds: float, output: Path | None
+    agents: list[int], threads: list[int], seconds: float, output: Path | None, command: str
 ) -> list[Row]:
     """Measure, print the table and write it.
 
@@ -190,7 +188,14 @@ def print_latency(
         threads: numbers of threads.
         seconds: for each row.
         output: JSON file with the machine and ``rows``, or None.
+        command: that repeats it.
+
+    Raises:
+        ConfigurationError: the file cannot be written.
     """
+    if output is not None:
+        require_writable(output)
+    print(heading(command))
     rows: list[Row] = []
     peaks: dict[int, float] = {}
     cases = [(count, number) for count in threads for number in agents]
@@ -203,13 +208,9 @@ def print_latency(
     for count, peak in peaks.items():
         print(f"large matrix product on {count} thread(s): {peak:.0f} GFLOP/s")
     if output is not None:
-        result = {
-            "machine": machine(),
-            "gemm_gflops": {str(count): peak for count, peak in peaks.items()},
-            "rows": [asdict(row) for row in rows],
-        }
-        with replacing(output) as temporary:
-            temporary.write_text(json.dumps(result, indent=2) + "\n")
+        peak_of = {str(count): peak for count, peak in peaks.items()}
+        content = [asdict(row) for row in rows]
+        write_json(output, {"command": command, "gemm_gflops": peak_of, "rows": content})
     return rows
 
 
@@ -226,14 +227,3 @@ def table(rows: list[Row]) -> str:
             f"| {row.gemm_share:.0%} |"
         )
     return "\n".join(lines)
-
-
-def machine() -> dict[str, object]:
-    """What the figures were measured on."""
-    return {
-        "processor": platform.processor() or platform.machine(),
-        "cpu_capability": torch.backends.cpu.get_cpu_capability(),
-        "cores": os.cpu_count(),
-        "torch": torch.__version__,
-        "python": platform.python_version(),
-    }

@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -24,6 +24,15 @@ class ProcessError(MtpgoError):
     """A child process that ended early, never got ready or would not end."""
 
 
+def isolated() -> dict[str, str]:
+    """Environment of processes that hear nobody else's topics, and whom nobody else hears."""
+    return {
+        # Domains up to 101 are safe on every system.
+        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+
+
 class Child:
     """One executable of this package, run by the same interpreter.
 
@@ -35,6 +44,10 @@ class Child:
         log: file that takes what it prints on both streams.
         environment: variables to set beside the inherited ones.
         patience_s: time it gets to end when told to (s).
+        cores: the only ones it may use, where they are named.
+
+    Attributes:
+        started_ns: when it was started (ns of the monotonic clock).
     """
 
     def __init__(
@@ -44,6 +57,7 @@ class Child:
         log: Path,
         environment: Mapping[str, str],
         patience_s: float = 15.0,
+        cores: Collection[int] = (),
     ) -> None:
         self.name = name
         self.log = log
@@ -52,6 +66,7 @@ class Child:
         # by which a child of another one would load this one's libraries.
         command = [sys.executable, "-m", f"mtpgo_ros.{name}", *arguments]
         log.parent.mkdir(parents=True, exist_ok=True)
+        self.started_ns = time.monotonic_ns()
         with log.open("wb") as output:
             self._process = subprocess.Popen(
                 command,
@@ -61,6 +76,9 @@ class Child:
                 env={**os.environ, "PYTHONUNBUFFERED": "1", **environment},
                 start_new_session=True,
             )
+        if cores:
+            # Before the interpreter is up; all its threads will take over the restriction.
+            os.sched_setaffinity(self._process.pid, cores)
 
     def __enter__(self) -> Child:
         return self
@@ -75,6 +93,11 @@ class Child:
             self.stop()
         else:
             self.kill()
+
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
 
     @property
     def running(self) -> bool:

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -15,7 +14,7 @@ from tqdm import tqdm
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.demo.capture import TOPICS
-from mtpgo_training.demo.processes import Child
+from mtpgo_training.demo.processes import Child, isolated
 
 READY_S = 120.0
 """A cold start on a busy machine loads torch and ROS within this (s)."""
@@ -30,15 +29,18 @@ LAST_REPORT_S = 1.5
 """The node reports its diagnostics once a second; the last report is waited for (s)."""
 
 
-def check_ros() -> None:
+def check_ros(who: str = "the demo") -> None:
     """That there is a ROS 2 to start the node with.
+
+    Args:
+        who: starts it, for the sentence.
 
     Raises:
         ConfigurationError: there is none.
     """
     if importlib.util.find_spec("rclpy") is None:
         raise ConfigurationError(
-            "the demo starts the ROS 2 node, but rclpy is not installed for this Python: source "
+            f"{who} starts the ROS 2 node, but rclpy is not installed for this Python: source "
             "ROS 2 Jazzy, or install this package with its extra `ros`"
         )
 
@@ -63,11 +65,7 @@ def run_session(
     Raises:
         ProcessError: one of the processes failed.
     """
-    environment = {
-        # Nobody else's topics, and ours to nobody. Domains up to 101 are safe on every system.
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
+    environment = isolated()
     options = [x for parameter in parameters for x in ("-p", parameter)]
     arguments = ["--ros-args", *options] if options else []
     with Child("predictor", arguments, logs / "predictor.log", environment) as predictor:

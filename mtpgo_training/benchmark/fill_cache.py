@@ -1,0 +1,35 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Reads recordings and makes them ready for training, through a cache; a process to be measured.
+
+Started as ``python -m mtpgo_training.benchmark.fill_cache DIRECTORY LAYOUT CACHE``.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from mtpgo_core.errors import MtpgoError
+from mtpgo_training.cache import RecordingCache
+from mtpgo_training.config import TrainingConfig
+from mtpgo_training.readers import iter_recordings
+from mtpgo_training.sources import prepare
+
+
+def main(directory: str, layout: str, folder: str) -> int:
+    """Fill the cache, or read what is in it; the exit status."""
+    config, cache = TrainingConfig(), RecordingCache(Path(folder))
+    try:
+        for recording in iter_recordings(Path(directory), layout, cache=cache):
+            prepare(
+                recording, config.history, config.scene, config.data, training=True, cache=cache
+            )
+    except MtpgoError as error:
+        print(f"fill_cache: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:4]))
