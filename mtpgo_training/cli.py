@@ -15,6 +15,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("convert", "mtpgo_training.convert", "recordings into rosbag2 MCAP bags"),
     ("simulate", "mtpgo_training.simulate", "recordings of simulated traffic (Eclipse SUMO)"),
     ("train", "mtpgo_training.train", "train a model on recordings"),
+    ("curve", "mtpgo_training.curve", "draw the learning curves of runs"),
     ("export", "mtpgo_training.export", "export a trained model for the node"),
     ("evaluate", "mtpgo_training.evaluate", "score a model on recordings"),
     ("info", "mtpgo_training.info", "what a model file says about itself"),
