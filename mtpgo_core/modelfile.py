@@ -33,8 +33,27 @@ def find_model(name_or_path: str | Path) -> Path:
         return find_resource("weights", f"{path}.pt")
     except ConfigurationError as error:
         raise ModelFileError(
-            f"model {str(name_or_path)!r} is neither a file nor a shipped model: {error}"
+            f"model {str(name_or_path)!r} is neither a file nor a shipped model, expected a path "
+            f"or one of {', '.join(shipped_models()) or 'none, for none are installed'}"
         ) from error
+
+
+def shipped_models() -> list[str]:
+    """Names of the models that ship with the package."""
+    try:
+        folder = find_resource("weights")
+    except ConfigurationError:
+        return []
+    return sorted(path.stem for path in folder.glob("*.pt"))
+
+
+def model_card(path: Path) -> str | None:
+    """The card that lies beside a model file under its name (Markdown), None where none does."""
+    card = path.with_suffix(".md")
+    try:
+        return card.read_text(encoding="utf-8") if card.is_file() else None
+    except (OSError, UnicodeDecodeError):
+        return None
 
 
 def load_task(path: str | Path) -> TaskDescription:

@@ -22,6 +22,7 @@ from mtpgo_training.recording import Recording
 from mtpgo_training.report.scenes import SceneKeeper
 from mtpgo_training.scorebook import ScoreBook
 from mtpgo_training.scoring import Judge
+from mtpgo_training.windows import frames_every
 
 CENTRE_EVERY = 5
 """The protocol ``centre``, which costs a graph an agent, is scored at every so many instants."""
@@ -85,11 +86,10 @@ def predict_recording(
         stride_s: time between two predictions (s).
     """
     predictor = make_predictor(runner, recording, policy)
-    stride = max(1, round(stride_s * recording.frame_rate))
-    frames = recording.frames.tolist()
-    for frame, states in zip(frames, recording.states(), strict=True):
+    due = set(frames_every(recording, stride_s).tolist())
+    for frame, states in zip(recording.frames.tolist(), recording.states(), strict=True):
         predictor.observe(states)
-        if (frame - frames[0]) % stride == 0:
+        if frame in due:
             yield predictor.predict(states.stamp_ns)
 
 
@@ -166,11 +166,10 @@ def _windows(
 ) -> Iterator[tuple[HistoryWindow, set[str]]]:
     """The windows of all scored instants, each with the protocols it serves."""
     strides = {"all": settings.stride_s, "centre": CENTRE_EVERY * settings.stride_s}
-    every = {p: max(1, round(stride * recording.frame_rate)) for p, stride in strides.items()}
-    frames = recording.frames.tolist()
-    for frame, states in zip(frames, recording.states(), strict=True):
+    frames = {p: set(frames_every(recording, stride).tolist()) for p, stride in strides.items()}
+    for frame, states in zip(recording.frames.tolist(), recording.states(), strict=True):
         predictor.observe(states)
-        due = {p for p, stride in every.items() if (frame - frames[0]) % stride == 0}
+        due = {protocol for protocol, chosen in frames.items() if frame in chosen}
         if due:
             yield predictor.window(states.stamp_ns), due
         tick()

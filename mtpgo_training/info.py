@@ -1,12 +1,12 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo info``: what a model file says about itself."""
+"""``mtpgo info``: what a model file says about itself, and the card that lies beside it."""
 
 from __future__ import annotations
 
 import argparse
 
-from mtpgo_core.modelfile import find_model, load_task
+from mtpgo_core.modelfile import find_model, load_task, model_card
 from mtpgo_core.task import TaskDescription
 
 
@@ -57,5 +57,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo info``."""
-    print(card(load_task(find_model(args.model))))
+    path = find_model(args.model)
+    print(card(load_task(path)))
+    text = model_card(path)
+    if text is not None:
+        print(f"\n{path.with_suffix('.md')}:\n\n{text.rstrip()}")
     return 0

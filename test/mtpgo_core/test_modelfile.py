@@ -13,7 +13,7 @@ import torch
 from core_helpers import write_model
 
 from mtpgo_core.errors import ModelFileError
-from mtpgo_core.modelfile import find_model, load_task
+from mtpgo_core.modelfile import find_model, load_task, model_card, shipped_models
 from mtpgo_core.runner import ModelRunner
 from mtpgo_core.task import TASK_FILE, HistoryConfig, TaskDescription
 
@@ -170,3 +170,23 @@ def test_paths_stay_paths_and_names_are_looked_up(tmp_path, monkeypatch):
     assert find_model("junction") == weights / "junction.pt"
     with pytest.raises(ModelFileError, match="'no_such' is neither a file nor a shipped model"):
         find_model("no_such")
+
+
+def test_every_shipped_model_is_found_by_name_and_has_a_card():
+    names = shipped_models()
+    assert "default" in names
+    for name in names:
+        path = find_model(name)
+        assert load_task(path).name == name
+        assert model_card(path).startswith("# Model card: ")
+
+
+def test_an_unknown_name_is_answered_with_the_names_there_are():
+    with pytest.raises(ModelFileError, match=r"'nobody' is neither .* one of .*default"):
+        find_model("nobody")
+
+
+def test_a_file_without_a_card_has_none(tmp_path):
+    assert model_card(tmp_path / "mine.pt") is None
+    (tmp_path / "mine.md").write_bytes(b"\xff\xfe\x00")
+    assert model_card(tmp_path / "mine.pt") is None
