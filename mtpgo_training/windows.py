@@ -227,6 +227,7 @@ def cut_tracks(
         agent_class=recording.agent_class[owner],
         size=recording.size[owner],
         ego_id=None,
+        track_key=None,
     )
     return pieces, owner
 
