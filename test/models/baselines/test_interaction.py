@@ -19,7 +19,7 @@ GRID = GridConfig(hidden=4, embedding=3, rows=7, columns=3, cell_length_m=6.0, c
 
 
 def crowd(agents=9, batch=2):
-    """States, positions mostly within each other's grids, headings and a presence with absent ones."""
+    """States, positions mostly in each other's grids, headings, and a presence with gaps."""
     h = torch.randn(batch, agents, 4).double()
     position = 4.0 * torch.randn(batch, agents, 2).double()
     position[:, 1] = position[:, 0] + 0.1  # two in one cell
