@@ -179,7 +179,7 @@ def balanced_copies(
     changes = count[-1] + count[1]
     if not changes > 0.0:
         raise ConfigurationError(
-            "data.lane_change_share is set but no agent changes its lane in the recordings of "
+            "data.lane_change_share is set but nobody changes a lane in the recordings of "
             "data.train, expected 0 for such traffic"
         )
     copies = dict.fromkeys((-1, 0, 1, NO_MANOEUVRE), 0.0)

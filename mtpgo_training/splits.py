@@ -130,7 +130,9 @@ def split(
     )
     for use in ("train", "validation"):
         if not getattr(splits, use):
-            what = "block" if data.split == "time" else "recording"
+            what = "recording"
+            if data.split == "time":
+                what = f"block of {data.block_s:g} s (data.block_s)"
             raise ConfigurationError(
                 f"no {what} is left for data.{use} out of {len(recordings)} recordings, "
                 "expected at least 1"

@@ -17,6 +17,7 @@ import pandas as pd
 from mtpgo_core.errors import RecordingError
 
 _ROWS_AT_ONCE = 100_000
+_LONGEST_LINE = 1 << 16
 
 _UNREADABLE = (OSError, EOFError, zlib.error, UnicodeDecodeError, pd.errors.ParserError)
 
@@ -119,11 +120,24 @@ def _parse(path: Path, present: Sequence[str], kinds: dict[str, Any]) -> pd.Data
                     chunks.append(chunk[list(present)])
     except (*_UNREADABLE, pd.errors.ParserWarning) as error:
         raise RecordingError(f"{path} cannot be read as CSV: {_reason(error)}") from error
-    if rows > 1 and ends_open and open_cells == 1:
+    if rows > 1 and ((ends_open and open_cells == 1) or _cells_missing_at_the_end(path, width)):
         raise RecordingError(
             f"{path} ends within line {rows + 1}, expected {width} cells: the file is truncated"
         )
     return pd.concat(chunks, ignore_index=True) if len(chunks) > 1 else chunks[0].copy()
+
+
+def _cells_missing_at_the_end(path: Path, width: int) -> bool:
+    """Whether the last line of a file that is not packed has fewer cells than the header.
+
+    A packed file that was cut cannot be unpacked, so nobody has to look there.
+    """
+    if path.suffix == ".gz":
+        return False
+    with path.open("rb") as stream:
+        stream.seek(max(0, path.stat().st_size - _LONGEST_LINE))
+        lines = stream.read().rstrip().splitlines()
+    return bool(lines) and lines[-1].count(b",") < width - 1
 
 
 def _reason(error: BaseException) -> str:

@@ -126,7 +126,7 @@ def test_the_draw_is_that_of_seed_and_epoch():
 
 
 def test_no_lane_change_at_all_is_said():
-    with pytest.raises(ConfigurationError, match="no agent changes its lane"):
+    with pytest.raises(ConfigurationError, match="nobody changes a lane"):
         dataset(motorway(left=0, right=0, keep=3))
 
 

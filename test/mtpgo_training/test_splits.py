@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Blocks of time: no frame has two uses, and a whole window lies between two of them."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -106,9 +107,14 @@ def test_recordings_of_one_block_are_dealt_out_whole():
 
 
 def test_too_short_for_blocks_is_one_sentence():
-    sentence = r"no block is left for data\.validation out of 1"
+    sentence = r"no block of 20 s \(data\.block_s\) is left for data\.validation out of 1"
     with pytest.raises(ConfigurationError, match=sentence):
-        split(recordings(9.0), DataConfig(split="time", validation_fraction=0.0), 0, GUARD_S)
+        split(
+            recordings(9.0),
+            DataConfig(split="time", block_s=20.0, validation_fraction=0.0),
+            0,
+            GUARD_S,
+        )
 
 
 def test_fractions_of_recordings_are_drawn_for_the_test_too():
@@ -125,7 +131,7 @@ def test_a_recording_goes_before_its_directory_in_the_weights():
     data = DataConfig(source_weight={"cars": 0.5, "cars/02": 2.0})
     assert (source_weight(one, data), source_weight(two, data)) == (0.5, 2.0)
     assert source_weight(one, DataConfig()) == 1.0
-    part = split([two], BY_TIME.__class__(split="time", block_s=1.0), 0, 0.1).train[0]
+    part = split([two], DataConfig(split="time", block_s=1.0), 0, 0.1).train[0]
     assert source_weight(part, data) == 2.0
 
 
