@@ -14,7 +14,7 @@ from mtpgo_core.task import HistoryConfig, SceneConfig
 from mtpgo_training.config import DataConfig
 from mtpgo_training.dataset import dense, validation_scenes
 from mtpgo_training.learner import training_loss
-from mtpgo_training.networks import build_network
+from mtpgo_training.networks import NETWORKS, build_network
 from mtpgo_training.schedule import Objective
 from mtpgo_training.sources import prepare
 from mtpgo_training.validation import validate
@@ -74,3 +74,15 @@ def test_an_untrained_model_scores_nearly_as_constant_velocity(model, batches):
         assert models["model"][protocol]["n"] == models["cv"][protocol]["n"]
         expected = models["cv"][protocol]["ade"]
         assert models["model"][protocol]["ade"] == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("aim", [Objective(2, 1.0, 0.0), Objective(1, 0.3, 0.7)], ids=["E", "N"])
+def test_nothing_is_left_on_the_cpu_when_training_is_elsewhere(batches, name, aim):
+    """The device ``meta`` computes nothing, but refuses to be mixed with another, as a GPU does."""
+    options = {"hidden": 8, "modes": 3, "horizon_steps": H}
+    network = build_network(name, options, HISTORY, SCENE).to("meta")
+    fields = {key: value.to("meta") for key, value in batches[0].items()}
+    loss = training_loss(network, fields, aim, huber_delta=1.0, mean_weight=1.0, teacher=True)
+    loss.backward()
+    assert loss.device.type == "meta"
