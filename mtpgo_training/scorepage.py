@@ -177,5 +177,7 @@ class Page:
 
 def _added(a: Array, b: Array) -> Array:
     """The sum of two arrays over the horizon, of which one may be shorter."""
+    if len(a) == len(b):
+        return a + b
     length = max(len(a), len(b))
     return np.pad(a, (0, length - len(a))) + np.pad(b, (0, length - len(b))).astype(np.float64)
