@@ -79,7 +79,7 @@ def test_an_untrained_model_scores_nearly_as_constant_velocity(model, batches):
 @pytest.mark.parametrize("name", NETWORKS)
 @pytest.mark.parametrize("aim", [Objective(2, 1.0, 0.0), Objective(1, 0.3, 0.7)], ids=["E", "N"])
 def test_nothing_is_left_on_the_cpu_when_training_is_elsewhere(batches, name, aim):
-    """The device ``meta`` computes nothing, but refuses to be mixed with another, as a GPU does."""
+    """The device ``meta`` computes nothing, but refuses to be mixed with others, as a GPU does."""
     options = {"hidden": 8, "modes": 3, "horizon_steps": H}
     network = build_network(name, options, HISTORY, SCENE).to("meta")
     fields = {key: value.to("meta") for key, value in batches[0].items()}
