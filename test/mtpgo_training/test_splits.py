@@ -108,7 +108,7 @@ def test_recordings_of_one_block_are_dealt_out_whole():
 
 def test_too_short_for_blocks_is_one_sentence():
     sentence = r"no block of 20 s \(data\.block_s\) is left for data\.validation out of 1"
-    data = dataclasses.replace(BY_TIME, validation_fraction=0.0)
+    data = dataclasses.replace(BY_TIME, validation_fraction=0.0, test_fraction=0.0)
     with pytest.raises(ConfigurationError, match=sentence):
         split(recordings(9.0), data, 0, GUARD_S)
 
