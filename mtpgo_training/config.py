@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -167,8 +169,12 @@ class TrainingConfig:
     attribution: str = ""
 
 
-def load_config(path: Path) -> TrainingConfig:
+def load_config(path: Path, settings: Sequence[str] = ()) -> TrainingConfig:
     """The configuration in a YAML file.
+
+    Args:
+        path: the file.
+        settings: ``KEY=VALUE`` each, a dotted path and a YAML value, as if the file said so.
 
     Raises:
         ConfigurationError: the file cannot be read, is no YAML mapping, or has an unknown or
@@ -183,9 +189,40 @@ def load_config(path: Path) -> TrainingConfig:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"the configuration {path} is no YAML: {reason}") from error
+    data = {} if data is None else data
+    for setting in settings:
+        data = _with_setting(data, setting)
     if isinstance(data, dict) and "data" in data:
         data = {**data, "data": with_preset(data["data"])}
-    return from_dict(TrainingConfig, {} if data is None else data, str(path))
+    return from_dict(TrainingConfig, data, f"{path} with --set" if settings else str(path))
+
+
+def _with_setting(data: Any, setting: str) -> Any:
+    """Plain data with one ``KEY=VALUE`` in place.
+
+    Raises:
+        ConfigurationError: it is no such pair or no YAML, or its key leads into a value.
+    """
+    key, equals, text = setting.partition("=")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        equals = ""
+    if not (key and equals):
+        raise ConfigurationError(f"--set is given {setting!r}, expected KEY=VALUE in YAML")
+    if isinstance(value, str) and re.fullmatch(r"[-+]?[\d.]+e[-+]?\d+", value):
+        value = float(value)  # 1e-3 is a number to everybody but YAML
+
+    def placed(inside: Any, path: list[str]) -> Any:
+        if not path:
+            return value
+        if not isinstance(inside, dict):
+            raise ConfigurationError(
+                f"--set {setting!r} names the field {path[0]!r} of {inside!r}, which has none"
+            )
+        return {**inside, path[0]: placed(inside.get(path[0], {}), path[1:])}
+
+    return placed(data, key.split("."))
 
 
 def dump_config(config: TrainingConfig) -> str:

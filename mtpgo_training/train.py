@@ -39,6 +39,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="CHECKPOINT",
         help="start from these weights (checkpoint or run folder of the same architecture)",
     )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="overrides any value of the configuration, for instance model.order=1; repeatable",
+    )
     parser.add_argument("--name", help="name of the model that comes out, overrides name")
     parser.add_argument(
         "--model", metavar="NETWORK", help="overrides network, and adds its name to name"
@@ -61,7 +68,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo train``."""
-    config = overridden(load_config(args.config), args)
+    config = overridden(load_config(args.config, args.set), args)
     if args.init_from is not None and args.resume:
         raise ConfigurationError(
             "--init-from is given with --resume, expected one: a resumed run has its weights"

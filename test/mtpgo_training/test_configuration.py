@@ -62,6 +62,35 @@ def test_a_bad_file_is_answered_with_the_place(tmp_path, text, sentence):
     assert "\n" not in str(caught.value)
 
 
+def test_settings_count_as_if_the_file_said_so(tmp_path):
+    path = written(tmp_path, "data: {stride_s: 1.0, source_weight: {a: 2.0}}\nseed: 4")
+    settings = ["data.stride_s=0.4", "data.source_weight.b/01=0.5", "model.order=1", "seed=9"]
+    config = load_config(path, settings)
+    assert (config.data.stride_s, config.seed, config.model) == (0.4, 9, {"order": 1})
+    assert config.data.source_weight == {"a": 2.0, "b/01": 0.5}
+    assert (
+        load_config(path, ["optimisation.learning_rate=1e-3"]).optimisation.learning_rate == 1e-3
+    )
+    assert load_config(path, ["data.validation=[a/01]"]).data.validation == ("a/01",)
+
+
+@pytest.mark.parametrize(
+    ("setting", "sentence"),
+    [
+        ("seed", r"--set is given 'seed', expected KEY=VALUE"),
+        ("data.x=[", r"--set is given 'data.x=\[', expected KEY=VALUE in YAML"),
+        ("seed.x=1", r"--set 'seed.x=1' names the field 'x' of 4, which has none"),
+        ("sed=1", r"c.yaml with --set has the unknown field 'sed'"),
+        ("data.stride=1", r"with --set.data has the unknown field 'stride'"),
+        ("seed=many", r"with --set.seed is 'many', expected int"),
+    ],
+)
+def test_a_bad_setting_is_one_sentence(tmp_path, setting, sentence):
+    with pytest.raises(ConfigurationError, match=sentence) as caught:
+        load_config(written(tmp_path, "seed: 4"), [setting])
+    assert "\n" not in str(caught.value)
+
+
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ConfigurationError, match=r"nowhere.yaml cannot be read"):
         load_config(tmp_path / "nowhere.yaml")
