@@ -16,8 +16,10 @@ from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.runner import ModelRunner, find_model
 from mtpgo_core.task import GRAPH_POLICIES
 from mtpgo_training.atomic import require_writable, write_text
+from mtpgo_training.baselines import BASELINES
 from mtpgo_training.data_arguments import add_data_arguments, data_sources, named_recordings
 from mtpgo_training.evaluate_bags import BagResult, evaluate_bags, observed_recordings
+from mtpgo_training.evaluate_parallel import evaluate_in_processes
 from mtpgo_training.evaluation import Settings, evaluate_all, predict_recording
 from mtpgo_training.recording import Recording
 from mtpgo_training.report.markdown import markdown_table, read_results
@@ -97,6 +99,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="JSON",
         help="do not evaluate: print the table of a model card from earlier --json files",
     )
+    add("--jobs", type=int, default=1, metavar="N", help="processes, each with a recording (1)")
     add("--quiet", action="store_true", help="no progress bar")
     parser.set_defaults(run=run)
 
@@ -148,6 +151,8 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigurationError("neither --model nor --predictions is given, expected one")
     if args.model and not args.predictions and not args.data_options:
         raise ConfigurationError("--model is given without --data, expected recordings")
+    if args.jobs < 1:
+        raise ConfigurationError(f"--jobs is {args.jobs}, expected at least 1")
     if not args.stride > 0:
         raise ConfigurationError(f"--stride is {args.stride}, expected more than 0")
     if not args.min_future >= 0:
@@ -172,12 +177,30 @@ def _load_models(given: Sequence[str]) -> dict[str, ModelRunner]:
         names = [one for one, _ in loaded]
     if len(set(names)) < len(names):
         raise ConfigurationError(f"--model names {' '.join(given)}, expected each model once")
+    taken = next((name for name in names if name in BASELINES), None)
+    if taken is not None:
+        raise ConfigurationError(f"a model is called {taken}, which is the name of a baseline")
     return dict(zip(names, (runner for _, runner in loaded), strict=True))
 
 
 def _from_models(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:
     settings = Settings(args.policy, args.stride, not args.no_centre, args.min_future)
+    recordings = named_recordings(data_sources(args.data_options))
+    draw = list(runners) if args.report is not None else []
     hidden = args.quiet or not sys.stderr.isatty()
+    if args.jobs > 1:
+        files = {name: runner.path for name, runner in runners.items()}
+        with tqdm(desc="evaluating", unit="recording", disable=hidden, leave=False) as whole:
+            return BagResult(
+                evaluate_in_processes(
+                    files,
+                    recordings,
+                    settings,
+                    args.jobs,
+                    draw=draw,
+                    done=lambda _: whole.update(),
+                )
+            )
     bars: list[tqdm] = []
 
     def progress(name: str, frames: int) -> Callable[[], object]:
@@ -187,15 +210,7 @@ def _from_models(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> B
         return bars[0].update
 
     try:
-        return BagResult(
-            evaluate_all(
-                runners,
-                named_recordings(data_sources(args.data_options)),
-                settings,
-                draw=list(runners) if args.report is not None else (),
-                progress=progress,
-            )
-        )
+        return BagResult(evaluate_all(runners, recordings, settings, draw=draw, progress=progress))
     finally:
         for bar in bars:
             bar.close()

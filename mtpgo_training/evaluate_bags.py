@@ -15,6 +15,7 @@ from mtpgo_core.task import HistoryConfig
 from mtpgo_training.agreement import Agreement, replay_offline
 from mtpgo_training.alignment import find_parts
 from mtpgo_training.bag import open_bag
+from mtpgo_training.baselines import BASELINES
 from mtpgo_training.evaluation import Evaluation
 from mtpgo_training.readers import load_recordings
 from mtpgo_training.recorded import bag_name, match, read_predictions
@@ -93,10 +94,10 @@ def evaluate_bags(
     """
     names = [bag_name(bag) for bag in bags]
     for name in names:
-        if names.count(name) > 1 or name in runners:
+        if names.count(name) > 1 or name in runners or name in BASELINES:
             raise ConfigurationError(
-                f"two sets of predictions are called {name}, expected bags and models of "
-                "different names"
+                f"two sets of predictions are called {name}, expected bags, models and baselines "
+                "of different names"
             )
     result = BagResult(Evaluation(scenes={name: SceneKeeper() for name in names if draw}))
     done: set[str] = set()

@@ -62,6 +62,13 @@ class Evaluation:
     recordings: dict[str, str] = field(default_factory=dict)
     scenes: dict[str, SceneKeeper] = field(default_factory=dict)
 
+    def merge(self, other: Evaluation) -> None:
+        """Take the results on other recordings in."""
+        self.book.merge(other.book)
+        self.recordings.update(other.recordings)
+        for name, keeper in other.scenes.items():
+            self.scenes.setdefault(name, SceneKeeper()).merge(keeper)
+
 
 def make_predictor(
     runner: ModelRunner, recording: Recording, policy: str | None = None

@@ -73,6 +73,14 @@ class SceneKeeper:
             held[key] = Moment(recording, prediction, agent, float(worth[i]), note)
             _thin(held)
 
+    def merge(self, other: SceneKeeper) -> None:
+        """Take the candidates of another keeper in."""
+        for held, more in ((self._best, other._best), (self._worst, other._worst)):
+            for key, moment in more.items():
+                if key not in held or held[key].interest < moment.interest:
+                    held[key] = moment
+                    _thin(held)
+
     def best(self, count: int) -> list[Moment]:
         """Where the model gained the most over constant velocity, of different recordings."""
         return choose(list(self._best.values()), count)

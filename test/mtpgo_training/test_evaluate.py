@@ -137,6 +137,22 @@ def test_seeds_of_one_recipe_stand_together(data, tmp_path, capsys):
     assert "recipe, 2 seeds, all: ade" in capsys.readouterr().out
 
 
+def test_several_processes_give_the_same(data, content, tmp_path):
+    out = tmp_path / "scores.json"
+    folders = [x for f in ("a", "b") for x in ("--data", str(data / f), "--layout", "ind")]
+    arguments = ["--model", "default", *folders, *STRIDE, "--jobs", "2", "--json", str(out)]
+    assert main(["evaluate", *arguments]) == 0
+    assert json.loads(out.read_text()) == content
+
+
+def test_a_model_is_not_called_like_a_baseline(data, tmp_path, capsys):
+    files = [tmp_path / "cv.pt", tmp_path / "x.pt"]
+    for path in files:
+        shutil.copy(find_model("default"), path)
+    assert run(data / "b", "--model", *files) == 2
+    assert "a model is called cv" in capsys.readouterr().err
+
+
 def test_one_recording_has_no_interval_and_says_so(data, capsys):
     assert run(data / "b", "--model", "default", "--no-centre") == 0
     assert "no intervals over recordings can be given" in capsys.readouterr().out
@@ -228,6 +244,10 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
         (["--predictions", "FILE"], "FILE"),
         (["--predictions", "NONE", "--policy", "each"], "--policy is given with --predictions"),
         (["--model", "default", "--data", "DATA", "--layout", "ind", "--topic", "/x"], "--topic"),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--jobs", "0"],
+            "--jobs is 0",
+        ),
         (["--results", "FILE"], "is no JSON"),
         (["--results", "NONE"], "cannot be read"),
         (["--results", "OTHER"], "holds no results"),
