@@ -71,7 +71,7 @@ class Narrator(lightning.Callback):
             f"teach      {_names(splits.train)}: {len(scenes.training)} scenes an epoch",
             f"validate   {_names(splits.validation)}: {len(scenes.validation)} scenes, "
             f"{agents} agents",
-            f"left out   {_names(splits.test) or 'nothing'}",
+            f"test       {_names(splits.test) or 'none'}",
             f"network    {config.network}, {parameters} parameters",
             f"device     {_device(trainer)}, precision {config.trainer.precision}",
             f"run        {folder.path}, seed {config.seed}, epochs {state.epoch + 1} to "
