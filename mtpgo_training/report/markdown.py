@@ -55,7 +55,7 @@ def markdown_table(results: Sequence[tuple[str, Json]]) -> str:
                     cells = [*([name] if named else []), protocol, model]
                     lines.append(_line([*cells, *_cells(content, model, protocol)]))
     notes = [note for _, content in results for note in content.get("warnings", ())]
-    lines += ["", *(f"- {note[:1].upper()}{note[1:]}." for note in dict.fromkeys(notes))]
+    lines += ["", *(f"- Note: {note}." for note in dict.fromkeys(notes))]
     return "\n".join(lines).rstrip()
 
 

@@ -3,6 +3,8 @@
 """From messages through the predictor into a bag, and out again into the offline table."""
 
 import dataclasses
+import json
+import shutil
 
 import numpy as np
 import pytest
@@ -15,8 +17,10 @@ from mtpgo_core.predictor import ScenePredictor
 from mtpgo_core.runner import ModelRunner, find_model
 from mtpgo_training.alignment import find_parts
 from mtpgo_training.bag import OBJECTS_TOPIC, bag_typestore, create_bag, write_recording
+from mtpgo_training.cli import main
 from mtpgo_training.evaluate_bags import evaluate_bags, observed_recordings
 from mtpgo_training.recorded import match, read_predictions
+from mtpgo_training.writers.ind import write_ind
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 TOPIC = "/predictor/predictions"
@@ -172,3 +176,26 @@ def test_float32_messages_hold_a_millimetre_up_to_16_km(recording, runner, tmp_p
         assert agreement.largest_m > 0.1 * agreement.resolution_m
         assert (agreement.largest_m < 1e-3) == (name == "near")
     assert np.spacing(np.float32(16_000.0)) < 1e-3
+
+
+def test_the_command_compares_several_bags_with_a_model(bag, recording, tmp_path, capsys):
+    again = tmp_path / "again"
+    shutil.copytree(bag, again)
+    out, report = tmp_path / "scores.json", tmp_path / "report"
+    arguments = ["evaluate", "--predictions", str(bag), str(again), "--model", "default"]
+    write_ind(recording, tmp_path / "files")
+    arguments += ["--data", str(tmp_path / "files"), "--layout", "ind"]
+    assert main([*arguments, "--json", str(out), "--report", str(report)]) == 0
+    content = json.loads(out.read_text())
+    models = content["models"]
+    assert list(models) == ["online", "default", "again", "cv", "ca", "ctrv"]
+    assert models["online"] == models["again"]
+    assert (
+        models["cv"]["all"]["n"] == models["default"]["all"]["n"] == models["online"]["all"]["n"]
+    )
+    for found in content["agreement"].values():
+        # Files round to a tenth of a millimetre, from which accelerations are estimated.
+        assert found["default"]["largest_mm"] < 5.0
+    assert "online and default, agent by agent" in capsys.readouterr().out
+    assert "Recorded and offline predictions" in (report / "index.html").read_text()
+    assert (report / "best_online.png").is_file()
