@@ -23,6 +23,7 @@ from mtpgo_core.task import HistoryConfig
 from mtpgo_training.cache import RecordingCache
 from mtpgo_training.data_config import DataConfig
 from mtpgo_training.readers import load_recordings
+from mtpgo_training.readers.parts import part_name
 from mtpgo_training.recording import Recording
 
 
@@ -229,7 +230,7 @@ def _parts(
         if end_s <= start_s:
             continue
         part = item.recording.between(start_s, end_s)
-        name = f"{item.recording.name}@{start_s:g}-{end_s:g}s"
+        name = part_name(item.recording.name, start_s, end_s)
         if len(part):
             part = dataclasses.replace(part, name=name)
             yield dataclasses.replace(item, recording=part, part_of=item.whole), use

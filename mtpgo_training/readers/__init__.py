@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_training.readers.drone import DRONE_READERS
 from mtpgo_training.readers.files import DroneFiles, find_drone_files
 from mtpgo_training.readers.ngsim import ngsim_units
+from mtpgo_training.readers.parts import cut_parts, parts_in
 from mtpgo_training.readers.units import Unit
 from mtpgo_training.recording import Recording
 
@@ -59,7 +60,7 @@ def iter_recordings(
     Args:
         directory: where the files lie.
         layout: a name in ``LAYOUTS``.
-        names: the recordings wanted, all by default.
+        names: the recordings wanted, all by default; ``01@60-116s`` is a part of ``01``.
         cache: where recordings are kept that have been read before.
 
     Raises:
@@ -69,8 +70,19 @@ def iter_recordings(
         raise RecordingError(
             f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
         )
-    for unit in LAYOUTS[layout](Path(directory), names):
-        yield from unit.read() if cache is None else cache.recordings(unit)
+    where, find = Path(directory), LAYOUTS[layout]
+
+    def read(units: Iterable[Unit]) -> Iterator[Recording]:
+        for unit in units:
+            yield from unit.read() if cache is None else cache.recordings(unit)
+
+    parts = parts_in(names or ())
+    whole = [name for name in names or () if name not in {part.name for part in parts}]
+    if whole or not parts:
+        yield from read(find(where, whole))
+    if parts:
+        units = [u for u in find(where, None) if any(part.may_be_in(u.name) for part in parts)]
+        yield from cut_parts(read(units), parts, where)
 
 
 def load_recordings(

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from traffic import braking_cars
 
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.task import HistoryConfig, SceneConfig
 from mtpgo_training.config import DataConfig
+from mtpgo_training.readers import load_recordings
 from mtpgo_training.sources import prepare, source_weight
-from mtpgo_training.splits import USES, NamedRecording, split, window_s
+from mtpgo_training.splits import USES, NamedRecording, read_all, split, window_s
+from mtpgo_training.writers.ind import write_ind
 
 HISTORY = HistoryConfig()
 GUARD_S = window_s(HISTORY, 25)
@@ -97,6 +99,26 @@ def test_parts_are_named_and_keep_the_hash_of_the_whole():
                for entry in described)  # fmt: skip
     assert len({entry["sha256"] for entry in described}) == 1
     assert {entry["split"] for entry in described} == set(USES)
+
+
+def test_a_part_is_read_again_by_its_name(tmp_path):
+    write_ind(braking_cars("01", seconds=120.0, tracks=3), tmp_path)
+    named = read_all([(tmp_path, "ind")])
+    splits = split(named, BY_TIME, 0, GUARD_S)
+    for use in USES:
+        for item in getattr(splits, use):
+            (again,) = load_recordings(tmp_path, "ind", [item.recording.name])
+            assert again.name == item.recording.name
+            np.testing.assert_array_equal(again.frame, item.recording.frame)
+            np.testing.assert_array_equal(again.position, item.recording.position)
+    both = load_recordings(tmp_path, "ind", ["01@0-5s", "01", "01@7.5-9s"])
+    assert [r.name for r in both] == ["01", "01@0-5s", "01@7.5-9s"]
+    for name, sentence in (
+        ("02@0-5s", "has no recording '02', it has none"),
+        ("01@500-600s", "nobody is there from 500 to 600 s, it lasts 119"),
+    ):
+        with pytest.raises(RecordingError, match=sentence):
+            load_recordings(tmp_path, "ind", [name])
 
 
 def test_recordings_of_one_block_are_dealt_out_whole():
