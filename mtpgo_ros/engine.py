@@ -16,6 +16,7 @@ from mtpgo_core.predictor import PredictionReport, PredictorOptions, ScenePredic
 from mtpgo_core.schema import KeyArray, Prediction, tracked_states
 from mtpgo_ros.intake import Work
 from mtpgo_ros.parameters import PredictorParameters
+from mtpgo_ros.process import return_free_memory
 
 _WARM_UP_AGENTS = (1, 2, 16, 32)
 """Sizes of scene run before the first deadline: torch prepares itself for each kind anew."""
@@ -45,6 +46,7 @@ class Engine:
             from mtpgo_core.runner import ModelRunner
 
             runner = ModelRunner.load(path, parameters.num_threads)
+            return_free_memory()
         except ModelFileError as error:
             if parameters.require_model:
                 raise

@@ -166,7 +166,10 @@ def run_conversion(args: argparse.Namespace) -> int:
     """Run ``mtpgo benchmark conversion``."""
     from mtpgo_training.benchmark.conversion import print_conversion
 
-    print_conversion(args.data, args.layout, args.minutes, _command(args), args.json)
+    made = {"minutes": args.minutes}
+    given = made if args.data is None else {"data": args.data, "layout": args.layout}
+    command = command_line(args.kind, given)
+    print_conversion(args.data, args.layout, args.minutes, command, args.json)
     return 0
 
 

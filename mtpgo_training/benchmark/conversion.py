@@ -11,15 +11,17 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, TemporaryFile
 
 from mtpgo_core.errors import MtpgoError
 from mtpgo_training.atomic import require_writable
 from mtpgo_training.benchmark.machine import heading, markdown, write_json
-from mtpgo_training.benchmark.process_watch import check_proc
+from mtpgo_training.benchmark.process_watch import check_proc, read_peak_mb
 
 TIMES_REAL_TIME = 50.0
 """Asked of each step, by the clock and on one core."""
+
+_POLL_S = 0.01
 
 
 @dataclass(frozen=True)
@@ -49,15 +51,21 @@ def timed(step: str, arguments: Sequence[str], duration_s: float) -> Cost:
     """
     core = {max(os.sched_getaffinity(0))}
     begin = time.monotonic()
-    process = subprocess.Popen(
-        [sys.executable, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
-    )
-    os.sched_setaffinity(process.pid, core)
-    assert process.stderr is not None
-    said = process.stderr.read().decode(errors="replace").strip()
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    wall_s = time.monotonic() - begin
+    with TemporaryFile() as errors:
+        process = subprocess.Popen(
+            [sys.executable, *arguments], stdout=subprocess.DEVNULL, stderr=errors
+        )
+        os.sched_setaffinity(process.pid, core)
+        peak_mb, pid = 0.0, 0
+        while not pid:
+            # The peak that wait4 tells may be this process's own, from before the child's start.
+            peak_mb = max(peak_mb, read_peak_mb(process.pid))
+            time.sleep(_POLL_S)
+            pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        wall_s = time.monotonic() - begin
+        errors.seek(0)
+        said = errors.read().decode(errors="replace").strip()
     if process.returncode != 0:
         last = said.splitlines()[-1] if said else "it said nothing"
         raise MtpgoError(f"the step {step!r} ended with status {process.returncode}: {last}")
@@ -65,7 +73,7 @@ def timed(step: str, arguments: Sequence[str], duration_s: float) -> Cost:
         step=step,
         wall_s=wall_s,
         cpu_s=usage.ru_utime + usage.ru_stime,
-        peak_mb=usage.ru_maxrss * 1024 / 1e6,  # Linux counts in KiB
+        peak_mb=peak_mb,
         times_real_time=duration_s / wall_s,
     )
 

@@ -82,6 +82,16 @@ def read_usage(pid: int) -> Usage | None:
     )
 
 
+def read_peak_mb(pid: int) -> float:
+    """The most memory that a process has held since it began (10^6 bytes), 0 if it has ended."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return 0.0
+    peak = [line.split()[1] for line in lines if line.startswith("VmHWM:")]
+    return int(peak[0]) * 1024 / 1e6 if peak else 0.0
+
+
 def cpu_share(usages: Sequence[Usage], begin_ns: int, end_ns: int) -> float:
     """Processor time per time between two moments, NaN where fewer than two usages lie there."""
     inside = [usage for usage in usages if begin_ns <= usage.time_ns <= end_ns]

@@ -138,11 +138,15 @@ def test_options_change_while_running(runner):
     predictor = ScenePredictor(runner)
     drive(predictor)
     graphs = []
-    for options in (PredictorOptions(policy="each"), PredictorOptions(radius_m=1.0)):
+    for options in (
+        PredictorOptions(policy="each"),
+        PredictorOptions(policy="each", max_neighbours=3),
+        PredictorOptions(radius_m=1.0),
+    ):
         predictor.options = options
         predictor.predict()
         graphs.append((predictor.last_report.graphs, predictor.last_report.largest_graph))
-    assert graphs == [(12, 12), (12, 1)]
+    assert graphs == [(12, 12), (12, 4), (12, 1)]
 
 
 @pytest.mark.parametrize(
@@ -152,6 +156,7 @@ def test_options_change_while_running(runner):
         ({"radius_m": 0.0}, "radius_m is 0.0, expected more than 0"),
         ({"radius_m": float("nan")}, "radius_m is nan"),
         ({"max_agents": -1}, "max_agents is -1"),
+        ({"max_neighbours": -1}, "max_neighbours is -1, expected at least 0"),
     ],
 )
 def test_impossible_options_are_errors(changes, message):

@@ -139,7 +139,10 @@ def test_agents_without_a_prediction_are_nan(model_file):
     assert empty.mean.shape == (0, MODES, HORIZON, 4)
 
 
-def test_many_graphs_are_served_in_pieces_with_the_same_result(model_file, monkeypatch):
+@pytest.mark.parametrize(("name", "limit"), [("_PAIRS_AT_ONCE", 300), ("_ROWS_AT_ONCE", 30)])
+def test_many_graphs_are_served_in_pieces_with_the_same_result(
+    model_file, monkeypatch, name, limit
+):
     runner = ModelRunner.load(model_file)
     window, *_ = observed(40)
     batch = build_scenes(window, SceneConfig(policy="each", radius_m=70.0, max_neighbours=9))
@@ -151,12 +154,14 @@ def test_many_graphs_are_served_in_pieces_with_the_same_result(model_file, monke
         return forward(self, features, *rest)
 
     monkeypatch.setattr(ModelRunner, "_forward", counted)
+    monkeypatch.setattr("mtpgo_core.runner._ROWS_AT_ONCE", 1000)
     whole = runner.predict(window, batch)
     assert len(calls) == 1
-    monkeypatch.setattr("mtpgo_core.runner._PAIRS_AT_ONCE", 3 * 10 * 10)
+    monkeypatch.setattr(f"mtpgo_core.runner.{name}", limit)
     pieces = runner.predict(window, batch)
     assert len(calls) == 1 + math.ceil(40 / 3)
-    assert all(b * n * n <= 300 for b, n in calls[1:])
+    assert {b for b, _ in calls[1:]} == {2, 3}  # about equal
+    assert all(b * n <= 30 for b, n in calls[1:])
     for field in dataclasses.fields(whole):
         np.testing.assert_array_equal(getattr(whole, field.name), getattr(pieces, field.name))
 
