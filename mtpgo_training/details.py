@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.schema import AgentClass
+from mtpgo_training import metrics
 from mtpgo_training.baselines import BASELINES
 from mtpgo_training.intervals import bootstrap, bootstrap_ratio, draws, over_seeds
 from mtpgo_training.manoeuvres import MANOEUVRES, members
@@ -36,7 +37,8 @@ def details(book: ScoreBook) -> Json:
     ``relative``: by value, its share of constant velocity's, with low and high.
     ``by_class``, ``by_manoeuvre``, ``by_recording``: by name, the values.
     ``by_horizon``: ``time_s`` and by value, lists over the horizon; ``displacement_low`` and
-    ``_high`` are the ends of its interval, ``n`` the agents observed.
+    ``_high`` are the ends of its interval, ``n`` the agents observed, ``nees_expected`` what the
+    two NEES would be.
     ``reliability``: ``level`` and ``observed`` share in the ellipse of that level.
     """
     names = book.recordings
@@ -176,6 +178,7 @@ def _by_horizon(pages: Sequence[Page], step_s: float, drawn: Array | None) -> Js
 
     content: Json = {
         "time_s": [none(round(step_s * k, 6)) for k in range(1, steps + 1)],
+        "nees_expected": metrics.EXPECTED_NEES,
         "n": stacked([p.step_counts["displacement"] for p in pages]).sum(axis=0).tolist(),
     }
     for key in STEP_KEYS:

@@ -25,6 +25,10 @@ MISS_THRESHOLD_M = 2.0
 """Final displacement beyond which a prediction is a miss (m)."""
 
 
+EXPECTED_NEES = 2.0
+"""Average of the NEES of a position where the covariance is right: its two degrees of freedom."""
+
+
 def average(values: Array) -> float:
     """Mean over the agents for which ``values`` [...] is defined, NaN if there is none."""
     known = np.isfinite(values)

@@ -70,6 +70,7 @@ def print_result(content: Json, result: BagResult) -> None:
                 print(f"{interval_text(content, protocol)}\n")
     if any("all" in found for found in content["by_manoeuvre"].values()):
         print(f"{manoeuvre_text(content)}\n")
+        print(f"{nees_text(content)}\n")
     for group, row in content["seeds"].items():
         print(seeds_text(group, row))
     for bag, found in result.agreements.items():
@@ -102,6 +103,22 @@ def manoeuvre_text(content: Json) -> str:
         [model, *(f"{r[name]['ade']:.3f}" if name in r else "-" for name in names)]
         for model, r in found.items()
     ]
+    return columns(rows)
+
+
+def nees_text(content: Json) -> str:
+    """NEES of all agents at a few times, of the heaviest mode and of the whole mixture."""
+    found = {m: p["all"] for m, p in content["by_horizon"].items() if "all" in p}
+    found = {m: row for m, row in found.items() if any(v is not None for v in row["nees"])}
+    steps = max((len(row["nees"]) for row in found.values()), default=0)
+    shown = sorted({max(0, round(steps * part) - 1) for part in (0.2, 0.6, 1.0)}) if steps else []
+    times = next((row["time_s"] for row in found.values() if len(row["time_s"]) == steps), [])
+    heads = [f"{times[k]:g} s" if times[k] is not None else f"step {k + 1}" for k in shown]
+    rows = [["NEES (mixture), 2 is right", *heads]]
+    for model, row in found.items():
+        pairs = zip(row["nees"], row["nees_mixture"], strict=True)
+        cells = ["-" if a is None else f"{a:.2f} ({b:.2f})" for a, b in pairs]
+        rows.append([model, *(cells[k] if k < len(cells) else "-" for k in shown)])
     return columns(rows)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from mtpgo_training import metrics
 from mtpgo_training.atomic import replacing
 
 Json = dict[str, Any]
@@ -146,7 +147,7 @@ def _nees(content: Json) -> Figure | None:
     if not names:
         return None
     figure, axes = _new()
-    axes.axhline(2.0, color="#8d949a", lw=1.0, zorder=2)
+    axes.axhline(metrics.EXPECTED_NEES, color="#8d949a", lw=1.0, zorder=2)
     top = 4.0
     for name in names:
         rows = content["by_horizon"][name][PROTOCOL]

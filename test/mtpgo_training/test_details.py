@@ -68,6 +68,7 @@ def test_the_horizon_counts_who_is_observed():
     rows = details(filled())["by_horizon"]["m"]["all"]
     assert rows["time_s"] == [0.2, 0.4, 0.6, 0.8, 1.0]
     assert rows["n"] == [8, 8, 8, 6, 6]
+    assert rows["nees_expected"] == 2.0
     assert rows["displacement"] == pytest.approx([2.0, 2.0, 2.0, 8 / 6, 8 / 6])
     # With unit covariance the NEES is the squared distance, by mode and by mixture alike.
     squared = [(4 * 1 + 2 * 4 + 2 * 16) / 8] * 3 + [(4 * 1 + 2 * 4) / 6] * 2

@@ -155,7 +155,11 @@ def test_a_model_is_not_called_like_a_baseline(data, tmp_path, capsys):
 
 def test_one_recording_has_no_interval_and_says_so(data, capsys):
     assert run(data / "b", "--model", "default", "--no-centre") == 0
-    assert "no intervals over recordings can be given" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "Note: no intervals over recordings can be given" in text
+    assert "95 % interval" not in text
+    assert re.search(r"NEES \(mixture\), 2 is right +1 s +3 s +5 s\ndefault +[0-9.]+ \(", text)
+    assert re.search(r"ADE m +lane keep \(\d+\)", text)
 
 
 def test_what_was_trained_on_is_never_scored_in_silence():
