@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -68,6 +69,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo train``."""
+    # Before torch is loaded: several processes are warned about what is meant to be so.
+    os.environ.setdefault("TORCH_CPP_LOG_LEVEL", "ERROR")
     config = overridden(load_config(args.config, args.set), args)
     if args.init_from is not None and args.resume:
         raise ConfigurationError(

@@ -73,7 +73,7 @@ class Narrator(lightning.Callback):
             f"{agents} agents",
             f"test       {_names(splits.test) or 'none'}",
             f"network    {config.network}, {parameters} parameters",
-            f"device     {_device(trainer)}, precision {config.trainer.precision}",
+            f"device     {_device(trainer)}, precision {trainer.precision}",
             f"run        {folder.path}, seed {config.seed}, epochs {state.epoch + 1} to "
             f"{config.optimisation.epochs}"
             + (f", from batch {state.batch + 1}" if state.batch else ""),

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import lightning
@@ -68,7 +69,6 @@ def train(
         ConfigurationError: the configuration, the split, the folder, a checkpoint or the device
             cannot be used.
     """
-    quieten()
     prepare_process(_threads(config))
     torch.manual_seed(config.seed)
     network = build_network(config.network, config.model, config.history, config.scene)
@@ -116,9 +116,7 @@ def _fit(trainer: lightning.Trainer, module: TrainingModule, loaders: SceneLoade
     if not trainer.max_epochs or 0 < patience <= epochs_without_better(module):
         module.trainer = trainer
         return
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module=r"lightning\.")
-        warnings.filterwarnings("ignore", category=UserWarning, message=r".*num_workers.*")
+    with quiet():
         try:
             trainer.fit(module, datamodule=loaders)
         except SystemExit as error:  # what Lightning makes of Ctrl-C before and after the Stopper
@@ -139,22 +137,23 @@ def _trainer(
         # No covariance is computed in the first epochs, so its weights get no gradient there.
         strategy = "ddp_find_unused_parameters_true"
     try:
-        return lightning.Trainer(
-            accelerator=options.accelerator,
-            devices=options.devices or "auto",
-            num_nodes=options.num_nodes,
-            strategy=strategy,
-            precision=options.precision,  # type: ignore[arg-type]
-            max_epochs=epochs,
-            logger=TensorBoardLogger(folder.path, name="", version="tensorboard"),
-            callbacks=callbacks,
-            use_distributed_sampler=False,  # SceneLoaders gives each process its share
-            reload_dataloaders_every_n_epochs=1,  # every epoch draws its own scenes
-            num_sanity_val_steps=0,
-            enable_checkpointing=False,
-            enable_progress_bar=False,
-            enable_model_summary=False,
-        )
+        with quiet():
+            return lightning.Trainer(
+                accelerator=options.accelerator,
+                devices=options.devices or "auto",
+                num_nodes=options.num_nodes,
+                strategy=strategy,
+                precision=options.precision,  # type: ignore[arg-type]
+                max_epochs=epochs,
+                logger=TensorBoardLogger(folder.path, name="", version="tensorboard"),
+                callbacks=callbacks,
+                use_distributed_sampler=False,  # SceneLoaders gives each process its share
+                reload_dataloaders_every_n_epochs=1,  # every epoch draws its own scenes
+                num_sanity_val_steps=0,
+                enable_checkpointing=False,
+                enable_progress_bar=False,
+                enable_model_summary=False,
+            )
     except (MisconfigurationException, RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
         raise ConfigurationError(
@@ -195,8 +194,12 @@ def _fit_statistics(module: TrainingModule, scenes: Scenes, seed: int) -> None:
     module.average.load_state_dict(module.model.state_dict())
 
 
-def quieten() -> None:
+@contextmanager
+def quiet() -> Iterator[None]:
     """Keep Lightning's tips and notes to itself; this package says what there is to say."""
-    for name in ("lightning.pytorch", "lightning.fabric", "lightning.pytorch.utilities.rank_zero"):
+    for name in ("lightning.pytorch", "lightning.fabric"):
         logging.getLogger(name).setLevel(logging.ERROR)
-    warnings.filterwarnings("ignore", module=r"lightning\.")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module=r"lightning\.")
+        warnings.filterwarnings("ignore", message=r".*num_workers.*")
+        yield
