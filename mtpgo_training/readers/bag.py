@@ -5,28 +5,24 @@
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
-from msg_adapters.adapter import InputAdapter
 from msg_adapters.lanes import lanes_from_markers
-from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_core.schema import Float64Array, TrackedStates
 from mtpgo_training.bag import (
     EGO_TOPIC,
     LANES_TOPIC,
-    OBJECTS_TOPIC,
     is_bag,
     open_bag,
     read_messages,
 )
+from mtpgo_training.readers.bag_topics import MARKERS, objects_topic
 from mtpgo_training.readers.files import existing_directory, select_names
 from mtpgo_training.readers.poses import BagPoses
 from mtpgo_training.readers.table import sha256_of
@@ -36,10 +32,6 @@ from mtpgo_training.recording import Int64Array, Recording
 PIECE_GAP_S = 5.0
 """A longer pause between messages, or a step back in time, begins another recording (s)."""
 
-_MARKERS = "visualization_msgs/msg/MarkerArray"
-_ANYTHING = (_MARKERS, "sensor_msgs/msg/PointCloud2")
-_OUTPUTS = ("predictions", "markers")
-_LOOKED_AT = 20
 _FREE_RATE = 1000.0  # Hz, the frame grid of messages that come at no fixed rate
 
 
@@ -110,11 +102,11 @@ def _sources(path: Path) -> list[Path]:
 
 def _pieces(path: Path) -> Iterator[_Piece]:
     with open_bag(path) as reader:
-        objects, adapter = _objects_topic(path, reader)
+        objects, adapter = objects_topic(path, reader)
         others = [
             c
             for c in reader.connections
-            if (c.topic.endswith(LANES_TOPIC) and c.msgtype == _MARKERS)
+            if (c.topic.endswith(LANES_TOPIC) and c.msgtype == MARKERS)
             or (c.topic.endswith(EGO_TOPIC) and c.msgtype == "std_msgs/msg/String")
         ]
         poses = BagPoses(path, reader)
@@ -156,7 +148,7 @@ def _pieces(path: Path) -> Iterator[_Piece]:
 
 def _note(path: Path, piece: _Piece, connection: Connection, message: object) -> None:
     """Keep what a latched message says."""
-    if connection.msgtype == _MARKERS:
+    if connection.msgtype == MARKERS:
         try:
             piece.lanes = lanes_from_markers(message).polylines
         except MessageError as error:
@@ -167,49 +159,6 @@ def _note(path: Path, piece: _Piece, connection: Connection, message: object) ->
 
 def _apart(before_ns: int, after_ns: int) -> bool:
     return not 0 <= after_ns - before_ns <= PIECE_GAP_S * 1e9
-
-
-def _objects_topic(path: Path, reader: AnyReader) -> tuple[Connection, InputAdapter]:
-    """The topic of the tracked objects: ``/objects``, else the first of a kind that we read."""
-    by_type = {adapter.message_type: adapter for adapter in INPUTS.values()}
-    usable = [
-        c
-        for c in reader.connections
-        if c.msgtype in by_type and not c.topic.endswith(LANES_TOPIC) and c.msgcount > 0
-    ]
-    # Clouds and markers may be anything, the predictor's own output as well; the other kinds are
-    # tracked objects for sure.
-    usable.sort(
-        key=lambda c: (
-            not c.topic.endswith(OBJECTS_TOPIC),
-            c.msgtype in _ANYTHING,
-            c.topic.rpartition("/")[2] in _OUTPUTS,
-            c.topic,
-        )
-    )
-    if not usable:
-        topics = ", ".join(f"{c.topic} ({c.msgtype})" for c in reader.connections) or "no topic"
-        raise RecordingError(
-            f"{path} has no topic with tracked objects, it has {topics}; expected one of "
-            f"{', '.join(by_type)}"
-        )
-    if len(usable) > 1 and usable[0].msgtype in _ANYTHING:
-        usable.sort(key=lambda c: not _holds_objects(path, reader, c, by_type[c.msgtype]))
-    return usable[0], by_type[usable[0].msgtype]
-
-
-def _holds_objects(
-    path: Path, reader: AnyReader, connection: Connection, adapter: InputAdapter
-) -> bool:
-    """Whether the first messages of a topic can be read as tracked objects."""
-    stored = read_messages(path, reader, [connection])
-    for _, received_ns, message in itertools.islice(stored, _LOOKED_AT):
-        try:
-            if len(adapter.to_states(message, fallback_stamp_ns=received_ns)):
-                return True
-        except MessageError:
-            return False
-    return False
 
 
 def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:
