@@ -59,8 +59,15 @@ def test_every_agent_is_predicted_under_the_observations_stamp_and_frame(bench):
 
 def test_markers_cost_nothing_unheard_and_stale_ones_are_deleted(bench):
     b = bench(max_modes=2)
+    writers, built = b.node._outputs._writers, []
+    writer = writers["markers"]  # ready, though nobody listens
+
+    def counted(prediction):
+        built.append(prediction)
+        return writer(prediction)
+
+    writers["markers"] = counted
     b.predict(traffic(0.0, agents=3))
-    assert b.node._outputs._writers["markers"]  # ready, though nobody listens
     heard = []
     b.peer.create_subscription(MarkerArray, "predictor/markers", heard.append, 20)
     topic = b.namespace + "/predictor/markers"
@@ -69,6 +76,7 @@ def test_markers_cost_nothing_unheard_and_stale_ones_are_deleted(bench):
     assert not heard
     b.predict(traffic(0.2, agents=3))
     b.until(lambda: len(heard) == 1)
+    assert len(built) == 1
     drawn = {(m.ns, m.id) for m in heard[0].markers if m.action == Marker.ADD}
     assert drawn
     assert {m.header.stamp.nanosec for m in heard[0].markers} == {200_000_000}
