@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.cache import RecordingCache
 from mtpgo_training.readers import LAYOUTS, iter_recordings
 from mtpgo_training.recording import Recording
 
@@ -100,10 +101,16 @@ def data_sources(options: Sequence[tuple[str, Any]]) -> list[DataSource]:
     return sources
 
 
-def named_recordings(sources: Sequence[DataSource]) -> Iterator[tuple[str, Recording]]:
+def named_recordings(
+    sources: Sequence[DataSource], cache: RecordingCache | None = None
+) -> Iterator[tuple[str, Recording]]:
     """Recordings with names, one after the other, empty ones left out.
 
     The name is the recording's own, preceded by its directory's where there are several.
+
+    Args:
+        sources: where they are.
+        cache: where recordings are kept that have been read before.
 
     Raises:
         RecordingError: a directory, layout or file is not as it should be.
@@ -116,7 +123,9 @@ def named_recordings(sources: Sequence[DataSource]) -> Iterator[tuple[str, Recor
             f"two directories of recordings are called {doubled}, expected last parts that differ"
         )
     for folder, source in zip(folders, sources, strict=True):
-        for recording in iter_recordings(source.directory, source.layout, source.names):
+        for recording in iter_recordings(
+            source.directory, source.layout, source.names, cache=cache
+        ):
             if len(recording):
                 name = recording.name
                 yield (f"{folder}/{name}" if len(sources) > 1 else name), recording

@@ -17,6 +17,7 @@ from mtpgo_core.runner import ModelRunner, find_model
 from mtpgo_core.task import GRAPH_POLICIES
 from mtpgo_training.atomic import require_writable, write_text
 from mtpgo_training.baselines import BASELINES
+from mtpgo_training.cache import add_cache_arguments, cache_from
 from mtpgo_training.data_arguments import add_data_arguments, data_sources, named_recordings
 from mtpgo_training.evaluate_bags import BagResult, evaluate_bags, observed_recordings
 from mtpgo_training.evaluate_parallel import evaluate_in_processes
@@ -70,6 +71,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="model files or names of shipped models",
     )
     add_data_arguments(parser)
+    add_cache_arguments(parser)
     add(
         "--predictions",
         nargs="+",
@@ -185,7 +187,7 @@ def _load_models(given: Sequence[str]) -> dict[str, ModelRunner]:
 
 def _from_models(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:
     settings = Settings(args.policy, args.stride, not args.no_centre, args.min_future)
-    recordings = named_recordings(data_sources(args.data_options))
+    recordings = named_recordings(data_sources(args.data_options), cache_from(args))
     draw = list(runners) if args.report is not None else []
     hidden = args.quiet or not sys.stderr.isatty()
     if args.jobs > 1:
@@ -218,7 +220,7 @@ def _from_models(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> B
 
 def _from_bags(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:
     if args.data_options:
-        recordings = dict(named_recordings(data_sources(args.data_options)))
+        recordings = dict(named_recordings(data_sources(args.data_options), cache_from(args)))
     else:
         recordings = observed_recordings(args.predictions)
     return evaluate_bags(

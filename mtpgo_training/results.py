@@ -112,8 +112,8 @@ def nees_text(content: Json) -> str:
     found = {m: row for m, row in found.items() if any(v is not None for v in row["nees"])}
     steps = max((len(row["nees"]) for row in found.values()), default=0)
     shown = sorted({max(0, round(steps * part) - 1) for part in (0.2, 0.6, 1.0)}) if steps else []
-    times = next((row["time_s"] for row in found.values() if len(row["time_s"]) == steps), [])
-    heads = [f"{times[k]:g} s" if times[k] is not None else f"step {k + 1}" for k in shown]
+    times: list[float | None] = max((row["time_s"] for row in found.values()), key=len, default=[])
+    heads = [f"step {k + 1}" if times[k] is None else f"{times[k]:g} s" for k in shown]
     rows = [["NEES (mixture), 2 is right", *heads]]
     for model, row in found.items():
         pairs = zip(row["nees"], row["nees_mixture"], strict=True)
