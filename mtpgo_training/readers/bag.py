@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -136,7 +137,7 @@ def _pieces(path: Path) -> Iterator[_Piece]:
                     f"{path}, topic {connection.topic}: the frame changes from "
                     f"{piece.states[-1].frame_id!r} to {states.frame_id!r}, expected one frame"
                 )
-            piece.states.append(states)
+            piece.states.append(_without_covariance(states))
             found = True
         if not found:
             reason = f": {poses.complaint}" if poses.complaint else ""
@@ -155,6 +156,12 @@ def _note(path: Path, piece: _Piece, connection: Connection, message: object) ->
             raise RecordingError(f"{path}, topic {connection.topic}: {error}") from error
     else:
         piece.ego = str(getattr(message, "data", ""))
+
+
+def _without_covariance(states: TrackedStates) -> TrackedStates:
+    """The states less what a recording does not hold and would fill the memory meanwhile."""
+    covariance = np.broadcast_to(np.nan, states.covariance.shape)
+    return dataclasses.replace(states, covariance=covariance)
 
 
 def _apart(before_ns: int, after_ns: int) -> bool:
