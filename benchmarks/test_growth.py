@@ -1,0 +1,56 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Guards how the node's way grows, and what each part of it may cost beside the model."""
+
+from typing import Any
+
+import pytest
+
+from msg_adapters.registry import output_adapter
+from mtpgo_training.benchmark.growth import Pipeline
+
+
+@pytest.fixture
+def pipeline(reference_file):
+    return lambda agents, graph="cover": Pipeline(reference_file, agents, graph)
+
+
+def test_cover_grows_linearly(in_turns, pipeline) -> None:
+    """Twice the road users, twice the time, with room for the rounding of whole graphs."""
+    small, large = pipeline(128), pipeline(256)
+    assert in_turns(small.predictor.predict, large.predictor.predict, rounds=15) <= 2.6
+
+
+def test_the_input_hardly_grows(in_turns, pipeline) -> None:
+    """No Python in the per-agent path: sixteen times the objects cost nothing like it."""
+    few, many = pipeline(8), pipeline(128)
+    ratio = in_turns(
+        lambda: few.observe(few.message()), lambda: many.observe(many.message()), rounds=300
+    )
+    assert ratio <= 4.0
+
+
+def test_the_model_is_what_takes_the_time(in_turns, pipeline) -> None:
+    """Input, graphs, frames and the message together stay below a quarter of it."""
+    whole = pipeline(64, "scene")
+    batches: list[Any] = []
+    runner = whole.predictor._runner
+    forward = runner._forward
+    runner._forward = lambda *batch: batches.append(batch) or forward(*batch)
+    whole.predictor.predict()
+    (batch,) = batches
+
+    def cycle() -> None:
+        whole.observe(whole.message())
+        whole.encode()
+
+    assert in_turns(lambda: forward(*batch), cycle, rounds=20) <= 1.25
+
+
+def test_serialized_markers_are_far_cheaper_than_objects(in_turns, pipeline) -> None:
+    scene = pipeline(16, "scene")
+    prediction = scene.predictor.predict()
+    adapter = output_adapter("markers")
+    octets = adapter.writer(scene.types, serialized=True)
+    objects = adapter.writer(scene.types)
+    assert in_turns(lambda: octets(prediction), lambda: objects(prediction), rounds=10) >= 5.0
