@@ -116,9 +116,7 @@ class SceneDataset(Dataset[Data]):
     def __getitem__(self, index: int) -> Data:
         item = self.items[index]
         source = self.sources[item.source]
-        windows = source.restarted if item.restarted else source.windows
-        assert windows is not None
-        tracked = windows[item.window]
+        tracked = source.window(item.window, restarted=item.restarted)
         batch = build_scenes(
             tracked.window,
             self.scene,

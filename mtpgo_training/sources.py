@@ -22,7 +22,7 @@ from mtpgo_training.recording import Recording
 from mtpgo_training.samples import Columns, SampleTable, take_in
 from mtpgo_training.sampling import Candidates, centre_chances, lane_changers
 from mtpgo_training.splits import NamedRecording
-from mtpgo_training.windows import Windows, cut_tracks, windows_of
+from mtpgo_training.windows import TrackedWindow, Windows, cut_tracks, windows_of
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,11 @@ class Source:
     chance: Float64Array
     changes: NDArray[np.int8] | None = None
     weight: float = 1.0
+
+    def window(self, index: int, *, restarted: bool = False) -> TrackedWindow:
+        """A window, or its restarted form."""
+        chosen = self.restarted if restarted and self.restarted is not None else self.windows
+        return chosen[index]
 
     def candidates(self, window: int, *, restarted: bool = False) -> Candidates:
         """Those present in a window, or in its restarted form."""
