@@ -4,9 +4,11 @@
 
 With slope 0.2, leaky_relu(z) = 0.6 z + 0.4 |z|. The linear half is separable and cheap; what is
 left is sum_c a_c |q_ic + k_jc + e_ij w_c|, whose [N, N, C] intermediate is never held as a whole,
-neither forward nor backward.
+neither forward nor backward. Forward, |z| = 2 max(k + e w, -q) + q - (k + e w), where again all
+but the maximum is separable, takes three passes over the intermediate.
 """
 
+import functools
 from typing import Any
 
 import torch
@@ -38,14 +40,19 @@ def absolute_sum(query: Tensor, key: Tensor, edge: Tensor, slope: Tensor, score:
     out = torch.empty(
         (length, agents, agents, score.size(1)), dtype=query.dtype, device=query.device
     )
+    least = query.neg()
     for start in range(0, length, graphs):
         k = key[start : start + graphs].unsqueeze(1)
         for row in range(0, agents, rows):
             e = edge[start : start + graphs, row : row + rows].unsqueeze(-1)
             z = torch.addcmul(k, e, slope)
-            z.add_(query[start : start + graphs, row : row + rows].unsqueeze(2)).abs_()
+            bound = least[start : start + graphs, row : row + rows].unsqueeze(2)
+            torch.maximum(z, bound, out=z)
             out[start : start + graphs, row : row + rows] = torch.matmul(z, score)
-    return out
+    own, other = torch.matmul(query, score), torch.matmul(key, score)
+    along = torch.matmul(slope, score)
+    out.mul_(2.0).add_(own.unsqueeze(2)).sub_(other.unsqueeze(1))
+    return out.sub_(edge.unsqueeze(-1) * along)
 
 
 class AbsoluteSum(torch.autograd.Function):
@@ -55,9 +62,16 @@ class AbsoluteSum(torch.autograd.Function):
     def forward(
         ctx: Any, query: Tensor, key: Tensor, edge: Tensor, slope: Tensor, score: Tensor
     ) -> Tensor:
-        """See :func:`absolute_sum`."""
+        """See :func:`absolute_sum`. Under autocast too in the widest of the arguments' types."""
+        given = (query, key, edge, slope, score)
+        wide = functools.reduce(torch.promote_types, (x.dtype for x in given))
+        query, key, edge, slope, score = (x.to(wide) for x in given)
         ctx.save_for_backward(query, key, edge, slope, score)
-        return absolute_sum(query, key, edge, slope, score)
+        device = query.device.type
+        if not torch.amp.is_autocast_available(device):
+            return absolute_sum(query, key, edge, slope, score)
+        with torch.autocast(device, enabled=False):
+            return absolute_sum(query, key, edge, slope, score)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
@@ -68,6 +82,8 @@ class AbsoluteSum(torch.autograd.Function):
         graphs, rows = blocks(agents, channels)
         g_query, g_key, g_edge = (torch.zeros_like(x) for x in (query, key, edge))
         g_slope, g_score = torch.zeros_like(slope), torch.zeros_like(score)
+        one = score.size(1) == 1
+        along = slope * score[:, 0]
         for start in range(0, length, graphs):
             some = slice(start, start + graphs)
             for row in range(0, agents, rows):
@@ -75,12 +91,23 @@ class AbsoluteSum(torch.autograd.Function):
                 g, e = grad[some, part], edge[some, part]
                 z = torch.addcmul(key[some].unsqueeze(1), e.unsqueeze(-1), slope)
                 z.add_(query[some, part].unsqueeze(2))
-                flat = g.reshape(-1, g.size(-1))
-                sign = z.sign()
-                g_score.addmm_(z.abs_().view(-1, channels).t(), flat)
-                z = sign.mul_(torch.matmul(g, score.t()))  # the gradient of z from here on
+                if one:
+                    # The gradient of z less the factor score, which joins the sums below.
+                    z.sign_().mul_(g)
+                    g_edge[some, part] = torch.matmul(z, along)
+                else:
+                    sign = z.sign()
+                    flat = g.reshape(-1, g.size(-1))
+                    g_score.addmm_(z.abs_().view(-1, channels).t(), flat)
+                    z = sign.mul_(torch.matmul(g, score.t()))  # the gradient of z
+                    g_edge[some, part] = torch.matmul(z, slope)
                 g_query[some, part] = z.sum(2)
                 g_key[some] += z.sum(1)
-                g_edge[some, part] = torch.matmul(z, slope)
                 g_slope.addmv_(z.view(-1, channels).t(), e.reshape(-1))
+        if one:
+            # |z| is sign(z) z, and z is linear in query, key and slope: the sums are known.
+            found = (query * g_query).sum((0, 1)) + (key * g_key).sum((0, 1)) + slope * g_slope
+            g_score = found.unsqueeze(1)
+            weight = score[:, 0]
+            g_query, g_key, g_slope = g_query * weight, g_key * weight, g_slope * weight
         return g_query, g_key, g_edge, g_slope, g_score

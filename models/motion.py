@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from models.config import ModelConfig
+from models.covariance import block_product
 from models.frames import Start
 
 TABLEAUS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
@@ -21,9 +22,6 @@ TABLEAUS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "rk4": ((0.0, 0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)),
 }
 """Nodes a_i and weights b_i: k_i = f(q + dt a_i k_{i-1}), q' = q + dt sum_i b_i k_i."""
-
-ROWS = 16384
-"""Jacobians that are worked on at a time, so that what lies between stays in the cache."""
 
 
 class Field(NamedTuple):
@@ -37,7 +35,9 @@ class Field(NamedTuple):
         inner_bias: [2W] likewise.
         out: [2W, 2] output layer.
         out_bias: [2].
-        through: [2W, 4] derivative of the output by q through each unit of an only hidden layer.
+        through: [4, 2W] derivative of the output (first index of the four) by q (second) through
+            each unit of an only hidden layer, and
+        base: [4, 1] its sum over the units.
         added: [B, N, 1, 2] or [1] what the decoder's command is added to (m/s or m/s^2).
     """
 
@@ -49,6 +49,7 @@ class Field(NamedTuple):
     out: Tensor
     out_bias: Tensor
     through: Tensor
+    base: Tensor
     added: Tensor
 
 
@@ -104,42 +105,65 @@ class NeuralODE(nn.Module):
             inner.append(torch.block_diag(weight[0], weight[1]).t())
         inner_bias = list(self.inner_bias.flatten(1).unbind(0))
         out = torch.block_diag(self.last[0].unsqueeze(1), self.last[1].unsqueeze(1))
-        through = (of_q.t().unsqueeze(-1) * out.unsqueeze(1)).flatten(1)
+        through = (out.t().unsqueeze(1) * of_q.unsqueeze(0)).flatten(0, 1)
+        base = through.sum(1, keepdim=True)
         added = torch.zeros(1, dtype=static.dtype, device=static.device)
         if self.order == 1:
             added = start.velocity.unsqueeze(2)
-        return Field(of_q, of_u, rest, inner, inner_bias, out, self.last_bias, through, added)
+        return Field(
+            of_q, of_u, rest, inner, inner_bias, out, self.last_bias, through, base, added
+        )
 
-    def derivative(self, q: Tensor, u: Tensor, base: Tensor, field: Field) -> Tensor:
-        """[..., 2] dq/dt; ``base`` [..., 2W] is the part of the first layer that q is not in."""
-        hidden = nn.functional.elu(torch.matmul(q, field.of_q) + base)
-        for i, weight in enumerate(field.inner):
-            hidden = nn.functional.elu(torch.matmul(hidden, weight) + field.inner_bias[i])
-        return u + torch.matmul(hidden, field.out) + field.out_bias
+    def derivative(
+        self, q: Tensor, u: Tensor, base: Tensor, field: Field, with_slope: bool
+    ) -> tuple[Tensor, Tensor]:
+        """[..., 2] dq/dt, and its derivative by q where asked for, else nothing.
 
-    def slope(self, q: Tensor, base: Tensor, field: Field) -> tuple[Tensor, Tensor]:
-        """The networks' value [..., 2] and their Jacobian by q, transposed [..., 2, 2].
+        The derivative is [4, R] with R the number of states: of the first, of the second
+        component, each by both. That of ELU is exp(min(a, 0)), which is min(elu(a), 0) + 1.
 
-        Entry [s, g] is the derivative of the g-th component by q_s. The derivative of ELU is
-        exp(min(a, 0)), which is min(elu(a), 0) + 1.
+        Args:
+            q: [..., 2].
+            u: [..., 2].
+            base: [..., 2W] the part of the first layer that q is not in.
+            field: of :meth:`prepare`.
+            with_slope: whether the derivative is wanted.
         """
         hidden = nn.functional.elu(torch.matmul(q, field.of_q) + base)
-        gain = hidden.clamp(max=0.0) + 1.0
+        slope = hidden[:0]
         if len(field.inner) == 0:
-            slope = torch.matmul(gain, field.through).unflatten(-1, (2, 2))
+            if with_slope:
+                drop = hidden.clamp(max=0.0).view(-1, hidden.size(-1))
+                slope = torch.addmm(field.base, field.through, drop.t())
         else:
+            gain = hidden.clamp(max=0.0) + 1.0
             tangent = field.of_q * gain.unsqueeze(-2)  # [..., 2, 2W]
             for i, weight in enumerate(field.inner):
                 hidden = nn.functional.elu(torch.matmul(hidden, weight) + field.inner_bias[i])
-                gain = (hidden.clamp(max=0.0) + 1.0).unsqueeze(-2)
-                tangent = torch.matmul(tangent, weight) * gain
-            slope = torch.matmul(tangent, field.out)
-        return torch.matmul(hidden, field.out) + field.out_bias, slope
+                if with_slope:
+                    gain = (hidden.clamp(max=0.0) + 1.0).unsqueeze(-2)
+                    tangent = torch.matmul(tangent, weight) * gain
+            if with_slope:
+                slope = torch.matmul(tangent, field.out).view(-1, 2, 2)  # [R, by, of]
+                slope = slope.permute(2, 1, 0).reshape(4, -1)
+        return u + torch.matmul(hidden, field.out) + field.out_bias, slope
 
     def forward(
         self, state: Tensor, control: Tensor, step: int, start: Start, field: Field
     ) -> Tensor:
-        """The state [B, N, M, S] one step later.
+        """The state [B, N, M, S] one step later; arguments as in :meth:`move`."""
+        return self.move(state, control, step, start, field, False)[0]
+
+    def move(
+        self,
+        state: Tensor,
+        control: Tensor,
+        step: int,
+        start: Start,
+        field: Field,
+        with_slopes: bool,
+    ) -> tuple[Tensor, list[Tensor]]:
+        """The state [B, N, M, S] one step later, and what :meth:`jacobian` needs of the step.
 
         Args:
             state: [B, N, M, S] in the agent's frame.
@@ -147,64 +171,49 @@ class NeuralODE(nn.Module):
             step: not used by this model.
             start: not used by this model.
             field: of :meth:`prepare`.
+            with_slopes: whether the latter is wanted.
         """
         u = control + field.added
         base = torch.matmul(u, field.of_u) + field.rest
         q = state if self.order == 1 else state[..., 2:]
-        k = self.derivative(q, u, base, field)
+        k, slope = self.derivative(q, u, base, field, with_slopes)
+        slopes = [slope]
         total = self.weights[0] * k
         moved = self.carried[0] * k
         for i in range(1, len(self.nodes)):
-            k = self.derivative(q + (self.dt_s * self.nodes[i]) * k, u, base, field)
+            reached = q + (self.dt_s * self.nodes[i]) * k
+            k, slope = self.derivative(reached, u, base, field, with_slopes)
+            slopes.append(slope)
             total = total + self.weights[i] * k
             moved = moved + self.carried[i] * k
         following = q + self.dt_s * total
         if self.order == 1:
-            return following
+            return following, slopes
         position = state[..., :2] + self.dt_s * q + (self.dt_s * self.dt_s) * moved
-        return torch.cat((position, following), dim=-1)
+        return torch.cat((position, following), dim=-1), slopes
 
-    def jacobian(
-        self, states: Tensor, controls: Tensor, field: Field, rows: int = ROWS
-    ) -> tuple[Tensor, Tensor]:
+    def jacobian(self, slopes: list[list[Tensor]], agents: list[int]) -> tuple[Tensor, Tensor]:
         """Derivatives of the discrete step by q for all steps, in closed form (design D8).
 
         Args:
-            states: [H, B, N, M, S] before each step.
-            controls: [H, B, N, M, 2].
-            field: of :meth:`prepare`.
-            rows: states that are worked on at a time.
+            slopes: of :meth:`move` at all steps.
+            agents: B, N, M.
 
         Returns:
             [2, 2, H, B, N, M] of the next q and of the next position, derivatives of the first
             index's component by the second's (in first order the latter has no meaning). The
             position's derivative by itself is the identity.
         """
-        steps = max(1, rows // controls[0, ..., 0].numel())
-        of_q: list[Tensor] = []
-        of_position: list[Tensor] = []
-        for state, control in zip(states.split(steps), controls.split(steps)):  # noqa: B905
-            one, other = self.step_jacobian(state, control, field)
-            of_q.append(one.permute(5, 4, 0, 1, 2, 3))
-            of_position.append(other.permute(5, 4, 0, 1, 2, 3))
-        return torch.cat(of_q, dim=2), torch.cat(of_position, dim=2)
-
-    def step_jacobian(self, state: Tensor, control: Tensor, field: Field) -> tuple[Tensor, Tensor]:
-        """:meth:`jacobian` of states [..., S] and controls [..., 2], transposed: [..., 2, 2]."""
-        u = control + field.added
-        base = torch.matmul(u, field.of_u) + field.rest
-        q = state if self.order == 1 else state[..., 2:]
-        eye = torch.eye(2, dtype=q.dtype, device=q.device)
-        value, slope = self.slope(q, base, field)
-        total = self.weights[0] * slope
-        moved = self.carried[0] * slope
+        size = [2, 2, len(slopes), agents[0], agents[1], agents[2]]
+        slope = torch.stack([stages[0] for stages in slopes], dim=1).view(size)
+        eye = torch.eye(2, dtype=slope.dtype, device=slope.device).view(2, 2, 1, 1, 1, 1)
         gain = slope
+        total = self.weights[0] * gain
+        moved = self.carried[0] * gain
         for i in range(1, len(self.nodes)):
-            reach = self.dt_s * self.nodes[i]
-            value, slope = self.slope(q + reach * (u + value), base, field)
-            # Chain rule, transposed: d k_i = (I + reach d k_{i-1}) slope.
-            ahead = eye + reach * gain
-            gain = ahead[..., :1] * slope[..., :1, :] + ahead[..., 1:] * slope[..., 1:, :]
+            slope = torch.stack([stages[i] for stages in slopes], dim=1).view(size)
+            # Chain rule: d k_i = slope (I + a_i dt d k_{i-1}).
+            gain = slope + (self.dt_s * self.nodes[i]) * block_product(slope, gain)
             total = total + self.weights[i] * gain
             moved = moved + self.carried[i] * gain
         return eye + self.dt_s * total, self.dt_s * eye + (self.dt_s * self.dt_s) * moved
@@ -226,7 +235,7 @@ class DirectStates(nn.Module):
     def prepare(self, static: Tensor, start: Start) -> Field:
         """A field of nothing: there is no network."""
         none = torch.empty(0, dtype=static.dtype, device=static.device)
-        return Field(none, none, none, [none], [none], none, none, none, none)
+        return Field(none, none, none, [none], [none], none, none, none, none, none)
 
     def forward(
         self, state: Tensor, control: Tensor, step: int, start: Start, field: Field
@@ -237,6 +246,18 @@ class DirectStates(nn.Module):
             expected = torch.cat((expected, start.velocity), dim=-1)
         return expected.unsqueeze(2) + control
 
-    def jacobian(self, states: Tensor, controls: Tensor, field: Field) -> tuple[Tensor, Tensor]:
-        """Not used, and empty: without a motion model there is no Kalman filter."""
-        return states[:0], states[:0]
+    def move(
+        self,
+        state: Tensor,
+        control: Tensor,
+        step: int,
+        start: Start,
+        field: Field,
+        with_slopes: bool,
+    ) -> tuple[Tensor, list[Tensor]]:
+        """:meth:`forward` and nothing besides: there is no Kalman filter."""
+        return self.forward(state, control, step, start, field), [state[:0]]
+
+    def jacobian(self, slopes: list[list[Tensor]], agents: list[int]) -> tuple[Tensor, Tensor]:
+        """Not used, and empty."""
+        return slopes[0][0], slopes[0][0]

@@ -79,8 +79,8 @@ class MTPGO(TrajectoryPredictor):
         h = last + self.decoder.initial
         state = self.first_state(start)
         lead = None if teacher is None else states_to_own(torch.nan_to_num(teacher), start)
-        states = [state]
-        controls: list[Tensor] = []
+        states: list[Tensor] = []
+        slopes: list[list[Tensor]] = []
         hidden: list[Tensor] = []
         for k in range(self.horizon_steps):
             seen = state
@@ -91,11 +91,11 @@ class MTPGO(TrajectoryPredictor):
                 h, self.condition.scale_states(seen, start, k), encoded, bias, edges
             )  # [B, N, D]
             control = self.control(h)  # [B, N, M, 2]
-            state = self.motion(state, control, k, start, field)  # [B, N, M, S]
-            states.append(state)
-            controls.append(control)
+            state, slope = self.motion.move(state, control, k, start, field, with_covariance)
+            states.append(state)  # [B, N, M, S]
+            slopes.append(slope)
             hidden.append(h)
-        mean = states_to_scene(torch.stack(states[1:]), start).permute(1, 2, 3, 0, 4).contiguous()
+        mean = states_to_scene(torch.stack(states), start).permute(1, 2, 3, 0, 4).contiguous()
 
         # Covariance, over the whole horizon at once where it can be.
         if not with_covariance:
@@ -105,7 +105,7 @@ class MTPGO(TrajectoryPredictor):
         if initial_covariance is not None:
             first = initial_in_own_frame(initial_covariance, first, start.direction)
         of_q, of_position = self.motion.jacobian(
-            torch.stack(states[:-1]), torch.stack(controls), field
+            slopes, list(state.shape[:3])
         )  # [2, 2, H, B, N, M]
         blocks = self.covariance(first, of_q, of_position, noise)
         spread = rotate_blocks(blocks, start.direction) + self.observation

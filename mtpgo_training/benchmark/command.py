@@ -173,6 +173,20 @@ def run_conversion(args: argparse.Namespace) -> int:
     return 0
 
 
+def _training_arguments(add: Add) -> None:
+    add("--scenes", type=_count, default=128, metavar="N", help="graphs in a batch (128)")
+    add("--threads", type=_count, default=2, metavar="N", help="of torch (2)")
+    add("--rounds", type=_count, default=7, metavar="N", help="steps of each (7)")
+
+
+def run_training(args: argparse.Namespace) -> int:
+    """Run ``mtpgo benchmark training``."""
+    from mtpgo_training.benchmark.training import print_training
+
+    print_training(args.scenes, args.threads, args.rounds, _command(args), args.json)
+    return 0
+
+
 def _duration(add: Add, default: float) -> None:
     text = f"time of each measurement ({default:g})"
     add("--duration", type=_positive, default=default, metavar="S", help=text)
@@ -237,6 +251,13 @@ _KINDS: dict[str, _Kind] = {
         "input costs at several rates, and what markers cost.",
         _growth_arguments,
         run_growth,
+    ),
+    "training": (
+        "a step of training",
+        "Time training steps in turns with a straightforward implementation of the same "
+        "equations on the same weights, and compare the memory they need.",
+        _training_arguments,
+        run_training,
     ),
     "conversion": (
         "recordings into bags and into the training's cache",

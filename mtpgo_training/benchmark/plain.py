@@ -4,7 +4,7 @@
 
 Edge lists and torch_geometric's GATv2Conv, a loop over time in both coder halves, Jacobians by
 torch.func, 4 x 4 matrices for the Kalman filter. All is vectorised over agents and modes; nothing
-is slow on purpose. One scene, everybody present throughout, the default configuration.
+is slow on purpose. The default configuration only.
 """
 
 from typing import cast
@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from torch.nn.functional import elu, leaky_relu, softplus, softsign
 from torch_geometric.nn import GATv2Conv
 
+from models.attention import presence_bias
 from models.covariance import FLOOR, INFLATION
 from models.frames import to_own, to_scene
 from models.graph_gru import GraphGRU, GraphNetwork
@@ -21,6 +22,23 @@ from models.heads import RHO_LIMIT, SIGMA_FLOOR
 from models.layers import GATPlus
 from models.motion import NeuralODE
 from models.mtp_go import MTPGO
+
+
+def edge_list(scene: Tensor, present: Tensor) -> Tensor:
+    """[2, E] sender and receiver: all pairs present in a scene, and everybody with itself.
+
+    Args:
+        scene: [N] to which scene each agent belongs, in order.
+        present: [N].
+    """
+    sizes = torch.bincount(scene)
+    first = sizes.cumsum(0) - sizes
+    many = sizes[scene]  # neighbours of each agent, itself among them
+    receiver = torch.arange(len(scene)).repeat_interleave(many)
+    begin = (many.cumsum(0) - many)[receiver]
+    sender = torch.arange(len(receiver)) - begin + first[scene[receiver]]
+    kept = (present[sender] & present[receiver]) | (sender == receiver)
+    return torch.stack((sender, receiver))[:, kept]
 
 
 class PlainGNN(nn.Module):
@@ -114,19 +132,38 @@ class PlainMTPGO(nn.Module):
         self, features: Tensor, valid: Tensor, static: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
         """As :meth:`MTPGO.forward`, for one scene in which everybody is present throughout."""
+        scene = torch.zeros(features.size(1), dtype=torch.long)
+        log_weight, mean, covariance = self.roll_out(features[0], valid[0], scene, True)
+        return log_weight.unsqueeze(0), mean.unsqueeze(0), covariance.unsqueeze(0)
+
+    def roll_out(
+        self, features: Tensor, valid: Tensor, scene: Tensor, with_covariance: bool
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """As :meth:`MTPGO.roll_out`, for the agents of many scenes in a row.
+
+        Args:
+            features: [N, T, F].
+            valid: [N, T].
+            scene: [N] to which scene each agent belongs.
+            with_covariance: false saves the Jacobians and covariances, which come back empty.
+        """
         model, dt = self.model, self.config.dt_s
-        start = model.condition.start(features, valid)
-        inputs = model.condition(features, valid, start)[0]  # [N, T, .]
-        position = features[0, :, :, :2]
+        given = torch.where(valid.unsqueeze(-1), features, 0.0).unsqueeze(0)
+        start = model.condition.start(given, valid.unsqueeze(0))
+        inputs = model.condition(given, valid.unsqueeze(0), start)[0]  # [N, T, .]
+        position = given[0, :, :, :2]
         agents, modes = inputs.size(0), self.config.modes
-        pair = torch.arange(agents).repeat(agents)
-        edges = torch.stack((pair, torch.arange(agents).repeat_interleave(agents)))
-        lengths = (position[edges[0]] - position[edges[1]]).square().sum(-1)  # [E, T]
+        graphs = [edge_list(scene, here) for here in valid.unbind(1)]
+        lengths = [
+            (position[edges[0], i] - position[edges[1], i]).square().sum(-1)
+            for i, edges in enumerate(graphs)
+        ]
 
         h = model.encoder.initial.expand(agents, -1)
         encoded = []
-        for i in range(inputs.size(1)):
-            h = self.encoder(inputs[:, i], h, edges, lengths[:, i])
+        for i, edges in enumerate(graphs):
+            following = self.encoder(inputs[:, i], h, edges, lengths[i])
+            h = torch.where(valid[:, i, None], following, h)
             encoded.append(h)
         memory = torch.stack(encoded, dim=1)  # [N, T, D]
         log_weight = model.mixture(h)
@@ -138,17 +175,24 @@ class PlainMTPGO(nn.Module):
         p = torch.diag_embed(std * std).unsqueeze(1).expand(-1, modes, -1, -1)
         g = torch.cat((0.5 * dt * dt * torch.eye(2), dt * torch.eye(2)))  # [4, 2]
         jacobian = torch.func.vmap(torch.func.jacrev(self.step, has_aux=True))
+        move = torch.func.vmap(self.step)
         decoder = model.decoder
+        bias = presence_bias(valid)
         h = h + decoder.initial
         means, covariances = [], []
         for k in range(self.config.horizon_steps):
             seen = model.condition.scale_states(state.unsqueeze(0), start, k)[0]
             embedded = decoder.embed(seen)
-            alpha = torch.softmax(decoder.attention.score(torch.cat((h, embedded), dim=1)), dim=1)
+            score = decoder.attention.score(torch.cat((h, embedded), dim=1))
+            alpha = torch.softmax(score + bias, dim=1)
             summary = torch.einsum("nt,ntd->nd", alpha, memory)
             f = leaky_relu(decoder.combine(torch.cat((summary, embedded), dim=1)), 0.2)
-            h = self.decoder(f, h, edges, lengths[:, -1])
+            h = self.decoder(f, h, graphs[-1], lengths[-1])
             u = model.control(h.unsqueeze(0))[0]
+            if not with_covariance:
+                state = move(state.reshape(-1, 4), u.reshape(-1, 2))[0].view(agents, modes, 4)
+                means.append(state)
+                continue
             jac, following = jacobian(state.reshape(-1, 4), u.reshape(-1, 2))
             state = following.view(agents, modes, 4)
             jac = jac.view(agents, modes, 4, 4)
@@ -156,12 +200,15 @@ class PlainMTPGO(nn.Module):
             p = p + INFLATION * torch.diag_embed(p.diagonal(dim1=-2, dim2=-1))
             means.append(state)
             covariances.append(p)
-        mean, covariance = torch.stack(means, dim=2), torch.stack(covariances, dim=2)
+        mean = torch.stack(means, dim=2)
 
         # To the scene frame.
         turn = direction[:, None, None].expand(-1, modes, mean.size(2), -1)
         place = to_scene(mean[..., :2], turn) + origin[:, None, None]
         mean = torch.cat((place, to_scene(mean[..., 2:], turn)), dim=-1)
+        if not with_covariance:
+            return log_weight, mean, mean.new_empty(0)
+        covariance = torch.stack(covariances, dim=2)
         axes = to_own(torch.eye(2).expand(agents, 2, 2), direction.unsqueeze(1))
         whole = torch.zeros(agents, 1, 1, 4, 4)
         whole[:, 0, 0, :2, :2] = whole[:, 0, 0, 2:, 2:] = axes
@@ -171,4 +218,4 @@ class PlainMTPGO(nn.Module):
             share.expand(*share.shape[:-1], 2).flatten(-2)
         )
         covariance = self.config.covariance_scale * (covariance + model.observation)
-        return log_weight.unsqueeze(0), mean.unsqueeze(0), covariance.unsqueeze(0)
+        return log_weight, mean, covariance

@@ -43,3 +43,23 @@ def test_blocks_by_hand():
     assert blocks(10, 10, 1000) == (1, 10)
     assert blocks(10, 10, 350) == (1, 3)  # three rows of a graph of 1000
     assert blocks(10, 10, 50) == (1, 1)
+
+
+@pytest.mark.parametrize("heads", [1, 2])
+def test_autocast_does_not_narrow_it(heads):
+    """Mixed precision hands over two types; the wider one counts, forward and backward."""
+    torch.manual_seed(3)
+    query, key = torch.randn(2, 2, 5, 6, dtype=torch.bfloat16)
+    edge, slope, score = torch.rand(2, 5, 5), torch.randn(6), torch.randn(6, heads)
+    expected, found = [], []
+    for grads, autocast, dtype in ((expected, False, torch.float32), (found, True, None)):
+        given = [x.detach().to(dtype or x.dtype) for x in (query, key, edge, slope, score)]
+        for x in given:
+            x.requires_grad_()
+        with torch.autocast("cpu", torch.bfloat16, enabled=autocast):
+            out = AbsoluteSum.apply(*given)
+        assert out.dtype == torch.float32
+        out.square().sum().backward()
+        grads.extend([out.detach(), *(x.grad for x in given)])
+    for mine, theirs in zip(found, expected, strict=True):
+        torch.testing.assert_close(mine, theirs.to(mine.dtype), rtol=1e-2, atol=1e-3)
