@@ -36,14 +36,24 @@ CONTEXT_FEATURES = {
 }
 
 
-def _choice(name: str, value: str, valid: tuple[str, ...]) -> None:
+def require_choice(name: str, value: str, valid: tuple[str, ...]) -> None:
+    """That the option ``name`` has one of its ``valid`` values.
+
+    Raises:
+        ConfigurationError: it has another.
+    """
     if value not in valid:
         raise ConfigurationError(
             f"{name} is {value!r}, expected one of {', '.join(repr(v) for v in valid)}"
         )
 
 
-def _at_least(name: str, value: float, least: float) -> None:
+def require_at_least(name: str, value: float, least: float) -> None:
+    """That the option ``name`` is not below ``least``, nor NaN.
+
+    Raises:
+        ConfigurationError: it is.
+    """
     if not value >= least:
         raise ConfigurationError(f"{name} is {value!r}, expected at least {least}")
 
@@ -77,15 +87,15 @@ class HistoryConfig:
     max_speed_mps: float = 100.0
 
     def __post_init__(self) -> None:
-        _at_least("history.dt_s", self.dt_s, 1e-3)
-        _at_least("history.steps", self.steps, 1)
-        _at_least("history.max_gap_s", self.max_gap_s, 0.0)
-        _at_least("history.max_extrapolation_s", self.max_extrapolation_s, 0.0)
-        _at_least("history.velocity_tau_s", self.velocity_tau_s, 0.0)
-        _at_least("history.acceleration_tau_s", self.acceleration_tau_s, 0.0)
-        _at_least("history.max_speed_mps", self.max_speed_mps, 1.0)
-        _choice("history.velocity_source", self.velocity_source, DERIVATIVE_SOURCES)
-        _choice("history.acceleration_source", self.acceleration_source, DERIVATIVE_SOURCES)
+        require_at_least("history.dt_s", self.dt_s, 1e-3)
+        require_at_least("history.steps", self.steps, 1)
+        require_at_least("history.max_gap_s", self.max_gap_s, 0.0)
+        require_at_least("history.max_extrapolation_s", self.max_extrapolation_s, 0.0)
+        require_at_least("history.velocity_tau_s", self.velocity_tau_s, 0.0)
+        require_at_least("history.acceleration_tau_s", self.acceleration_tau_s, 0.0)
+        require_at_least("history.max_speed_mps", self.max_speed_mps, 1.0)
+        require_choice("history.velocity_source", self.velocity_source, DERIVATIVE_SOURCES)
+        require_choice("history.acceleration_source", self.acceleration_source, DERIVATIVE_SOURCES)
 
     @property
     def grid_ns(self) -> tuple[int, ...]:
@@ -143,12 +153,12 @@ class SceneConfig:
     )
 
     def __post_init__(self) -> None:
-        _choice("scene.policy", self.policy, GRAPH_POLICIES)
-        _choice("scene.frame", self.frame, FRAME_POLICIES)
-        _choice("scene.context", self.context, CONTEXTS)
-        _at_least("scene.max_neighbours", self.max_neighbours, 0)
-        _at_least("scene.radius_m", self.radius_m, 0.0)
-        _at_least("scene.leader_reach_m", self.leader_reach_m, 1.0)
+        require_choice("scene.policy", self.policy, GRAPH_POLICIES)
+        require_choice("scene.frame", self.frame, FRAME_POLICIES)
+        require_choice("scene.context", self.context, CONTEXTS)
+        require_at_least("scene.max_neighbours", self.max_neighbours, 0)
+        require_at_least("scene.radius_m", self.radius_m, 0.0)
+        require_at_least("scene.leader_reach_m", self.leader_reach_m, 1.0)
 
     @property
     def features(self) -> tuple[str, ...]:

@@ -14,7 +14,13 @@ from typing import Any
 import yaml
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.task import HistoryConfig, SceneConfig, from_dict
+from mtpgo_core.task import (
+    HistoryConfig,
+    SceneConfig,
+    from_dict,
+    require_at_least,
+    require_choice,
+)
 from mtpgo_training.data_config import DataConfig, with_preset
 from mtpgo_training.schedule import LEARNING_RATE_SCHEDULES
 
@@ -22,13 +28,6 @@ ACCELERATORS = ("auto", "cpu", "gpu", "mps")
 STRATEGIES = ("auto", "ddp")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 """What of Lightning's choices these networks are trained with: small, so copied to each device."""
-
-
-def _choice(name: str, value: str, valid: tuple[str, ...]) -> None:
-    if value not in valid:
-        raise ConfigurationError(
-            f"{name} is {value!r}, expected one of {', '.join(repr(v) for v in valid)}"
-        )
 
 
 def _positive(name: str, value: float) -> None:
@@ -82,7 +81,7 @@ class OptimisationConfig:
             _positive(f"optimisation.{name}", getattr(self, name))
         _share("optimisation.teacher_forcing", self.teacher_forcing)
         _share("optimisation.average_decay", self.average_decay)
-        _choice(
+        require_choice(
             "optimisation.learning_rate_schedule",
             self.learning_rate_schedule,
             LEARNING_RATE_SCHEDULES,
@@ -123,14 +122,11 @@ class TrainerConfig:
             ("strategy", STRATEGIES),
             ("precision", PRECISIONS),
         ):
-            _choice(f"trainer.{name}", getattr(self, name), valid)
+            require_choice(f"trainer.{name}", getattr(self, name), valid)
         for name in ("num_nodes", "validate_every_epochs", "checkpoint_minutes"):
             _positive(f"trainer.{name}", getattr(self, name))
         for name in ("devices", "loader_workers", "patience_epochs"):
-            if getattr(self, name) < 0:
-                raise ConfigurationError(
-                    f"trainer.{name} is {getattr(self, name)}, expected at least 0"
-                )
+            require_at_least(f"trainer.{name}", getattr(self, name), 0)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ import lightning
 from torch_geometric.data import Batch
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task import from_dict
+from mtpgo_training.config import TrainingConfig
 from mtpgo_training.networks import MTP_GO
 from mtpgo_training.run_folder import Checkpoint, RunFolder
 from mtpgo_training.scorebook import ScoreTable
@@ -145,6 +147,15 @@ class Keeper(lightning.Callback):
             trainer.logger.save()
 
 
+def _inputs(config: TrainingConfig) -> str:
+    """What each number in a network's input means."""
+    scene, history = config.scene, config.history
+    return (
+        f"frame {scene.frame}, context {scene.context}, classes {', '.join(scene.classes)}, "
+        f"{history.steps} steps of {history.dt_s:g} s"
+    )
+
+
 def _scores(table: ScoreTable) -> Row:
     """The validation's columns of the log."""
     row: Row = {}
@@ -199,6 +210,12 @@ def start_from(module: TrainingModule, checkpoint: Checkpoint, path: Path) -> No
             f"{module.config.network!r}, expected the same"
         )
     try:
+        stored = from_dict(TrainingConfig, checkpoint["config"], f"the configuration in {path}")
+        if _inputs(stored) != _inputs(module.config):
+            raise ConfigurationError(
+                f"the weights of {path} were trained on other inputs ({_inputs(stored)}), "
+                f"expected those of the configuration ({_inputs(module.config)})"
+            )
         weights = checkpoint["average"]
         module.model.load_state_dict(weights)
         module.average.load_state_dict(weights)

@@ -201,6 +201,9 @@ def test_weights_of_another_architecture_are_refused(whole, tmp_path):
     with pytest.raises(ConfigurationError, match=r"weights of .* do not fit the configured") as e:
         run(tmp_path / "x", larger, init_from=whole[1])
     assert "\n" not in str(e.value)
+    turned = dataclasses.replace(CONFIG, scene=SceneConfig(frame="driving_direction"))
+    with pytest.raises(ConfigurationError, match=r"on other inputs \(frame centre_heading"):
+        run(tmp_path / "x", turned, init_from=whole[1])
     other = dataclasses.replace(CONFIG, network="seq2seq", model={"hidden": 16})
     with pytest.raises(ConfigurationError, match=r"are of 'mtp-go', .* is 'seq2seq'"):
         run(tmp_path / "x", other, init_from=whole[1])
