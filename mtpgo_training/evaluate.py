@@ -84,6 +84,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--policy", choices=GRAPH_POLICIES, help="graph policy, the model's own by default")
     add("--stride", type=float, default=0.2, help="time between two instants (s)")
     add("--min-future", type=float, default=0.0, help="leave out agents observed for less (s)")
+    add(
+        "--one-sample",
+        action="store_true",
+        help="forget the past before each instant, as if everybody were seen for the first time",
+    )
     add("--no-centre", action="store_true", help="score only all agents")
     add(
         "--seeds",
@@ -165,6 +170,8 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigurationError(
             "--policy is given with --predictions, whose graphs were chosen by the node"
         )
+    if args.predictions and args.one_sample:
+        raise ConfigurationError("--one-sample is given with --predictions, which have a past")
     if args.topic is not None and not args.predictions:
         raise ConfigurationError("--topic is given without --predictions")
 
@@ -186,7 +193,9 @@ def _load_models(given: Sequence[str]) -> dict[str, ModelRunner]:
 
 
 def _from_models(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:
-    settings = Settings(args.policy, args.stride, not args.no_centre, args.min_future)
+    settings = Settings(
+        args.policy, args.stride, not args.no_centre, args.min_future, args.one_sample
+    )
     recordings = named_recordings(data_sources(args.data_options), cache_from(args))
     draw = list(runners) if args.report is not None else []
     hidden = args.quiet or not sys.stderr.isatty()

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from mtpgo_core.history import TrackHistory
 from mtpgo_core.lanes import LaneMap
 from mtpgo_core.predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.runner import ModelRunner
@@ -40,12 +41,15 @@ class Settings:
         stride_s: time between two scored instants (s).
         centre: score the protocol ``centre`` too.
         min_future_s: agents observed for a shorter time afterwards are left out (s).
+        one_sample: forget the past before each instant, as if everybody were seen for the first
+            time.
     """
 
     policy: str | None = None
     stride_s: float = 0.2
     centre: bool = True
     min_future_s: float = 0.0
+    one_sample: bool = False
 
 
 @dataclass
@@ -177,7 +181,11 @@ def _windows(
     for frame, states in zip(recording.frames.tolist(), recording.states(), strict=True):
         predictor.observe(states)
         due = {protocol for protocol, chosen in frames.items() if frame in chosen}
-        if due:
+        if due and settings.one_sample:
+            history = TrackHistory(predictor.task.history)
+            history.update(states)
+            yield history.window(states.stamp_ns), due
+        elif due:
             yield predictor.window(states.stamp_ns), due
         tick()
 

@@ -52,6 +52,7 @@ def describe(
         "stride_s": None if args.predictions else args.stride,
         "min_future_s": args.min_future,
         "policy": args.policy,
+        "one_sample": args.one_sample,
         "baselines": list(BASELINES),
         "tasks": {name: dataclasses.asdict(r.task.scene) for name, r in runners.items()},
         "weights": {name: r.task.weights_sha256 for name, r in runners.items()},

@@ -129,5 +129,7 @@ def _facts(content: Json) -> list[tuple[str, str]]:
         ("instants", "those of the bag" if stride is None else f"every {stride:g} s"),
         ("least future", f"{content['min_future_s']:g} s"),
     ]
+    if content["one_sample"]:
+        facts.append(("past", "forgotten before each instant: everybody has one sample"))
     facts += [(f"recording {n}", f"SHA-256 {h[:16]}") for n, h in content["recordings"].items()]
     return facts

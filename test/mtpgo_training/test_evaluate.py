@@ -145,6 +145,20 @@ def test_several_processes_give_the_same(data, content, tmp_path):
     assert json.loads(out.read_text()) == content
 
 
+def test_one_sample_is_a_past_forgotten(data, content, tmp_path):
+    out = tmp_path / "scores.json"
+    assert run(data / "b", "--model", "default", "--no-centre", "--one-sample", "--json", out) == 0
+    alone = json.loads(out.read_text())
+    assert alone["one_sample"]
+    models, before = (c["by_recording"] for c in (alone, content))
+    own, full = (m["default"]["all"][n] for m, n in ((models, "01"), (before, "b/01")))
+    assert own["n"] == full["n"]
+    assert own["ade"] > full["ade"]
+    # The velocity is in the message, the acceleration would need a past.
+    rows = models["ca"]["all"]["01"], models["cv"]["all"]["01"]
+    assert rows[0]["ade"] == pytest.approx(rows[1]["ade"])
+
+
 def test_a_model_is_not_called_like_a_baseline(data, tmp_path, capsys):
     files = [tmp_path / "cv.pt", tmp_path / "x.pt"]
     for path in files:
@@ -246,6 +260,7 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
         ),
         (["--predictions", "NONE"], "does not exist, expected a bag"),
         (["--predictions", "FILE"], "FILE"),
+        (["--predictions", "NONE", "--one-sample"], "--one-sample is given with --predictions"),
         (["--predictions", "NONE", "--policy", "each"], "--policy is given with --predictions"),
         (["--model", "default", "--data", "DATA", "--layout", "ind", "--topic", "/x"], "--topic"),
         (
