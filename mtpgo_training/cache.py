@@ -38,9 +38,8 @@ import mtpgo_core
 import mtpgo_training
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.readers.units import Unit
-from mtpgo_training.recording import Recording
-
-Columns = dict[str, NDArray[Any]]
+from mtpgo_training.recording import Columns, Recording
+from mtpgo_training.stored import pack, unpack
 
 FORMAT = 1
 """Raised when entries are laid out in another way."""
@@ -70,8 +69,6 @@ class RecordingCache:
         Raises:
             RecordingError: a defect of the files; nothing is kept then.
         """
-        from mtpgo_training.stored import pack, unpack
-
         facts = {
             "what": "recordings",
             "layout": unit.layout,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.schema import BoolArray, Float64Array
-from mtpgo_training.recording import Recording
+from mtpgo_training.recording import Columns, Recording
 
 IntArray = NDArray[np.int64]
 
@@ -107,9 +107,7 @@ class FutureTable:
         return Future(mix(self._position), mix(self._velocity), known)
 
 
-def future_columns(
-    recording: Recording, velocity_smoothing_s: float = 0.0
-) -> dict[str, NDArray[Any]]:
+def future_columns(recording: Recording, velocity_smoothing_s: float = 0.0) -> Columns:
     """The rows of a recording by track and frame, as a :class:`FutureTable` needs them.
 
     Args:

@@ -12,6 +12,7 @@ import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,8 @@ from mtpgo_core.schema import (
 )
 
 Int64Array = NDArray[np.int64]
+Columns = dict[str, NDArray[Any]]
+"""Arrays by name, one row of each for the same thing."""
 
 FRAME_ID = "map"
 """Name of the internal frame in messages."""

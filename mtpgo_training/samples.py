@@ -25,10 +25,9 @@ from mtpgo_core.schema import Float64Array, TrackedStates, tracked_states
 from mtpgo_core.task import HistoryConfig
 from mtpgo_core.trackstore import SAMPLE_COLUMNS, TrackStore
 from mtpgo_core.tracktable import names_of
-from mtpgo_training.recording import FRAME_ID, Recording
+from mtpgo_training.recording import FRAME_ID, Columns, Recording
 
 IntArray = NDArray[np.int64]
-Columns = dict[str, NDArray[Any]]
 
 TRACKS_AT_ONCE = 2048
 ROWS_AT_ONCE = 200_000

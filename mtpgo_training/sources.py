@@ -18,8 +18,8 @@ from mtpgo_core.task import HistoryConfig, SceneConfig
 from mtpgo_training.cache import RecordingCache
 from mtpgo_training.config import DataConfig, TrainingConfig
 from mtpgo_training.futures import FutureTable, future_columns
-from mtpgo_training.recording import Recording
-from mtpgo_training.samples import Columns, SampleTable, take_in
+from mtpgo_training.recording import Columns, Recording
+from mtpgo_training.samples import SampleTable, take_in
 from mtpgo_training.sampling import Candidates, centre_chances, lane_changers
 from mtpgo_training.splits import NamedRecording
 from mtpgo_training.windows import TrackedWindow, Windows, cut_tracks, windows_of

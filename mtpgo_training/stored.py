@@ -9,11 +9,8 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtpgo_training.recording import Recording
-
-Columns = dict[str, NDArray[Any]]
+from mtpgo_training.recording import Columns, Recording
 
 _ARRAYS = (
     "frame",
