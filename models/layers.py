@@ -123,7 +123,10 @@ class GAT(nn.Module):
         if torch.jit.is_scripting():
             rest = absolute_sum(query, key, weight, slope, score)
         else:
-            rest = AbsoluteSum.apply(query, key, weight, slope, score)
+            # Autocast narrows products of nodes and not the edge weights; the gradient, which runs
+            # outside of it, needs one type.
+            one = [x.to(weight.dtype) for x in (query, key, weight, slope, score)]
+            rest = AbsoluteSum.apply(*one)
         attention = torch.softmax(fixed + linear.unsqueeze(1) + 0.4 * rest, dim=2)
         if self.heads == 1:
             return torch.matmul(attention.squeeze(-1), value)

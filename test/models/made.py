@@ -12,6 +12,8 @@ from torch import Tensor
 
 from models import MTPGO, ModelConfig
 from models.fast import deployable
+from models.likelihood import mixture_nll
+from models.predictor import TrajectoryPredictor
 
 SMALL = {"history_steps": 6, "horizon_steps": 5, "modes": 3, "hidden": 8, "ode_hidden": 5}
 
@@ -120,3 +122,20 @@ def constant_velocity(scene: Scene, steps: int, dt_s: float = 0.2) -> Tensor:
     last = scene.features[:, :, -1]
     time = dt_s * torch.arange(1, steps + 1, dtype=last.dtype).unsqueeze(-1)
     return last[:, :, None, :2] + last[:, :, None, 2:4] * time
+
+
+def check_mixed_precision(model: TrajectoryPredictor) -> None:
+    """That a float32 model computes nearly the same under autocast, and has gradients there."""
+    scene = make_scene(2, 6, steps=6, dtype=torch.float32)
+    mean = model(*scene.inputs())[1]
+    with torch.autocast("cpu", torch.bfloat16):
+        given = model(*scene.inputs())
+    torch.testing.assert_close(given[1], mean, rtol=0.0, atol=0.02)
+    known = scene.present.unsqueeze(-1).expand(-1, -1, mean.size(3))
+    target = torch.zeros(*known.shape, mean.size(-1))
+    mixture_nll(*(x.float() for x in given), target, known).sum().backward()
+    for name, parameter in model.named_parameters():
+        if parameter.numel() == 0:
+            continue
+        assert parameter.grad is not None, name
+        assert torch.isfinite(parameter.grad).all(), name

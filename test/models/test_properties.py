@@ -4,7 +4,7 @@
 
 import pytest
 import torch
-from made import constant_velocity, make_model, make_scene
+from made import check_mixed_precision, constant_velocity, make_model, make_scene
 
 from models.likelihood import mixture_nll, position_nll
 
@@ -246,3 +246,8 @@ def test_double_run_gives_the_same_numbers():
     model = make_model(torch.float32)
     scene = make_scene(2, 4, steps=6, dtype=torch.float32)
     close(model(*scene.inputs()), model(*scene.inputs()), 0.0)
+
+
+@LAYERS
+def test_mixed_precision_is_near_and_has_gradients(layer):
+    check_mixed_precision(make_model(torch.float32, wild=False, layer=layer))

@@ -6,7 +6,7 @@ import warnings
 
 import pytest
 import torch
-from made import constant_velocity, make_scene, save_and_load
+from made import check_mixed_precision, constant_velocity, make_scene, save_and_load
 from rivals import ALL, close, make_rival
 
 from models.likelihood import mixture_nll
@@ -222,3 +222,8 @@ def test_a_gradient_reaches_every_parameter(name, wild):
         assert parameter.grad is not None, label
         assert torch.isfinite(parameter.grad).all(), label
         assert parameter.grad.any(), label
+
+
+@ALL
+def test_mixed_precision_is_near_and_has_gradients(name):
+    check_mixed_precision(make_rival(name, torch.float32, wild=False))
