@@ -212,7 +212,7 @@ def measure(phase: str, scenes: int, threads: int, rounds: int) -> Row:
         ConfigurationError: the implementations do not agree.
     """
     prepare_process(threads)
-    difference = largest_difference(min(scenes, 16), phase)
+    difference = largest_difference(min(scenes, 32), phase)
     if not difference <= LARGEST_DIFFERENCE:
         raise ConfigurationError(
             f"in the {phase} phase the implementations differ by {difference:.1e}, expected at "

@@ -1,0 +1,77 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The training benchmark compares the same function on the same weights, or says otherwise."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.benchmark import training
+from mtpgo_training.benchmark.plain import edge_list
+from mtpgo_training.cli import main
+
+
+def test_edges_by_hand():
+    """Two scenes: of 0, 1, 2 the middle one is absent and keeps its loop; 3 is alone."""
+    scene = torch.tensor([0, 0, 0, 1])
+    edges = edge_list(scene, torch.tensor([True, False, True, True]))
+    assert edges.t().tolist() == [[0, 0], [2, 0], [1, 1], [0, 2], [2, 2], [3, 3]]
+
+
+@pytest.mark.parametrize("phase", training.PHASES)
+def test_losses_and_gradients_agree(phase):
+    """Scenes of different sizes, late entries, futures that end: padded against edge lists."""
+    assert training.largest_difference(3, phase, seed=5) < 1e-4
+
+
+def test_no_parameter_is_left_out_of_the_comparison():
+    model = training.make_model().requires_grad_(True)
+    batch = training.make_batch(2, model.config)
+    aim = training.PHASES["NLL"]
+    _, grads = training.gradients(
+        lambda: training.batch_loss(model, batch, aim, huber_delta=1.0), model
+    )
+    missing = set(dict(model.named_parameters())) - set(grads)
+    assert missing == {"motion.inner", "motion.inner_bias"}  # there is one hidden layer
+
+
+def test_the_batch_is_a_ragged_one():
+    batch = training.make_batch(64, training.ModelConfig())
+    sizes = batch.ptr.diff()
+    assert 2 <= int(sizes.min()) < 5 < 13 < int(sizes.max()) <= 16
+    assert 8.0 < float(sizes.float().mean()) < 10.0
+    assert bool(batch.valid[:, -1].all())
+    assert not bool(batch.valid.all())
+    assert 0.0 < float((batch.weight == 0.0).float().mean()) < 0.3
+    again = training.make_batch(64, training.ModelConfig())
+    assert all(torch.equal(batch[name], again[name]) for name in ("x", "target", "weight"))
+
+
+def test_implementations_that_differ_are_an_error(monkeypatch):
+    wrong = {"NLL": replace(training.PHASES["NLL"], nll_weight=0.5)}
+    right = training.plain_loss
+    monkeypatch.setattr(training, "plain_loss", lambda m, b, aim: right(m, b, wrong["NLL"]))
+    with pytest.raises(ConfigurationError, match="in the NLL phase the implementations differ by"):
+        training.measure("NLL", scenes=2, threads=1, rounds=1)
+
+
+def test_memory_is_that_of_a_process_of_its_own():
+    assert 100.0 < training.peak_mb("ours", "EWTA", scenes=2, threads=1) < 4000.0
+
+
+def test_command(tmp_path: Path, capsys, monkeypatch):
+    # Four more processes would take half a minute.
+    monkeypatch.setattr(training, "peak_mb", lambda name, *_: 1.0 if name == "ours" else 4.0)
+    out = tmp_path / "training.json"
+    given = ["--scenes", "2", "--threads", "1", "--rounds", "1", "--json", str(out)]
+    assert main(["benchmark", "training", *given]) == 0
+    printed = capsys.readouterr().out
+    assert "| EWTA | 2 |" in printed
+    assert "$ mtpgo benchmark training --scenes 2 --threads 1 --rounds 1" in printed
+    rows = json.loads(out.read_text())["rows"]
+    assert [row["phase"] for row in rows] == ["EWTA", "NLL"]
+    assert all(row["ratio"] > 0.0 and row["memory_share"] == 0.25 for row in rows)
