@@ -52,7 +52,9 @@ class LoadNode(Node):
         name = "/" + predictor.strip("/")
         self.create_subscription(PointCloud2, f"{name}/predictions", self._on_prediction, _DEPTH)
         if markers:
-            self.create_subscription(MarkerArray, f"{name}/markers", self._on_markers, _DEPTH)
+            # As bytes: thousands of Python objects would hold up the predictions' receipt.
+            topic = f"{name}/markers"
+            self.create_subscription(MarkerArray, topic, self._on_markers, _DEPTH, raw=True)
         # Receipt and publication happen on two threads; a list's append needs no lock, this does.
         self._lock = threading.Lock()
 

@@ -60,12 +60,14 @@ def command_line(kind: str, arguments: Mapping[str, Any]) -> str:
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """The content with the machine before it, whole or not at all.
+    """The content with the machine before it, whole or not at all; NaN becomes null.
 
     Raises:
         ConfigurationError: the file cannot be written.
     """
-    write_text(path, json.dumps({"machine": machine(), **content}, indent=2) + "\n")
+    text = json.dumps({"machine": machine(), **content})
+    plain = json.loads(text, parse_constant=lambda _: None)  # JSON knows no NaN
+    write_text(path, json.dumps(plain, indent=2) + "\n")
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:

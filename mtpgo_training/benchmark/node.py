@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -212,9 +213,10 @@ def _cells(row: Row) -> list[str]:
         str(row.cycles),
         str(row.misses),
         str(row.by_constant_velocity),
-        f"{row.p50_ms:.1f}",
-        f"{row.p99_ms:.1f}",
-        f"{row.max_ms:.1f}",
+        *(
+            "-" if math.isnan(value) else f"{value:.1f}"
+            for value in (row.p50_ms, row.p99_ms, row.max_ms)
+        ),
         f"{row.cpu_share:.0%}",
         f"{row.resident_mb:.0f}",
         f"{row.start_s:.1f}",

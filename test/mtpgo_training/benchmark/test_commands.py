@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mtpgo_training.benchmark import conversion, growth, node
-from mtpgo_training.benchmark.machine import command_line, machine
+from mtpgo_training.benchmark.machine import command_line, machine, write_json
 from mtpgo_training.benchmark.node_case import Case
 from mtpgo_training.cli import main
 
@@ -160,3 +160,9 @@ def test_the_command_that_repeats_a_measurement():
         "mtpgo benchmark node --agents 2 8 --input-rate 25.0 --markers"
     )
     assert {"processor", "cores", "torch", "numpy", "python", "load"} <= set(machine())
+
+
+def test_what_was_not_measured_is_null(tmp_path):
+    write_json(tmp_path / "out.json", {"rows": [{"p99_ms": float("nan"), "cycles": 0}]})
+    told = json.loads((tmp_path / "out.json").read_text())
+    assert told["rows"] == [{"p99_ms": None, "cycles": 0}]
