@@ -120,7 +120,7 @@ class PredictorParameters:
     )
     num_threads: int = _field(
         1,
-        "Threads of the model; a second one helps from about 64 agents on.",
+        "Threads of the model; measure before taking more than one.",
         low=1,
         high=64,
         change=Change.CONFIGURE,
