@@ -29,7 +29,11 @@ unexport VIRTUAL_ENV
 endif
 unexport $(ROS_VARIABLES) PYTHONHOME
 
-.PHONY: help demo test benchmark check lint types format environment clean distclean
+RUNS ?= runs
+SIMULATED := $(RUNS)/simulated
+TRAIN_ARGS ?=
+
+.PHONY: help demo test benchmark highway urban data-given check lint types format environment clean distclean
 
 help: ## what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -43,9 +47,40 @@ test: check ## everything: ruff, mypy, pytest
 	@echo "== pytest"
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)
 
-benchmark: $(STAMP) ## speed tables, and the ratios that must hold; takes some minutes
-	@$(BIN)/mtpgo benchmark latency
-	@$(BIN)/python -m pytest benchmarks
+# The tables of docs/performance.md, each under its command and the machine, then the guards.
+benchmark: $(STAMP) ## speed tables (docs/performance.md), and the ratios that must hold; half an hour
+	@$(BIN)/mtpgo benchmark latency --threads 1 2
+	@echo; $(BIN)/mtpgo benchmark node --agents 32 64 --model default
+	@echo; $(BIN)/mtpgo benchmark largest
+	@echo; $(BIN)/mtpgo benchmark largest --graph each --neighbours 8
+	@echo; $(BIN)/mtpgo benchmark growth
+	@echo; $(BIN)/mtpgo benchmark conversion
+	@echo; $(BIN)/python -m pytest benchmarks --benchmark-columns=median,rounds
+	@echo; $(BIN)/mtpgo benchmark node --bars
+
+highway: data-given $(STAMP) $(addprefix $(SIMULATED)/,.highway_free .highway_dense .highway) ## train the shipped model of that name anew; DATA=DIR of the NGSIM recordings [RUNS=DIR]
+	@$(call TRAIN,highd,highway_free highway_dense highway)
+
+urban: data-given $(STAMP) $(SIMULATED)/.roundabout ## likewise
+	@$(call TRAIN,round,roundabout)
+
+# $(1): layout of the simulated recordings, $(2): their directories. An interrupted run goes on.
+TRAIN = $(BIN)/mtpgo train config/training/$@.yaml --out "$(RUNS)/$@" --data "$(DATA)" --layout ind \
+	  $(foreach name,$(2),--data "$(SIMULATED)/$(name)" --layout $(1)) \
+	  $(if $(wildcard $(RUNS)/$@/last.pt),--resume) $(TRAIN_ARGS) && \
+	$(BIN)/mtpgo export "$(RUNS)/$@" -o "$(RUNS)/$@.pt"
+
+data-given:
+	@test -n "$(DATA)" || { echo "make: DATA is not given, expected the directory of the NGSIM \
+	recordings: make highway DATA=DIR/ngsim" >&2; exit 2; }
+
+$(SIMULATED)/.highway_free: SIMULATE := highway --traffic free --count 6 --seconds 180 --seed 100
+$(SIMULATED)/.highway_dense: SIMULATE := highway --traffic dense --count 6 --seconds 180 --seed 200
+$(SIMULATED)/.highway: SIMULATE := highway --count 6 --seconds 180 --seed 1
+$(SIMULATED)/.roundabout: SIMULATE := roundabout --count 4 --seconds 180 --seed 1
+$(SIMULATED)/.%: | $(STAMP)
+	@$(BIN)/mtpgo simulate $(SIMULATE) -o "$(SIMULATED)/$*"
+	@touch $@
 
 check: lint types
 
