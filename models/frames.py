@@ -42,10 +42,12 @@ def states_to_scene(states: Tensor, start: Start) -> Tensor:
     """[H, B, N, M, S] states in the scene frame, from the agents' frames."""
     shape = [states.size(0), -1, -1, states.size(3), -1]
     direction = start.direction.unsqueeze(2).unsqueeze(0).expand(shape)
-    position = to_scene(states[..., :2], direction) + start.origin.unsqueeze(2)
-    if states.size(-1) == 2:
+    # Split, not indexed: the gradient of an index fills the whole array with zeros.
+    parts = states.split(2, dim=-1)
+    position = to_scene(parts[0], direction) + start.origin.unsqueeze(2)
+    if len(parts) == 1:
         return position
-    return torch.cat((position, to_scene(states[..., 2:], direction)), dim=-1)
+    return torch.cat((position, to_scene(parts[1], direction)), dim=-1)
 
 
 def states_to_own(states: Tensor, start: Start) -> Tensor:

@@ -116,8 +116,10 @@ class GAT(nn.Module):
         """[L, N, out] weighted sum of values; arguments [L, N, heads * out]."""
         weight, fixed = edges
         # a . q_i is the same for all j and cancels in the softmax.
-        own = torch.eye(self.heads, dtype=key.dtype, device=key.device).unsqueeze(1)
-        score = (self.score.unsqueeze(-1) * own).flatten(0, 1)  # [heads * out, heads]
+        score = self.score.t()
+        if self.heads > 1:
+            own = torch.eye(self.heads, dtype=key.dtype, device=key.device).unsqueeze(1)
+            score = (self.score.unsqueeze(-1) * own).flatten(0, 1)  # [heads * out, heads]
         linear = 0.6 * torch.matmul(key, score)
         slope = self.edge.view(-1)
         if torch.jit.is_scripting():
@@ -127,9 +129,10 @@ class GAT(nn.Module):
             # outside of it, needs one type.
             one = [x.to(weight.dtype) for x in (query, key, weight, slope, score)]
             rest = AbsoluteSum.apply(*one)
-        attention = torch.softmax(fixed + linear.unsqueeze(1) + 0.4 * rest, dim=2)
+        energy = torch.add(fixed + linear.unsqueeze(1), rest, alpha=0.4)
         if self.heads == 1:
-            return torch.matmul(attention.squeeze(-1), value)
+            return torch.matmul(torch.softmax(energy.squeeze(-1), dim=2), value)
+        attention = torch.softmax(energy, dim=2)
         split = value.view(value.size(0), value.size(1), self.heads, self.size_out)
         return torch.einsum("lijh,ljhc->lic", attention, split) / self.heads
 
@@ -152,7 +155,7 @@ class GATPlus(GAT):
         parts = self.packed(x).split(self.heads * self.size_out, dim=-1)
         key = parts[0] if self.tied else parts[2]
         attended = self.attend(parts[1], key, parts[0], edges)
-        return attended + self.centre(x) + self.bias
+        return attended + nn.functional.linear(x, self.centre.weight, self.bias)
 
 
 def make_layer(

@@ -175,7 +175,9 @@ class NeuralODE(nn.Module):
         """
         u = control + field.added
         base = torch.matmul(u, field.of_u) + field.rest
-        q = state if self.order == 1 else state[..., 2:]
+        # Split, not indexed: the gradient of an index fills the whole array with zeros.
+        parts = state.split(2, dim=-1)
+        q = parts[-1]
         k, slope = self.derivative(q, u, base, field, with_slopes)
         slopes = [slope]
         total = self.weights[0] * k
@@ -189,7 +191,7 @@ class NeuralODE(nn.Module):
         following = q + self.dt_s * total
         if self.order == 1:
             return following, slopes
-        position = state[..., :2] + self.dt_s * q + (self.dt_s * self.dt_s) * moved
+        position = parts[0] + self.dt_s * q + (self.dt_s * self.dt_s) * moved
         return torch.cat((position, following), dim=-1), slopes
 
     def jacobian(self, slopes: list[list[Tensor]], agents: list[int]) -> tuple[Tensor, Tensor]:

@@ -178,7 +178,14 @@ def _spread(work: Callable[[Group], Any], groups: Sequence[Group], threads: int)
     """The results in the groups' order."""
     if threads <= 1:
         return [work(group) for group in groups]
-    return list(_pool(threads).map(work, groups))
+    pool, own = _pool(threads), torch.get_num_threads()
+    # The number for matrix products is one for the whole process, whichever thread sets it: while
+    # the groups run it must be 1, or each product would be shared among threads that are busy.
+    torch.set_num_threads(1)
+    try:
+        return list(pool.map(work, groups))
+    finally:
+        torch.set_num_threads(own)
 
 
 @functools.cache
