@@ -41,12 +41,15 @@ class BlockProduct(torch.autograd.Function):
         return _block_product(x, y)
 
     @staticmethod
-    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, Tensor]:
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, Tensor | None]:
         """G y^T and x^T G."""
         x, y = ctx.saved_tensors
-        g_x = _block_product(grads[0], y.transpose(0, 1))
-        g_y = _block_product(x.transpose(0, 1), grads[0])
-        return g_x.sum_to_size(x.shape), g_y.sum_to_size(y.shape)
+        g_x = g_y = None
+        if ctx.needs_input_grad[0]:
+            g_x = _block_product(grads[0], y.transpose(0, 1)).sum_to_size(x.shape)
+        if ctx.needs_input_grad[1]:
+            g_y = _block_product(x.transpose(0, 1), grads[0]).sum_to_size(y.shape)
+        return g_x, g_y
 
 
 def block_product(x: Tensor, y: Tensor) -> Tensor:

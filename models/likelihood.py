@@ -21,16 +21,18 @@ def gaussian_log_prob(mean: Tensor, covariance: Tensor, target: Tensor) -> Tenso
     """
     size = mean.size(-1)
     offset = (target - mean).unbind(-1)
+    # Unbound, not indexed: the gradient of an index fills the whole array with zeros.
+    entries = covariance.flatten(-2).unbind(-1)
     whitened: list[Tensor] = []
     factor: list[list[Tensor]] = []
     result = torch.full((), -0.5 * size * math.log(2.0 * math.pi), device=mean.device)
     for i in range(size):
         row: list[Tensor] = []
         rest = offset[i]
-        variance = covariance[..., i, i]
+        variance = entries[i * size + i]
         left = variance
         for j in range(i):
-            entry = covariance[..., i, j]
+            entry = entries[i * size + j]
             for k in range(j):
                 entry = entry - row[k] * factor[j][k]
             entry = entry / factor[j][j]

@@ -175,7 +175,7 @@ def run_conversion(args: argparse.Namespace) -> int:
 
 def _training_arguments(add: Add) -> None:
     add("--scenes", type=_count, default=128, metavar="N", help="graphs in a batch (128)")
-    add("--threads", type=_count, default=2, metavar="N", help="of torch (2)")
+    add("--threads", type=_count, default=2, metavar="N", help="in all (2)")
     add("--rounds", type=_count, default=7, metavar="N", help="steps of each (7)")
 
 

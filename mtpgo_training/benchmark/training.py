@@ -1,13 +1,16 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Speed and memory of a training step, ours and the straightforward one in turns."""
+"""Speed and memory of a training step, ours and the straightforward one in turns.
+
+Ours twice: as ``mtpgo train`` works on two cores by default, two processes with a thread each that
+sum their gradients, and one process with two threads.
+"""
 
 from __future__ import annotations
 
-import multiprocessing
-import resource
+import contextlib
+import functools
 import statistics
-import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -22,9 +25,9 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.benchmark.latency import make_model
 from mtpgo_training.benchmark.machine import heading, markdown, write_json
 from mtpgo_training.benchmark.plain import PlainMTPGO
+from mtpgo_training.benchmark.team import Step, Team, sum_gradients
 from mtpgo_training.learner import batch_loss
 from mtpgo_training.losses import ewta, negative_log_likelihood
-from mtpgo_training.process import prepare_process
 from mtpgo_training.schedule import Objective
 
 PHASES = {"EWTA": Objective(8, 1.0, 0.0), "NLL": Objective(1, 0.0, 1.0)}
@@ -32,7 +35,8 @@ PHASES = {"EWTA": Objective(8, 1.0, 0.0), "NLL": Objective(1, 0.0, 1.0)}
 LARGEST_DIFFERENCE = 1e-3
 """Of losses and gradients, relative; more is an error, not a result."""
 
-Step = Callable[[], float]
+ROUNDS_BEFORE = 2
+"""Steps that are not counted: memory is taken, threads are started."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +47,13 @@ class Row:
         phase: EWTA or NLL.
         scenes: graphs in the batch.
         agents: in all of them.
-        threads: of torch.
+        processes: that share a batch, ours.
+        threads: of torch in each of them.
         samples_per_s: scenes per second, ours.
-        plain_samples_per_s: of the straightforward implementation.
+        plain_samples_per_s: of the straightforward implementation, on as many threads in all.
         ratio: of the two.
-        peak_mb: largest resident memory of a process that trains, ours (MB).
-        plain_peak_mb: of the straightforward implementation (MB).
+        growth_mb: by how much training raises the processes' largest memory, ours, summed (MB).
+        plain_growth_mb: of the straightforward implementation (MB).
         memory_share: of the two.
         gradient_difference: largest difference of the parameters' gradients, as a share of
             each gradient's norm.
@@ -57,12 +62,13 @@ class Row:
     phase: str
     scenes: int
     agents: int
+    processes: int
     threads: int
     samples_per_s: float
     plain_samples_per_s: float
     ratio: float
-    peak_mb: float
-    plain_peak_mb: float
+    growth_mb: float
+    plain_growth_mb: float
     memory_share: float
     gradient_difference: float
 
@@ -163,100 +169,114 @@ def largest_difference(scenes: int, phase: str, seed: int = 0) -> float:
     return worst
 
 
-def make_step(name: str, phase: str, scenes: int) -> Step:
-    """A function that does one step and returns its seconds: ``ours`` or ``plain``."""
+def make_step(name: str, phase: str, scenes: int, rank: int = 0, processes: int = 1) -> Step:
+    """One optimisation step of an implementation, ``ours`` or ``plain``.
+
+    Args:
+        name: which.
+        phase: one of ``PHASES``.
+        scenes: graphs in the whole batch.
+        rank: of this process; its share is every ``processes``-th graph.
+        processes: that share the batch.
+    """
     model, aim = make_model().requires_grad_(True).train(), PHASES[phase]
-    batch = make_batch(scenes, model.config)
+    whole = make_batch(scenes, model.config)
+    batch = Batch.from_data_list(whole.to_data_list()[rank::processes])
+    share = float(batch.weight.sum() / whole.weight.sum())
     plain = PlainMTPGO(model).train()
     network = model if name == "ours" else plain
     optimiser = torch.optim.AdamW(network.parameters(), lr=1e-4)
 
     def step() -> float:
-        begin = time.perf_counter()
         optimiser.zero_grad(set_to_none=True)
         if name == "ours":
-            loss = batch_loss(model, batch, aim, huber_delta=1.0)
+            loss = share * batch_loss(model, batch, aim, huber_delta=1.0)
         else:
-            loss = plain_loss(plain, batch, aim)
+            loss = share * plain_loss(plain, batch, aim)
         loss.backward()
+        if processes > 1:
+            sum_gradients(network)
         optimiser.step()
-        return time.perf_counter() - begin
+        return float(loss.detach())
 
     return step
 
 
-def peak_mb(name: str, phase: str, scenes: int, threads: int) -> float:
-    """The largest resident memory of a process of its own that does a few steps (MB)."""
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        return float(pool.apply(_peak_mb, (name, phase, scenes, threads)))
-
-
-def _peak_mb(name: str, phase: str, scenes: int, threads: int) -> float:
-    prepare_process(threads)
-    step = make_step(name, phase, scenes)
-    for _ in range(3):
-        step()
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-
-
-def measure(phase: str, scenes: int, threads: int, rounds: int) -> Row:
-    """One phase of training.
+def measure(phase: str, scenes: int, threads: int, rounds: int) -> list[Row]:
+    """One phase of training: a process per thread, and one process.
 
     Args:
         phase: one of ``PHASES``.
         scenes: graphs in the batch.
-        threads: of torch.
-        rounds: steps of both implementations, in turns.
+        threads: in all.
+        rounds: steps of every implementation, in turns.
 
     Raises:
         ConfigurationError: the implementations do not agree.
     """
-    prepare_process(threads)
     difference = largest_difference(min(scenes, 32), phase)
+    _check(phase, "gradients", difference)
+    divisions = sorted({(threads, 1), (1, threads)}, reverse=True)
+    ours = functools.partial(make_step, "ours", phase, scenes)
+    plain = functools.partial(make_step, "plain", phase, scenes)
+    with contextlib.ExitStack() as stack:
+        teams = [
+            stack.enter_context(Team(step, processes, each))
+            for step, (processes, each) in [*((ours, d) for d in divisions), (plain, (1, threads))]
+        ]
+        losses = [team.step()[1] for team in teams]
+        _check(phase, "losses", max(abs(loss / losses[-1] - 1.0) for loss in losses))
+        seconds: list[list[float]] = [[] for _ in teams]
+        for i in range(1 - ROUNDS_BEFORE, rounds):
+            for team, found in zip(teams, seconds, strict=True):
+                time_s = team.step()[0]
+                if i >= 0:
+                    found.append(time_s)
+        rate = [scenes / statistics.median(found) for found in seconds]
+        growth = [team.growth_mb() for team in teams]
+    return [
+        Row(
+            phase=phase,
+            scenes=scenes,
+            agents=int(make_batch(scenes, ModelConfig()).num_nodes),
+            processes=processes,
+            threads=each,
+            samples_per_s=rate[i],
+            plain_samples_per_s=rate[-1],
+            ratio=rate[i] / rate[-1],
+            growth_mb=growth[i],
+            plain_growth_mb=growth[-1],
+            memory_share=growth[i] / growth[-1],
+            gradient_difference=difference,
+        )
+        for i, (processes, each) in enumerate(divisions)
+    ]
+
+
+def _check(phase: str, what: str, difference: float) -> None:
     if not difference <= LARGEST_DIFFERENCE:
         raise ConfigurationError(
-            f"in the {phase} phase the implementations differ by {difference:.1e}, expected at "
-            f"most {LARGEST_DIFFERENCE:.0e}"
+            f"in the {phase} phase the {what} of the implementations differ by {difference:.1e}, "
+            f"expected at most {LARGEST_DIFFERENCE:.0e}"
         )
-    peaks = {name: peak_mb(name, phase, scenes, threads) for name in ("ours", "plain")}
-    steps = {name: make_step(name, phase, scenes) for name in ("ours", "plain")}
-    for step in steps.values():
-        step()
-    seconds: dict[str, list[float]] = {"ours": [], "plain": []}
-    for _ in range(rounds):
-        for name, step in steps.items():
-            seconds[name].append(step())
-    rate = {name: scenes / statistics.median(found) for name, found in seconds.items()}
-    return Row(
-        phase=phase,
-        scenes=scenes,
-        agents=int(make_batch(scenes, ModelConfig()).num_nodes),
-        threads=threads,
-        samples_per_s=rate["ours"],
-        plain_samples_per_s=rate["plain"],
-        ratio=rate["ours"] / rate["plain"],
-        peak_mb=peaks["ours"],
-        plain_peak_mb=peaks["plain"],
-        memory_share=peaks["ours"] / peaks["plain"],
-        gradient_difference=difference,
-    )
 
 
 def table(rows: list[Row]) -> str:
     """The rows in Markdown."""
-    head = ["phase", "scenes", "agents", "threads", "samples/s", "straightforward", "ratio"]
-    head += ["peak MB", "straightforward MB", "share"]
+    head = ["phase", "scenes", "agents", "processes", "threads", "samples/s", "straightforward"]
+    head += ["ratio", "memory MB", "straightforward MB", "share"]
     lines = [
         [
             row.phase,
             str(row.scenes),
             str(row.agents),
+            str(row.processes),
             str(row.threads),
             f"{row.samples_per_s:.0f}",
             f"{row.plain_samples_per_s:.0f}",
             f"{row.ratio:.1f}",
-            f"{row.peak_mb:.0f}",
-            f"{row.plain_peak_mb:.0f}",
+            f"{row.growth_mb:.0f}",
+            f"{row.plain_growth_mb:.0f}",
             f"{row.memory_share:.0%}",
         ]
         for row in rows
@@ -271,15 +291,16 @@ def print_training(
 
     Args:
         scenes: graphs in the batch.
-        threads: of torch.
-        rounds: steps of both implementations, in turns.
+        threads: in all.
+        rounds: steps of every implementation, in turns.
         command: the command line, to stand above the table.
         output: JSON file with the machine and ``rows``, or None.
     """
     above = heading(command)
     rows = [
-        measure(phase, scenes, threads, rounds)
+        row
         for phase in tqdm(PHASES, unit="phase", disable=None)
+        for row in measure(phase, scenes, threads, rounds)
     ]
     print(above)
     print(table(rows))

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The training benchmark compares the same function on the same weights, or says otherwise."""
 
+import functools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -55,23 +56,35 @@ def test_implementations_that_differ_are_an_error(monkeypatch):
     wrong = {"NLL": replace(training.PHASES["NLL"], nll_weight=0.5)}
     right = training.plain_loss
     monkeypatch.setattr(training, "plain_loss", lambda m, b, aim: right(m, b, wrong["NLL"]))
-    with pytest.raises(ConfigurationError, match="in the NLL phase the implementations differ by"):
+    with pytest.raises(ConfigurationError, match="in the NLL phase the gradients of the"):
         training.measure("NLL", scenes=2, threads=1, rounds=1)
 
 
-def test_memory_is_that_of_a_process_of_its_own():
-    assert 100.0 < training.peak_mb("ours", "EWTA", scenes=2, threads=1) < 4000.0
+def test_processes_that_share_a_batch_do_the_same_steps():
+    """Summed over two processes, losses and gradients are those of one with the whole batch."""
+    step = training.make_step("ours", "EWTA", 5)
+    alone = [step() for _ in range(2)]
+    with training.Team(functools.partial(training.make_step, "ours", "EWTA", 5), 2, 1) as team:
+        shared = [team.step()[1] for _ in range(2)]
+        assert 0.0 < team.growth_mb() < 2000.0
+    assert shared == pytest.approx(alone, rel=1e-5)
+    assert alone[1] != pytest.approx(alone[0], rel=1e-5)
+
+
+def test_a_failure_in_a_process_is_one_sentence():
+    with pytest.raises(ConfigurationError, match="the training benchmark failed: KeyError"):
+        training.Team(functools.partial(training.make_step, "ours", "no phase", 1), 1, 1)
 
 
 def test_command(tmp_path: Path, capsys, monkeypatch):
-    # Four more processes would take half a minute.
-    monkeypatch.setattr(training, "peak_mb", lambda name, *_: 1.0 if name == "ours" else 4.0)
+    monkeypatch.setattr(training, "PHASES", {"EWTA": training.PHASES["EWTA"]})
     out = tmp_path / "training.json"
-    given = ["--scenes", "2", "--threads", "1", "--rounds", "1", "--json", str(out)]
+    given = ["--scenes", "3", "--threads", "1", "--rounds", "1", "--json", str(out)]
     assert main(["benchmark", "training", *given]) == 0
     printed = capsys.readouterr().out
-    assert "| EWTA | 2 |" in printed
-    assert "$ mtpgo benchmark training --scenes 2 --threads 1 --rounds 1" in printed
-    rows = json.loads(out.read_text())["rows"]
-    assert [row["phase"] for row in rows] == ["EWTA", "NLL"]
-    assert all(row["ratio"] > 0.0 and row["memory_share"] == 0.25 for row in rows)
+    assert "| EWTA | 3 |" in printed
+    assert "$ mtpgo benchmark training --scenes 3 --threads 1 --rounds 1" in printed
+    (row,) = json.loads(out.read_text())["rows"]
+    assert row["processes"] == row["threads"] == 1
+    assert row["ratio"] > 0.0
+    assert row["gradient_difference"] < 1e-4
