@@ -40,6 +40,10 @@ def _share(name: str, value: float) -> None:
         raise ConfigurationError(f"{name} is {value!r}, expected 0 to 1")
 
 
+KEEP = ("best", "last")
+"""Which epoch's weights a run is for."""
+
+
 @dataclass(frozen=True)
 class OptimisationConfig:
     """How the weights move.
@@ -61,6 +65,8 @@ class OptimisationConfig:
             state already starts at the observed one, and a predictor must live with its own steps.
         average_decay: decay of the exponential moving average of the weights that is validated
             and exported; 0 for none.
+        keep: which epoch is exported, one of ``KEEP``: the ``best`` by validation ADE, or the
+            ``last``, where the validation recordings show only a part of what the model is for.
     """
 
     epochs: int = 40
@@ -75,6 +81,7 @@ class OptimisationConfig:
     mean_weight: float = 0.0
     teacher_forcing: float = 0.0
     average_decay: float = 0.0
+    keep: str = "best"
 
     def __post_init__(self) -> None:
         for name in ("epochs", "batch_scenes", "learning_rate", "clip_norm", "huber_delta"):
@@ -86,6 +93,7 @@ class OptimisationConfig:
             self.learning_rate_schedule,
             LEARNING_RATE_SCHEDULES,
         )
+        require_choice("optimisation.keep", self.keep, KEEP)
 
 
 @dataclass(frozen=True)

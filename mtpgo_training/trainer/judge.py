@@ -20,7 +20,7 @@ BATCH_SCENES = 64
 
 
 def judge(module: TrainingModule) -> tuple[ScoreTable, bool]:
-    """Score the averaged weights; remember them as the best if they are.
+    """Score the averaged weights; remember them as the best if they are (or the last is kept).
 
     Args:
         module: the module at the end of an epoch whose row is not in the log yet.
@@ -33,7 +33,7 @@ def judge(module: TrainingModule) -> tuple[ScoreTable, bool]:
     book, reach = _together(module, 1.0)
     table = book.table()
     merit = _merit(module, table)
-    better = merit < state.best
+    better = merit < state.best or module.config.optimisation.keep == "last"
     if better:
         state.best, state.best_epoch = merit, state.epoch + 1
         state.scale = reach.scale()

@@ -138,8 +138,8 @@ def farewell(module: TrainingModule, folder: Path) -> str:
             }
         )
         lines += [
-            f"best epoch {state.best_epoch}, validation, all agents, covariances scaled by "
-            f"{state.scale:.2f}:",
+            f"{module.config.optimisation.keep} epoch {state.best_epoch}, validation, all agents, "
+            f"covariances scaled by {state.scale:.2f}:",
             table.text("all"),
         ]
     minutes = (state.seconds + state.epoch_seconds) / 60.0

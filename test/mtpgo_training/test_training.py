@@ -115,6 +115,18 @@ def kill_after_saves(folder, count, config=CONFIG, **options):
     return load_checkpoint(folder / "last.pt")["state"]
 
 
+@pytest.mark.parametrize("keep", ["best", "last"])
+def test_the_last_epoch_can_be_kept_in_place_of_the_best(tmp_path, keep):
+    rough = dataclasses.replace(
+        CONFIG.optimisation, learning_rate=0.2, learning_rate_schedule="constant", keep=keep
+    )
+    module = run(tmp_path / "r", dataclasses.replace(CONFIG, optimisation=rough))
+    errors = [row["all_ade"] for row in module.state.rows]
+    best = 3 + errors[2:].index(min(errors[2:]))  # the likelihood counts alone from epoch 3 on
+    assert best != 8
+    assert module.state.best_epoch == (8 if keep == "last" else best)
+
+
 def test_a_resumed_run_ends_with_the_same_weights(whole, tmp_path):
     module, _ = whole
     folder = tmp_path / "resumed"
