@@ -55,6 +55,7 @@ benchmark: $(STAMP) ## speed tables (docs/performance.md), and the ratios that m
 	@echo; $(BIN)/mtpgo benchmark largest --graph each --neighbours 8
 	@echo; $(BIN)/mtpgo benchmark growth
 	@echo; $(BIN)/mtpgo benchmark conversion
+	@echo; $(BIN)/mtpgo benchmark training
 	@echo; $(BIN)/python -m pytest benchmarks --benchmark-columns=median,rounds
 	@echo; $(BIN)/mtpgo benchmark node --bars
 

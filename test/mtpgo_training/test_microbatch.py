@@ -3,6 +3,8 @@
 """Groups of scenes: the same loss and gradient as the batch in one piece."""
 
 import functools
+from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -145,6 +147,70 @@ def test_threads_work_as_their_caller_does(fields: dict[str, Tensor]) -> None:
         grouped_loss(model, group_fields(fields, SIZES, 4), loss, 2).backward()
     assert seen == [(torch.bfloat16, 1)] * 4
     assert torch.get_num_threads() == before
+
+
+def test_distributed_training_sees_an_ordinary_loss(
+    model: MTPGO, fields: dict[str, Tensor], tmp_path: Path
+) -> None:
+    """DDP takes the gradients, and does not wait for those of the parameters no group used."""
+    aim = loss_of(model, Objective(2, 1.0, 0.0))
+    groups = group_fields(fields, SIZES, 4)
+    grouped_loss(model, groups, aim, 2).backward()
+    expected = gradients(model)
+
+    class Loss(nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.model = model
+
+        def forward(self) -> Tensor:
+            return grouped_loss(self.model, groups, aim, 2)
+
+    distributed = torch.distributed
+    distributed.init_process_group(
+        "gloo", init_method=f"file://{tmp_path}/store", rank=0, world_size=1
+    )
+    try:
+        wrapped = nn.parallel.DistributedDataParallel(Loss(), find_unused_parameters=True)
+        for _ in range(2):
+            wrapped().backward()
+            for mine, other in zip(gradients(model), expected, strict=True):
+                if other is None:
+                    assert mine is None or not mine.any()
+                else:
+                    assert mine is not None
+                    torch.testing.assert_close(mine, other)
+    finally:
+        distributed.destroy_process_group()
+
+
+def test_groups_need_less_memory() -> None:
+    """What the forward pass keeps for the backward pass is freed after each group."""
+    kept: list[int] = []
+    most = 0
+
+    class Keep(torch.autograd.Function):
+        @staticmethod
+        def forward(ctx: Any, x: Tensor, weight: Tensor) -> Tensor:
+            nonlocal most
+            kept.append(x.numel())
+            most = max(most, sum(kept))
+            return (x * weight).mean()
+
+        @staticmethod
+        def backward(ctx: Any, *grads: Tensor) -> tuple[None, Tensor]:
+            kept.pop()
+            return None, grads[0].view(1)
+
+    weight = nn.Linear(1, 1, bias=False)
+    fields = {"x": torch.ones(8, 3, 5), "weight": torch.ones(8, 3, 2)}
+    for count, expected in ((1, 120), (4, 30)):
+        most = 0
+        groups = group_fields(fields, [3] * 8, count)
+        grouped_loss(
+            weight, groups, lambda f: Keep.apply(f["x"], weight.weight.view(1)), 1
+        ).backward()
+        assert most == expected
 
 
 def test_an_error_in_a_group_reaches_the_caller(fields: dict[str, Tensor]) -> None:
