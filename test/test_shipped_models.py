@@ -1,0 +1,88 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The models that ship: each loads by its name, says what it is, and is better than no model."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtpgo_core.modelfile import find_model, load_task, model_card
+from mtpgo_core.runner import ModelRunner
+from mtpgo_training.config import load_config
+from mtpgo_training.evaluate import evaluate
+from mtpgo_training.networks import build_network
+from mtpgo_training.readers import load_recordings
+
+ROOT = Path(__file__).parents[1]
+RECIPES = sorted((ROOT / "config/training").glob("*.yaml"))
+SHIPPED = sorted(path.stem for path in (ROOT / "resource/weights").glob("*.pt"))
+
+
+def test_the_promised_models_are_there():
+    assert {"default", "highway", "urban"} <= set(SHIPPED)
+
+
+@pytest.mark.parametrize("recipe", RECIPES, ids=lambda path: path.stem)
+def test_a_recipe_builds_its_network(recipe: Path):
+    config = load_config(recipe)
+    assert config.name == recipe.stem
+    network = build_network(config.network, config.model, config.history, config.scene)
+    assert sum(p.numel() for p in network.parameters()) > 10_000
+    used = [*config.data.train, *config.data.validation, *config.data.test]
+    assert len(used) == len(set(used)), "a recording has two uses"
+    assert config.licence
+    assert config.attribution
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_model_is_small_and_says_what_it_is(name: str):
+    path = find_model(name)
+    assert path.stat().st_size < 5e6
+    task = load_task(path)
+    assert task.name == name
+    assert task.training["licence"]
+    assert "NGSIM" in task.training["attribution"]
+    uses = {"train": set(), "validation": set(), "test": set()}
+    for recording in task.training["recordings"]:
+        uses[recording["split"]].add(recording["sha256"])
+    assert uses["train"]
+    assert uses["validation"]
+    assert uses["test"]
+    assert not uses["train"] & (uses["validation"] | uses["test"])
+    card = model_card(path)
+    assert card is not None
+    assert card.startswith(f"# Model card: `{name}`")
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_model_is_what_its_recipe_makes(name: str):
+    config = load_config(ROOT / "config/training" / f"{name}.yaml")
+    task = load_task(find_model(name))
+    assert task.scene == config.scene
+    assert task.history == config.history
+    for use in ("train", "validation"):
+        found = {
+            f"{r['source']}/{r['name']}" for r in task.training["recordings"] if r["split"] == use
+        }
+        assert found == set(getattr(config.data, use))
+
+
+@pytest.mark.parametrize(
+    ("name", "rivals"),
+    [
+        ("default", ("cv", "ca", "ctrv")),
+        ("highway", ("cv", "ca", "ctrv")),
+        ("urban", ("cv", "ctrv")),  # a motorway is not what it is for, its card says so
+    ],
+)
+def test_a_model_beats_straight_lines_on_the_shipped_recording(name, rivals):
+    (recording,) = load_recordings(ROOT / "resource/recordings/highway", "highd")
+    table = evaluate(
+        {name: ModelRunner.load(find_model(name))}, [recording], stride_s=4.0, centre=False
+    )
+    scores = {model: protocols["all"] for model, protocols in table.models.items()}
+    straight = min(scores[rival]["ade"] for rival in rivals)
+    assert scores[name]["ade"] < 0.9 * straight
+    assert 0.8 < scores[name]["coverage_90"] <= 1.0
+    assert np.isfinite(scores[name]["anll"])
