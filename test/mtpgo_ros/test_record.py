@@ -10,6 +10,7 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from ros_helpers import (
     LATCHED,
@@ -71,7 +72,7 @@ def test_a_recording_ended_by_a_signal_is_complete(process, peer, tmp_path, name
         for publisher in clouds:
             publisher.publish(message)
     for publisher in (*clouds, ego):
-        publisher.wait_for_all_acked()
+        assert publisher.wait_for_all_acked(Duration(seconds=LIMIT_S))
     status, out, err = recorder.interrupt(number)
     assert (status, "Traceback" in err) == (0, False), err
     assert "recorded 101 messages" in out
