@@ -28,7 +28,7 @@ from mtpgo_training.dataset import dense
 
 Fields = Mapping[str, Tensor]
 
-GROUP_AGENTS = 320
+GROUP_AGENTS = 190
 """Agents of a group, about: few enough for the cache, enough to be worth starting operators."""
 
 
