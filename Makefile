@@ -56,8 +56,8 @@ benchmark: $(STAMP) ## speed tables (docs/performance.md), and the ratios that m
 	@echo; $(BIN)/mtpgo benchmark growth
 	@echo; $(BIN)/mtpgo benchmark conversion
 	@echo; $(BIN)/mtpgo benchmark training
-	@echo; $(BIN)/python -m pytest benchmarks --benchmark-columns=median,rounds
 	@echo; $(BIN)/mtpgo benchmark node --bars
+	@echo; $(BIN)/python -m pytest benchmarks --benchmark-columns=median,rounds
 
 highway: data-given $(STAMP) $(addprefix $(SIMULATED)/,.highway_free .highway_dense .highway) ## train the shipped model of that name anew; DATA=DIR of the NGSIM recordings [RUNS=DIR]
 	@$(call TRAIN,highd,highway_free highway_dense highway)
