@@ -6,7 +6,6 @@ import pytest
 
 from mtpgo_training.benchmark.training import PHASES, measure
 
-
 NOT_YET = pytest.mark.xfail(reason="2.2 is asked for, about 2.1 is reached in this phase")
 
 
