@@ -85,3 +85,9 @@ class ModelConfig(NetworkConfig):
     def state_size(self) -> int:
         """S, 2 or 4."""
         return 2 * self.order
+
+    @property
+    def observation_std(self) -> list[float]:
+        """[S] deviation of an observed state around the true one (m, m/s)."""
+        both = [self.observation_std_m] * 2 + [self.observation_std_mps] * 2
+        return both[: self.state_size]

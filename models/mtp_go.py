@@ -31,14 +31,10 @@ class MTPGO(TrajectoryPredictor):
 
     if TYPE_CHECKING:  # TorchScript would compile an annotation that it can see
         config: ModelConfig
-    observation: Tensor
 
     def __init__(self, config: ModelConfig):
         super().__init__(config)
-        self.horizon_steps = config.horizon_steps
-        self.modes = config.modes
         self.order = config.order
-        self.covariance_scale = config.covariance_scale
         self.encoder = Encoder(config, self.condition.input_size)
         self.decoder = Decoder(config)
         self.motion = NeuralODE(config) if config.ode else DirectStates(config)
@@ -47,9 +43,6 @@ class MTPGO(TrajectoryPredictor):
         self.initial_covariance = InitialCovariance(config)
         self.covariance = EkfCovariance(config) if config.ekf else DirectCovariance(config)
         self.mixture = MixtureHead(config.hidden, config.modes)
-        std = [config.observation_std_m] * 2 + [config.observation_std_mps] * 2
-        observation = torch.tensor(std[: config.state_size]).square().diag()
-        self.register_buffer("observation", observation, persistent=False)
 
     def roll_out(
         self,
@@ -83,10 +76,7 @@ class MTPGO(TrajectoryPredictor):
         slopes: list[list[Tensor]] = []
         hidden: list[Tensor] = []
         for k in range(self.horizon_steps):
-            seen = state
-            if k > 0 and lead is not None and teacher_valid is not None:
-                told = teacher_valid[:, :, k - 1, None, None]
-                seen = torch.where(told, lead[:, :, k - 1].unsqueeze(2), state)
+            seen = self.seen(state, lead, teacher_valid, k)
             h = self.decoder(
                 h, self.condition.scale_states(seen, start, k), encoded, bias, edges
             )  # [B, N, D]
@@ -108,8 +98,7 @@ class MTPGO(TrajectoryPredictor):
             slopes, list(state.shape[:3])
         )  # [2, 2, H, B, N, M]
         blocks = self.covariance(first, of_q, of_position, noise)
-        spread = rotate_blocks(blocks, start.direction) + self.observation
-        return log_weight, mean, self.covariance_scale * spread
+        return log_weight, mean, self.observed(rotate_blocks(blocks, start.direction))
 
     def first_state(self, start: Start) -> Tensor:
         """[B, N, M, S] the state at t, the same for all modes."""

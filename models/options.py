@@ -59,6 +59,11 @@ class NetworkConfig:
         """S, 2: a network predicts x, y unless it says otherwise."""
         return 2
 
+    @property
+    def observation_std(self) -> list[float]:
+        """[S] deviation of an observed state around the true one (m, m/s)."""
+        return [self.observation_std_m] * 2
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data, for JSON and YAML."""
         return dataclasses.asdict(self)

@@ -20,12 +20,20 @@ class TrajectoryPredictor(nn.Module):
     Attributes:
         config: as above.
         condition: scales of the inputs, kept in buffers.
+        observation: [S, S] covariance of an observed state around the true one.
     """
+
+    observation: Tensor
 
     def __init__(self, config: NetworkConfig):
         super().__init__()
         self.config = config
+        self.horizon_steps = config.horizon_steps
+        self.modes = config.modes
+        self.covariance_scale = config.covariance_scale
         self.condition = Conditioning(config)
+        observation = torch.tensor(config.observation_std).square().diag()
+        self.register_buffer("observation", observation, persistent=False)
 
     def forward(
         self,
@@ -77,6 +85,24 @@ class TrajectoryPredictor(nn.Module):
             As :meth:`forward`.
         """
         raise NotImplementedError
+
+    def seen(self, state: Tensor, lead: Tensor | None, told: Tensor | None, step: int) -> Tensor:
+        """[B, N, M, S] the state that the decoder is fed: its own, or the teacher's.
+
+        Args:
+            state: [B, N, M, S] the last prediction, in the agents' frames.
+            lead: [B, N, H, S] the teacher's states in the agents' frames.
+            told: [B, N, H] where they are valid.
+            step: counted from 0; there is nothing to be told before the first.
+        """
+        if step == 0 or lead is None or told is None:
+            return state
+        known = told[:, :, step - 1, None, None]
+        return torch.where(known, lead[:, :, step - 1].unsqueeze(2), state)
+
+    def observed(self, covariance: Tensor) -> Tensor:
+        """[B, N, M, H, S, S] covariances of observed states, calibrated, from those of states."""
+        return self.covariance_scale * (covariance + self.observation)
 
     def set_statistics(
         self,

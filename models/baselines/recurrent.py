@@ -49,15 +49,10 @@ class RecurrentPredictor(TrajectoryPredictor):
         interaction: what an agent learns of its neighbours.
     """
 
-    observation: Tensor
-
     def __init__(self, config: RecurrentConfig, interaction: Interaction):
         super().__init__(config)
         hidden, modes, size = config.hidden, config.modes, interaction.size
         self.dt_s = config.dt_s
-        self.modes = modes
-        self.horizon_steps = config.horizon_steps
-        self.covariance_scale = config.covariance_scale
         self.static_features = config.static_features
         self.each_step = interaction.each_step
         self.interaction = interaction
@@ -71,8 +66,6 @@ class RecurrentPredictor(TrajectoryPredictor):
         self.control = ControlHead(hidden, modes, 2)
         self.noise = NoiseHead(hidden, modes)
         self.covariance = DirectCovariance(config)
-        observation = torch.full((2,), config.observation_std_m).square().diag()
-        self.register_buffer("observation", observation, persistent=False)
 
     def roll_out(
         self,
@@ -105,10 +98,7 @@ class RecurrentPredictor(TrajectoryPredictor):
         states: list[Tensor] = []
         hidden: list[Tensor] = []
         for k in range(self.horizon_steps):
-            seen = state
-            if k > 0 and lead is not None and teacher_valid is not None:
-                told = teacher_valid[:, :, k - 1, None, None]
-                seen = torch.where(told, lead[:, :, k - 1].unsqueeze(2), state)
+            seen = self.seen(state, lead, teacher_valid, k)
             if k > 0 and self.each_step:
                 heard = self.interaction(h, links)
             x = leaky_relu(self.embed_states(self.condition.scale_states(seen, start, k)), 0.1)
@@ -121,8 +111,7 @@ class RecurrentPredictor(TrajectoryPredictor):
             return log_weight, mean, torch.empty(0, dtype=mean.dtype, device=mean.device)
         noise = self.noise(torch.stack(hidden))  # [2, 2, H, B, N, M]
         blocks = self.covariance(noise, noise, noise, noise)
-        spread = rotate_blocks(blocks, start.direction) + self.observation
-        return log_weight, mean, self.covariance_scale * spread
+        return log_weight, mean, self.observed(rotate_blocks(blocks, start.direction))
 
     def encode(
         self, inputs: Tensor, position: Tensor, valid: Tensor, start: Start

@@ -18,9 +18,6 @@ from mtpgo_training.atomic import require_writable
 from mtpgo_training.benchmark.machine import heading, markdown, write_json
 from mtpgo_training.benchmark.process_watch import check_proc, read_peak_mb
 
-TIMES_REAL_TIME = 50.0
-"""Asked of each step, by the clock and on one core."""
-
 _POLL_S = 0.01
 
 
