@@ -14,16 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.schema import Float64Array, HistoryWindow
+from mtpgo_core.surroundings import Surroundings, in_blocks, nearness
 
 LEADERS = 2
 BAND_M = 2.0
 """Half the width of the path ahead: half a lane and a little."""
-NEAR_M = 20.0
-"""Distance over which nearness falls to 1/e."""
 COLUMNS = ("gap", "near", "dv", "ax")
-
-_BLOCK = 1 << 20
-"""Pairs times steps that are worked on at a time, which bounds the memory for large scenes."""
 
 
 def leader_features(
@@ -41,44 +37,27 @@ def leader_features(
 
     The values do not depend on the scene frame. They are of use where the agent is valid.
     """
-    steps = window.valid.shape[1]
-    out = np.empty((len(agents), steps, LEADERS * len(COLUMNS)))
-    rows = max(1, _BLOCK // max(1, len(window) * steps))
-    for start in range(0, len(agents), rows):
-        some = agents[start : start + rows]
-        out[start : start + rows] = _ahead_of(window, some, reach_m)
-    return out
+
+    def columns(around: Surroundings) -> Float64Array:
+        return _ahead_of(around, reach_m)
+
+    return in_blocks(columns, LEADERS * len(COLUMNS), window, agents)
 
 
-def _ahead_of(window: HistoryWindow, agents: NDArray[np.intp], reach_m: float) -> Float64Array:
+def _ahead_of(around: Surroundings, reach_m: float) -> Float64Array:
     """:func:`leader_features` of a few agents."""
-    yaw = np.nan_to_num(window.yaw[agents])[:, None]  # [r, 1, T]
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    offset = window.position[None] - window.position[agents][:, None]  # [r, n, T, 2]
-    along = cos * offset[..., 0] + sin * offset[..., 1]
-    across = cos * offset[..., 1] - sin * offset[..., 0]
-    with np.errstate(invalid="ignore"):  # NaN where somebody is absent compares as not ahead
-        ahead = (along > 0.0) & (along < reach_m) & (np.abs(across) < BAND_M)
+    along = around.along
+    ahead = (along > 0.0) & (along < reach_m) & (np.abs(around.across) < BAND_M)
     along = np.where(ahead, along, np.inf)
-    row = np.arange(len(agents))[:, None]
-    step = np.arange(along.shape[2])
-    speed = (
-        cos[:, 0] * window.velocity[agents][..., 0] + sin[:, 0] * window.velocity[agents][..., 1]
-    )
     parts = []
     for _ in range(LEADERS):
-        leader = along.argmin(axis=1)  # [r, T]
-        gap = along[row, leader, step]
+        leader, gap = around.nearest(along)
         there = np.isfinite(gap)
-        velocity = window.velocity[leader, step]
-        acceleration = window.acceleration[leader, step]
-        dv = cos[:, 0] * velocity[..., 0] + sin[:, 0] * velocity[..., 1] - speed
-        ax = cos[:, 0] * acceleration[..., 0] + sin[:, 0] * acceleration[..., 1]
         parts += [
             np.where(there, gap, reach_m),
-            np.where(there, np.exp(-np.where(there, gap, 0.0) / NEAR_M), 0.0),
-            np.where(there, dv, 0.0),
-            np.where(there, ax, 0.0),
+            nearness(gap, there),
+            np.where(there, around.faster(leader), 0.0),
+            np.where(there, around.acceleration(leader), 0.0),
         ]
-        along[row, leader, step] = np.inf
+        np.put_along_axis(along, leader[:, None], np.inf, axis=1)
     return np.stack(parts, axis=-1)

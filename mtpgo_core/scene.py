@@ -28,6 +28,10 @@ from mtpgo_core.schema import (
     SceneBatch,
 )
 from mtpgo_core.task import SceneConfig
+from mtpgo_core.traffic import traffic_features
+
+_BY_AGENT = {"leaders": leader_features, "traffic": traffic_features}
+"""Contexts that are the same in every graph: computed once for each agent."""
 
 _MOVING_MPS = 0.5
 """Below, the direction of motion says nothing about the driving direction."""
@@ -159,10 +163,10 @@ def _features(
                 "the model's context is 'lanes' but no lane lines are given, expected a lane map"
             )
         columns.append(lanes.positions(window.position, window.yaw)[agent])
-    elif config.context == "leaders":
+    elif config.context in _BY_AGENT:
         members, place = np.unique(agent, return_inverse=True)
-        ahead = leader_features(window, members, config.leader_reach_m)
-        columns.append(ahead[place.reshape(agent.shape)])
+        around = _BY_AGENT[config.context](window, members, config.leader_reach_m)
+        columns.append(around[place.reshape(agent.shape)])
     features = np.nan_to_num(np.concatenate(columns, axis=-1), nan=0.0)
     features[~valid] = 0.0
     return features.astype(np.float32)

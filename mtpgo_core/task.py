@@ -25,7 +25,7 @@ TASK_FILE = "task.json"
 
 GRAPH_POLICIES = ("ego", "cover", "each", "scene")
 FRAME_POLICIES = ("centre_heading", "driving_direction", "site_origin")
-CONTEXTS = ("none", "polar", "lanes", "leaders")
+CONTEXTS = ("none", "polar", "lanes", "leaders", "traffic")
 DERIVATIVE_SOURCES = ("message", "estimated")
 BASE_FEATURES = ("x", "y", "vx", "vy", "ax", "ay", "cos_yaw", "sin_yaw")
 CONTEXT_FEATURES = {
@@ -33,6 +33,18 @@ CONTEXT_FEATURES = {
     "polar": ("r", "cos_theta", "sin_theta"),
     "lanes": ("d_l", "d_r"),
     "leaders": tuple(f"lead{i}_{name}" for i in (1, 2) for name in ("gap", "near", "dv", "ax")),
+    "traffic": (
+        "length",
+        *(f"lead{i}_{name}" for i in (1, 2, 3) for name in ("gap", "near", "dv", "ax")),
+        "lead1_across",
+        *(f"behind_{name}" for name in ("gap", "near", "dv")),
+        *(
+            f"{side}_{place}_{name}"
+            for side in ("left", "right")
+            for place in ("ahead", "behind")
+            for name in ("gap", "near", "dv")
+        ),
+    ),
 }
 
 
@@ -130,7 +142,7 @@ class SceneConfig:
         frame: scene-frame policy, one of ``FRAME_POLICIES``.
         site_origin: origin for ``site_origin``, in the fixed frame (m).
         context: context features, one of ``CONTEXTS``.
-        leader_reach_m: how far ahead the context ``leaders`` looks (m).
+        leader_reach_m: how far the contexts ``leaders`` and ``traffic`` look (m).
         classes: class names of the one-hot static feature, in order.
     """
 

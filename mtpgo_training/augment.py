@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import Float32Array
+from mtpgo_core.task import CONTEXT_FEATURES
 
 FloatArray = NDArray[Any]
 
@@ -26,9 +27,14 @@ _PAIRS = (
     ("cos_yaw", "sin_yaw"),
     ("cos_theta", "sin_theta"),
 )
-_LENGTHS = ("r", *(f"lead{i}_{name}" for i in (1, 2) for name in ("gap", "dv", "ax")))
-_NEARNESS = ("lead1_near", "lead2_near")
-_UNCHANGED = ("d_l", "d_r")
+_OF_ROAD = frozenset(CONTEXT_FEATURES["leaders"] + CONTEXT_FEATURES["traffic"])
+_NEARNESS = frozenset(name for name in _OF_ROAD if name.endswith("_near"))
+_LENGTHS = (_OF_ROAD - _NEARNESS) | {"r"}
+_TO_THE_LEFT = ("lead1_across",)
+_SIDES = {
+    "d_l": "d_r",
+    **{name: name.replace("left_", "right_") for name in sorted(_OF_ROAD) if name[:5] == "left_"},
+}
 _DIRECTIONS = ("cos_yaw", "cos_theta")
 
 
@@ -59,7 +65,7 @@ class Augmentation:
         """
         at = {name: i for i, name in enumerate(names)}
         known = {name for pair in _PAIRS for name in pair}
-        known |= {*_LENGTHS, *_NEARNESS, *_UNCHANGED}
+        known |= {*_LENGTHS, *_NEARNESS, *_SIDES, *_SIDES.values()}
         unknown = sorted(set(names) - known)
         if unknown:
             raise ConfigurationError(
@@ -78,11 +84,16 @@ class Augmentation:
         for name in _NEARNESS:  # exp(-gap / 20 m) where somebody is, else 0
             if name in at:
                 out[..., at[name]] **= self.scale
-                gap = at[name.replace("near", "gap")]
+                gap = at[name.replace("_near", "_gap")]
                 nobody = features[..., at[name]] == 0.0
                 out[..., gap] = np.where(nobody, features[..., gap], out[..., gap])
-        if self.mirror and "d_l" in at:
-            out[..., [at["d_l"], at["d_r"]]] = features[..., [at["d_r"], at["d_l"]]]
+        if self.mirror:
+            for left, right in _SIDES.items():
+                if left in at:
+                    out[..., [at[left], at[right]]] = out[..., [at[right], at[left]]]
+            for name in _TO_THE_LEFT:
+                if name in at:
+                    out[..., at[name]] *= -1.0
         return out
 
     def vectors(self, vectors: FloatArray) -> FloatArray:

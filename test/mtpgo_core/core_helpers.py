@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from mtpgo_core.identity import keys_from_integers
-from mtpgo_core.schema import tracked_states
+from mtpgo_core.schema import HistoryWindow, tracked_states
 from mtpgo_core.task import TASK_FILE, TaskDescription
 
 S_NS = 1_000_000_000
@@ -78,3 +78,31 @@ def states_of(stamp_s, ids, position, frame="map", **more):
     position = np.asarray(position, dtype=float).reshape(-1, 2)
     more = {k: np.asarray(v) for k, v in more.items()}
     return tracked_states(round(stamp_s * S_NS), frame, keys_from_integers(ids), position, **more)
+
+
+def window_of(position, velocity, yaw, valid=None, acceleration=None, size=None):
+    """A window of arrays [n, T, ...]; everything stands at its place."""
+    position = np.asarray(position, dtype=float)
+    n, steps = position.shape[:2]
+    valid = np.ones((n, steps), dtype=bool) if valid is None else np.asarray(valid)
+    zero = np.zeros((n, steps, 2))
+
+    def where_valid(value):
+        value = np.array(value, dtype=float)
+        value[~valid] = np.nan
+        return value
+
+    return HistoryWindow(
+        stamp_ns=0,
+        frame_id="map",
+        key=keys_from_integers(range(n)),
+        agent_class=np.zeros(n, dtype=np.uint8),
+        z=np.zeros(n),
+        size=np.full((n, 2), np.nan) if size is None else np.asarray(size, dtype=float),
+        position=where_valid(position),
+        velocity=where_valid(velocity),
+        acceleration=where_valid(zero if acceleration is None else acceleration),
+        yaw=where_valid(yaw),
+        valid=valid,
+        covariance=np.full((n, 4, 4), np.nan),
+    )

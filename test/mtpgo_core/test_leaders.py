@@ -4,44 +4,18 @@
 
 import numpy as np
 import pytest
+from core_helpers import window_of
 
-from mtpgo_core import leaders
+from mtpgo_core import surroundings
 from mtpgo_core.history import TrackHistory
 from mtpgo_core.identity import keys_from_integers
-from mtpgo_core.leaders import BAND_M, NEAR_M, leader_features
+from mtpgo_core.leaders import BAND_M, leader_features
 from mtpgo_core.scene import build_scenes
-from mtpgo_core.schema import HistoryWindow, tracked_states
+from mtpgo_core.schema import tracked_states
+from mtpgo_core.surroundings import NEAR_M
 from mtpgo_core.task import HistoryConfig, SceneConfig
 
 REACH_M = 80.0
-
-
-def window_of(position, velocity, yaw, valid=None, acceleration=None) -> HistoryWindow:
-    """A window of arrays [n, T, ...]; everything stands at its place."""
-    position = np.asarray(position, dtype=float)
-    n, steps = position.shape[:2]
-    valid = np.ones((n, steps), dtype=bool) if valid is None else np.asarray(valid)
-    zero = np.zeros((n, steps, 2))
-
-    def where_valid(value):
-        value = np.array(value, dtype=float)
-        value[~valid] = np.nan
-        return value
-
-    return HistoryWindow(
-        stamp_ns=0,
-        frame_id="map",
-        key=keys_from_integers(range(n)),
-        agent_class=np.zeros(n, dtype=np.uint8),
-        z=np.zeros(n),
-        size=np.full((n, 2), np.nan),
-        position=where_valid(position),
-        velocity=where_valid(velocity),
-        acceleration=where_valid(zero if acceleration is None else acceleration),
-        yaw=where_valid(yaw),
-        valid=valid,
-        covariance=np.full((n, 4, 4), np.nan),
-    )
 
 
 def test_two_leaders_northbound_by_hand():
@@ -79,7 +53,7 @@ def test_an_absent_agent_is_nobody_s_leader_at_that_step():
 
 @pytest.mark.parametrize("reach_m", [REACH_M, 50.0])
 def test_many_random_agents_against_a_loop(monkeypatch: pytest.MonkeyPatch, reach_m: float):
-    monkeypatch.setattr(leaders, "_BLOCK", 100)  # several blocks
+    monkeypatch.setattr(surroundings, "_BLOCK", 100)  # several blocks
     rng = np.random.default_rng(3)
     n, steps = 30, 3
     window = window_of(

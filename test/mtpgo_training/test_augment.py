@@ -10,7 +10,7 @@ from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.scene import build_scenes
-from mtpgo_core.task import HistoryConfig, SceneConfig
+from mtpgo_core.task import CONTEXT_FEATURES, HistoryConfig, SceneConfig
 from mtpgo_training.augment import Augmentation
 from mtpgo_training.windows import cut_windows
 
@@ -81,6 +81,42 @@ def test_a_scaled_world_has_the_leaders_of_the_scaled_features():
     assert both.sum() > 10
     one = slice(gap, gap + 3)
     np.testing.assert_allclose(given[both][:, one], expected[both][:, one], atol=1e-3, rtol=1e-3)
+
+
+def test_a_mirrored_world_has_the_traffic_of_the_mirrored_features():
+    scene = SceneConfig(frame="site_origin", context="traffic", max_neighbours=3)
+    recording = braking_cars(seconds=4.0)
+    mirror = np.array([1.0, -1.0])
+    mirrored = dataclasses.replace(
+        recording,
+        position=mirror * recording.position,
+        velocity=mirror * recording.velocity,
+        yaw=-recording.yaw,
+    )
+    plain, expected = (
+        build_scenes(
+            cut_windows(r, HistoryConfig(), 0.2)[-1].window, scene, centres=np.arange(12)
+        ).features
+        for r in (recording, mirrored)
+    )
+    given = Augmentation(mirror=True).features(plain, scene.features)
+    for name in ("lead1_across", "left_ahead_near", "right_behind_near", "right_ahead_dv"):
+        assert plain[..., scene.features.index(name)].any()
+    np.testing.assert_allclose(given, expected, atol=2e-3, rtol=1e-4)
+
+
+def test_a_scale_changes_gaps_and_lengths_of_the_traffic():
+    names = CONTEXT_FEATURES["traffic"]
+    features = np.zeros((1, len(names)), dtype=np.float32)
+    row = {name: i for i, name in enumerate(names)}
+    plain = {"length": 5.0, "lead1_gap": 10.0, "lead1_near": np.exp(-0.5), "lead1_across": 1.0}
+    plain |= {"left_behind_gap": 80.0}  # nobody
+    for name, value in plain.items():
+        features[0, row[name]] = value
+    out = Augmentation(scale=2.0).features(features, names)[0]
+    expected = {"length": 10.0, "lead1_gap": 20.0, "lead1_near": np.exp(-1), "lead1_across": 2.0}
+    expected |= {"left_behind_gap": 80.0}
+    assert {name: out[row[name]] for name in plain} == pytest.approx(expected, rel=1e-6)
 
 
 def test_nobody_ahead_stays_nobody_ahead_at_any_scale():
