@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from models.config import ModelConfig
 from models.covariance import block_product
 from models.frames import Start
+from models.ode_step import OdeStep, Scheme
 
 TABLEAUS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "euler": ((0.0,), (1.0,)),
@@ -174,6 +175,21 @@ class NeuralODE(nn.Module):
             with_slopes: whether the latter is wanted.
         """
         u = control + field.added
+        if not torch.jit.is_scripting() and self._steps_by_hand(state, u, field):
+            scheme = Scheme(self.dt_s, self.nodes, self.weights, self.carried)
+            moved_to, *gains = OdeStep.apply(
+                state,
+                u,
+                field.of_q,
+                field.of_u,
+                field.rest,
+                field.out,
+                field.out_bias,
+                field.through,
+                scheme,
+                with_slopes,
+            )
+            return moved_to, gains
         base = torch.matmul(u, field.of_u) + field.rest
         # Split, not indexed: the gradient of an index fills the whole array with zeros.
         parts = state.split(2, dim=-1)
@@ -193,6 +209,12 @@ class NeuralODE(nn.Module):
             return following, slopes
         position = parts[0] + self.dt_s * q + (self.dt_s * self.dt_s) * moved
         return torch.cat((position, following), dim=-1), slopes
+
+    @torch.jit.unused
+    def _steps_by_hand(self, state: Tensor, u: Tensor, field: Field) -> bool:
+        """Whether :class:`OdeStep` serves: one hidden layer, one type throughout."""
+        one_type = state.dtype == u.dtype == field.of_q.dtype == field.rest.dtype
+        return not field.inner and one_type and not torch.is_autocast_enabled(state.device.type)
 
     def jacobian(self, slopes: list[list[Tensor]], agents: list[int]) -> tuple[Tensor, Tensor]:
         """Derivatives of the discrete step by q for all steps, in closed form (design D8).

@@ -64,6 +64,48 @@ def test_step_and_jacobian(order, integrator, layers, static):
             torch.testing.assert_close(full[2:, :2], torch.zeros(2, 2).double())
 
 
+@pytest.mark.parametrize("with_slopes", [False, True])
+@pytest.mark.parametrize("static", [False, True])
+@pytest.mark.parametrize("integrator", ["euler", "heun", "rk4"])
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_step_by_hand_has_the_values_and_gradients_of_autograd(
+    monkeypatch, order, integrator, static, with_slopes
+):
+    _, ode = make_ode(order, integrator, static=static)
+    start, classes = make_start(), torch.randn(B, N, 3).double()
+    state = 10.0 * torch.randn(B, N, M, 2 * order).double().requires_grad_()
+    controls = torch.randn(H, B, N, M, 2).double().requires_grad_()
+    draw = torch.Generator().manual_seed(1)
+    results = []
+    for by_hand in (True, False):
+        monkeypatch.setattr(NeuralODE, "_steps_by_hand", lambda *_, answer=by_hand: answer)
+        field = ode.prepare(classes, start)
+        now, slopes = state, []
+        for h in range(H):
+            now, slope = ode.move(now, controls[h], h, start, field, with_slopes)
+            slopes.append(slope)
+        parts = [now]
+        if with_slopes:
+            parts += ode.jacobian(slopes, [B, N, M])[: 1 if order == 1 else 2]
+        draw.manual_seed(1)
+        value = sum((torch.randn(p.shape, generator=draw).double() * p).sum() for p in parts)
+        of = [state, controls, *ode.parameters()]
+        grads = torch.autograd.grad(value, of, allow_unused=True)
+        results.append([*parts, *(g for g in grads if g is not None)])
+    for mine, expected in zip(*results, strict=True):
+        torch.testing.assert_close(mine, expected)
+
+
+def test_the_step_by_hand_serves_training_and_no_other_networks():
+    start, classes = make_start(), torch.randn(B, N, 3).double()
+    state, control = torch.randn(B, N, M, 4).double(), torch.randn(B, N, M, 2).double()
+    for layers in (1, 2):
+        _, ode = make_ode(2, layers=layers)
+        ode.requires_grad_(True)
+        moved, _ = ode.move(state, control, 0, start, ode.prepare(classes, start), False)
+        assert (moved.grad_fn.name() == "OdeStepBackward") == (layers == 1)
+
+
 def test_constant_command_is_constant_acceleration():
     """The exact solution, which every integrator of order two and up must meet."""
     _, ode = make_ode(order=2, wild=False)
