@@ -59,8 +59,10 @@ benchmark: $(STAMP) ## speed tables (docs/performance.md), and the ratios that m
 	@echo; $(BIN)/mtpgo benchmark node --bars
 	@echo; $(BIN)/python -m pytest benchmarks --benchmark-columns=median,rounds
 
-highway: data-given $(STAMP) $(addprefix $(SIMULATED)/,.highway_free .highway_dense .highway) ## train the shipped model of that name anew; DATA=DIR of the NGSIM recordings [RUNS=DIR]
-	@$(call TRAIN,highd,highway_free highway_dense highway)
+HIGHWAYS := highway_free highway_dense highway_congested highway_stop_and_go highway
+
+highway: data-given $(STAMP) $(HIGHWAYS:%=$(SIMULATED)/.%) ## train the shipped model of that name anew; DATA=DIR of the NGSIM recordings [RUNS=DIR]
+	@$(call TRAIN,highd,$(HIGHWAYS))
 
 urban: data-given $(STAMP) $(SIMULATED)/.roundabout ## likewise
 	@$(call TRAIN,round,roundabout)
@@ -77,6 +79,8 @@ data-given:
 
 $(SIMULATED)/.highway_free: SIMULATE := highway --traffic free --count 6 --seconds 180 --seed 100
 $(SIMULATED)/.highway_dense: SIMULATE := highway --traffic dense --count 6 --seconds 180 --seed 200
+$(SIMULATED)/.highway_congested: SIMULATE := highway --traffic congested --count 4 --seconds 180 --seed 300
+$(SIMULATED)/.highway_stop_and_go: SIMULATE := highway --traffic stop-and-go --count 4 --seconds 180 --seed 400
 $(SIMULATED)/.highway: SIMULATE := highway --count 6 --seconds 180 --seed 1
 $(SIMULATED)/.roundabout: SIMULATE := roundabout --count 4 --seconds 180 --seed 1
 $(SIMULATED)/.%: | $(STAMP)
