@@ -132,8 +132,8 @@ class OdeStep(torch.autograd.Function):
             slope = of_slopes[i] if of_slopes else None
             if slope is not None:
                 g_through += torch.mm(slope, gains[i].t())
-                # e rises only where a is negative, which is where it is below 1.
-                g_a.add_(torch.mm(through.t(), slope).mul_(gains[i] < 1.0))
+                # e rises only where a is negative; elsewhere it is 1.
+                g_a.add_(torch.mm(through.t(), slope).masked_fill_(gains[i] == 1.0, 0.0))
             g_a.mul_(gains[i])
             g_reach = torch.mm(of_q, g_a)
             g_q += g_reach

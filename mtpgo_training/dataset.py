@@ -30,6 +30,7 @@ from mtpgo_training.sampling import (
     copies,
     draw_balanced,
     draw_cover,
+    graph_sizes,
     standing,
 )
 from mtpgo_training.sources import Source
@@ -38,11 +39,21 @@ from mtpgo_training.windows import TrackedWindow
 
 @dataclass(frozen=True)
 class Item:
-    """Which graph a sample is."""
+    """Which graph a sample is.
+
+    Attributes:
+        source: index of its recording.
+        window: of its window there.
+        centre: of its centre there.
+        agents: how many are in it.
+        restarted: whether the pasts are cut short.
+        augmentation: see :class:`~mtpgo_training.augment.Augmentation`.
+    """
 
     source: int
     window: int
     centre: int
+    agents: int
     restarted: bool
     augmentation: Augmentation
 
@@ -103,11 +114,13 @@ class SceneDataset(Dataset[Data]):
             centres = draw_cover(candidates, self.scene, rng)
         else:
             centres = draw_balanced(candidates, self._copies, rng)
-        for centre in centres:
+        sizes = graph_sizes(candidates, centres, self.scene)
+        for centre, agents in zip(centres.tolist(), sizes.tolist(), strict=True):
             mirror = bool(rng.random() < self.data.mirror_probability)
             turn = float(rng.normal(0.0, 1.0)) * self.data.rotation_std_rad
             scale = float(np.exp(rng.normal(0.0, 1.0) * self.data.scale_std))
-            items.append(Item(s, w, int(centre), restarted, Augmentation(mirror, turn, scale)))
+            change = Augmentation(mirror, turn, scale)
+            items.append(Item(s, w, centre, agents, restarted, change))
         return items
 
     def __len__(self) -> int:

@@ -36,6 +36,10 @@ LEAST_AGENTS = 80
 """With fewer agents in a group most of the time goes into starting operators."""
 
 
+ALONE_AGENTS = 32
+"""Agents around one that cost about as much as what is done for each agent alone."""
+
+
 @dataclass(frozen=True)
 class Group:
     """Scenes that are worked on together.
@@ -65,7 +69,7 @@ def cut(sizes: Sequence[int], groups: int) -> list[list[int]]:
     """Indices of scenes, the largest first, in parts with about equally many agents.
 
     Args:
-        sizes: agents of each scene.
+        sizes: agents of each scene, or any other measure that is to be shared equally.
         groups: how many; fewer come out where there are hardly more scenes than groups.
     """
     order = sorted(range(len(sizes)), key=lambda i: (-sizes[i], i))
@@ -76,6 +80,23 @@ def cut(sizes: Sequence[int], groups: int) -> list[list[int]]:
         parts.setdefault(int((before + 0.5 * sizes[scene]) / share), []).append(scene)
         before += sizes[scene]
     return list(parts.values())
+
+
+def share_of(sizes: Sequence[int], rank: int, processes: int) -> list[int]:
+    """Indices of the scenes that one of several processes works on.
+
+    Each process gets scenes of similar size, which leaves little padding, and about the same work:
+    that on an agent grows with those around it.
+
+    Args:
+        sizes: agents of each scene of a batch.
+        rank: of the process.
+        processes: that share the batch.
+    """
+    parts = cut([n * (n + ALONE_AGENTS) for n in sizes], processes) if processes > 1 else []
+    if len(parts) == processes:
+        return parts[rank]
+    return list(range(rank, len(sizes), processes))
 
 
 def groups_of(batch: Batch) -> list[Group]:

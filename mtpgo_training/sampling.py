@@ -92,6 +92,16 @@ def draw_cover(
     return np.array(centres, dtype=np.int64)
 
 
+def graph_sizes(
+    candidates: Candidates, centres: NDArray[np.int64], scene: SceneConfig
+) -> NDArray[np.int64]:
+    """[c] agents of the graphs around ``centres`` [c], which are among the candidates."""
+    middle = candidates.position[np.searchsorted(candidates.index, centres)]
+    distance = np.linalg.norm(candidates.position[None] - middle[:, None], axis=-1)
+    near: NDArray[np.int64] = (distance <= scene.radius_m).sum(axis=1)
+    return np.minimum(near, scene.max_neighbours + 1)
+
+
 def standing(
     features: NDArray[np.float32], target: Float64Array, known: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:

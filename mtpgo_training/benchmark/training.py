@@ -28,6 +28,7 @@ from mtpgo_training.benchmark.plain import PlainMTPGO
 from mtpgo_training.benchmark.team import Step, Team, sum_gradients
 from mtpgo_training.learner import batch_loss
 from mtpgo_training.losses import ewta, negative_log_likelihood
+from mtpgo_training.microbatch import share_of
 from mtpgo_training.schedule import Objective
 
 PHASES = {"EWTA": Objective(8, 1.0, 0.0), "NLL": Objective(1, 0.0, 1.0)}
@@ -176,12 +177,13 @@ def make_step(name: str, phase: str, scenes: int, rank: int = 0, processes: int 
         name: which.
         phase: one of ``PHASES``.
         scenes: graphs in the whole batch.
-        rank: of this process; its share is every ``processes``-th graph.
+        rank: of this process; its share is that of ``mtpgo train``.
         processes: that share the batch.
     """
     model, aim = make_model().requires_grad_(True).train(), PHASES[phase]
     whole = make_batch(scenes, model.config)
-    batch = Batch.from_data_list(whole.to_data_list()[rank::processes])
+    mine = share_of(whole.ptr.diff().tolist(), rank, processes)
+    batch = Batch.from_data_list(whole.index_select(mine))
     share = float(batch.weight.sum() / whole.weight.sum())
     plain = PlainMTPGO(model).train()
     network = model if name == "ours" else plain

@@ -16,6 +16,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.cache import RecordingCache
 from mtpgo_training.config import TrainingConfig
 from mtpgo_training.dataset import SceneDataset, validation_scenes
+from mtpgo_training.microbatch import share_of
 from mtpgo_training.sources import Source, prepare_all
 from mtpgo_training.splits import NamedRecording, Splits
 from mtpgo_training.trainer.state import RunState
@@ -118,8 +119,12 @@ class SceneLoaders(lightning.LightningDataModule):
         cuts = tuple(range(size, len(order) - (size + 1) // 2 + 1, size))
         batches = order.tensor_split(cuts)
         self.steps = len(batches)
+        mine = []
+        for batch in batches[self.state.batch :]:
+            sizes = [dataset.items[i].agents for i in batch.tolist()]
+            mine.append(batch[share_of(sizes, rank, processes)].tolist())
         return DataLoader(
             dataset,
-            batch_sampler=[b[rank::processes].tolist() for b in batches[self.state.batch :]],
+            batch_sampler=mine,
             num_workers=self.config.trainer.loader_workers,
         )

@@ -72,6 +72,16 @@ def test_training_features_equal_online_features_through_real_messages(online):
     assert compared > 500
 
 
+def test_the_size_of_a_graph_is_known_before_it_is_cut():
+    found = set()
+    for scene in (SCENE, dataclasses.replace(SCENE, radius_m=9.0)):
+        data = dataset(DataConfig(restart_probability=0.3), scene=scene)
+        sizes = [item.agents for item in data.items[::5]]
+        assert sizes == [data[i].num_nodes for i in range(0, len(data), 5)]
+        found.update(sizes)
+    assert found >= {1, 2, 5}
+
+
 def test_a_window_knows_nothing_that_comes_later():
     whole = braking_cars()
     half = whole.between(0.0, 4.0)

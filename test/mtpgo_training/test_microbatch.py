@@ -3,6 +3,7 @@
 """Groups of scenes: the same loss and gradient as the batch in one piece."""
 
 import functools
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,15 @@ from torch import Tensor, nn
 
 from models import MTPGO, ModelConfig
 from mtpgo_training.learner import training_loss
-from mtpgo_training.microbatch import Fields, cut, group_fields, grouped_loss, how_many
+from mtpgo_training.microbatch import (
+    ALONE_AGENTS,
+    Fields,
+    cut,
+    group_fields,
+    grouped_loss,
+    how_many,
+    share_of,
+)
 from mtpgo_training.schedule import Objective
 
 SIZES = [3, 1, 6, 2, 2, 5, 4, 1, 3, 2]
@@ -220,3 +229,20 @@ def test_an_error_in_a_group_reaches_the_caller(fields: dict[str, Tensor]) -> No
 
     with pytest.raises(ValueError, match="no loss"):
         grouped_loss(nn.Linear(1, 1), group_fields(fields, SIZES, 4), fail, 2)
+
+
+@pytest.mark.parametrize("processes", [1, 2, 3, 4])
+def test_processes_share_a_batch_by_size(processes: int) -> None:
+    draw = torch.Generator().manual_seed(2)
+    sizes = torch.randint(1, 17, (40,), generator=draw).tolist()
+    shares = [share_of(sizes, rank, processes) for rank in range(processes)]
+    assert sorted(i for share in shares for i in share) == list(range(40))
+    for larger, smaller in itertools.pairwise(shares):
+        assert min(sizes[i] for i in larger) >= max(sizes[i] for i in smaller)
+    work = [sum(sizes[i] * (sizes[i] + ALONE_AGENTS) for i in share) for share in shares]
+    assert max(work) - min(work) <= 2 * 16 * (16 + ALONE_AGENTS)
+
+
+def test_one_process_keeps_the_order_and_few_scenes_are_dealt_out() -> None:
+    assert share_of([3, 9, 4], 0, 1) == [0, 1, 2]
+    assert [share_of([5], rank, 2) for rank in range(2)] == [[0], []]
