@@ -48,16 +48,15 @@ def _ahead_of(around: Surroundings, reach_m: float) -> Float64Array:
     """:func:`leader_features` of a few agents."""
     along = around.along
     ahead = (along > 0.0) & (along < reach_m) & (np.abs(around.across) < BAND_M)
-    along = np.where(ahead, along, np.inf)
     parts = []
     for _ in range(LEADERS):
-        leader, gap = around.nearest(along)
-        there = np.isfinite(gap)
+        leader, there = around.nearest(ahead, along)
+        gap = around.offset(leader)[0]
         parts += [
             np.where(there, gap, reach_m),
             nearness(gap, there),
             np.where(there, around.faster(leader), 0.0),
             np.where(there, around.acceleration(leader), 0.0),
         ]
-        np.put_along_axis(along, leader[:, None], np.inf, axis=1)
+        np.put_along_axis(ahead, leader[..., None], False, axis=2)
     return np.stack(parts, axis=-1)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.leaders import BAND_M
-from mtpgo_core.schema import Float64Array, HistoryWindow
+from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow
 from mtpgo_core.surroundings import Surroundings, in_blocks, nearness
 from mtpgo_core.task import CONTEXT_FEATURES
 
@@ -57,38 +57,51 @@ def traffic_features(
 def _around(around: Surroundings, reach_m: float) -> Float64Array:
     """:func:`traffic_features` of a few agents."""
     length = np.nan_to_num(around.window.size[:, 0], nan=USUAL_LENGTH_M)
-    own = length[around.agents]
+    own = length[around.agents, None]
     along, across = around.along, around.across
-    zero = np.zeros_like(around.cos)
-    parts = [zero + own[:, None]]
-
-    def place(who: NDArray[np.intp], away: Float64Array) -> tuple[Float64Array, NDArray[np.bool_]]:
-        """Columns gap, near and dv of the nearest, and whether there is one."""
-        there = np.isfinite(away)
-        gap = np.where(there, away - 0.5 * (own[:, None] + length[who]), reach_m)
-        near = nearness(np.maximum(gap, 0.0), there)
-        return np.stack([gap, near, np.where(there, around.faster(who), 0.0)]), there
-
     distance = np.abs(along)
-    within = (distance < reach_m) & (distance > 0.0)
-    band = np.abs(across) < BAND_M
-    ahead = np.where(within & band & (along > 0.0), distance, np.inf)
-    first_across = zero
-    for i in range(LEADERS):
-        who, away = around.nearest(ahead)
-        of_place, there = place(who, away)
-        parts += [*of_place, np.where(there, around.acceleration(who), 0.0)]
-        if i == 0:
-            aside = np.take_along_axis(across, who[:, None], axis=1)[:, 0]
-            first_across = np.where(there, aside, 0.0)
-        np.put_along_axis(ahead, who[:, None], np.inf, axis=1)
-    parts.append(first_across)
-    behind = np.where(within & band & (along < 0.0), distance, np.inf)
-    parts += [*place(*around.nearest(behind))[0]]
-    for sign in (1.0, -1.0):
-        aside = sign * across
-        lane = within & (aside >= BAND_M) & (aside < BAND_M + LANE_M)
-        for direction in (1.0, -1.0):
-            there = lane & (direction * along > 0.0)
-            parts += [*place(*around.nearest(np.where(there, distance, np.inf)))[0]]
+    sides = np.abs(across)
+    band = (distance < reach_m) & (sides < BAND_M)
+    ahead = band & (along > 0.0)
+    parts = [np.broadcast_to(own, around.cos.shape)]
+    first: Float64Array | None = None
+    for _ in range(LEADERS):
+        who, there = around.nearest(ahead, distance)
+        parts += [
+            *_place(around, who, there, own, length, reach_m),
+            np.where(there, around.acceleration(who), 0.0),
+        ]
+        if first is None:
+            first = np.where(there, around.offset(who)[1], 0.0)
+        np.put_along_axis(ahead, who[..., None], False, axis=2)
+    assert first is not None
+    parts.append(first)
+    lane = (distance < reach_m) & (sides >= BAND_M) & (sides < BAND_M + LANE_M)
+    left, right = lane & (across > 0.0), lane & (across < 0.0)
+    for some in (
+        band & (along < 0.0),
+        left & (along > 0.0),
+        left & (along < 0.0),
+        right & (along > 0.0),
+        right & (along < 0.0),
+    ):
+        who, there = around.nearest(some, distance)
+        parts += _place(around, who, there, own, length, reach_m)
     return np.stack(parts, axis=-1)
+
+
+def _place(
+    around: Surroundings,
+    who: NDArray[np.intp],
+    there: BoolArray,
+    own: Float64Array,
+    length: Float64Array,
+    reach_m: float,
+) -> list[Float64Array]:
+    """[r, T] each: gap, near and dv of the nearest at a place, where somebody is there."""
+    gap = np.abs(around.offset(who)[0]) - 0.5 * (own + length[who])
+    return [
+        np.where(there, gap, reach_m),
+        nearness(np.maximum(gap, 0.0), there),
+        np.where(there, around.faster(who), 0.0),
+    ]

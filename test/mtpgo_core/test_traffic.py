@@ -106,6 +106,17 @@ def test_many_random_agents_against_a_loop(monkeypatch: pytest.MonkeyPatch):
             np.testing.assert_allclose(got[i, k], expected, atol=1e-9)
 
 
+def test_far_from_the_frame_s_origin_nothing_is_lost():
+    position = np.array([[[0.0, 0.0]], [[30.0, 1.9]], [[60.0, 1.0]], [[0.0, 3.0]]])
+    arrays = (np.zeros((4, 1, 2)), np.zeros((4, 1)))
+    near, far = (
+        traffic_features(window_of(position + origin, *arrays), np.arange(4))
+        for origin in ([0.0, 0.0], [691_000.0, 5_334_000.0])
+    )
+    np.testing.assert_allclose(near, far, atol=1e-8)
+    assert near[0, 0, NAMES.index("lead2_gap")] == 60.0 - USUAL_LENGTH_M
+
+
 def test_scenes_carry_the_columns():
     window = window_of(
         np.array([[[0.0, 0.0]], [[30.0, 0.0]]]), np.zeros((2, 1, 2)), np.full((2, 1), 0.0)
