@@ -213,8 +213,10 @@ class NeuralODE(nn.Module):
     @torch.jit.unused
     def _steps_by_hand(self, state: Tensor, u: Tensor, field: Field) -> bool:
         """Whether :class:`OdeStep` serves: one hidden layer, one type throughout."""
-        one_type = state.dtype == u.dtype == field.of_q.dtype == field.rest.dtype
-        return not field.inner and one_type and not torch.is_autocast_enabled(state.device.type)
+        device = state.device.type
+        if torch.amp.is_autocast_available(device) and torch.is_autocast_enabled(device):
+            return False
+        return not field.inner and state.dtype == u.dtype == field.of_q.dtype == field.rest.dtype
 
     def jacobian(self, slopes: list[list[Tensor]], agents: list[int]) -> tuple[Tensor, Tensor]:
         """Derivatives of the discrete step by q for all steps, in closed form (design D8).
