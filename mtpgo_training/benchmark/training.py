@@ -52,7 +52,7 @@ class Row:
         threads: of torch in each of them.
         samples_per_s: scenes per second, ours.
         plain_samples_per_s: of the straightforward implementation, on as many threads in all.
-        ratio: of the two.
+        ratio: of the two, the median over the rounds.
         growth_mb: by how much training raises the processes' largest memory, ours, summed (MB).
         plain_growth_mb: of the straightforward implementation (MB).
         memory_share: of the two.
@@ -235,6 +235,11 @@ def measure(phase: str, scenes: int, threads: int, rounds: int) -> list[Row]:
                 if i >= 0:
                     found.append(time_s)
         rate = [scenes / statistics.median(found) for found in seconds]
+        # Round by round, so that a machine that slows down for a while slows both down.
+        ratio = [
+            statistics.median(plain / ours for ours, plain in zip(found, seconds[-1], strict=True))
+            for found in seconds
+        ]
         growth = [team.growth_mb() for team in teams]
     return [
         Row(
@@ -245,7 +250,7 @@ def measure(phase: str, scenes: int, threads: int, rounds: int) -> list[Row]:
             threads=each,
             samples_per_s=rate[i],
             plain_samples_per_s=rate[-1],
-            ratio=rate[i] / rate[-1],
+            ratio=ratio[i],
             growth_mb=growth[i],
             plain_growth_mb=growth[-1],
             memory_share=growth[i] / growth[-1],
