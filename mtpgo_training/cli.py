@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
@@ -45,14 +46,21 @@ def build_parser(command: str | None = None) -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; the exit status.
 
-    Bad input gives one line on stderr and 2, an interrupt 130.
+    Bad input gives one line on stderr and 2, an interrupt 130, an output that nobody reads to its
+    end 141 and no word, as the shell has it.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     known = {name for name, _, _ in COMMANDS}
     command = next((word for word in arguments if not word.startswith("-")), None)
     try:
         args = build_parser(command if command in known else None).parse_args(arguments)
-        return int(args.run(args) or 0)
+        status = int(args.run(args) or 0)
+        sys.stdout.flush()  # here, where somebody listens to what comes of it
+        return status
+    except BrokenPipeError:
+        # Whoever read the output has seen enough; Python would complain once more at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     except MtpgoError as error:
         print(f"mtpgo: {error}", file=sys.stderr)
         return 2
