@@ -10,6 +10,8 @@ observed at that step.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,10 +39,7 @@ def leader_features(
 
     The values do not depend on the scene frame. They are of use where the agent is valid.
     """
-
-    def columns(around: Surroundings) -> Float64Array:
-        return _ahead_of(around, reach_m)
-
+    columns = functools.partial(_ahead_of, reach_m=reach_m)
     return in_blocks(columns, LEADERS * len(COLUMNS), window, agents)
 
 

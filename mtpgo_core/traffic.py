@@ -10,6 +10,8 @@ was observed at the step, without a map.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,10 +49,7 @@ def traffic_features(
     ``length`` is the agent's own (m). A length that is not known is ``USUAL_LENGTH_M``. The values
     do not depend on the scene frame. They are of use where the agent is valid.
     """
-
-    def columns(around: Surroundings) -> Float64Array:
-        return _around(around, reach_m)
-
+    columns = functools.partial(_around, reach_m=reach_m)
     return in_blocks(columns, len(CONTEXT_FEATURES["traffic"]), window, agents)
 
 
@@ -64,18 +63,17 @@ def _around(around: Surroundings, reach_m: float) -> Float64Array:
     band = (distance < reach_m) & (sides < BAND_M)
     ahead = band & (along > 0.0)
     parts = [np.broadcast_to(own, around.cos.shape)]
-    first: Float64Array | None = None
+    leaders = []
     for _ in range(LEADERS):
         who, there = around.nearest(ahead, distance)
         parts += [
             *_place(around, who, there, own, length, reach_m),
             np.where(there, around.acceleration(who), 0.0),
         ]
-        if first is None:
-            first = np.where(there, around.offset(who)[1], 0.0)
+        leaders.append((who, there))
         np.put_along_axis(ahead, who[..., None], False, axis=2)
-    assert first is not None
-    parts.append(first)
+    first, there = leaders[0]
+    parts.append(np.where(there, around.offset(first)[1], 0.0))
     lane = (distance < reach_m) & (sides >= BAND_M) & (sides < BAND_M + LANE_M)
     left, right = lane & (across > 0.0), lane & (across < 0.0)
     for some in (
