@@ -14,6 +14,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.recording import Recording
 from mtpgo_training.simulate.highway import STATES, HighwayConfig, simulate_highway
 from mtpgo_training.simulate.roundabout import RoundaboutConfig, simulate_roundabout
+from mtpgo_training.simulate.street import StreetConfig, simulate_street
 from mtpgo_training.writers.highd import write_highd
 from mtpgo_training.writers.ind import write_ind
 
@@ -24,8 +25,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         "simulate",
         help="recordings of simulated traffic (Eclipse SUMO)",
         description="Simulate traffic with Eclipse SUMO (extra 'simulation') and write it as "
-        "recordings: a highway in highD layout, a roundabout in inD layout. What is not given "
-        "is drawn from the seed, so that recordings differ.",
+        "recordings: a highway in highD layout, a roundabout or a street with traffic lights in "
+        "inD layout. What is not given is drawn from the seed, so that recordings differ.",
     )
     parser.add_argument("site", choices=list(_SITES), help="what is simulated")
     parser.add_argument("-o", "--output", type=Path, required=True, help="directory to write to")
@@ -42,12 +43,16 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--vehicles-per-hour",
         type=_positive,
-        help="demand (highway: per direction; roundabout: in all)",
+        help="demand (highway: per direction; roundabout and street: in all)",
     )
-    parser.add_argument("--lanes", type=int, help="lanes (highway: 2 to 4; roundabout: 1 or 2)")
+    parser.add_argument(
+        "--lanes", type=int, help="lanes (highway: 2 to 4; roundabout: 1 or 2; street: 1 to 3)"
+    )
     parser.add_argument("--truck-share", type=_share, help="part of trucks, 0 to 0.9")
     parser.add_argument("--traffic", choices=STATES, help="highway: traffic state")
-    parser.add_argument("--speed-limit", type=_positive, help="highway: desired speed (m/s)")
+    parser.add_argument(
+        "--speed-limit", type=_positive, help="highway and street: desired speed (m/s)"
+    )
     parser.set_defaults(run=run)
 
 
@@ -83,11 +88,7 @@ def _highway(args: argparse.Namespace, seed: int, name: str) -> Recording:
 
 
 def _roundabout(args: argparse.Namespace, seed: int, name: str) -> Recording:
-    for option in ("traffic", "speed_limit"):
-        if getattr(args, option) is not None:
-            raise ConfigurationError(
-                f"--{option.replace('_', '-')} is given for a roundabout, it is for the highway"
-            )
+    _without(args, "traffic", "speed_limit")
     config = RoundaboutConfig(
         seconds=args.seconds,
         seed=seed,
@@ -99,6 +100,30 @@ def _roundabout(args: argparse.Namespace, seed: int, name: str) -> Recording:
     return simulate_roundabout(config, name)
 
 
+def _street(args: argparse.Namespace, seed: int, name: str) -> Recording:
+    _without(args, "traffic")
+    config = StreetConfig(
+        seconds=args.seconds,
+        seed=seed,
+        frame_rate=args.frame_rate,
+        vehicles_per_hour=args.vehicles_per_hour,
+        lanes=args.lanes,
+        truck_share=args.truck_share,
+        speed_limit_mps=args.speed_limit,
+    )
+    return simulate_street(config, name)
+
+
+def _without(args: argparse.Namespace, *options: str) -> None:
+    """Refuse options that the site does not have."""
+    for option in options:
+        if getattr(args, option) is not None:
+            raise ConfigurationError(
+                f"--{option.replace('_', '-')} is given for a {args.site}, which has no such "
+                "option: see mtpgo simulate --help"
+            )
+
+
 _Simulate = Callable[[argparse.Namespace, int, str], Recording]
 _Write = Callable[[Recording, Path], list[Path]]
 
@@ -106,6 +131,7 @@ _SITES: dict[str, tuple[_Simulate, _Write, int]] = {
     # Recordings are numbered as in the data sets: highD from 01, inD from 00.
     "highway": (_highway, write_highd, 1),
     "roundabout": (_roundabout, write_ind, 0),
+    "street": (_street, write_ind, 0),
 }
 
 

@@ -105,9 +105,21 @@ def program(name: str) -> Path:
 
 
 def build_network(
-    folder: Path, nodes: Iterable[str], edges: Iterable[str], connections: Iterable[str] = ()
+    folder: Path,
+    nodes: Iterable[str],
+    edges: Iterable[str],
+    connections: Iterable[str] = (),
+    *,
+    options: Sequence[str] = (),
 ) -> Path:
     """The road network of plain node, edge and connection elements.
+
+    Args:
+        folder: where SUMO's files go.
+        nodes: XML elements.
+        edges: likewise.
+        connections: likewise.
+        options: further arguments of ``netconvert``.
 
     Raises:
         SimulationError: SUMO is missing or refuses the network.
@@ -126,6 +138,7 @@ def build_network(
         *("--junctions.internal-link-detail", "20"),
         "--no-turnarounds",
         "--offset.disable-normalization",
+        *options,
     )
     return target
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import AgentClass
 from mtpgo_training import cli
 from mtpgo_training.readers import load_recordings
@@ -18,6 +19,7 @@ from mtpgo_training.recording import Recording
 from mtpgo_training.simulate import motion, sumo
 from mtpgo_training.simulate.highway import HighwayConfig, simulate_highway
 from mtpgo_training.simulate.roundabout import CENTRE
+from mtpgo_training.simulate.street import MIDDLE, VIEW_M, StreetConfig, simulate_street
 from mtpgo_training.writers.highd import write_highd
 
 STILL = motion.MotionConfig(wander_m=0.0, surge_m=0.0)
@@ -180,6 +182,56 @@ def test_roundabout_from_the_command_line(
     assert (turn[moving, 2] > 0).all()
     assert radius.min() > 8.0
     check_consistent(recording, sideways_mps=2.5)
+
+
+@needs_sumo
+def test_street_has_queues_at_red_and_turns(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--seconds", "60", "--seed", "5", "--lanes", "2", "--frame-rate", "10"]
+    arguments += ["--vehicles-per-hour", "2400", "--speed-limit", "13.4"]
+    assert cli.main(["simulate", "street", "-o", str(tmp_path), *arguments]) == 0
+    assert "road users, seed 5" in capsys.readouterr().out
+    (recording,) = load_recordings(tmp_path, "ind")
+    assert (np.abs(recording.position - MIDDLE) <= VIEW_M).all()
+    check_consistent(recording, sideways_mps=2.5)
+    speed = np.linalg.norm(recording.velocity, axis=1)
+    assert speed.max() < 1.5 * 13.4
+    assert AgentClass.CAR in recording.agent_class
+    started = turned = 0
+    for index in range(len(recording.track_id)):
+        rows = np.flatnonzero(recording.track == index)
+        # Who waits goes on: red turns green within the minute.
+        started += bool(speed[rows].min() < 0.3 and speed[rows[-1]] > 3.0)
+        moving = rows[speed[rows] > 1.0]
+        if len(moving):
+            course = np.unwrap(recording.yaw[moving])
+            turned += bool(np.abs(course[-1] - course[0]) > np.radians(60.0))
+    assert started >= 5
+    assert turned >= 3
+    # Right-hand traffic away from the junctions: west is driven north of the middle.
+    straight = (speed > 3.0) & (np.abs(recording.position[:, 0] - MIDDLE[0]) < 40.0)
+    north = recording.position[straight, 1] > MIDDLE[1]
+    west = recording.velocity[straight, 0] < 0.0
+    assert west.any()
+    assert not west.all()
+    assert (west == north).all()
+
+
+@needs_sumo
+def test_street_is_the_same_again_and_refuses_what_it_has_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = StreetConfig(seconds=5.0, seed=2, warm_up_s=20.0)
+    np.testing.assert_array_equal(
+        simulate_street(config).position, simulate_street(config).position
+    )
+    with pytest.raises(ConfigurationError, match="lanes is 4, expected 1 to 3 for a street"):
+        StreetConfig(lanes=4)
+    arguments = ["simulate", "street", "-o", str(tmp_path / "x"), "--traffic", "free"]
+    assert cli.main(arguments) == 2
+    assert "--traffic is given for a street, which has no such option" in capsys.readouterr().err
+    assert not (tmp_path / "x").exists()
 
 
 @needs_sumo

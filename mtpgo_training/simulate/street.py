@@ -1,0 +1,153 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A city street through two junctions with traffic lights: queues, their discharge, turns.
+
+Lanes, speeds, signal cycles, demand and turns are drawn from the seed unless they are given. The
+written layout is that of inD: y up, the origin in the upper left corner of the picture.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.schema import BoolArray, Float64Array
+from mtpgo_training.recording import Recording
+from mtpgo_training.simulate import drivers, street_network, sumo
+from mtpgo_training.simulate.camera import record
+from mtpgo_training.simulate.street_network import MAIN_ENDS, SIDE_ENDS, entry, exit_at
+
+MIDDLE = (170.0, -90.0)
+"""Point of the street halfway between its junctions, in the recording (m)."""
+
+VIEW_M = (165.0, 85.0)
+"""Half the picture's length along the street and across it (m)."""
+
+
+@dataclass(frozen=True)
+class StreetConfig:
+    """What is simulated; ``None`` is drawn from the seed.
+
+    Attributes:
+        seconds: length of the recording (s).
+        seed: of everything drawn.
+        frame_rate: frames per second (Hz).
+        vehicles_per_hour: demand, all ends together.
+        lanes: lanes of the street per direction; junctions add one for those that turn left.
+        truck_share: part of trucks in the demand.
+        bicycle_share: part of bicycles in the demand.
+        speed_limit_mps: of the street; on the roads that cross it people drive slower.
+        warm_up_s: simulated before the first frame (s).
+    """
+
+    seconds: float = 60.0
+    seed: int = 1
+    frame_rate: float = 25.0
+    vehicles_per_hour: float | None = None
+    lanes: int | None = None
+    truck_share: float | None = None
+    bicycle_share: float = 0.01
+    speed_limit_mps: float | None = None
+    warm_up_s: float = 120.0
+
+    def __post_init__(self) -> None:
+        if self.lanes is not None and not 1 <= self.lanes <= 3:
+            raise ConfigurationError(f"lanes is {self.lanes}, expected 1 to 3 for a street")
+
+
+def simulate_street(config: StreetConfig, name: str = "00") -> Recording:
+    """One recording of the street.
+
+    Raises:
+        SimulationError: SUMO is missing or refuses to run.
+    """
+    generator = np.random.default_rng(config.seed)
+    lanes = config.lanes or int(generator.choice([1, 2, 3], p=[0.2, 0.5, 0.3]))
+    truck_share = config.truck_share
+    if truck_share is None:
+        truck_share = float(generator.uniform(0.01, 0.06))
+    motor = 1 - truck_share - config.bicycle_share
+    types, probability = drivers.draw_types(
+        generator,
+        {
+            "car": 0.92 * motor,
+            "van": 0.08 * motor,
+            "truck": truck_share,
+            "bicycle": config.bicycle_share,
+        },
+        count=20,
+        desired_spread=0.12,
+    )
+    per_hour = config.vehicles_per_hour
+    if per_hour is None:
+        per_hour = float(generator.uniform(500.0, 1200.0)) * (lanes + 1)
+    with tempfile.TemporaryDirectory(prefix="mtpgo_sumo_") as folder:
+        network = street_network.build(
+            Path(folder),
+            generator,
+            middle=MIDDLE,
+            lanes=lanes,
+            speed_limit_mps=config.speed_limit_mps,
+        )
+        demand = [kind.xml() for kind in types]
+        demand += _trips(config, generator, per_hour, types, probability)
+        seen = sumo.drive(
+            Path(folder),
+            network,
+            demand,
+            warm_up_s=config.warm_up_s,
+            seconds=config.seconds,
+            frame_rate=config.frame_rate,
+            seed=config.seed,
+        )
+    return record(
+        seen,
+        types,
+        _in_view,
+        name=name,
+        layout="ind",
+        seconds=config.seconds,
+        frame_rate=config.frame_rate,
+        seed=config.seed,
+        first_number=0,
+    )
+
+
+def _in_view(position: Float64Array, size: Float64Array) -> BoolArray:
+    reach = np.abs(position - MIDDLE) + size.max() / 2
+    seen: BoolArray = (reach <= VIEW_M).all(axis=1)
+    return seen
+
+
+def _trips(
+    config: StreetConfig,
+    generator: np.random.Generator,
+    per_hour: float,
+    types: list[sumo.VehicleType],
+    probability: Float64Array,
+) -> list[str]:
+    """Most people come along the street and stay on it."""
+    ends = [*MAIN_ENDS, *SIDE_ENDS]
+    busy = np.array([6.0] * len(MAIN_ENDS) + [1.5] * len(SIDE_ENDS))
+    start_share = generator.dirichlet(2 * busy)
+    # Nobody turns back.
+    goal_share = np.stack([generator.dirichlet(2 * busy) for _ in ends])
+    np.fill_diagonal(goal_share, 0.0)
+    goal_share /= goal_share.sum(axis=1, keepdims=True)
+    trips, time, number = [], 0.0, 0
+    while time < config.warm_up_s + config.seconds + sumo.EXTRA_S:
+        kind = types[int(generator.choice(len(types), p=probability))]
+        start = int(generator.choice(len(ends), p=start_share))
+        goal = int(generator.choice(len(ends), p=goal_share[start]))
+        trips.append(
+            f'<trip id="{number}" type="{kind.name}" '
+            f'from="{entry(ends[start])}" to="{exit_at(ends[goal])}" depart="{time:.2f}" '
+            'departLane="best" departSpeed="desired" departPos="base"/>'
+        )
+        time += float(generator.exponential(3600.0 / per_hour))
+        number += 1
+    return trips
