@@ -19,6 +19,7 @@ from torch_geometric.data import Batch, Data
 from torch_geometric.utils import to_dense_batch
 
 from mtpgo_core.frames import rotate
+from mtpgo_core.graphs import GraphState
 from mtpgo_core.scene import build_scenes
 from mtpgo_core.schema import Float64Array, SceneBatch
 from mtpgo_core.task import HistoryConfig, SceneConfig
@@ -157,13 +158,15 @@ def validation_scenes(
 ) -> list[Data]:
     """The graphs that the node would cut under ``scene.policy``, with their baselines beside them.
 
+    As the node does, each window keeps the centres of the one before that are still of use.
     ``primary`` marks the graph whose prediction would be published for an agent, so every agent
     counts once; ``centre`` marks the agents in the centres of the graphs.
     """
     scenes = []
     for source in sources:
+        previous = GraphState()
         for tracked in source.windows:
-            batch = build_scenes(tracked.window, scene, lanes=source.lanes)
+            batch = build_scenes(tracked.window, scene, previous=previous, lanes=source.lanes)
             for b in range(batch.features.shape[0]):
                 data = scene_data(batch, b, tracked, source, scene, history.dt_s, horizon_steps)
                 agents = batch.agent[b][batch.agent[b] >= 0]

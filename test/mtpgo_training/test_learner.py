@@ -10,9 +10,13 @@ from torch_geometric.loader import DataLoader
 from traffic import braking_cars
 
 from models.mtp_go import MTPGO
-from mtpgo_core.task import HistoryConfig, SceneConfig
+from mtpgo_core.runner import ModelRunner
+from mtpgo_core.scene import build_scenes
+from mtpgo_core.task import HistoryConfig, SceneConfig, TaskDescription
 from mtpgo_training.config import DataConfig
 from mtpgo_training.dataset import dense, validation_scenes
+from mtpgo_training.evaluate import evaluate
+from mtpgo_training.export import export_model
 from mtpgo_training.learner import training_loss
 from mtpgo_training.networks import NETWORKS, build_network
 from mtpgo_training.schedule import Objective
@@ -52,6 +56,28 @@ def test_the_first_phase_leaves_the_covariance_alone(model, batches):
     touched = {n.split(".")[0] for n, p in model.named_parameters() if p.grad is not None}
     assert "noise" not in touched
     assert {"encoder", "decoder", "control"} <= touched
+
+
+def test_the_validation_scores_what_the_evaluation_scores(tmp_path):
+    """The same graphs above all: both keep their centres from one instant to the next."""
+    scene = SceneConfig(max_neighbours=3, radius_m=60.0)
+    torch.manual_seed(0)
+    network = build_network("mtp-go", OPTIONS, HISTORY, scene)
+    export_model(network, TaskDescription(history=HISTORY, scene=scene), tmp_path / "model.pt")
+    recording = braking_cars(tracks=24)
+    runner = ModelRunner.load(tmp_path / "model.pt")
+    table = evaluate({"model": runner}, [recording], stride_s=0.2, centre=False)
+    offline = table.models["model"]["all"]
+    data = DataConfig(validation_stride_s=0.2)
+    source = prepare(recording, HISTORY, scene, data, training=False)
+    kept = validation_scenes([source], HISTORY, scene, H)
+    fresh = [build_scenes(tracked.window, scene) for tracked in source.windows]
+    assert len(kept) != sum(len(batch.features) for batch in fresh), "no centre was kept"
+    batches = [dense(batch) for batch in DataLoader(kept, batch_size=64)]
+    online = validate(network, batches)[0].table().models["model"]["all"]
+    assert online["n"] == offline["n"]
+    for metric in ("ade", "anll", "min_ade", "coverage_90"):
+        assert online[metric] == pytest.approx(offline[metric], rel=1e-4)
 
 
 def test_a_calibrated_model_needs_no_calibration(model, batches):
