@@ -62,16 +62,27 @@ benchmark: $(STAMP) ## speed tables (docs/performance.md), and the ratios that m
 HIGHWAYS := highway_free highway_dense highway_congested highway_stop_and_go highway
 
 highway: data-given $(STAMP) $(HIGHWAYS:%=$(SIMULATED)/.%) ## train the shipped model of that name anew; DATA=DIR of the NGSIM recordings [RUNS=DIR]
-	@$(call TRAIN,highd,$(HIGHWAYS))
+	@$(call TRAIN,highway,highway,highd,$(HIGHWAYS))
+	@$(BIN)/mtpgo export "$(RUNS)/highway" -o "$(RUNS)/highway.pt"
 
-urban: data-given $(STAMP) $(SIMULATED)/.roundabout ## likewise
-	@$(call TRAIN,round,roundabout)
+# Eleven short recordings leave much to the seed: a run for each, of one process, and the best by
+# validation is exported.
+URBAN_SEEDS := 1 3
+URBAN_RUNS := $(URBAN_SEEDS:%=urban-seed%)
 
-# $(1): layout of the simulated recordings, $(2): their directories. An interrupted run goes on.
-TRAIN = $(BIN)/mtpgo train config/training/$@.yaml --out "$(RUNS)/$@" --data "$(DATA)" --layout ind \
-	  $(foreach name,$(2),--data "$(SIMULATED)/$(name)" --layout $(1)) \
-	  $(if $(wildcard $(RUNS)/$@/last.pt),--resume) $(TRAIN_ARGS) && \
-	$(BIN)/mtpgo export "$(RUNS)/$@" -o "$(RUNS)/$@.pt"
+urban: $(URBAN_RUNS) ## likewise; with -j2 two runs side by side
+	@$(BIN)/mtpgo export $(URBAN_RUNS:%="$(RUNS)/%") -o "$(RUNS)/urban.pt"
+
+.PHONY: $(URBAN_RUNS)
+$(URBAN_RUNS): urban-seed%: data-given $(STAMP) $(SIMULATED)/.roundabout $(SIMULATED)/.street
+	@$(call TRAIN,urban,$@,ind,roundabout street) --seed $*
+
+# $(1): configuration, $(2): run, $(3): layout of the simulated recordings, $(4): their directories.
+# An interrupted run goes on.
+TRAIN = $(BIN)/mtpgo train config/training/$(1).yaml --out "$(RUNS)/$(2)" \
+	  --data "$(DATA)" --layout ind \
+	  $(foreach name,$(4),--data "$(SIMULATED)/$(name)" --layout $(3)) \
+	  $(if $(wildcard $(RUNS)/$(2)/last.pt),--resume) $(TRAIN_ARGS)
 
 data-given:
 	@test -n "$(DATA)" || { echo "make: DATA is not given, expected the directory of the NGSIM \
@@ -83,6 +94,7 @@ $(SIMULATED)/.highway_congested: SIMULATE := highway --traffic congested --count
 $(SIMULATED)/.highway_stop_and_go: SIMULATE := highway --traffic stop-and-go --count 4 --seconds 180 --seed 400
 $(SIMULATED)/.highway: SIMULATE := highway --count 6 --seconds 180 --seed 1
 $(SIMULATED)/.roundabout: SIMULATE := roundabout --count 4 --seconds 180 --seed 1
+$(SIMULATED)/.street: SIMULATE := street --count 9 --seconds 180 --seed 1
 $(SIMULATED)/.%: | $(STAMP)
 	@$(BIN)/mtpgo simulate $(SIMULATE) -o "$(SIMULATED)/$*"
 	@touch $@

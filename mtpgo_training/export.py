@@ -25,7 +25,8 @@ from mtpgo_training.atomic import replacing, require_writable
 from mtpgo_training.config import TrainingConfig
 from mtpgo_training.info import card
 from mtpgo_training.networks import MTP_GO, NETWORKS, name_of, rebuild
-from mtpgo_training.run_folder import Checkpoint, load_checkpoint, versions
+from mtpgo_training.run_folder import Checkpoint, versions
+from mtpgo_training.selection import choose
 
 LARGEST_DIFFERENCE_M = 1e-4
 """An exported model is not written if its means differ more than this from the eager one's (m), or
@@ -181,7 +182,13 @@ def _version() -> str:
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add ``mtpgo export`` to the command line."""
     export = subparsers.add_parser("export", help="turn a checkpoint into a model file")
-    export.add_argument("checkpoint", type=Path, help="checkpoint, or run folder for its best")
+    export.add_argument(
+        "checkpoint",
+        type=Path,
+        nargs="+",
+        help="checkpoint, or run folder for its best; of several, such as one training with "
+        "several seeds, the one with the smallest ADE on the validation recordings",
+    )
     export.add_argument("-o", "--output", type=Path, required=True, help="model file to write")
     export.add_argument("--name", help="name of the model, the configuration's by default")
     export.add_argument(
@@ -193,9 +200,17 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo export``."""
     require_writable(args.output)
-    checkpoint = load_checkpoint(args.checkpoint)
+    chosen, candidates = choose(args.checkpoint)
+    checkpoint = chosen.checkpoint
     model = load_model(checkpoint, calibrated=not args.uncalibrated)
-    task = export_model(model, describe(checkpoint, args.name), args.output)
+    task = describe(checkpoint, args.name)
+    if len(candidates) > 1:
+        rivals = [{"seed": rival.seed, "validation_ade_m": rival.ade_m} for rival in candidates]
+        task = dataclasses.replace(task, training={**task.training, "chosen_from": rivals})
+    task = export_model(model, task, args.output)
     print(card(task))
+    for candidate in candidates if len(candidates) > 1 else ():
+        mark = ", chosen" if candidate is chosen else ""
+        print(f"candidate  {candidate.path}: validation ADE {candidate.ade_m:.3f} m{mark}")
     print(f"written    {args.output}, {args.output.stat().st_size / 1e6:.2f} MB")
     return 0

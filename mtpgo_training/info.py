@@ -32,6 +32,10 @@ def card(task: TaskDescription) -> str:
             if r.get("split") == use
         ]
         lines.append(f"{use:<10} {', '.join(names) or '-'}")
+    rivals = training.get("chosen_from", [])
+    if rivals:
+        scores = ", ".join(f"{r['validation_ade_m']:.3f} m (seed {r['seed']})" for r in rivals)
+        lines.append(f"chosen     from {len(rivals)} runs by validation ADE: {scores}")
     for key in ("licence", "attribution"):
         if training.get(key):
             lines.append(f"{key:<10} {training[key]}")

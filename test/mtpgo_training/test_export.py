@@ -17,8 +17,8 @@ from mtpgo_core.errors import ConfigurationError, ModelFileError
 from mtpgo_core.runner import ModelRunner, load_task
 from mtpgo_core.scene import build_scenes
 from mtpgo_core.task import HistoryConfig, SceneConfig
+from mtpgo_training import cli, export, info
 from mtpgo_training import evaluate as evaluation
-from mtpgo_training import export, info
 from mtpgo_training.config import TrainingConfig
 from mtpgo_training.evaluate import evaluate, predict_recording
 from mtpgo_training.run_folder import RunFolder
@@ -69,7 +69,7 @@ def run_folder(model, tmp_path_factory):
 def model_file(run_folder, tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "tiny.pt"
     arguments = argparse.Namespace(
-        checkpoint=run_folder.path, output=path, name=None, uncalibrated=False
+        checkpoint=[run_folder.path], output=path, name=None, uncalibrated=False
     )
     assert export.run(arguments) == 0
     return path
@@ -118,6 +118,46 @@ def test_the_card_names_data_terms_and_metrics(model_file, capsys):
     for expected in ("tiny", "cars/01", "cars/02", "nobody", "free", "ade 0.500", "cos_yaw"):
         assert expected in text
     assert "fnll" not in text
+
+
+def other_run(run_folder, path, seed, ade, judge):
+    """The run's checkpoint as another seed might have made it."""
+    checkpoint = torch.load(run_folder.best, weights_only=True)
+    checkpoint["config"]["seed"] = seed
+    checkpoint["metrics"]["model"]["all"]["ade"] = ade
+    judge = {"name": judge, "source": "cars", "layout": "ind", "sha256": judge * 2}
+    checkpoint["splits"] = [*RECORDINGS, {**judge, "split": "validation"}]
+    folder = RunFolder(path)
+    folder.save(checkpoint, best=True)
+    return str(folder.path)
+
+
+def test_of_several_runs_the_best_by_validation_is_exported(run_folder, tmp_path, capsys):
+    runs = [
+        other_run(run_folder, tmp_path / f"seed{seed}", seed, ade, "03")
+        for seed, ade in ((1, 0.5), (2, 0.4), (3, 0.6))
+    ]
+    output = tmp_path / "chosen.pt"
+    assert cli.main(["export", *runs, "-o", str(output)]) == 0
+    text = capsys.readouterr().out
+    assert f"candidate  {runs[1]}: validation ADE 0.400 m, chosen" in text
+    assert "from 3 runs by validation ADE: 0.500 m (seed 1), 0.400 m (seed 2), 0.600 m" in text
+    training = load_task(output).training
+    assert training["configuration"]["seed"] == 2
+    assert training["chosen_from"] == [
+        {"seed": 1, "validation_ade_m": 0.5},
+        {"seed": 2, "validation_ade_m": 0.4},
+        {"seed": 3, "validation_ade_m": 0.6},
+    ]
+
+
+def test_runs_judged_on_different_recordings_are_not_compared(run_folder, tmp_path, capsys):
+    one = other_run(run_folder, tmp_path / "one", 1, 0.5, "03")
+    two = other_run(run_folder, tmp_path / "two", 1, 0.4, "04")
+    assert cli.main(["export", one, two, "-o", str(tmp_path / "x.pt")]) == 2
+    error = capsys.readouterr().err
+    assert f"{two} was validated on 04 and {one} on 03, expected the same recordings" in error
+    assert not (tmp_path / "x.pt").exists()
 
 
 def test_a_checkpoint_of_another_architecture_is_one_sentence(run_folder, tmp_path):
