@@ -108,7 +108,7 @@ def exported(request, tmp_path_factory):
     folder.save(checkpoint, best=True)
     path = place / "rival.pt"
     arguments = argparse.Namespace(
-        checkpoint=folder.path, output=path, name=None, uncalibrated=False
+        checkpoint=[folder.path], output=path, name=None, uncalibrated=False
     )
     assert export.run(arguments) == 0
     return name, model, path
