@@ -9,9 +9,11 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.recording import Recording
+from mtpgo_training.simulate.camera import FIRST_NUMBER
 from mtpgo_training.simulate.highway import STATES, HighwayConfig, simulate_highway
 from mtpgo_training.simulate.roundabout import RoundaboutConfig, simulate_roundabout
 from mtpgo_training.simulate.street import StreetConfig, simulate_street
@@ -75,43 +77,32 @@ def run(args: argparse.Namespace) -> int:
 
 def _highway(args: argparse.Namespace, seed: int, name: str) -> Recording:
     config = HighwayConfig(
-        seconds=args.seconds,
-        seed=seed,
-        frame_rate=args.frame_rate,
-        vehicles_per_hour=args.vehicles_per_hour,
-        traffic=args.traffic,
-        lanes=args.lanes,
-        truck_share=args.truck_share,
-        speed_limit_mps=args.speed_limit,
+        **_common(args, seed), traffic=args.traffic, speed_limit_mps=args.speed_limit
     )
     return simulate_highway(config, name)
 
 
 def _roundabout(args: argparse.Namespace, seed: int, name: str) -> Recording:
     _without(args, "traffic", "speed_limit")
-    config = RoundaboutConfig(
-        seconds=args.seconds,
-        seed=seed,
-        frame_rate=args.frame_rate,
-        vehicles_per_hour=args.vehicles_per_hour,
-        lanes=args.lanes,
-        truck_share=args.truck_share,
-    )
-    return simulate_roundabout(config, name)
+    return simulate_roundabout(RoundaboutConfig(**_common(args, seed)), name)
 
 
 def _street(args: argparse.Namespace, seed: int, name: str) -> Recording:
     _without(args, "traffic")
-    config = StreetConfig(
-        seconds=args.seconds,
-        seed=seed,
-        frame_rate=args.frame_rate,
-        vehicles_per_hour=args.vehicles_per_hour,
-        lanes=args.lanes,
-        truck_share=args.truck_share,
-        speed_limit_mps=args.speed_limit,
-    )
+    config = StreetConfig(**_common(args, seed), speed_limit_mps=args.speed_limit)
     return simulate_street(config, name)
+
+
+def _common(args: argparse.Namespace, seed: int) -> dict[str, Any]:
+    """What every site is told, by its names in :class:`SimulationConfig`."""
+    return {
+        "seconds": args.seconds,
+        "seed": seed,
+        "frame_rate": args.frame_rate,
+        "vehicles_per_hour": args.vehicles_per_hour,
+        "lanes": args.lanes,
+        "truck_share": args.truck_share,
+    }
 
 
 def _without(args: argparse.Namespace, *options: str) -> None:
@@ -128,10 +119,9 @@ _Simulate = Callable[[argparse.Namespace, int, str], Recording]
 _Write = Callable[[Recording, Path], list[Path]]
 
 _SITES: dict[str, tuple[_Simulate, _Write, int]] = {
-    # Recordings are numbered as in the data sets: highD from 01, inD from 00.
-    "highway": (_highway, write_highd, 1),
-    "roundabout": (_roundabout, write_ind, 0),
-    "street": (_street, write_ind, 0),
+    "highway": (_highway, write_highd, FIRST_NUMBER["highd"]),
+    "roundabout": (_roundabout, write_ind, FIRST_NUMBER["ind"]),
+    "street": (_street, write_ind, FIRST_NUMBER["ind"]),
 }
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from mtpgo_core.schema import AgentClass, BoolArray, Float64Array
 from mtpgo_training.recording import Recording
+from mtpgo_training.simulate.config import SimulationConfig
 from mtpgo_training.simulate.motion import MotionConfig, centres
 from mtpgo_training.simulate.sumo import Floating, SimulationError, VehicleType
 
@@ -17,17 +18,18 @@ InView = Callable[[Float64Array, Float64Array], BoolArray]
 """[rows, 2] centres and [rows, 2] sizes (m) -> [rows] whether they are in the picture."""
 
 
+FIRST_NUMBER = {"highd": 1, "ind": 0}
+"""Where a layout begins to count recordings, frames and tracks."""
+
+
 def record(
     seen: Floating,
     types: Sequence[VehicleType],
     in_view: InView,
+    config: SimulationConfig,
     *,
     name: str,
     layout: str,
-    seconds: float,
-    frame_rate: float,
-    seed: int,
-    first_number: int,
     lanes: tuple[Float64Array, ...] = (),
 ) -> Recording:
     """The recording of all vehicles in view, numbered in the order of their appearance.
@@ -36,12 +38,9 @@ def record(
         seen: front bumpers from SUMO.
         types: all kinds of vehicles.
         in_view: what the picture shows.
+        config: length, frame rate, and seed of the wander.
         name: of the recording.
         layout: whose numbering and classes it follows.
-        seconds: length of the recording (s).
-        frame_rate: frames per second (Hz).
-        seed: of the wander.
-        first_number: of frames and tracks: 1 in highD, 0 in inD.
         lanes: lane markings (m).
 
     Raises:
@@ -50,9 +49,10 @@ def record(
     kinds = {kind.name: kind for kind in types}
     own = [kinds[type_name] for type_name in seen.types]
     size = np.array([[kind.length, kind.width] for kind in own])
-    moved = centres(seen, size[:, 0], frame_rate, MotionConfig(), seed)
+    frame_rate, first_number = config.frame_rate, FIRST_NUMBER[layout]
+    moved = centres(seen, size[:, 0], frame_rate, MotionConfig(), config.seed)
     vehicle, step = seen.vehicle[moved.rows], seen.step[moved.rows]
-    filmed = (step >= 0) & (step < round(seconds * frame_rate))
+    filmed = (step >= 0) & (step < round(config.seconds * frame_rate))
     rows = np.flatnonzero(filmed & in_view(moved.position, size[vehicle]))
     if not len(rows):
         raise SimulationError("no vehicle came into view, expected a longer recording")

@@ -4,10 +4,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from mtpgo_core.schema import Float64Array
-from mtpgo_training.simulate.sumo import VehicleType
+from mtpgo_training.simulate.config import SimulationConfig
+from mtpgo_training.simulate.sumo import EXTRA_S, VehicleType
 
 Generator = np.random.Generator
 
@@ -33,6 +37,47 @@ def draw_types(
             probability.append(share / count)
     weights = np.array(probability)
     return types, weights / weights.sum()
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A vehicle that sets out.
+
+    Attributes:
+        number: counted from 0.
+        time_s: since the simulation's start (s).
+        kind: what it is.
+    """
+
+    number: int
+    time_s: float
+    kind: VehicleType
+
+
+def departures(
+    config: SimulationConfig,
+    generator: Generator,
+    per_hour: float,
+    types: Sequence[VehicleType],
+    probability: Float64Array,
+) -> Iterator[Departure]:
+    """The vehicles of one demand at random times, until nothing more is seen.
+
+    Each is drawn when it is asked for, so what else the caller draws for it comes in between.
+
+    Args:
+        config: how long.
+        generator: source of chance.
+        per_hour: vehicles an hour.
+        types: kinds of vehicles.
+        probability: [kinds] of each.
+    """
+    time_s, number = 0.0, 0
+    while time_s < config.warm_up_s + config.seconds + EXTRA_S:
+        kind = types[int(generator.choice(len(types), p=probability))]
+        yield Departure(number, time_s, kind)
+        time_s += float(generator.exponential(3600.0 / per_hour))
+        number += 1
 
 
 def _between(generator: Generator, low: float, high: float) -> float:

@@ -19,6 +19,7 @@ from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.recording import Recording
 from mtpgo_training.simulate import drivers, sumo
 from mtpgo_training.simulate.camera import record
+from mtpgo_training.simulate.config import SimulationConfig
 
 STATES = ("free", "dense", "congested", "stop-and-go")
 """Traffic states, from empty to full."""
@@ -41,30 +42,18 @@ _DEMAND = {
 
 
 @dataclass(frozen=True)
-class HighwayConfig:
+class HighwayConfig(SimulationConfig):
     """What is simulated; ``None`` is drawn from the seed.
 
+    The demand and ``lanes`` are those of each direction.
+
     Attributes:
-        seconds: length of the recording (s).
-        seed: of everything drawn.
-        frame_rate: frames per second (Hz).
-        vehicles_per_hour: demand per direction.
         traffic: one of ``STATES``, for both directions.
-        lanes: lanes per direction.
-        truck_share: part of trucks in the demand.
         speed_limit_mps: what a driver of average haste wants to drive (m/s).
-        warm_up_s: simulated before the first frame (s).
     """
 
-    seconds: float = 60.0
-    seed: int = 1
-    frame_rate: float = 25.0
-    vehicles_per_hour: float | None = None
     traffic: str | None = None
-    lanes: int | None = None
-    truck_share: float | None = None
     speed_limit_mps: float | None = None
-    warm_up_s: float = 120.0
 
     def __post_init__(self) -> None:
         if self.traffic is not None and self.traffic not in STATES:
@@ -112,23 +101,17 @@ def simulate_highway(config: HighwayConfig, name: str = "01") -> Recording:
             Path(folder),
             network,
             demand,
+            config,
             observed_edges=["east_seen", "west_seen"],
-            warm_up_s=config.warm_up_s,
-            seconds=config.seconds,
-            frame_rate=config.frame_rate,
-            seed=config.seed,
             additional=_signs(config, generator, directions, lanes),
         )
     return record(
         seen,
         types,
         _whole_vehicle_seen,
+        config,
         name=name,
         layout="highd",
-        seconds=config.seconds,
-        frame_rate=config.frame_rate,
-        seed=config.seed,
-        first_number=1,
         lanes=_markings(lanes, lane_width),
     )
 
@@ -194,20 +177,18 @@ def _demand(
     for direction in directions:
         parts = " ".join(f"{direction.name}_{p}" for p in ("before", "seen", "behind", "signs"))
         routes.append(f'<route id="{direction.name}" edges="{parts}"/>')
-        time, number = 0.0, 0
-        while time < config.warm_up_s + config.seconds + sumo.EXTRA_S:
-            kind = types[int(generator.choice(len(types), p=probability))]
-            lane = 0 if kind.label == "truck" else int(generator.integers(lanes))
+        per_hour = direction.per_hour
+        for departure in drivers.departures(config, generator, per_hour, types, probability):
+            lane = 0 if departure.kind.label == "truck" else int(generator.integers(lanes))
             vehicles.append(
                 (
-                    time,
-                    f'<vehicle id="{direction.name}.{number}" type="{kind.name}" '
-                    f'route="{direction.name}" depart="{time:.2f}" departLane="{lane}" '
+                    departure.time_s,
+                    f'<vehicle id="{direction.name}.{departure.number}" '
+                    f'type="{departure.kind.name}" route="{direction.name}" '
+                    f'depart="{departure.time_s:.2f}" departLane="{lane}" '
                     'departSpeed="desired" departPos="base"/>',
                 )
             )
-            time += float(generator.exponential(3600.0 / direction.per_hour))
-            number += 1
     return [*routes, *(xml for _, xml in sorted(vehicles))]
 
 

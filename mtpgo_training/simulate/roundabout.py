@@ -20,6 +20,7 @@ from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.recording import Recording
 from mtpgo_training.simulate import drivers, sumo
 from mtpgo_training.simulate.camera import record
+from mtpgo_training.simulate.config import SimulationConfig
 
 CENTRE = (60.0, -60.0)
 """Centre of the roundabout in the recording (m)."""
@@ -32,26 +33,15 @@ _LATERAL_MPS2 = 2.6  # what a driver bears in the ring
 
 
 @dataclass(frozen=True)
-class RoundaboutConfig:
+class RoundaboutConfig(SimulationConfig):
     """What is simulated; ``None`` is drawn from the seed.
 
+    The demand is that of all arms together, ``lanes`` those of the ring and of the arms.
+
     Attributes:
-        seconds: length of the recording (s).
-        seed: of everything drawn.
-        frame_rate: frames per second (Hz).
-        vehicles_per_hour: demand, all arms together.
-        lanes: lanes of the ring and of the arms.
-        truck_share: part of trucks in the demand.
         bicycle_share: part of bicycles in the demand.
-        warm_up_s: simulated before the first frame (s).
     """
 
-    seconds: float = 60.0
-    seed: int = 1
-    frame_rate: float = 25.0
-    vehicles_per_hour: float | None = None
-    lanes: int | None = None
-    truck_share: float | None = None
     bicycle_share: float = 0.03
     warm_up_s: float = 60.0
 
@@ -97,21 +87,15 @@ def simulate_roundabout(config: RoundaboutConfig, name: str = "00") -> Recording
             Path(folder),
             network,
             demand,
-            warm_up_s=config.warm_up_s,
-            seconds=config.seconds,
-            frame_rate=config.frame_rate,
-            seed=config.seed,
+            config,
         )
     return record(
         seen,
         types,
         _in_view,
+        config,
         name=name,
         layout="ind",
-        seconds=config.seconds,
-        frame_rate=config.frame_rate,
-        seed=config.seed,
-        first_number=0,
     )
 
 
@@ -220,15 +204,14 @@ def _vehicles(
 ) -> list[str]:
     arm_share = generator.dirichlet(np.full(_ARMS, 6.0))
     turn_share = generator.dirichlet(np.full(_ARMS - 1, 6.0), size=_ARMS)
-    vehicles, time, number = [], 0.0, 0
-    while time < config.warm_up_s + config.seconds + sumo.EXTRA_S:
-        kind = types[int(generator.choice(len(types), p=probability))]
+    vehicles = []
+    for departure in drivers.departures(config, generator, per_hour, types, probability):
         arm = int(generator.choice(_ARMS, p=arm_share))
         turn = 1 + int(generator.choice(_ARMS - 1, p=turn_share[arm]))
         vehicles.append(
-            f'<vehicle id="{number}" type="{kind.name}" route="r{arm}{turn}" '
-            f'depart="{time:.2f}" departLane="best" departSpeed="desired" departPos="base"/>'
+            f'<vehicle id="{departure.number}" type="{departure.kind.name}" '
+            f'route="r{arm}{turn}" '
+            f'depart="{departure.time_s:.2f}" '
+            'departLane="best" departSpeed="desired" departPos="base"/>'
         )
-        time += float(generator.exponential(3600.0 / per_hour))
-        number += 1
     return vehicles

@@ -19,6 +19,7 @@ from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.recording import Recording
 from mtpgo_training.simulate import drivers, street_network, sumo
 from mtpgo_training.simulate.camera import record
+from mtpgo_training.simulate.config import SimulationConfig
 from mtpgo_training.simulate.street_network import MAIN_ENDS, SIDE_ENDS, entry, exit_at
 
 MIDDLE = (170.0, -90.0)
@@ -29,30 +30,19 @@ VIEW_M = (165.0, 85.0)
 
 
 @dataclass(frozen=True)
-class StreetConfig:
+class StreetConfig(SimulationConfig):
     """What is simulated; ``None`` is drawn from the seed.
 
+    The demand is that of all ends together, ``lanes`` those of the street per direction; junctions
+    add one for those that turn left.
+
     Attributes:
-        seconds: length of the recording (s).
-        seed: of everything drawn.
-        frame_rate: frames per second (Hz).
-        vehicles_per_hour: demand, all ends together.
-        lanes: lanes of the street per direction; junctions add one for those that turn left.
-        truck_share: part of trucks in the demand.
         bicycle_share: part of bicycles in the demand.
         speed_limit_mps: of the street; on the roads that cross it people drive slower.
-        warm_up_s: simulated before the first frame (s).
     """
 
-    seconds: float = 60.0
-    seed: int = 1
-    frame_rate: float = 25.0
-    vehicles_per_hour: float | None = None
-    lanes: int | None = None
-    truck_share: float | None = None
     bicycle_share: float = 0.01
     speed_limit_mps: float | None = None
-    warm_up_s: float = 120.0
 
     def __post_init__(self) -> None:
         if self.lanes is not None and not 1 <= self.lanes <= 3:
@@ -99,21 +89,15 @@ def simulate_street(config: StreetConfig, name: str = "00") -> Recording:
             Path(folder),
             network,
             demand,
-            warm_up_s=config.warm_up_s,
-            seconds=config.seconds,
-            frame_rate=config.frame_rate,
-            seed=config.seed,
+            config,
         )
     return record(
         seen,
         types,
         _in_view,
+        config,
         name=name,
         layout="ind",
-        seconds=config.seconds,
-        frame_rate=config.frame_rate,
-        seed=config.seed,
-        first_number=0,
     )
 
 
@@ -138,16 +122,14 @@ def _trips(
     goal_share = np.stack([generator.dirichlet(2 * busy) for _ in ends])
     np.fill_diagonal(goal_share, 0.0)
     goal_share /= goal_share.sum(axis=1, keepdims=True)
-    trips, time, number = [], 0.0, 0
-    while time < config.warm_up_s + config.seconds + sumo.EXTRA_S:
-        kind = types[int(generator.choice(len(types), p=probability))]
+    trips = []
+    for departure in drivers.departures(config, generator, per_hour, types, probability):
         start = int(generator.choice(len(ends), p=start_share))
         goal = int(generator.choice(len(ends), p=goal_share[start]))
         trips.append(
-            f'<trip id="{number}" type="{kind.name}" '
-            f'from="{entry(ends[start])}" to="{exit_at(ends[goal])}" depart="{time:.2f}" '
+            f'<trip id="{departure.number}" type="{departure.kind.name}" '
+            f'from="{entry(ends[start])}" to="{exit_at(ends[goal])}" '
+            f'depart="{departure.time_s:.2f}" '
             'departLane="best" departSpeed="desired" departPos="base"/>'
         )
-        time += float(generator.exponential(3600.0 / per_hour))
-        number += 1
     return trips

@@ -22,6 +22,7 @@ import pandas as pd
 
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.schema import Float64Array
+from mtpgo_training.simulate.config import SimulationConfig
 
 EXTRA_S = 1.5
 """Time seen before and after the recording (s), for smoothing without edges."""
@@ -147,12 +148,9 @@ def drive(
     folder: Path,
     network: Path,
     demand: Iterable[str],
+    config: SimulationConfig,
     *,
     observed_edges: Sequence[str] = (),
-    warm_up_s: float,
-    seconds: float,
-    frame_rate: float,
-    seed: int,
     additional: Iterable[str] = (),
 ) -> Floating:
     """Simulate and return what is seen on the observed edges after the warm-up.
@@ -161,11 +159,9 @@ def drive(
         folder: where SUMO's files go.
         network: from :func:`build_network`.
         demand: elements of the route file: types, routes and vehicles.
+        config: times, with a warm-up of at least ``EXTRA_S``, frame rate, and seed of SUMO's
+            random numbers.
         observed_edges: edges whose vehicles are kept, everything by default.
-        warm_up_s: time before the first frame (s), at least ``EXTRA_S``.
-        seconds: time seen (s).
-        frame_rate: frames per second (Hz).
-        seed: of SUMO's random numbers.
         additional: elements of the additional file, such as speed signs.
 
     Raises:
@@ -176,6 +172,7 @@ def drive(
     observed = folder / "observed.txt"
     observed.write_text("".join(f"edge:{edge}\n" for edge in observed_edges))
     seen = folder / "seen.csv"
+    warm_up_s, frame_rate = config.warm_up_s, config.frame_rate
     steps_per_frame = max(1, math.ceil(1.0 / (frame_rate * MAX_STEP_S) - 1e-9))
     # SUMO counts in milliseconds; other frame rates are put on their grid afterwards.
     step_s = max(1, round(1000.0 / (frame_rate * steps_per_frame))) / 1000.0
@@ -192,8 +189,8 @@ def drive(
         *("--fcd-output.attributes", "x,y,angle,speed,type"),
         *(("--fcd-output.filter-edges.input-file", observed) if observed_edges else ()),
         *("--device.fcd.begin", f"{warm_up_s - EXTRA_S:g}"),
-        *("--end", f"{warm_up_s + seconds + EXTRA_S:g}"),
-        *("--seed", str(seed)),
+        *("--end", f"{warm_up_s + config.seconds + EXTRA_S:g}"),
+        *("--seed", str(config.seed)),
         *("--time-to-teleport", "-1"),
         *("--collision.action", "none"),
         "--no-step-log",
