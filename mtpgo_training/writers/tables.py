@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-import os
+import tempfile
 from pathlib import Path
 
 import pandas as pd
@@ -40,24 +40,22 @@ def write_tables(
     written = []
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        for kind, table, packed in (
-            ("tracks", tracks, compress),
-            ("tracksMeta", tracks_meta, False),
-            ("recordingMeta", recording_meta, False),
-        ):
-            path = directory / f"{name}_{kind}.csv{'.gz' if packed else ''}"
-            beside = path.with_name(f".{path.name}.{os.getpid()}")
-            try:
+        # The packed file names itself inside, so it gets its own name before it takes its place.
+        with tempfile.TemporaryDirectory(prefix=f".{name}_", dir=directory) as aside:
+            for kind, table, packed in (
+                ("tracks", tracks, compress),
+                ("tracksMeta", tracks_meta, False),
+                ("recordingMeta", recording_meta, False),
+            ):
+                path = directory / f"{name}_{kind}.csv{'.gz' if packed else ''}"
                 table.to_csv(
-                    beside,
+                    Path(aside) / path.name,
                     index=False,
                     # A fixed time keeps the packed bytes the same for the same content.
                     compression={"method": "gzip", "mtime": 1} if packed else None,
                 )
-                beside.replace(path)
-            finally:
-                beside.unlink(missing_ok=True)
-            written.append(path)
+                (Path(aside) / path.name).replace(path)
+                written.append(path)
     except OSError as error:
         raise RecordingError(f"{directory} cannot be written to: {error.strerror}") from error
     return written

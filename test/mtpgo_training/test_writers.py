@@ -108,6 +108,9 @@ def test_packed_files_are_the_same_every_time(tmp_path: Path) -> None:
         write_highd(SCENE, tmp_path / "b"),
     )
     assert first.read_bytes() == second.read_bytes()
+    # The name inside is the file's own, not that of a temporary one, which no two runs share.
+    named = first.read_bytes()[10:].split(b"\0", 1)[0]
+    assert named == b"03_tracks.csv"
 
 
 def test_ind_round_trip_and_turned_vectors(tmp_path: Path) -> None:
