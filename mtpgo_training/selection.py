@@ -35,10 +35,10 @@ class Candidate:
         return int(self.checkpoint["config"]["seed"])
 
     @property
-    def judged_on(self) -> dict[str, str]:
-        """SHA-256 of the recordings that judged it -> their names."""
+    def judged_on(self) -> set[tuple[str, str]]:
+        """Names and SHA-256 of the recordings, or their parts, that judged it."""
         return {
-            split["sha256"]: split["name"]
+            (split["name"], split["sha256"])
             for split in self.checkpoint["splits"]
             if split["split"] == "validation"
         }
@@ -48,20 +48,26 @@ def choose(paths: Sequence[Path]) -> tuple[Candidate, list[Candidate]]:
     """The candidate with the smallest validation ADE, and all of them in the order given.
 
     Raises:
-        ConfigurationError: one cannot be read, or two were judged on different recordings.
+        ConfigurationError: one cannot be read, or of several one has no validation yet or was
+            judged on other recordings than the first.
     """
     candidates = [Candidate(path, load_checkpoint(path)) for path in paths]
     first = candidates[0]
-    for other in candidates[1:]:
+    if len(candidates) == 1:
+        return first, candidates
+    for other in candidates:
+        if not other.checkpoint["metrics"]:
+            raise ConfigurationError(
+                f"{other.path} has not been validated yet, expected runs with a whole epoch to "
+                "choose between them"
+            )
         if other.judged_on != first.judged_on:
             raise ConfigurationError(
                 f"{other.path} was validated on {_listed(other)} and {first.path} on "
                 f"{_listed(first)}, expected the same recordings to choose between them"
             )
-    if len(candidates) == 1:
-        return first, candidates
     return min(candidates, key=lambda candidate: candidate.ade_m), candidates
 
 
 def _listed(candidate: Candidate) -> str:
-    return ", ".join(candidate.judged_on.values()) or "nothing"
+    return ", ".join(sorted(name for name, _ in candidate.judged_on)) or "nothing"

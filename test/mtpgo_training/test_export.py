@@ -160,6 +160,15 @@ def test_runs_judged_on_different_recordings_are_not_compared(run_folder, tmp_pa
     assert not (tmp_path / "x.pt").exists()
 
 
+def test_a_run_without_a_validation_is_not_compared(run_folder, tmp_path, capsys):
+    runs = [other_run(run_folder, tmp_path / name, 1, 0.5, "03") for name in ("one", "two")]
+    path = RunFolder(tmp_path / "two").best
+    torch.save({**torch.load(path, weights_only=True), "metrics": {}}, path)
+    assert cli.main(["export", *runs, "-o", str(tmp_path / "x.pt")]) == 2
+    assert f"{runs[1]} has not been validated yet, expected runs" in capsys.readouterr().err
+    assert not (tmp_path / "x.pt").exists()
+
+
 def test_a_checkpoint_of_another_architecture_is_one_sentence(run_folder, tmp_path):
     checkpoint = torch.load(run_folder.best, weights_only=True)
     checkpoint["model_config"]["hidden"] = 16
