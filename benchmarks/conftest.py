@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtpgo_training.benchmark.reference import model_file
-from mtpgo_training.process import prepare_process
+from mtpgo_training.benchmark.benchmark_model import model_file
+from mtpgo_training.training.torch_process import prepare_process
 
 InTurns = Callable[..., float]
 

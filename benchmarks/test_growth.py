@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from msg_adapters.registry import output_adapter
-from mtpgo_training.benchmark.growth import Pipeline
+from mtpgo_training.benchmark.growth_benchmark import Pipeline
 
 
 @pytest.fixture

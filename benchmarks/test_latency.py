@@ -5,8 +5,8 @@
 import pytest
 import torch
 
-from mtpgo_training.benchmark.latency import exported, make_model, make_scene
-from mtpgo_training.benchmark.plain import PlainMTPGO
+from mtpgo_training.benchmark.latency_benchmark import exported, make_model, make_scene
+from mtpgo_training.benchmark.reference_mtp_go import PlainMTPGO
 
 
 @pytest.mark.parametrize(("agents", "least"), [(8, 15.0), (16, 11.0), (32, 8.0), (64, 7.0)])

@@ -4,7 +4,7 @@
 
 import pytest
 
-from mtpgo_training.benchmark.training import PHASES, measure
+from mtpgo_training.benchmark.training_benchmark import PHASES, measure
 
 
 @pytest.mark.parametrize("phase", PHASES)

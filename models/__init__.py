@@ -7,7 +7,7 @@ scene, ``T`` history steps, ``H`` horizon steps, ``M`` modes, ``S`` states, ``F`
 static features, ``D`` hidden units. Lengths are metres, times seconds, angles radians.
 """
 
-from models.config import ModelConfig
 from models.mtp_go import MTPGO
+from models.mtp_go_config import ModelConfig
 
 __all__ = ["MTPGO", "ModelConfig"]

@@ -8,8 +8,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from models.edges import GaussianKernel
-from models.layers import make_layer
+from models.gnn_layers import make_layer
+from models.interaction_graph import GaussianKernel
 
 EdgeList = list[tuple[Tensor, Tensor]]
 
@@ -68,9 +68,9 @@ class GraphNetwork(nn.Module):
 
     Args:
         sizes: channels before, between and after the layers.
-        layer: name of the layer type, see :func:`models.layers.make_layer`.
+        layer: name of the layer type, see :func:`models.gnn_layers.make_layer`.
         heads: attention heads.
-        tied: see :class:`models.layers.GAT`.
+        tied: see :class:`models.gnn_layers.GAT`.
         bandwidth_m: first value of the bandwidths (m).
     """
 
@@ -110,7 +110,7 @@ class GraphGRU(nn.Module):
         layer: name of the GNN layer type, ``none`` for an ordinary GRU.
         depth: layers per GNN.
         heads: attention heads.
-        tied: see :class:`models.layers.GAT`.
+        tied: see :class:`models.gnn_layers.GAT`.
         bandwidth_m: first value of the bandwidths (m).
     """
 

@@ -11,7 +11,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-from models.config import ModelConfig
+from models.mtp_go_config import ModelConfig
 
 SMALL = 0.01
 """Factor on the first weights of output layers."""

@@ -7,26 +7,26 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from models.attention import presence_bias
-from models.coder import Decoder, Encoder
-from models.config import ModelConfig
-from models.covariance import (
+from models.agent_frames import Start, states_to_own, states_to_scene
+from models.ekf import (
     DirectCovariance,
     EkfCovariance,
     initial_in_own_frame,
     rotate_blocks,
 )
-from models.frames import Start, states_to_own, states_to_scene
+from models.encoder_decoder import Decoder, Encoder
 from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead
-from models.motion import DirectStates, NeuralODE
-from models.predictor import TrajectoryPredictor
+from models.mtp_go_config import ModelConfig
+from models.neural_ode import DirectStates, NeuralODE
+from models.temporal_attention import presence_bias
+from models.trajectory_predictor import TrajectoryPredictor
 
 
 class MTPGO(TrajectoryPredictor):
     """Multimodal Gaussian trajectories of all agents of B scenes.
 
     Args:
-        config: see :class:`models.config.ModelConfig`.
+        config: see :class:`models.mtp_go_config.ModelConfig`.
     """
 
     if TYPE_CHECKING:  # TorchScript would compile an annotation that it can see
@@ -54,7 +54,7 @@ class MTPGO(TrajectoryPredictor):
         teacher: Tensor | None,
         teacher_valid: Tensor | None,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """See :meth:`models.predictor.TrajectoryPredictor.roll_out`."""
+        """See :meth:`models.trajectory_predictor.TrajectoryPredictor.roll_out`."""
         features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
         start = self.condition.start(features, valid)
         inputs = self.condition(features, valid, start)  # [B, N, T, .]

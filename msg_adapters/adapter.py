@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from msg_adapters.common import choose_twist_frame
+from msg_adapters.conversions import choose_twist_frame
 from msg_adapters.types import Types
 from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import AgentClass, ClassArray, KeyArray, TrackedStates
@@ -43,7 +43,7 @@ class Decoded:
         return sum(self.skipped.values())
 
 
-class Decoder(Protocol):
+class MessageDecoder(Protocol):
     """Reads a message; see :meth:`InputAdapter.decode` for the arguments."""
 
     def __call__(
@@ -68,7 +68,7 @@ class InputAdapter:
     name: str
     message_type: str
     twist_frame: str
-    decoder: Decoder
+    decoder: MessageDecoder
     builder: Callable[[TrackedStates, Types], Any]
 
     @property

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.cloud import cloud_to_records, records_to_cloud
-from msg_adapters.common import stamp_to_ns
-from msg_adapters.pointcloud2 import KEY_FIELDS
+from msg_adapters.conversions import stamp_to_ns
+from msg_adapters.inputs.object_cloud import KEY_FIELDS
 from msg_adapters.types import Types
+from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud
 from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import Float64Array, Prediction
 

@@ -9,16 +9,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from msg_adapters.adapter import InputAdapter
-from msg_adapters.autoware import AUTOWARE
-from msg_adapters.autoware_out import (
+from msg_adapters.inputs.autoware import AUTOWARE
+from msg_adapters.inputs.derived_objects import DERIVED
+from msg_adapters.inputs.detections import VISION
+from msg_adapters.inputs.ika import IKA
+from msg_adapters.inputs.object_cloud import POINTCLOUD2
+from msg_adapters.inputs.object_markers import MARKERS
+from msg_adapters.outputs.autoware_predictions import (
     prediction_to_predicted_objects,
     prediction_to_predicted_objects_bytes,
 )
-from msg_adapters.derived import DERIVED
-from msg_adapters.ika import IKA
-from msg_adapters.markers import MARKERS
-from msg_adapters.pointcloud2 import POINTCLOUD2
-from msg_adapters.prediction_markers import (
+from msg_adapters.outputs.prediction_markers import (
     MarkerStyle,
     MarkerTracker,
     prediction_to_marker_bytes,
@@ -26,7 +27,6 @@ from msg_adapters.prediction_markers import (
 )
 from msg_adapters.predictions import prediction_to_pointcloud2
 from msg_adapters.types import Types
-from msg_adapters.vision import VISION
 from mtpgo_core.errors import ConfigurationError, MessageError
 from mtpgo_core.schema import Prediction
 

@@ -82,7 +82,7 @@ class TypestoreTypes(Types):
 
     Args:
         typestore: anything with the ``types`` and ``fielddefs`` of ``rosbags.typesys.Typestore``,
-            with :data:`msg_adapters.definitions.DEFINITIONS` registered where messages of
+            with :data:`msg_adapters.wire.definitions.DEFINITIONS` registered where messages of
             packages beyond the common interfaces are to be built.
     """
 
@@ -97,7 +97,7 @@ class TypestoreTypes(Types):
         except KeyError:
             raise MessageError(
                 f"message type {name!r} is not in the typestore: register its definition "
-                "(msg_adapters.definitions) before messages of it are built"
+                "(msg_adapters.wire.definitions) before messages of it are built"
             ) from None
         return found
 

@@ -16,8 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.errors import FrameError
-from mtpgo_core.resampling import wrap
 from mtpgo_core.schema import Float64Array, TrackedStates
+
+
+def wrap(angle: Float64Array) -> Float64Array:
+    """Angles (rad) in (-pi, pi]."""
+    return -((np.pi - angle) % (2.0 * np.pi) - np.pi)
 
 
 def rotate(vector: Float64Array, angle: Float64Array | float) -> Float64Array:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.process import (
+from mtpgo_ros.runtime.executable import (
     ArgumentParser,
     fail,
     leave,
@@ -38,7 +38,7 @@ _AHEAD_S = 0.001
 
 
 @dataclass(frozen=True)
-class Plan:
+class LoadPlan:
     """What to publish and for how long.
 
     Attributes:
@@ -73,13 +73,13 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     arguments = list(sys.argv[1:] if argv is None else argv)
     import rclpy
 
-    from mtpgo_ros.ros_start import own_arguments, start
+    from mtpgo_ros.runtime.ros_start import own_arguments, start
 
     status = 0
     try:
         options = _parser().parse_args(own_arguments(arguments))
         start(arguments)
-        plan = Plan(**{name: getattr(options, name) for name in Plan.__annotations__})
+        plan = LoadPlan(**{name: getattr(options, name) for name in LoadPlan.__annotations__})
         result = _measure(plan, stopped)
         options.output.write_text(json.dumps(result), encoding="utf-8")
         print("done", flush=True)
@@ -91,14 +91,14 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     return status
 
 
-def _measure(plan: Plan, stopped: Callable[[], bool]) -> dict[str, Any]:
+def _measure(plan: LoadPlan, stopped: Callable[[], bool]) -> dict[str, Any]:
     """Publish and listen; what was measured.
 
     Raises:
         MtpgoError: no prediction came, or a signal did.
     """
-    from mtpgo_ros.load_node import LoadNode
-    from mtpgo_ros.ros_start import spin
+    from mtpgo_ros.load.load_node import LoadNode
+    from mtpgo_ros.runtime.ros_start import spin
 
     node = LoadNode(plan.agents, plan.predictor, plan.markers)
     over = threading.Event()
@@ -121,7 +121,9 @@ def _measure(plan: Plan, stopped: Callable[[], bool]) -> dict[str, Any]:
     return result
 
 
-def _publish(plan: Plan, node: Any, stopped: Callable[[], bool], over: threading.Event) -> None:
+def _publish(
+    plan: LoadPlan, node: Any, stopped: Callable[[], bool], over: threading.Event
+) -> None:
     """The publishing thread: every observation has its own moment, so lateness adds up nowhere."""
     try:
         period_s = 1.0 / plan.input_rate

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.process import (
+from mtpgo_ros.runtime.executable import (
     ArgumentParser,
     fail,
     leave,
@@ -22,7 +22,7 @@ from mtpgo_ros.process import (
 )
 
 if TYPE_CHECKING:
-    from mtpgo_ros.node import PredictorNode
+    from mtpgo_ros.node.predictor_node import PredictorNode
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
@@ -39,14 +39,14 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     arguments = list(sys.argv[1:] if argv is None else argv)
     import rclpy
 
-    from mtpgo_ros.ros_start import own_arguments, start
+    from mtpgo_ros.runtime.ros_start import own_arguments, start
 
     status, node = 0, None
     try:
         parser = ArgumentParser(prog="predictor", description=__doc__)
         parser.parse_args(own_arguments(arguments))
         start(arguments)
-        from mtpgo_ros.node import PredictorNode
+        from mtpgo_ros.node.predictor_node import PredictorNode
 
         node = PredictorNode()
         _serve(node, stopped)
@@ -68,7 +68,7 @@ def _serve(node: PredictorNode, stopped: Callable[[], bool]) -> None:
     """
     from rclpy.lifecycle import TransitionCallbackReturn
 
-    from mtpgo_ros.ros_start import spin
+    from mtpgo_ros.runtime.ros_start import spin
 
     if node.parameters.autostart:
         node.starting = True

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.process import ArgumentParser, fail, leave, positive, stop_on_signals
+from mtpgo_ros.runtime.executable import ArgumentParser, fail, leave, positive, stop_on_signals
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
@@ -31,8 +31,8 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     arguments = list(sys.argv[1:] if argv is None else argv)
     import rclpy
 
-    from mtpgo_ros.recorder import record
-    from mtpgo_ros.ros_start import own_arguments, start
+    from mtpgo_ros.bags.recorder_node import record
+    from mtpgo_ros.runtime.ros_start import own_arguments, start
 
     status = 0
     try:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import MtpgoError, RecordingError
-from mtpgo_ros.process import (
+from mtpgo_ros.runtime.executable import (
     ArgumentParser,
     fail,
     leave,
@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     arguments = list(sys.argv[1:] if argv is None else argv)
     import rclpy
 
-    from mtpgo_ros.ros_start import own_arguments, start
+    from mtpgo_ros.runtime.ros_start import own_arguments, start
 
     try:
         options = _parser().parse_args(own_arguments(arguments))
@@ -104,9 +104,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
-    from mtpgo_ros.bag_player import BagPlayer, Wait
-    from mtpgo_ros.bag_source import BagSource
-    from mtpgo_ros.playback import Timing
+    from mtpgo_ros.bags.bag_stream import BagSource
+    from mtpgo_ros.bags.playback import PlaybackTiming
+    from mtpgo_ros.bags.player_node import BagPlayer, Wait
 
     with BagSource(options.bag) as bag:
         origin_ns = bag.start_ns + round(options.start_offset * 1e9)
@@ -118,7 +118,7 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
                 f"--start-offset is {options.start_offset:g} s, but bag {options.bag} lasts only"
                 f" {(bag.end_ns - bag.start_ns) * 1e-9:.3f} s"
             )
-        timing = Timing(origin_ns, end_ns, options.rate, options.clock_rate)
+        timing = PlaybackTiming(origin_ns, end_ns, options.rate, options.clock_rate)
         player = BagPlayer(bag, timing, options.topics)
         try:
             wait = Wait(

@@ -12,18 +12,18 @@ from collections.abc import Sequence
 
 from mtpgo_core.errors import MtpgoError
 
-COMMANDS: tuple[tuple[str, str, str], ...] = (
-    ("convert", "mtpgo_training.convert", "recordings into rosbag2 MCAP bags"),
-    ("simulate", "mtpgo_training.simulate", "recordings of simulated traffic (Eclipse SUMO)"),
-    ("train", "mtpgo_training.train", "train a model on recordings"),
-    ("curve", "mtpgo_training.curve", "draw the learning curves of runs"),
-    ("export", "mtpgo_training.export", "export a trained model for the node"),
-    ("evaluate", "mtpgo_training.evaluate", "score a model on recordings"),
-    ("info", "mtpgo_training.info", "what a model file says about itself"),
-    ("benchmark", "mtpgo_training.benchmark", "measure the speed of the model"),
-    ("demo", "mtpgo_training.demo", "play a recording through the node and score it"),
-)
-"""Name, module with ``add_parser(subparsers)``, and help of every subcommand."""
+COMMANDS = {
+    "convert": "recordings into rosbag2 MCAP bags",
+    "simulate": "recordings of simulated traffic (Eclipse SUMO)",
+    "train": "train a model on recordings",
+    "curve": "draw the learning curves of runs",
+    "export": "export a trained model for the node",
+    "evaluate": "score a model on recordings",
+    "info": "what a model file says about itself",
+    "benchmark": "measure the speed of the model",
+    "demo": "play a recording through the node and score it",
+}
+"""The help of every subcommand; the module ``commands.NAME`` defines its ``add_parser``."""
 
 EXTRA_MODULES = {"jinja2", "lightning", "matplotlib", "pandas", "tensorboard", "yaml"}
 """What the extra ``training`` brings, as it is imported."""
@@ -35,9 +35,9 @@ def build_parser(command: str | None = None) -> argparse.ArgumentParser:
         prog="mtpgo", description="Multimodal trajectory prediction for traffic, offline."
     )
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, module, text in COMMANDS:
+    for name, text in COMMANDS.items():
         if name == command:
-            importlib.import_module(module).add_parser(subparsers)
+            importlib.import_module(f"mtpgo_training.commands.{name}").add_parser(subparsers)
         else:
             subparsers.add_parser(name, help=text, add_help=False)
     return parser
@@ -50,10 +50,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     end 141 and no word, as the shell has it.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    known = {name for name, _, _ in COMMANDS}
     command = next((word for word in arguments if not word.startswith("-")), None)
     try:
-        args = build_parser(command if command in known else None).parse_args(arguments)
+        args = build_parser(command if command in COMMANDS else None).parse_args(arguments)
         status = int(args.run(args) or 0)
         sys.stdout.flush()  # here, where somebody listens to what comes of it
         return status

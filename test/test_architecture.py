@@ -36,11 +36,68 @@ ALLOWED = {
 }
 """What each package may import beside itself and the standard library."""
 
+LARGEST_ROOM = 16
+"""Files in a folder, beside its __init__.py."""
+
 OPTIONAL = {"mtpgo_ros": {"tf2_ros", "ament_index_python"}}
 """What a package may import inside a function only: it must do without."""
 
-WITHOUT_TORCH = ("schema", "identity", "task", "errors", "history", "derivatives", "scene")
+WITHOUT_TORCH = (
+    "schema",
+    "identity",
+    "errors",
+    "task.task_description",
+    "history.track_history",
+    "history.causal_slope",
+    "scene.scene_builder",
+)
 """Modules of the core that an adapter or a reader uses: they must not pay for torch."""
+
+
+ROOMS = {
+    "models": ("kernels", "", "baselines", "inference"),
+    "mtpgo_core": ("", "task", "history", "scene", "prediction"),
+    "msg_adapters": (
+        "types",
+        "conversions",
+        "wire",
+        "adapter",
+        "inputs",
+        "predictions",
+        "outputs",
+        "registry",
+        "ring_traffic",
+    ),
+    "mtpgo_ros": ("runtime", "parameters", "diagnostics", "bags", "load", "node", ""),
+    "mtpgo_training": (
+        "atomic_files",
+        "data",
+        "scenes",
+        "evaluation",
+        "training",
+        "export",
+        "reports",
+        "simulate",
+        "demo",
+        "benchmark",
+        "commands",
+        "cli",
+    ),
+}
+"""The rooms of each package from the ground up: a room imports only from itself and from rooms
+before it. A room is a folder or a file of the package's root; "" is all of its files together."""
+
+
+def room_of(module: str) -> str:
+    """The room of a dotted module name; its package's name for the package itself."""
+    package, _, rest = module.partition(".")
+    first = rest.partition(".")[0]
+    return first if first in ROOMS[package] else ""
+
+
+def module_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 def is_message_package(name: str) -> bool:
@@ -107,6 +164,54 @@ def test_the_array_half_of_the_core_does_without_torch(module):
             assert imported.split(".")[0] != "torch", f"{module} needs torch through {name}"
             if imported.startswith("mtpgo_core.") and imported not in seen:
                 waiting.append(imported)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_rooms_import_only_rooms_below_them(package):
+    order = ROOMS[package]
+    wrong = []
+    for path in files_of(package):
+        module = module_of(path)
+        if module == package:
+            continue
+        assert room_of(module) in order, f"{path} is in no room of ROOMS[{package!r}]"
+        for imported, _ in imports_of(path):
+            if imported.split(".")[0] != package or imported == package:
+                continue
+            if order.index(room_of(imported)) > order.index(room_of(module)):
+                wrong.append(f"{path.relative_to(ROOT)} imports {imported}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_file_name_stands_for_one_thing():
+    places: dict[str, list[str]] = {}
+    for package in PACKAGES:
+        for path in files_of(package):
+            if path.name != "__init__.py":
+                places.setdefault(path.name, []).append(str(path.relative_to(ROOT)))
+    twice = {name: found for name, found in places.items() if len(found) > 1}
+    # A subcommand has the name of the executable or of the room that it calls.
+    assert not twice, twice
+
+
+def test_a_class_name_stands_for_one_thing():
+    places: dict[str, list[str]] = {}
+    for package in PACKAGES:
+        for path in files_of(package):
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    places.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    twice = {name: found for name, found in places.items() if len(found) > 1}
+    assert not twice, twice
+
+
+def test_a_room_is_small_enough_to_look_through():
+    for package in PACKAGES:
+        for folder in {path.parent for path in files_of(package)}:
+            files = [path.name for path in folder.glob("*.py") if path.name != "__init__.py"]
+            assert len(files) <= LARGEST_ROOM, f"{folder.relative_to(ROOT)}: {len(files)} files"
+    root = [path.name for path in (ROOT / "mtpgo_training").glob("*.py")]
+    assert len(root) <= 8, root
 
 
 def test_every_folder_with_code_is_a_package():

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtpgo_core.modelfile import find_model, load_task, model_card
-from mtpgo_core.runner import ModelRunner
-from mtpgo_training.config import load_config
-from mtpgo_training.evaluate import evaluate
-from mtpgo_training.networks import build_network
-from mtpgo_training.readers import load_recordings
+from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.task.model_file import find_model, load_task, model_card
+from mtpgo_training.commands.evaluate import evaluate
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.training.networks import build_network
+from mtpgo_training.training.training_config import load_config
 
 ROOT = Path(__file__).parents[1]
 RECIPES = sorted((ROOT / "config/training").glob("*.yaml"))

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Published recurrent predictors to compare MTP-GO with, on its inputs and with its outputs.
 
-All four share one skeleton (:mod:`models.baselines.recurrent`): an LSTM reads each agent's
-history, another rolls the future out, and a mixture of Gaussian trajectories is read off it. They
-differ in what an agent learns of its neighbours:
+All four share one skeleton (:mod:`models.baselines.recurrent_predictor`): an LSTM reads each
+agent's history, another rolls the future out, and a mixture of Gaussian trajectories is read off
+it. They differ in what an agent learns of its neighbours:
 
 * ``Seq2Seq``: nothing.
 * ``SocialLSTM``: a grid around it into which the neighbours' states are summed, at every step
@@ -15,11 +15,11 @@ differ in what an agent learns of its neighbours:
   Neural Network-based Vehicle Trajectory Prediction For Highway Driving", ITSC 2021).
 """
 
-from models.baselines.config import GraphConfig, GridConfig, RecurrentConfig
-from models.baselines.convolutional import ConvolutionalSocialLSTM
-from models.baselines.graph import GraphRNN
+from models.baselines.baseline_config import GraphConfig, GridConfig, RecurrentConfig
+from models.baselines.cs_lstm import ConvolutionalSocialLSTM
+from models.baselines.gnn_rnn import GraphRNN
+from models.baselines.s_lstm import SocialLSTM
 from models.baselines.seq2seq import Seq2Seq
-from models.baselines.social import SocialLSTM
 
 __all__ = [
     "ConvolutionalSocialLSTM",

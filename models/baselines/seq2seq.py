@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Seq2Seq: every agent for itself."""
 
-from models.baselines.config import RecurrentConfig
+from models.baselines.baseline_config import RecurrentConfig
 from models.baselines.interaction import NoInteraction
-from models.baselines.recurrent import RecurrentPredictor
+from models.baselines.recurrent_predictor import RecurrentPredictor
 
 
 class Seq2Seq(RecurrentPredictor):

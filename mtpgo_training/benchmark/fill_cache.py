@@ -11,10 +11,10 @@ import sys
 from pathlib import Path
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_training.cache import RecordingCache
-from mtpgo_training.config import TrainingConfig
-from mtpgo_training.readers import iter_recordings
-from mtpgo_training.sources import prepare
+from mtpgo_training.data.readers import iter_recordings
+from mtpgo_training.data.recording_cache import RecordingCache
+from mtpgo_training.scenes.prepared_recording import prepare
+from mtpgo_training.training.training_config import TrainingConfig
 
 
 def main(directory: str, layout: str, folder: str) -> int:

@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from mtpgo_training.atomic import write_text
+from mtpgo_training.atomic_files import write_text
 
 _CPU_INFO = Path("/proc/cpuinfo")
 

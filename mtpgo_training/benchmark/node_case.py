@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from mtpgo_training.benchmark.process_watch import Usage, cpu_share, largest_mb
-from mtpgo_training.demo.timing import missed_cycles
+from mtpgo_training.benchmark.process_usage import Usage, cpu_share, largest_mb
+from mtpgo_training.demo.publication_timing import missed_cycles
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Row:
+class NodeRow:
     """One line of the table.
 
     Latencies run from an observation's publication in one process, through the node in another,
@@ -90,7 +90,9 @@ class Row:
         return self.cycles > 0 and self.misses == 0 and self.by_constant_velocity == 0
 
 
-def evaluate(case: Case, raw: Mapping[str, Any], usages: Sequence[Usage], started_ns: int) -> Row:
+def evaluate(
+    case: Case, raw: Mapping[str, Any], usages: Sequence[Usage], started_ns: int
+) -> NodeRow:
     """What was found.
 
     Args:
@@ -120,7 +122,7 @@ def evaluate(case: Case, raw: Mapping[str, Any], usages: Sequence[Usage], starte
     first_ns = min((int(entry[1]) for entry in raw["received"]), default=0)
     heard = raw["heard_from_stamp"]
     p50, p99 = np.percentile(latency, (50, 99)) if len(latency) else (np.nan, np.nan)
-    return Row(
+    return NodeRow(
         agents=case.agents,
         graph=case.graph,
         neighbours=case.neighbours,

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from msg_adapters.common import stamp_to_ns
+from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.predictions import prediction_from_pointcloud2
 from mtpgo_core.schema import Prediction
-from mtpgo_training.bag import OBJECTS_TOPIC, open_bag
+from mtpgo_training.data.recording_bag import OBJECTS_TOPIC, open_bag
 
 PREDICTIONS = "/predictor/predictions"
 PROCESSING, DIAGNOSTICS = "/predictor/debug/processing_time_ms", "/diagnostics"

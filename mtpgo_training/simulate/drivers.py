@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.schema import Float64Array
-from mtpgo_training.simulate.config import SimulationConfig
+from mtpgo_training.simulate.simulation_config import SimulationConfig
 from mtpgo_training.simulate.sumo import EXTRA_S, VehicleType
 
 Generator = np.random.Generator

@@ -16,10 +16,10 @@ import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import BoolArray, Float64Array
-from mtpgo_training.recording import Recording
+from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate import drivers, street_network, sumo
-from mtpgo_training.simulate.camera import record
-from mtpgo_training.simulate.config import SimulationConfig
+from mtpgo_training.simulate.drone_camera import record
+from mtpgo_training.simulate.simulation_config import SimulationConfig
 from mtpgo_training.simulate.street_network import MAIN_ENDS, SIDE_ENDS, entry, exit_at
 
 MIDDLE = (170.0, -90.0)

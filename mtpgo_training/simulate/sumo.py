@@ -22,7 +22,7 @@ import pandas as pd
 
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.schema import Float64Array
-from mtpgo_training.simulate.config import SimulationConfig
+from mtpgo_training.simulate.simulation_config import SimulationConfig
 
 EXTRA_S = 1.5
 """Time seen before and after the recording (s), for smoothing without edges."""

@@ -11,9 +11,9 @@ import torch
 from torch import Tensor
 
 from models import MTPGO, ModelConfig
-from models.fast import deployable
-from models.likelihood import mixture_nll
-from models.predictor import TrajectoryPredictor
+from models.inference import deployable
+from models.mixture_likelihood import mixture_nll
+from models.trajectory_predictor import TrajectoryPredictor
 
 SMALL = {"history_steps": 6, "horizon_steps": 5, "modes": 3, "hidden": 8, "ode_hidden": 5}
 

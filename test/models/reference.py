@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn.functional import elu, leaky_relu, softplus, softsign
 from torch_geometric.nn import GATv2Conv, GCNConv, GraphConv
 
-from models.config import ModelConfig
+from models.mtp_go_config import ModelConfig
 
 NODES = {"euler": [0.0], "heun": [0.0, 1.0], "rk4": [0.0, 0.5, 0.5, 1.0]}
 WEIGHTS = {"euler": [1.0], "heun": [0.5, 0.5], "rk4": [1 / 6, 2 / 6, 2 / 6, 1 / 6]}

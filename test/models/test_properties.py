@@ -6,7 +6,7 @@ import pytest
 import torch
 from made import check_mixed_precision, constant_velocity, make_model, make_scene
 
-from models.likelihood import mixture_nll, position_nll
+from models.mixture_likelihood import mixture_nll, position_nll
 
 ORDERS = pytest.mark.parametrize("order", [1, 2])
 LAYERS = pytest.mark.parametrize("layer", ["graphconv", "gcn", "gat", "gat+"])

@@ -11,8 +11,8 @@ from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from msg_adapters.definitions import DEFINITIONS
 from msg_adapters.types import RclpyTypes, TypestoreTypes
+from msg_adapters.wire.definitions import DEFINITIONS
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import Prediction, TrackedStates, tracked_states
 

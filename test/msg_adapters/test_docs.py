@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msg_adapters.pointcloud2 import COVARIANCE_FIELDS
+from msg_adapters.inputs.object_cloud import COVARIANCE_FIELDS
 from msg_adapters.predictions import POINT, prediction_to_pointcloud2
 from msg_adapters.registry import INPUTS, OUTPUTS
 from mtpgo_core.schema import AgentClass

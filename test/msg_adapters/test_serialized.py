@@ -8,9 +8,9 @@ import time
 import numpy as np
 import pytest
 
-from msg_adapters.cdr import CdrWriter
-from msg_adapters.marker_encoding import Drawn, markers_to_cdr, markers_to_message
+from msg_adapters.outputs.marker_encoding import Drawn, markers_to_cdr, markers_to_message
 from msg_adapters.registry import OUTPUTS
+from msg_adapters.wire.cdr import CdrWriter
 
 KINDS = ["markers", "autoware"]
 

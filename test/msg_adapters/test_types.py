@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from msg_adapters.definitions import DEFINITIONS
 from msg_adapters.registry import INPUTS, OUTPUTS
 from msg_adapters.types import RclpyTypes, TypestoreTypes, message_class
+from msg_adapters.wire.definitions import DEFINITIONS
 from mtpgo_core.errors import MessageError
 
 SENTENCES = {

@@ -9,7 +9,7 @@ import torch
 
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import HistoryWindow, tracked_states
-from mtpgo_core.task import TASK_FILE, TaskDescription
+from mtpgo_core.task.task_description import TASK_FILE, TaskDescription
 
 S_NS = 1_000_000_000
 MODES, HORIZON = 3, 5

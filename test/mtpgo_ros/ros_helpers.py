@@ -34,8 +34,8 @@ from msg_adapters.registry import INPUTS
 from msg_adapters.types import RclpyTypes
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import Prediction, TrackedStates, tracked_states
-from mtpgo_ros.node import PredictorNode
-from mtpgo_ros.worker import Job
+from mtpgo_ros.node.inference_worker import Job
+from mtpgo_ros.node.predictor_node import PredictorNode
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMIT_S = 60.0

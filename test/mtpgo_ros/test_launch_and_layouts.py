@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mtpgo_ros.diagnostics import BAD_MODEL, BAD_TIMING, ODD_INPUT
-from mtpgo_ros.parameters import PredictorParameters
+from mtpgo_ros.diagnostics.diagnostic_status import BAD_MODEL, BAD_TIMING, ODD_INPUT
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
 ROOT = Path(__file__).resolve().parents[2]
 LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))

@@ -26,7 +26,7 @@ from std_msgs.msg import String
 
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import RecordingError
-from mtpgo_ros.bag_sink import BagSink
+from mtpgo_ros.bags.bag_writer import BagSink
 from mtpgo_ros.record import _parser, topics_of
 
 

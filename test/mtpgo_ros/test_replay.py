@@ -14,13 +14,13 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from msg_adapters.common import stamp_to_ns
+from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.registry import INPUTS
 from msg_adapters.types import TypestoreTypes
 from mtpgo_core.errors import RecordingError
-from mtpgo_ros.bag_sink import _qos, _typestore
-from mtpgo_ros.bag_source import BagSource
-from mtpgo_ros.playback import Report, Sinks, Timing, play
+from mtpgo_ros.bags.bag_stream import BagSource
+from mtpgo_ros.bags.bag_writer import _qos, _typestore
+from mtpgo_ros.bags.playback import PlaybackTiming, Report, Sinks, play
 
 
 def write_bag(path, *, seconds=1.0, storage=StoragePlugin.MCAP, kind="pointcloud2"):
@@ -79,7 +79,7 @@ def numbered(count, step_ns=10_000_000):
 @pytest.mark.parametrize("rate", [1.0, 4.0])
 def test_messages_and_ticks_have_their_own_moments(rate):
     tape, report = Tape(), Report()
-    play(numbered(41), Timing(0, 400_000_000, rate, 100.0), tape.sinks(), report)
+    play(numbered(41), PlaybackTiming(0, 400_000_000, rate, 100.0), tape.sinks(), report)
     assert [data[0] for _, data, _ in tape.messages] == list(range(41))
     assert report.messages == 41
     assert report.wall_s >= 0.4 / rate
@@ -105,7 +105,7 @@ def test_a_tick_at_the_time_of_a_message_comes_first():
         lambda _: None,
         tape.stopped,
     )
-    play(iter([("/a", 0, b"")]), Timing(0, 0), sinks, Report())
+    play(iter([("/a", 0, b"")]), PlaybackTiming(0, 0), sinks, Report())
     assert order[:2] == ["tick", "message"]
 
 
@@ -113,7 +113,7 @@ def test_stopping_is_noticed_in_a_long_pause():
     tape = Tape(limit=1)
     messages = iter([("/a", 0, b""), ("/a", 3_600_000_000_000, b"")])
     report = Report()
-    play(messages, Timing(0, 3_600_000_000_000, clock_hz=0.0), tape.sinks(), report)
+    play(messages, PlaybackTiming(0, 3_600_000_000_000, clock_hz=0.0), tape.sinks(), report)
     assert len(tape.messages) == 1
     assert not tape.ticks
     assert report.wall_s < 30.0
@@ -126,7 +126,7 @@ def test_an_error_while_reading_ahead_is_raised():
 
     tape = Tape()
     with pytest.raises(RecordingError, match="cut off"):
-        play(broken(), Timing(0, 10**9), tape.sinks(), Report())
+        play(broken(), PlaybackTiming(0, 10**9), tape.sinks(), Report())
     assert len(tape.messages) == 1
 
 
@@ -312,5 +312,5 @@ def test_types_that_are_not_installed_are_skipped_with_a_sentence(tmp_path):
 def test_the_read_ahead_thread_ends_with_the_pass():
     tape = Tape(limit=2)
     endless = (("/a", k, b"") for k in itertools.count())
-    play(endless, Timing(0, 10**9), tape.sinks(), Report())
+    play(endless, PlaybackTiming(0, 10**9), tape.sinks(), Report())
     assert len(tape.messages) == 2

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import torch
 
-from mtpgo_core.task import TASK_FILE, SceneConfig, TaskDescription
+from mtpgo_core.task.task_description import TASK_FILE, SceneConfig, TaskDescription
 
 MODES, STEPS, DT_S = 3, 25, 0.2
 POISON_MPS = 80.0

@@ -8,8 +8,8 @@ import numpy as np
 
 from msg_adapters.registry import INPUTS
 from mtpgo_core.frames import Pose2, rotate
-from mtpgo_training.bag import bag_typestore, create_bag
-from mtpgo_training.recording import Recording
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording_bag import bag_typestore, create_bag
 
 EPOCH_NS = 1_700_000_000 * 10**9
 

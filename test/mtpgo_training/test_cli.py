@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from mtpgo_training import cli
-from mtpgo_training.readers import load_recordings
+from mtpgo_training.data.readers import load_recordings
 
 sys.path.insert(0, str(Path(__file__).parent))
 import drone_files
@@ -71,9 +71,9 @@ def test_interrupt_is_status_130(
     def interrupted(args: object) -> int:
         raise KeyboardInterrupt
 
-    import mtpgo_training.convert
+    import mtpgo_training.commands.convert
 
-    monkeypatch.setattr(mtpgo_training.convert, "run", interrupted)
+    monkeypatch.setattr(mtpgo_training.commands.convert, "run", interrupted)
     assert cli.main(["convert", "highd", str(tmp_path), "-o", str(tmp_path / "x")]) == 130
     assert "Traceback" not in capsys.readouterr().err
 
@@ -96,7 +96,7 @@ def test_help_loads_no_heavy_library() -> None:
         cwd=Path(__file__).parents[2],
     )
     assert done.stdout.splitlines()[-1] == "[]"
-    for name, _, text in cli.COMMANDS:
+    for name, text in cli.COMMANDS.items():
         assert name in done.stdout
         assert text.split()[0] in done.stdout
 

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from mtpgo_training.recording import Recording
+from mtpgo_training.data.recording import Recording
 
 
 def braking_cars(name="01", *, tracks=12, seconds=9.0, rate=10.0, seed=0):

@@ -8,12 +8,12 @@ import pytest
 import torch
 from rivals import close
 
-from models.baselines.config import GraphConfig, GridConfig
-from models.baselines.convolutional import ConvolutionalPooling
-from models.baselines.graph import GraphInteraction
-from models.baselines.grid import Grid
+from models.baselines.baseline_config import GraphConfig, GridConfig
+from models.baselines.cs_lstm import ConvolutionalPooling
+from models.baselines.gnn_rnn import GraphInteraction
 from models.baselines.interaction import NoInteraction
-from models.baselines.social import SocialPooling
+from models.baselines.s_lstm import SocialPooling
+from models.baselines.social_grid import Grid
 
 GRID = GridConfig(hidden=4, embedding=3, rows=7, columns=3, cell_length_m=6.0, cell_width_m=4.0)
 

@@ -7,9 +7,9 @@ import os
 
 import pytest
 
-from mtpgo_training.benchmark.node import Bar
+from mtpgo_training.benchmark.node_benchmark import Bar
 from mtpgo_training.benchmark.node_case import Case, evaluate
-from mtpgo_training.benchmark.process_watch import (
+from mtpgo_training.benchmark.process_usage import (
     ProcessWatch,
     Usage,
     cpu_share,

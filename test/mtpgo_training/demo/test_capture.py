@@ -7,7 +7,7 @@ from demo_traffic import perfect_prediction
 
 from msg_adapters.predictions import prediction_to_pointcloud2
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.bag import create_bag
+from mtpgo_training.data.recording_bag import create_bag
 from mtpgo_training.demo.capture import read_capture
 
 

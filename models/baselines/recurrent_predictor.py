@@ -1,0 +1,141 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The skeleton of the baselines: LSTM encoder and decoder with a hole for the interaction.
+
+What is MTP-GO's too is taken from there, so that a comparison is about the networks alone: inputs
+and their scales, each agent's own frame, presence, the start at constant velocity, the read-out of
+modes, weights and covariances. The published forms differ in these, see the "Baselines" section of
+the training page.
+"""
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import leaky_relu
+
+from models.agent_frames import Start, states_to_own, states_to_scene
+from models.baselines.baseline_config import RecurrentConfig
+from models.baselines.interaction import Interaction
+from models.ekf import DirectCovariance, rotate_blocks
+from models.heads import ControlHead, MixtureHead, NoiseHead
+from models.trajectory_predictor import TrajectoryPredictor
+
+
+class AgentLSTM(nn.Module):
+    """One step of an LSTM for every agent of every scene.
+
+    Args:
+        size_in: channels of the input.
+        hidden: D.
+    """
+
+    def __init__(self, size_in: int, hidden: int):
+        super().__init__()
+        self.cell = nn.LSTMCell(size_in, hidden)
+
+    def forward(self, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
+        """The next h and c, [B, N, D] each, of the input [B, N, size_in] and the last two."""
+        next_h, next_c = self.cell(x.flatten(0, 1), (h.flatten(0, 1), c.flatten(0, 1)))
+        return next_h.view(h.shape), next_c.view(c.shape)
+
+
+class RecurrentPredictor(TrajectoryPredictor):
+    """LSTM encoder and decoder; the output is the position's mixture, S = 2.
+
+    A step's output is how far each mode's velocity is from that at t, so that small outputs are
+    constant velocity. Its covariance k steps ahead is (k dt)^2 times what the decoder gives.
+
+    Args:
+        config: the network's options.
+        interaction: what an agent learns of its neighbours.
+    """
+
+    def __init__(self, config: RecurrentConfig, interaction: Interaction):
+        super().__init__(config)
+        hidden, modes, size = config.hidden, config.modes, interaction.size
+        self.dt_s = config.dt_s
+        self.static_features = config.static_features
+        self.each_step = interaction.each_step
+        self.interaction = interaction
+        inputs = self.condition.input_size + config.static_size * config.static_features
+        self.embed_inputs = nn.Linear(inputs, config.embedding)
+        self.embed_states = nn.Linear(2 * modes, config.embedding)
+        self.initial = nn.Parameter(torch.empty(2, hidden).uniform_(-0.01, 0.01))
+        self.encoder = AgentLSTM(config.embedding + size * self.each_step, hidden)
+        self.decoder = AgentLSTM(config.embedding + size, hidden)
+        self.mixture = MixtureHead(hidden + size, modes)
+        self.control = ControlHead(hidden, modes, 2)
+        self.noise = NoiseHead(hidden, modes)
+        self.covariance = DirectCovariance(config)
+
+    def roll_out(
+        self,
+        features: Tensor,
+        valid: Tensor,
+        static: Tensor,
+        initial_covariance: Tensor | None,
+        with_covariance: bool,
+        teacher: Tensor | None,
+        teacher_valid: Tensor | None,
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """See :meth:`TrajectoryPredictor.roll_out`; P_0 is not used."""
+        features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
+        start = self.condition.start(features, valid)
+        inputs = self.condition(features, valid, start)  # [B, N, T, .]
+        if self.static_features:
+            always = static.unsqueeze(2).expand(-1, -1, inputs.size(2), -1)
+            inputs = torch.cat((inputs, always.to(inputs.dtype)), dim=-1)
+        position = features[..., :2]
+        h, c = self.encode(inputs, position, valid, start)
+
+        present = valid[:, :, -1]
+        links = self.interaction.prepare(position[:, :, -1], start.direction, present)
+        heard = self.interaction(h, links)  # [B, N, size]
+        log_weight = self.mixture(torch.cat((h, heard), dim=-1))  # [B, N, M]
+
+        state = start.position.unsqueeze(2).expand(-1, -1, self.modes, -1)
+        uniform = start.velocity.unsqueeze(2)
+        lead = None if teacher is None else states_to_own(torch.nan_to_num(teacher), start)
+        states: list[Tensor] = []
+        hidden: list[Tensor] = []
+        for k in range(self.horizon_steps):
+            seen = self.seen(state, lead, teacher_valid, k)
+            if k > 0 and self.each_step:
+                heard = self.interaction(h, links)
+            x = leaky_relu(self.embed_states(self.condition.scale_states(seen, start, k)), 0.1)
+            h, c = self.decoder(torch.cat((x, heard), dim=-1), h, c)
+            state = state + self.dt_s * (uniform + self.control(h))  # [B, N, M, 2]
+            states.append(state)
+            hidden.append(h)
+        mean = states_to_scene(torch.stack(states), start).permute(1, 2, 3, 0, 4).contiguous()
+        if not with_covariance:
+            return log_weight, mean, torch.empty(0, dtype=mean.dtype, device=mean.device)
+        noise = self.noise(torch.stack(hidden))  # [2, 2, H, B, N, M]
+        blocks = self.covariance(noise, noise, noise, noise)
+        return log_weight, mean, self.observed(rotate_blocks(blocks, start.direction))
+
+    def encode(
+        self, inputs: Tensor, position: Tensor, valid: Tensor, start: Start
+    ) -> tuple[Tensor, Tensor]:
+        """The LSTM's h and c at t, [B, N, D] each.
+
+        They stay the learned first ones until the agent is seen, and keep their value while it is
+        absent (design D2).
+
+        Args:
+            inputs: [B, N, T, .] scaled.
+            position: [B, N, T, 2] in the scene frame (m).
+            valid: [B, N, T].
+            start: the agents' frames.
+        """
+        embedded = leaky_relu(self.embed_inputs(inputs), 0.1)
+        h = self.initial[0].expand(valid.size(0), valid.size(1), -1)
+        c = self.initial[1].expand(valid.size(0), valid.size(1), -1)
+        for i, x in enumerate(embedded.unbind(2)):
+            present = valid[:, :, i]
+            if self.each_step:
+                links = self.interaction.prepare(position[:, :, i], start.direction, present)
+                x = torch.cat((x, self.interaction(h, links)), dim=-1)
+            new_h, new_c = self.encoder(x, h, c)
+            h = torch.where(present.unsqueeze(-1), new_h, h)
+            c = torch.where(present.unsqueeze(-1), new_c, c)
+        return h, c

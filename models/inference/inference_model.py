@@ -1,0 +1,137 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The whole of MTP-GO for inference, built from a trained model."""
+
+from typing import cast
+
+import torch
+from torch import Tensor, nn
+
+from models.agent_frames import Start
+from models.ekf import EkfCovariance, initial_in_own_frame, rotate_blocks
+from models.inference.inference_covariance import FastCovariance
+from models.inference.inference_decoder import FastDecoder
+from models.inference.inference_encoder import FastEncoder
+from models.inference.inference_motion import FastMotion
+from models.inference.packed_attention import make_scratch
+from models.interaction_graph import complete_graph, squared_distances
+from models.mtp_go import MTPGO
+from models.mtp_go_config import ModelConfig
+from models.neural_ode import NeuralODE
+from models.temporal_attention import presence_bias
+
+
+def is_covered(config: ModelConfig) -> bool:
+    """Whether :class:`FastMTPGO` can compute this model: the default and what lies near it."""
+    return (
+        config.layer in ("gat", "gat+")
+        and (config.heads, config.gnn_layers, config.ode_layers, config.order) == (1, 1, 1, 2)
+        and config.encoder_gnn
+        and config.decoder_gnn
+        and config.ekf
+        and config.agent_frame
+    )
+
+
+def deployable(model: MTPGO) -> nn.Module:
+    """The form of a model that is exported: fast where there is one, else the model itself."""
+    return FastMTPGO(model) if is_covered(model.config) else model
+
+
+class FastMTPGO(nn.Module):
+    """The same function as :meth:`MTPGO.forward` of the model it is built from.
+
+    It holds its own products of the weights: a model that is trained further needs a new one.
+
+    Args:
+        model: a model whose configuration :func:`is_covered`.
+    """
+
+    observation: Tensor
+    time: Tensor
+
+    def __init__(self, model: MTPGO):
+        super().__init__()
+        self.config = model.config
+        self.modes = model.modes
+        self.horizon_steps = model.horizon_steps
+        self.covariance_scale = model.covariance_scale
+        self.condition = model.condition
+        self.mixture = model.mixture
+        self.noise = model.noise
+        self.initial_covariance = model.initial_covariance
+        self.encoder = FastEncoder(model.encoder)
+        self.decoder = FastDecoder(model.decoder, model.condition, model.modes)
+        self.motion = FastMotion(cast(NeuralODE, model.motion), model.modes)
+        self.covariance = FastCovariance(cast(EkfCovariance, model.covariance))
+        self.control = model.control
+        self.register_buffer("observation", model.observation)
+        time = model.config.dt_s * torch.arange(1, self.horizon_steps + 1, dtype=torch.float64)
+        self.register_buffer("time", time.view(1, 1, -1, 1))
+        self.to(model.control.out.weight.dtype)
+        self.eval()
+
+    def forward(
+        self,
+        features: Tensor,
+        valid: Tensor,
+        static: Tensor,
+        initial_covariance: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Predict every agent, in the scene frame; see :meth:`MTPGO.forward`."""
+        features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
+        start = self.condition.start(features, valid)
+        inputs = self.condition(features, valid, start)
+        position = features[..., :2]
+        scratch = make_scratch(features, valid.size(1), self.decoder.gnn.size)
+        encoded = self.encoder(inputs, position, valid, scratch)  # [B, N, T, D]
+        last = encoded[:, :, -1].contiguous()
+        log_weight = self.mixture(last)
+
+        scenes, agents = valid.size(0), valid.size(1)
+        rows = scenes * agents * self.modes
+        absent = complete_graph(valid[:, :, -1]).logical_not_()
+        edge, fixed = self.decoder.gnn.prepare(squared_distances(position[:, :, -1]), absent)
+        summaries, constant = self.decoder.prepare(encoded, presence_bias(valid))
+        constants = self.motion.prepare(static, start.velocity)
+        h = (last + self.decoder.initial).flatten(0, 1)
+        state = torch.zeros(rows, 4, dtype=h.dtype, device=h.device)
+        states: list[Tensor] = []
+        units: list[Tensor] = []
+        hidden: list[Tensor] = []
+        for _ in range(self.horizon_steps):
+            deviation = state.view(scenes * agents, self.modes * 4)
+            h = self.decoder(h, deviation, summaries, constant, edge, fixed, scratch)
+            control = self.control(h.unsqueeze(0)).view(rows, 2)
+            state, unit = self.motion(state, control, constants)
+            states.append(state)
+            units.append(unit)
+            hidden.append(h)
+        size = [self.horizon_steps, scenes, agents, -1]
+        mean = self.to_scene(torch.stack(states), start)
+
+        noise = self.noise(torch.stack(hidden).view(size))  # [2, 2, H, B, N, M]
+        first = self.initial_covariance(last)  # [S, S, B, N]
+        if initial_covariance is not None:
+            first = initial_in_own_frame(initial_covariance, first, start.direction)
+        of_q, of_position = self.motion.jacobian(torch.cat(units))
+        blocks = self.covariance(first, of_q, of_position, noise)
+        spread = rotate_blocks(blocks, start.direction) + self.observation
+        return log_weight, mean, self.covariance_scale * spread
+
+    def to_scene(self, deviations: Tensor, start: Start) -> Tensor:
+        """[B, N, M, H, S] states in the scene frame, from [H, B N M, S] in the agents' frames."""
+        scenes, agents = start.origin.size(0), start.origin.size(1)
+        cos, sin = start.direction.unbind(-1)
+        # A row vector times the transposed rotation, for position and velocity at once.
+        turn = torch.stack((torch.stack((cos, sin), -1), torch.stack((-sin, cos), -1)), -2)
+        none = torch.zeros_like(turn)
+        both = torch.cat((torch.cat((turn, none), -1), torch.cat((none, turn), -1)), -2)
+        velocity = start.velocity.unsqueeze(2).expand(-1, -1, self.horizon_steps, -1)
+        uniform = torch.cat((start.position.unsqueeze(2) + velocity * self.time, velocity), -1)
+        uniform = torch.matmul(uniform, both)  # [B, N, H, 4]
+        uniform[..., :2].add_(start.origin.unsqueeze(2))
+        own = deviations.view(self.horizon_steps, scenes, agents, self.modes, 4)
+        own = own.permute(1, 2, 3, 0, 4).flatten(2, 3)  # [B, N, M H, 4]
+        mean = torch.matmul(own, both)
+        return mean.view(scenes, agents, self.modes, -1, 4).add_(uniform.unsqueeze(2))

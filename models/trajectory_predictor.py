@@ -1,0 +1,120 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What all networks have in common: their interface, and how their input is scaled."""
+
+import torch
+from torch import Tensor, nn
+
+from models.conditioning import Conditioning
+from models.network_config import NetworkConfig
+
+
+class TrajectoryPredictor(nn.Module):
+    """A network that gives multimodal Gaussian trajectories of all agents of B scenes.
+
+    Subclasses write :meth:`roll_out`. Training, export and the node know no more than this class.
+
+    Args:
+        config: the network's options.
+
+    Attributes:
+        config: as above.
+        condition: scales of the inputs, kept in buffers.
+        observation: [S, S] covariance of an observed state around the true one.
+    """
+
+    observation: Tensor
+
+    def __init__(self, config: NetworkConfig):
+        super().__init__()
+        self.config = config
+        self.horizon_steps = config.horizon_steps
+        self.modes = config.modes
+        self.covariance_scale = config.covariance_scale
+        self.condition = Conditioning(config)
+        observation = torch.tensor(config.observation_std).square().diag()
+        self.register_buffer("observation", observation, persistent=False)
+
+    def forward(
+        self,
+        features: Tensor,
+        valid: Tensor,
+        static: Tensor,
+        initial_covariance: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Predict every agent, in the scene frame.
+
+        Args:
+            features: [B, N, T, F], columns as in the task's scene configuration; what stands where
+                ``valid`` is false does not matter.
+            valid: [B, N, T] presence; an agent absent at t gets finite numbers without meaning.
+            static: [B, N, C] one-hot class.
+            initial_covariance: [B, N, S, S] P_0 in the scene frame, for instance the tracker's;
+                an agent whose entries are not all finite takes the model's own. A network without
+                a filter does not use it.
+
+        Returns:
+            log mixture weights [B, N, M], means [B, N, M, H, S] and covariances
+            [B, N, M, H, S, S] of x, y (m) and, where S is 4, vx, vy (m/s).
+        """
+        return self.roll_out(features, valid, static, initial_covariance, True, None, None)
+
+    def roll_out(
+        self,
+        features: Tensor,
+        valid: Tensor,
+        static: Tensor,
+        initial_covariance: Tensor | None,
+        with_covariance: bool,
+        teacher: Tensor | None,
+        teacher_valid: Tensor | None,
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """:meth:`forward` with the options of training.
+
+        Args:
+            features: as in :meth:`forward`, and so the next three.
+            valid: see there.
+            static: see there.
+            initial_covariance: see there.
+            with_covariance: false saves the covariances, which come back empty.
+            teacher: [B, N, H, S] true future states in the scene frame. Where given and valid, the
+                decoder sees them instead of its own last prediction; the motion model never does.
+            teacher_valid: [B, N, H].
+
+        Returns:
+            As :meth:`forward`.
+        """
+        raise NotImplementedError
+
+    def seen(self, state: Tensor, lead: Tensor | None, told: Tensor | None, step: int) -> Tensor:
+        """[B, N, M, S] the state that the decoder is fed: its own, or the teacher's.
+
+        Args:
+            state: [B, N, M, S] the last prediction, in the agents' frames.
+            lead: [B, N, H, S] the teacher's states in the agents' frames.
+            told: [B, N, H] where they are valid.
+            step: counted from 0; there is nothing to be told before the first.
+        """
+        if step == 0 or lead is None or told is None:
+            return state
+        known = told[:, :, step - 1, None, None]
+        return torch.where(known, lead[:, :, step - 1].unsqueeze(2), state)
+
+    def observed(self, covariance: Tensor) -> Tensor:
+        """[B, N, M, H, S, S] covariances of observed states, calibrated, from those of states."""
+        return self.covariance_scale * (covariance + self.observation)
+
+    def set_statistics(
+        self,
+        feature_mean: Tensor,
+        feature_std: Tensor,
+        own_mean: Tensor | None = None,
+        own_std: Tensor | None = None,
+    ) -> None:
+        """Fill the scaling buffers, see :meth:`Conditioning.set_statistics`."""
+        self.condition.set_statistics(feature_mean, feature_std, own_mean, own_std)
+
+    @torch.no_grad()
+    def fit_statistics(self, features: Tensor, valid: Tensor) -> None:
+        """Fill the scaling buffers from sample scenes: [B, N, T, F] and presence [B, N, T]."""
+        self.condition.fit_statistics(features, valid)

@@ -1,0 +1,107 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Lane markings as LINE_STRIP markers, to a latched topic and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from msg_adapters.conversions import make_header, make_vector, pose_row, yaw_from_quaternions
+from msg_adapters.types import Types
+from mtpgo_core.errors import MessageError
+from mtpgo_core.schema import Float64Array
+
+NAMESPACE = "lane_markings"
+_LINE_STRIP, _LINE_LIST = 4, 5
+_ADD = 0
+
+
+@dataclass(frozen=True)
+class LaneMarkings:
+    """Lane markings of a site.
+
+    Attributes:
+        frame_id: frame of the points, empty if there is no line.
+        polylines: [k, 2] points of each line (m), k >= 2.
+    """
+
+    frame_id: str
+    polylines: tuple[Float64Array, ...]
+
+
+def lanes_to_markers(
+    polylines: Sequence[Float64Array], types: Types, *, stamp_ns: int, frame_id: str
+) -> Any:
+    """A MarkerArray with one white LINE_STRIP per polyline, to be published latched.
+
+    Args:
+        polylines: [k, 2] points each (m).
+        types: where message classes come from.
+        stamp_ns: header stamp (ns).
+        frame_id: frame of the points.
+    """
+    header = make_header(types, stamp_ns, frame_id)
+    point = types.message_class("geometry_msgs/msg/Point")
+    markers = []
+    for number, line in enumerate(polylines):
+        points = [point(x=x, y=y, z=0.0) for x, y in np.asarray(line, np.float64)[:, :2].tolist()]
+        markers.append(
+            types.make(
+                "visualization_msgs/msg/Marker",
+                header=header,
+                ns=NAMESPACE,
+                id=number,
+                type=_LINE_STRIP,
+                action=_ADD,
+                scale=make_vector(types, 0.15, 0.0),
+                color=types.make("std_msgs/msg/ColorRGBA", r=0.9, g=0.9, b=0.9, a=0.8),
+                points=points,
+            )
+        )
+    return types.make("visualization_msgs/msg/MarkerArray", markers=markers)
+
+
+def lanes_from_markers(message: Any) -> LaneMarkings:
+    """The polylines of all LINE_STRIP markers, and each segment of LINE_LIST ones.
+
+    Markers of other types, deletions and lines with fewer than two finite points are left out.
+
+    Args:
+        message: ``visualization_msgs/MarkerArray``.
+
+    Raises:
+        MessageError: the lines stand in different frames, or the message is malformed.
+    """
+    lines: list[Float64Array] = []
+    frames: dict[str, None] = {}
+    try:
+        for marker in message.markers:
+            if int(marker.action) != _ADD or int(marker.type) not in (_LINE_STRIP, _LINE_LIST):
+                continue
+            frames[str(marker.header.frame_id)] = None
+            points = _placed(marker)
+            if int(marker.type) == _LINE_STRIP:
+                lines.append(points)
+            else:
+                lines.extend(points[: len(points) // 2 * 2].reshape(-1, 2, 2))
+    except (AttributeError, TypeError, ValueError) as error:
+        raise MessageError(f"message cannot be read as lane markings: {error}") from error
+    if len(frames) > 1:
+        raise MessageError(
+            f"lane markings stand in the frames {', '.join(map(repr, frames))}, expected one"
+        )
+    finite = [line[np.isfinite(line).all(axis=1)] for line in lines]
+    return LaneMarkings(next(iter(frames), ""), tuple(line for line in finite if len(line) > 1))
+
+
+def _placed(marker: Any) -> Float64Array:
+    """[k, 2] points of a marker (m), its pose applied."""
+    points = np.array([(p.x, p.y) for p in marker.points], dtype=np.float64).reshape(-1, 2)
+    x, y, _, *quaternion = pose_row(marker.pose)
+    yaw = float(np.nan_to_num(yaw_from_quaternions(np.array([quaternion], dtype=np.float64))[0]))
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    return points @ turn.T + (x, y)

@@ -1,0 +1,38 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The pose of a vehicle from nav_msgs/Odometry, for lifting what it sees into a fixed frame."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from msg_adapters.conversions import yaw_from_quaternions
+from mtpgo_core.frames import Pose2
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+
+
+def pose_of(message: Any) -> Pose2:
+    """Where the message's child frame stands in its header's frame, and how it moves there."""
+    pose, twist = message.pose.pose, message.twist.twist
+    yaw = yaw_of(pose.orientation)
+    forward, left = twist.linear.x, twist.linear.y
+    return Pose2(
+        x=pose.position.x,
+        y=pose.position.y,
+        yaw=yaw,
+        velocity=(
+            math.cos(yaw) * forward - math.sin(yaw) * left,
+            math.sin(yaw) * forward + math.cos(yaw) * left,
+        ),
+        yaw_rate=twist.angular.z,
+    )
+
+
+def yaw_of(quaternion: Any) -> float:
+    """Yaw (rad) of a geometry_msgs/Quaternion."""
+    row = np.array([[quaternion.x, quaternion.y, quaternion.z, quaternion.w]])
+    return float(yaw_from_quaternions(row)[0])

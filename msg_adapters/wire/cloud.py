@@ -1,0 +1,125 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""PointCloud2 messages as numpy structured arrays, and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.conversions import make_header
+from msg_adapters.types import Types
+from mtpgo_core.errors import MessageError
+
+# sensor_msgs/PointField datatype numbers.
+_DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+_NUMBERS = {np.dtype(code): number for number, code in _DATATYPES.items()}
+
+
+def cloud_to_records(message: Any) -> NDArray[Any]:
+    """[points] structured view of a cloud's data, with one name per field.
+
+    Fields with a count other than one are left out. Organised clouds (height above one) are
+    flattened row by row.
+
+    Raises:
+        MessageError: the layout contradicts itself or the data.
+    """
+    layout = _record_type(message)
+    rows, columns = int(message.height), int(message.width)
+    row_step = int(message.row_step)
+    needed = columns * layout.itemsize
+    data = _octets(message.data)
+    if rows * columns == 0:
+        return np.empty(0, dtype=layout)
+    if rows > 1 and row_step < needed:
+        raise MessageError(
+            f"point cloud has row_step {row_step}, expected at least width x point_step = {needed}"
+        )
+    # Many publishers leave the row_step of a cloud of one row unset.
+    stride = row_step if rows > 1 else needed
+    total = (rows - 1) * stride + needed
+    if len(data) < total:
+        raise MessageError(
+            f"point cloud has {len(data)} bytes of data, expected {total} for "
+            f"{rows} x {columns} points of {layout.itemsize} bytes"
+        )
+    if rows == 1 or stride == needed:
+        return np.frombuffer(data, dtype=layout, count=rows * columns)
+    lines = [np.frombuffer(data, layout, columns, row * stride) for row in range(rows)]
+    return np.concatenate(lines)
+
+
+def records_to_cloud(
+    records: NDArray[Any], types: Types, *, stamp_ns: int, frame_id: str, is_dense: bool
+) -> Any:
+    """An unorganised little-endian PointCloud2 of [points] records.
+
+    Args:
+        records: [points] structured array; the fields of the message are those of its dtype.
+        types: where message classes come from.
+        stamp_ns: header stamp (ns).
+        frame_id: header frame.
+        is_dense: no field is NaN.
+    """
+    layout = records.dtype
+    fields = []
+    for name in layout.names or ():
+        kind, offset = layout.fields[name][:2]  # type: ignore[index]
+        fields.append(
+            types.make(
+                "sensor_msgs/msg/PointField",
+                name=name,
+                offset=int(offset),
+                datatype=_NUMBERS[kind],
+                count=1,
+            )
+        )
+    flat = np.ascontiguousarray(records).reshape(-1)
+    return types.make(
+        "sensor_msgs/msg/PointCloud2",
+        header=make_header(types, stamp_ns, frame_id),
+        height=1,
+        width=len(flat),
+        fields=fields,
+        is_bigendian=False,
+        point_step=layout.itemsize,
+        row_step=layout.itemsize * len(flat),
+        data=types.octets(flat.view(np.uint8)),
+        is_dense=bool(is_dense),
+    )
+
+
+def _octets(data: Any) -> memoryview:
+    try:
+        return memoryview(data).cast("B")
+    except TypeError:
+        return memoryview(bytes(data))
+
+
+def _record_type(message: Any) -> np.dtype[Any]:
+    step = int(message.point_step)
+    order = ">" if message.is_bigendian else "<"
+    names, formats, offsets = [], [], []
+    for field in message.fields:
+        if int(field.count) not in (0, 1):
+            continue
+        code = _DATATYPES.get(int(field.datatype))
+        if code is None:
+            raise MessageError(
+                f"point cloud field {field.name!r} has datatype {field.datatype}, expected 1 to 8"
+            )
+        kind = np.dtype(order + code)
+        if int(field.offset) + kind.itemsize > step:
+            raise MessageError(
+                f"point cloud field {field.name!r} ends at byte "
+                f"{int(field.offset) + kind.itemsize}, expected at most point_step = {step}"
+            )
+        if field.name in names:
+            raise MessageError(f"point cloud has two fields of the name {field.name!r}")
+        names.append(field.name)
+        formats.append(kind)
+        offsets.append(int(field.offset))
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step})

@@ -1,0 +1,124 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The last samples of many tracks, in rings of one common length that grows when it must."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.history.resampling import NEVER_NS
+from mtpgo_core.schema import Float64Array
+
+_HIGHEST_RATE_HZ = 200.0
+_SHORTEST = 64
+
+IndexArray = NDArray[np.intp]
+
+
+class SampleRings:
+    """Rings of samples, one for each slot.
+
+    The rings are as long as the fastest track needs to keep its samples for ``keep_ns``. Samples
+    that come faster than 200 Hz replace each other, so the newest is always there, the memory is
+    bounded, and what a tracker really sends is never thinned.
+
+    Args:
+        capacity: number of slots.
+        columns: numbers in a sample.
+        keep_ns: how long a sample has to stay (ns).
+
+    Attributes:
+        last_ns: [capacity] stamp of the newest sample, ``NEVER_NS`` where there is none.
+        last: [capacity, columns] the newest sample, NaN where there is none.
+        count: [capacity] samples written.
+    """
+
+    def __init__(self, capacity: int, columns: int, keep_ns: int) -> None:
+        self._keep_ns = keep_ns
+        self._spacing_ns = round(1e9 / _HIGHEST_RATE_HZ)
+        self._longest = keep_ns // self._spacing_ns + 3
+        length = min(_SHORTEST, self._longest)
+        self._stamp = np.full((capacity, length), NEVER_NS, dtype=np.int64)
+        self._sample = np.full((capacity, length, columns), np.nan)
+        self.count = np.zeros(capacity, dtype=np.int64)
+        self.last_ns = np.full(capacity, NEVER_NS, dtype=np.int64)
+        self.last = np.full((capacity, columns), np.nan)
+
+    @property
+    def capacity(self) -> int:
+        """Number of slots."""
+        return self._stamp.shape[0]
+
+    def grow(self, capacity: int) -> None:
+        """Make room for more slots, keeping what is there."""
+        extra = capacity - self.capacity
+
+        def longer(array: NDArray[Any], fill: float) -> NDArray[Any]:
+            more = np.full((extra, *array.shape[1:]), fill, dtype=array.dtype)
+            return np.concatenate([array, more])
+
+        self._stamp = longer(self._stamp, NEVER_NS)
+        self._sample = longer(self._sample, np.nan)
+        self.count = longer(self.count, 0)
+        self.last_ns = longer(self.last_ns, NEVER_NS)
+        self.last = longer(self.last, np.nan)
+
+    def blank(self, slot: IndexArray) -> None:
+        """Empty the slots."""
+        self._stamp[slot] = NEVER_NS
+        self.count[slot] = 0
+        self.last_ns[slot] = NEVER_NS
+        self.last[slot] = np.nan
+
+    def append(
+        self, slot: IndexArray, stamp_ns: int | NDArray[np.int64], sample: Float64Array
+    ) -> None:
+        """Write one sample [n, columns] into each slot, newer than all that are there.
+
+        The time is one for all or [n] (ns).
+        """
+        column = self._columns(slot, stamp_ns)
+        self._stamp[slot, column] = stamp_ns
+        self._sample[slot, column] = sample
+        self.last_ns[slot] = stamp_ns
+        self.last[slot] = sample
+
+    def in_order(self, slot: IndexArray) -> tuple[NDArray[np.int64], IndexArray]:
+        """[n, K] stamps by rising time, ``NEVER_NS`` first, and places for :meth:`samples`."""
+        length = self._stamp.shape[1]
+        place = (self.count[slot][:, None] + np.arange(length)) % length
+        written = np.arange(length) >= length - self.count[slot][:, None]
+        return np.where(written, self._stamp[slot[:, None], place], NEVER_NS), place
+
+    def samples(self, slot: IndexArray, place: IndexArray) -> Float64Array:
+        """[n, T, columns] samples of each slot at the places [n, T]."""
+        return self._sample[slot[:, None], place]
+
+    def _columns(self, slot: IndexArray, stamp_ns: int | NDArray[np.int64]) -> IndexArray:
+        """Where in the rings the new samples go; lengthens the rings while they are too short."""
+        while True:
+            length = self._stamp.shape[1]
+            count = self.count[slot]
+            column = count % length
+            before_ns = self._stamp[slot, (count - 2) % length]
+            crowded = (count >= 2) & (self.last_ns[slot] - before_ns < self._spacing_ns)
+            lost = ~crowded & (self._stamp[slot, column] >= stamp_ns - self._keep_ns)
+            if not lost.any() or length >= self._longest:
+                break
+            self._lengthen(min(2 * length, self._longest))
+        self.count[slot] += ~crowded
+        return np.where(crowded, (count - 1) % length, column)
+
+    def _lengthen(self, length: int) -> None:
+        """Longer rings, in which the oldest sample stands first."""
+        capacity, old, columns = self._sample.shape
+        rows = np.arange(capacity)[:, None]
+        place = (np.maximum(self.count, old)[:, None] + np.arange(old)) % old
+        stamp = np.full((capacity, length), NEVER_NS, dtype=np.int64)
+        sample = np.full((capacity, length, columns), np.nan)
+        stamp[:, :old], sample[:, :old] = self._stamp[rows, place], self._sample[rows, place]
+        self.count = np.minimum(self.count, old)
+        self._stamp, self._sample = stamp, sample

@@ -1,0 +1,208 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the exported model: TorchScript in, predictions in the fixed frame out.
+
+The file carries all that is needed (see :mod:`mtpgo_core.task.task_description`); the network's
+code is not. Its ``forward(features, valid, static, initial_covariance)`` returns log weights [B,
+N, M], means [B, N, M, H, S] and covariances [B, N, M, H, S, S] in the scene frames.
+"""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from mtpgo_core.errors import ModelFileError
+from mtpgo_core.frames import rotate_covariance
+from mtpgo_core.prediction.constant_velocity import usable_covariances
+from mtpgo_core.prediction.output_assembly import ModelOutput, assemble
+from mtpgo_core.schema import Float32Array, HistoryWindow, Prediction, SceneBatch
+from mtpgo_core.task.model_file import find_model, load_task
+from mtpgo_core.task.task_description import TaskDescription
+
+__all__ = ["ModelRunner", "find_model", "load_task"]
+
+_ROWS_AT_ONCE = 128
+"""Graphs x agents in one call of the model, which holds some 0.35 MB for each; more are served in
+several calls, at no cost in time."""
+
+_PAIRS_AT_ONCE = 32_768
+"""Graphs x agents x agents, likewise: attention over the past holds some 4 kB for each."""
+
+
+class ModelRunner:
+    """A loaded model.
+
+    Args:
+        module: the TorchScript module.
+        task: what it was trained for.
+        path: where it comes from, for messages.
+
+    Attributes:
+        task: as above.
+        path: as above.
+    """
+
+    def __init__(self, module: torch.jit.ScriptModule, task: TaskDescription, path: Path) -> None:
+        self._module = module
+        self.task = task
+        self.path = path
+
+    @classmethod
+    def load(cls, path: str | Path, num_threads: int | None = 1) -> ModelRunner:
+        """Load a model file and warm it up.
+
+        Args:
+            path: of the file.
+            num_threads: threads of torch in this process; None leaves them as they are.
+
+        Raises:
+            ModelFileError: see :func:`mtpgo_core.task.model_file.load_task`, or the model does not
+                compute what its task description says.
+        """
+        path = Path(path)
+        task = load_task(path)
+        if num_threads is not None and torch.get_num_threads() != num_threads:
+            torch.set_num_threads(num_threads)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit as a whole
+                module = torch.jit.load(str(path), map_location="cpu").eval()
+        except (RuntimeError, ValueError, OSError) as error:
+            raise ModelFileError(
+                f"model file {path} is truncated or no TorchScript file: {_first_line(error)}"
+            ) from error
+        runner = cls(module, task, path)
+        runner.warm_up()
+        return runner
+
+    def warm_up(self, agents: int = 8) -> None:
+        """Run the model on standing agents, so that the first real call is as fast as the rest.
+
+        Raises:
+            ModelFileError: it fails, or its output has not the shapes of the task description.
+        """
+        task = self.task
+        steps, modes, states = task.horizon_steps, task.modes, len(task.states)
+        features = np.zeros((1, agents, task.history.steps, len(task.scene.features)), np.float32)
+        features[0, :, :, 0] = 10.0 * np.arange(agents)[:, None]
+        features[..., 6] = 1.0
+        valid = np.ones(features.shape[:3], dtype=bool)
+        static = np.zeros((1, agents, len(task.scene.classes)), dtype=np.float32)
+        expected = (
+            (1, agents, modes),
+            (1, agents, modes, steps, states),
+            (1, agents, modes, steps, states, states),
+        )
+        unknown = np.full((1, agents, states, states), np.nan, dtype=np.float32)
+        for covariance in (None, unknown):
+            try:
+                output = self._forward(features, valid, static, covariance)
+                given = tuple(tuple(tensor.shape) for tensor in output)
+            except (RuntimeError, TypeError, ValueError, AttributeError) as error:
+                raise ModelFileError(
+                    f"model file {self.path} does not run on the input that its task description "
+                    f"asks for: {_first_line(error)}"
+                ) from error
+            if given != expected:
+                raise ModelFileError(
+                    f"model file {self.path} gives an output of shapes {given}, its task "
+                    f"description says {expected}"
+                )
+
+    def predict(
+        self, window: HistoryWindow, batch: SceneBatch, initial_covariance: bool = False
+    ) -> Prediction:
+        """Predict the primary agents of the scenes.
+
+        Args:
+            window: what the scenes were cut from.
+            batch: the scenes, built with this task's configuration.
+            initial_covariance: start from the tracker's covariances where the window has usable
+                ones, instead of the model's own.
+
+        Returns:
+            One row for each agent of the window, in the fixed frame, modes sorted by falling
+            weight. Rows of agents that are nowhere primary, or for which the model gave no usable
+            numbers, are NaN throughout: the caller falls back on something else.
+        """
+        covariance = self._tracked(window, batch) if initial_covariance else None
+        pieces = [
+            self._piece(batch, piece, covariance)
+            for piece in _pieces(batch.valid.shape[0], batch.valid.shape[1])
+        ]
+        modes, steps, states = self.task.modes, self.task.horizon_steps, len(self.task.states)
+        empty = (
+            np.zeros((0, modes), np.float32),
+            np.zeros((0, modes, steps, states), np.float32),
+            np.zeros((0, modes, steps, 2, 2), np.float32),
+        )
+        joined = [np.concatenate(parts) for parts in zip(empty, *pieces, strict=True)]
+        return assemble(window, batch, ModelOutput(*joined), self.task.history.dt_s)
+
+    def _piece(
+        self, batch: SceneBatch, piece: slice, covariance: Float32Array | None
+    ) -> tuple[Float32Array, Float32Array, Float32Array]:
+        """The output of some of the scenes, primary agents only, covariance of positions only."""
+        most = max(1, int((batch.agent[piece] >= 0).sum(axis=1).max(initial=0)))
+        log_weight, mean, cov = self._forward(
+            batch.features[piece, :most],
+            batch.valid[piece, :most],
+            batch.static[piece, :most],
+            None if covariance is None else covariance[piece, :most],
+        )
+        primary = torch.from_numpy(np.ascontiguousarray(batch.primary[piece, :most]))
+        position = cov[..., :2, :2]
+        return (
+            log_weight[primary].numpy(),
+            mean[primary].numpy(),
+            position[primary].numpy(),
+        )
+
+    def _forward(
+        self,
+        features: Float32Array,
+        valid: np.ndarray,
+        static: Float32Array,
+        covariance: Float32Array | None,
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """One call of the module, on whichever thread this is.
+
+        Torch's own optimisation of the graph would take seconds during the second call and
+        save nothing measurable afterwards, so it is left out.
+        """
+        with torch.inference_mode(), torch.jit.optimized_execution(False):
+            log_weight, mean, cov = self._module(
+                torch.from_numpy(np.ascontiguousarray(features)),
+                torch.from_numpy(np.ascontiguousarray(valid)),
+                torch.from_numpy(np.ascontiguousarray(static)),
+                None if covariance is None else torch.from_numpy(np.ascontiguousarray(covariance)),
+            )
+        return log_weight, mean, cov
+
+    def _tracked(self, window: HistoryWindow, batch: SceneBatch) -> Float32Array:
+        """[B, N, S, S] the tracker's covariances in the scene frames, NaN where unusable."""
+        states = len(self.task.states)
+        usable = usable_covariances(window.covariance[:, :states, :states])
+        turned = rotate_covariance(usable[batch.agent], -batch.rotation[:, None])
+        return turned.astype(np.float32)
+
+
+def _pieces(graphs: int, agents: int) -> list[slice]:
+    """Ranges of graphs that the model serves in one call each, of about the same length."""
+    rows = max(1, agents)
+    at_once = max(1, min(_ROWS_AT_ONCE // rows, _PAIRS_AT_ONCE // (rows * rows)))
+    calls = -(-graphs // at_once)
+    bounds = [graphs * call // max(1, calls) for call in range(calls + 1)]
+    return [slice(first, last) for first, last in itertools.pairwise(bounds)]
+
+
+def _first_line(error: Exception) -> str:
+    """The last line of a torch error says what happened; the rest is a C++ stack."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    picked = next((x for x in reversed(lines) if "Error" in x), lines[0] if lines else "")
+    return picked[:200] or type(error).__name__

@@ -1,0 +1,155 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""From the model's output in many scene frames to one prediction in the fixed frame."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.prediction.constant_velocity import initial_states, motion_yaw
+from mtpgo_core.schema import (
+    BoolArray,
+    Float32Array,
+    Float64Array,
+    HistoryWindow,
+    Prediction,
+    SceneBatch,
+    Source,
+)
+
+
+@dataclass(frozen=True)
+class ModelOutput:
+    """What the model says of each agent's own graph, still in that graph's scene frame.
+
+    Attributes:
+        log_weight: [p, M].
+        mean: [p, M, H, S] x, y (m) and, where S is 4, vx, vy (m/s).
+        covariance: [p, M, H, 2, 2] of the position (m^2).
+    """
+
+    log_weight: Float32Array
+    mean: Float32Array
+    covariance: Float32Array
+
+
+def assemble(
+    window: HistoryWindow, batch: SceneBatch, output: ModelOutput, dt_s: float
+) -> Prediction:
+    """Rotate, shift, sort by weight, and put each agent's prediction in its row of the window.
+
+    Args:
+        window: what the scenes were cut from.
+        batch: the scenes; ``output`` has one row for each true ``primary``, in row-major order.
+        output: of the model.
+        dt_s: step of the horizon (s).
+
+    Returns:
+        One row for each agent of the window. Rows of agents without a prediction, or with one
+        that is not finite or whose covariance is not positive definite, are NaN throughout.
+    """
+    graph, _ = np.nonzero(batch.primary)
+    agent = batch.agent[batch.primary]
+    cos, sin = np.cos(batch.rotation[graph]), np.sin(batch.rotation[graph])
+    cos, sin = cos[:, None, None], sin[:, None, None]
+
+    mean = np.empty((*output.mean.shape[:3], 4))
+    scene = output.mean.astype(np.float64)
+    for first in range(0, scene.shape[-1], 2):
+        x, y = scene[..., first], scene[..., first + 1]
+        mean[..., first] = cos * x - sin * y
+        mean[..., first + 1] = sin * x + cos * y
+    mean[..., :2] += batch.origin[graph][:, None, None]
+    initial, initial_yaw = initial_states(window)
+    if scene.shape[-1] == 2:
+        mean[..., 2:] = _differences(mean[..., :2], initial[agent, :2], dt_s)
+
+    covariance = _turned(output.covariance.astype(np.float64), cos, sin)
+    weight = _weights(output.log_weight.astype(np.float64))
+    usable = _usable(weight, mean, covariance)
+
+    order = np.argsort(-weight, axis=1, kind="stable")
+    rows = np.arange(order.shape[0])[:, None]
+    weight, mean, covariance = weight[rows, order], mean[rows, order], covariance[rows, order]
+    yaw = motion_yaw(mean, initial_yaw[agent])
+
+    def spread(values: Float64Array) -> Float64Array:
+        full = np.full((len(window), *values.shape[1:]), np.nan)
+        full[agent[usable]] = values[usable]
+        return full
+
+    return Prediction(
+        stamp_ns=window.stamp_ns,
+        frame_id=window.frame_id,
+        key=window.key,
+        agent_class=window.agent_class,
+        z=window.z,
+        size=window.size,
+        initial=initial,
+        initial_yaw=initial_yaw,
+        time_s=dt_s * np.arange(1, mean.shape[2] + 1),
+        weight=spread(weight),
+        mean=spread(mean),
+        yaw=spread(yaw),
+        covariance=spread(covariance),
+        source=np.full(len(window), Source.MODEL, dtype=np.uint8),
+    )
+
+
+def merge(first: Prediction, other: Prediction, take_other: BoolArray) -> Prediction:
+    """Row by row ``first``, or ``other`` where the mask [n] says so; same agents, same shape."""
+    fields = ("initial", "initial_yaw", "weight", "mean", "yaw", "covariance", "source")
+    merged = {}
+    for name in fields:
+        value = getattr(first, name).copy()
+        value[take_other] = getattr(other, name)[take_other]
+        merged[name] = value
+    return dataclasses.replace(first, **merged)
+
+
+def select(prediction: Prediction, index: NDArray[np.intp] | BoolArray) -> Prediction:
+    """The prediction of the agents that ``index`` names (integer positions or a mask)."""
+    whole = {"stamp_ns", "frame_id", "time_s"}
+    rows = {
+        f.name: getattr(prediction, f.name)[index]
+        for f in dataclasses.fields(prediction)
+        if f.name not in whole
+    }
+    return dataclasses.replace(prediction, **rows)
+
+
+def _differences(position: Float64Array, initial: Float64Array, dt_s: float) -> Float64Array:
+    """Velocities [p, M, H, 2] of a model that predicts positions only (first order)."""
+    start = np.broadcast_to(initial[:, None, None], (*position.shape[:2], 1, 2))
+    return np.diff(np.concatenate([start, position], axis=2), axis=2) / dt_s
+
+
+def _turned(covariance: Float64Array, cos: Float64Array, sin: Float64Array) -> Float64Array:
+    """R C R^T of [p, M, H, 2, 2], written out; symmetric by construction."""
+    xx, yy = covariance[..., 0, 0], covariance[..., 1, 1]
+    xy = 0.5 * (covariance[..., 0, 1] + covariance[..., 1, 0])
+    turned = np.empty(covariance.shape)
+    turned[..., 0, 0] = cos * cos * xx - 2.0 * cos * sin * xy + sin * sin * yy
+    turned[..., 1, 1] = sin * sin * xx + 2.0 * cos * sin * xy + cos * cos * yy
+    turned[..., 0, 1] = turned[..., 1, 0] = cos * sin * (xx - yy) + (cos * cos - sin * sin) * xy
+    return turned
+
+
+def _weights(log_weight: Float64Array) -> Float64Array:
+    """Weights that sum to one in float64."""
+    with np.errstate(invalid="ignore"):
+        weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
+        return weight / weight.sum(axis=1, keepdims=True)
+
+
+def _usable(weight: Float64Array, mean: Float64Array, covariance: Float64Array) -> BoolArray:
+    """[p] which predictions can be served."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+        definite = (xx > 0.0) & (yy > 0.0) & (xx * yy - xy * xy > 0.0)
+        finite = np.isfinite(xx + yy) & np.isfinite(mean).all(axis=3)
+        return np.asarray(np.isfinite(weight).all(axis=1) & (definite & finite).all(axis=(1, 2)))

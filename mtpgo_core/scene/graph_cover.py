@@ -1,0 +1,130 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A few neighbourhoods that reach every agent, kept from cycle to cycle (design D14)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.schema import BoolArray, Float64Array
+from mtpgo_core.task.task_description import SceneConfig
+
+IndexArray = NDArray[np.intp]
+
+KEEP = 0.8
+"""A centre goes when the others reach all its agents within this part of the limits."""
+_CANDIDATES = 16
+"""Places tried for a new centre; more find hardly fewer graphs."""
+
+
+def neighbourhoods(
+    position: Float64Array, centre: IndexArray, max_neighbours: int, radius_m: float
+) -> tuple[IndexArray, Float64Array]:
+    """The agents around each centre, itself first, then by rising distance.
+
+    Args:
+        position: [n, 2] (m).
+        centre: [B] positions of the centres among the agents.
+        max_neighbours: agents beside the centre.
+        radius_m: the farthest that a neighbour may be (m).
+
+    Returns:
+        [B, K] positions among the agents, -1 for padding, and [B, K] distances (m), inf there;
+        K is at most ``max_neighbours + 1``.
+    """
+    n = position.shape[0]
+    most = min(n, max_neighbours + 1)
+    members = np.full((centre.shape[0], most), -1, dtype=np.intp)
+    distance = np.full((centre.shape[0], most), np.inf)
+    rows_at_once = max(1, 1_000_000 // max(n, 1))
+    for begin in range(0, centre.shape[0], rows_at_once):
+        some = centre[begin : begin + rows_at_once]
+        rows = np.arange(some.shape[0])[:, None]
+        offset = position[some][:, None, :] - position[None, :, :]
+        squared = np.einsum("bnk,bnk->bn", offset, offset)
+        squared[rows[:, 0], some] = -1.0  # the centre comes first, even before one at its place
+        if most < n:
+            nearest = np.argpartition(squared, most - 1, axis=1)[:, :most]
+            nearest.sort(axis=1)  # equal distances: the order of the agents decides
+        else:
+            nearest = np.broadcast_to(np.arange(n), (some.shape[0], n))
+        by_distance = np.argsort(squared[rows, nearest], axis=1, kind="stable")
+        nearest = nearest[rows, by_distance]
+        reach = np.maximum(squared[rows, nearest], 0.0)
+        within = (reach <= radius_m**2) | (np.arange(most) == 0)
+        members[begin : begin + rows_at_once] = np.where(within, nearest, -1)
+        distance[begin : begin + rows_at_once] = np.where(within, np.sqrt(reach), np.inf)
+    longest = max(1, int((members >= 0).sum(axis=1).max(initial=0)))
+    return members[:, :longest], distance[:, :longest]
+
+
+def _reached(members: IndexArray, n: int) -> BoolArray:
+    """[B, n] whether each graph holds each agent."""
+    reached = np.zeros((members.shape[0], n + 1), dtype=bool)
+    reached[np.arange(members.shape[0])[:, None], members] = True  # padding: the last column
+    return reached[:, :n]
+
+
+def cover_centres(
+    position: Float64Array, config: SceneConfig, ego: int, kept: IndexArray
+) -> IndexArray:
+    """Centres, the ego first, then the previous ones still of use, then new ones."""
+    n = position.shape[0]
+    first = np.array([ego] if ego >= 0 else [], dtype=np.intp)
+    centre = np.concatenate([first, kept])
+    limits = config.max_neighbours, config.radius_m
+    if kept.shape[0]:
+        members, distance = neighbourhoods(position, centre, *limits)
+        reached = _reached(members, n)
+        rank = np.arange(members.shape[1]) <= KEEP * config.max_neighbours
+        near = rank & (distance <= KEEP * config.radius_m)
+        well = _reached(np.where(near, members, -1), n)
+        use = _useful(reached, well, first.shape[0])
+        centre, covered = centre[use], np.asarray(reached[use].any(axis=0))
+    else:
+        covered = np.asarray(_reached(neighbourhoods(position, first, *limits)[0], n).any(axis=0))
+    new = []
+    while not covered.all():
+        candidate, members = _new_centre(position, limits, covered)
+        new.append(candidate)
+        covered[members] = True
+    return np.concatenate([centre, np.array(new, dtype=np.intp)])
+
+
+def _useful(reached: BoolArray, well: BoolArray, fixed: int) -> BoolArray:
+    """[B] which centres to keep: all but those whose agents others reach well.
+
+    Args:
+        reached: [B, n] agents of each graph.
+        well: [B, n] of these, the ones well within the limits.
+        fixed: the first so many centres are kept in any case.
+    """
+    use = np.ones(reached.shape[0], dtype=bool)
+    times = well.sum(axis=0)
+    for row in np.argsort(reached.sum(axis=1), kind="stable"):
+        if row >= fixed and (times - well[row])[reached[row]].all():
+            use[row] = False
+            times = times - well[row]
+    return use
+
+
+def _new_centre(
+    position: Float64Array, limits: tuple[int, float], covered: BoolArray
+) -> tuple[int, IndexArray]:
+    """The next centre and its agents.
+
+    Of the agents whose graphs would hold the outermost agent not yet covered, it is the one whose
+    graph covers the most agents.
+    """
+    open_ = np.flatnonzero(~covered)
+    middle = position[open_].mean(axis=0)
+    seed = open_[np.argmax(((position[open_] - middle) ** 2).sum(axis=1))]
+    around = neighbourhoods(position, np.array([seed]), *limits)[0][0]
+    around = around[around >= 0]
+    pick = np.unique(np.linspace(0, around.shape[0] - 1, _CANDIDATES).round().astype(np.intp))
+    members = neighbourhoods(position, around[pick], *limits)[0]
+    gain = ((members >= 0) & ~covered[members]).sum(axis=1)
+    gain[~(members == seed).any(axis=1)] = 0
+    best = int(np.argmax(gain))
+    return int(around[pick[best]]), members[best][members[best] >= 0]

@@ -1,0 +1,184 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""From the history window to the model's input (design D12 to D14); offline and online the same.
+
+Only agents present at the common time t stand in a scene: one that left before t can neither be
+predicted nor act on the others' future.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.frames import rotate
+from mtpgo_core.scene.graph_selection import GraphState, choose_graphs, graphs_around
+from mtpgo_core.scene.lane_map import LaneMap
+from mtpgo_core.scene.leader_context import leader_features
+from mtpgo_core.scene.traffic_context import traffic_features
+from mtpgo_core.schema import (
+    AgentClass,
+    ClassArray,
+    Float32Array,
+    Float64Array,
+    HistoryWindow,
+    KeyArray,
+    SceneBatch,
+)
+from mtpgo_core.task.task_description import SceneConfig
+
+_BY_AGENT = {"leaders": leader_features, "traffic": traffic_features}
+"""Contexts that are the same in every graph: computed once for each agent."""
+
+_MOVING_MPS = 0.5
+"""Below, the direction of motion says nothing about the driving direction."""
+
+
+def build_scenes(
+    window: HistoryWindow,
+    config: SceneConfig,
+    *,
+    ego_key: KeyArray | None = None,
+    previous: GraphState | None = None,
+    centres: NDArray[np.intp] | None = None,
+    lanes: LaneMap | None = None,
+) -> SceneBatch:
+    """Graphs, scene frames and features of the agents present at the window's common time.
+
+    In each graph the centre stands first, then its neighbours by rising distance.
+
+    Args:
+        window: the history.
+        config: policy, limits, frame, context and classes.
+        ego_key: [4] the agent of the ``ego`` policy.
+        previous: the memory of the cycles before, read and renewed (``cover``, ``ego``,
+            ``scene``); without it every call chooses afresh.
+        centres: [B] positions in the window; forces one graph around each of these agents, all
+            members primary. This is how training cuts its samples.
+        lanes: lane lines in the window's frame, for the context ``lanes``.
+
+    Returns:
+        The batch, padded up to its largest graph; B = 0 when nobody is present.
+
+    Raises:
+        ConfigurationError: a centre that is not present at t, or lanes wanted and not given.
+    """
+    if centres is None:
+        graphs = choose_graphs(window, config, ego_key=ego_key, state=previous)
+    else:
+        centres = np.asarray(centres, dtype=np.intp).reshape(-1)
+        inside = (centres >= 0) & (centres < len(window))
+        if not inside.all() or not window.valid[centres, -1].all():
+            raise ConfigurationError(
+                "centres names an agent that is not present at the window's time, expected "
+                "positions in the window where valid[:, -1] is true"
+            )
+        graphs = graphs_around(window, config, centres)
+    agent = graphs.members.astype(np.int64)
+    origin, rotation = scene_frames(window, config, graphs.members[:, 0])
+    real = agent >= 0
+    valid = window.valid[agent] & real[..., None]
+    return SceneBatch(
+        features=_features(window, config, agent, valid, origin, rotation, lanes),
+        valid=valid,
+        static=class_one_hot(window.agent_class, config.classes)[agent] * real[..., None],
+        origin=origin,
+        rotation=rotation,
+        agent=agent,
+        primary=graphs.primary,
+    )
+
+
+def scene_frames(
+    window: HistoryWindow, config: SceneConfig, centre: NDArray[np.intp]
+) -> tuple[Float64Array, Float64Array]:
+    """Origins [B, 2] (m) and rotations [B] (rad) of the scene frames around ``centre`` (D12).
+
+    ``centre_heading``: at the centre agent, x along its yaw (0 where that was never known).
+    ``driving_direction``: at the centre agent, x along the fixed frame's +x or, for an agent that
+    drives towards -x, along -x (the paper's highway frame). ``site_origin``: at the configured
+    point, not turned (the paper's roundabouts and junctions).
+    """
+    if config.frame == "site_origin":
+        origin = np.broadcast_to(np.array(config.site_origin, dtype=np.float64), (len(centre), 2))
+        return origin.copy(), np.zeros(len(centre))
+    yaw = np.nan_to_num(window.yaw[centre, -1])
+    if config.frame == "driving_direction":
+        velocity = np.nan_to_num(window.velocity[centre, -1])
+        moving = np.hypot(velocity[:, 0], velocity[:, 1]) > _MOVING_MPS
+        forward = np.where(moving, velocity[:, 0], np.cos(yaw)) >= 0.0
+        yaw = np.where(forward, 0.0, np.pi)
+    return window.position[centre, -1], yaw
+
+
+def class_one_hot(agent_class: ClassArray, classes: tuple[str, ...]) -> Float32Array:
+    """[n, C] one-hot classes, all zero for a class that ``classes`` does not name."""
+    return _one_hot_table(classes)[agent_class]
+
+
+@functools.cache
+def _one_hot_table(classes: tuple[str, ...]) -> Float32Array:
+    """[256, C] row for each value of a class."""
+    table = np.zeros((256, len(classes)), dtype=np.float32)
+    for column, name in enumerate(classes):
+        value = AgentClass.from_name(name)
+        if value != AgentClass.UNKNOWN or name == "unknown":
+            table[value, column] = 1.0
+    table.setflags(write=False)
+    return table
+
+
+def _features(
+    window: HistoryWindow,
+    config: SceneConfig,
+    agent: NDArray[np.int64],
+    valid: NDArray[np.bool_],
+    origin: Float64Array,
+    rotation: Float64Array,
+    lanes: LaneMap | None,
+) -> Float32Array:
+    """[B, N, T, F] in the order of ``SceneConfig.features``.
+
+    Positions lose the origin in float64, so a far-off map origin costs no precision. A velocity or
+    acceleration that was never known is 0, such a yaw is the scene's x axis.
+    """
+    turn = -rotation[:, None, None]
+    position = rotate(window.position[agent] - origin[:, None, None], turn)
+    yaw = window.yaw[agent] + turn
+    yaw = np.where(np.isnan(yaw), 0.0, yaw)
+    columns = [
+        position,
+        rotate(window.velocity[agent], turn),
+        rotate(window.acceleration[agent], turn),
+        np.stack([np.cos(yaw), np.sin(yaw)], axis=-1),
+    ]
+    if config.context == "polar":
+        columns.append(_polar(position))
+    elif config.context == "lanes":
+        if lanes is None:
+            raise ConfigurationError(
+                "the model's context is 'lanes' but no lane lines are given, expected a lane map"
+            )
+        columns.append(lanes.positions(window.position, window.yaw)[agent])
+    elif config.context in _BY_AGENT:
+        members, place = np.unique(agent, return_inverse=True)
+        around = _BY_AGENT[config.context](window, members, config.leader_reach_m)
+        columns.append(around[place.reshape(agent.shape)])
+    features = np.nan_to_num(np.concatenate(columns, axis=-1), nan=0.0)
+    features[~valid] = 0.0
+    return features.astype(np.float32)
+
+
+def _polar(position: Float64Array) -> Float64Array:
+    """Distance and direction (cos, sin) from the scene's origin (paper, Road Context Features).
+
+    The angle counts counter-clockwise from the scene's x axis; at the origin it is 0.
+    """
+    r = np.hypot(position[..., 0], position[..., 1])
+    at_origin = r == 0.0
+    divisor = np.where(at_origin, 1.0, r)
+    cos = np.where(at_origin, 1.0, position[..., 0] / divisor)
+    return np.stack([r, cos, position[..., 1] / divisor], axis=-1)

@@ -1,0 +1,94 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Finding a model file and reading its task description, without torch.
+
+A model file is a TorchScript archive, which is a zip file, with the task description among its
+extra files. Whatever is wrong with one is said in one sentence that names the file.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+from mtpgo_core.errors import ConfigurationError, ModelFileError
+from mtpgo_core.resources import find_resource
+from mtpgo_core.task.task_description import TASK_FILE, TaskDescription
+
+
+def find_model(name_or_path: str | Path) -> Path:
+    """The file of a model given by path, or by the name of one that ships with the package.
+
+    Args:
+        name_or_path: anything with a separator or a suffix is a path; ``default`` is a name.
+
+    Raises:
+        ModelFileError: there is no such shipped model. Whether a path exists is found out when
+            it is read.
+    """
+    path = Path(name_or_path)
+    if path.suffix or len(path.parts) != 1 or path.is_file():
+        return path.expanduser()
+    try:
+        return find_resource("weights", f"{path}.pt")
+    except ConfigurationError as error:
+        raise ModelFileError(
+            f"model {str(name_or_path)!r} is neither a file nor a shipped model, expected a path "
+            f"or one of {', '.join(shipped_models()) or 'none, for none are installed'}"
+        ) from error
+
+
+def shipped_models() -> list[str]:
+    """Names of the models that ship with the package."""
+    try:
+        folder = find_resource("weights")
+    except ConfigurationError:
+        return []
+    return sorted(path.stem for path in folder.glob("*.pt"))
+
+
+def model_card(path: Path) -> str | None:
+    """The card that lies beside a model file under its name (Markdown), None where none does."""
+    card = path.with_suffix(".md")
+    try:
+        return card.read_text(encoding="utf-8") if card.is_file() else None
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
+def load_task(path: str | Path) -> TaskDescription:
+    """The task description of a model file; reads nothing else.
+
+    Raises:
+        ModelFileError: the file is missing, unreadable, truncated, no TorchScript or without a
+            usable task description.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise ModelFileError(f"model file {path} is a directory, expected a TorchScript file")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            inside = {name.partition("/")[2]: name for name in names}
+            if not any(name.startswith("code/") for name in inside):
+                raise ModelFileError(
+                    f"model file {path} is a zip archive without code, expected TorchScript"
+                )
+            if f"extra/{TASK_FILE}" not in inside:
+                raise ModelFileError(
+                    f"model file {path} is TorchScript without {TASK_FILE}, expected a file "
+                    f"exported by 'mtpgo export'"
+                )
+            text = archive.read(inside[f"extra/{TASK_FILE}"]).decode()
+    except FileNotFoundError as error:
+        raise ModelFileError(f"model file {path} does not exist") from error
+    except OSError as error:
+        raise ModelFileError(f"model file {path} cannot be read: {error.strerror}") from error
+    except (zipfile.BadZipFile, UnicodeDecodeError, NotImplementedError, EOFError) as error:
+        raise ModelFileError(
+            f"model file {path} is truncated or no TorchScript file: {error}"
+        ) from error
+    try:
+        return TaskDescription.from_json(text)
+    except (ConfigurationError, TypeError) as error:
+        raise ModelFileError(f"model file {path} has an unusable {TASK_FILE}: {error}") from error

@@ -1,0 +1,198 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The node of ``replay``: raw publishers, the clock and the progress bar."""
+
+from __future__ import annotations
+
+import select
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import rclpy
+from builtin_interfaces.msg import Time
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from tqdm import tqdm
+
+from msg_adapters.types import message_class
+from mtpgo_core.errors import MessageError, RecordingError
+from mtpgo_ros.bags.bag_stream import BagSource, BagTopic
+from mtpgo_ros.bags.playback import Message, PlaybackTiming, Report, Sinks, play
+
+_POLL_S = 0.02
+_MOST_LATCHED = 1000
+"""Messages of a latched topic kept for late subscribers, at most."""
+
+
+@dataclass(frozen=True)
+class Wait:
+    """What the player waits for before it starts.
+
+    Attributes:
+        subscribers: number of subscribers that one of the topics must have.
+        timeout_s: how long to wait for them (s).
+        delay_s: time for discovery, after the subscribers have come (s).
+        paused: wait, after that, for a line on standard input.
+    """
+
+    subscribers: int
+    timeout_s: float
+    delay_s: float
+    paused: bool = False
+
+
+class BagPlayer:
+    """Publishes the topics of a bag.
+
+    Args:
+        bag: the open bag.
+        timing: which part to play, and how fast.
+        names: topics to play, None for all.
+
+    Raises:
+        RecordingError: a named topic is not in the bag, or none can be played here.
+    """
+
+    def __init__(
+        self, bag: BagSource, timing: PlaybackTiming, names: Sequence[str] | None
+    ) -> None:
+        self._bag, self._timing = bag, timing
+        topics = bag.topics(names)
+        if timing.clock_hz > 0.0:
+            topics = [topic for topic in topics if topic.name != "/clock"]
+        self._node = rclpy.create_node("replay")
+        self._publishers: dict[str, Publisher] = {}
+        for topic in topics:
+            try:
+                self._publishers[topic.name] = self._publisher(topic)
+            except MessageError as error:
+                print(f"replay: skipping {topic.name}: {error}", file=sys.stderr, flush=True)
+        self._topics = [topic for topic in topics if topic.name in self._publishers]
+        if not self._topics:
+            self.close()
+            types = ", ".join(sorted({topic.message_type for topic in topics})) or "none"
+            raise RecordingError(
+                f"bag {bag.path} holds no topic that can be played here, its types: {types}"
+            )
+        self._clock: Publisher | None = None
+        if timing.clock_hz > 0.0:
+            self._clock = self._node.create_publisher(Clock, "/clock", QoSProfile(depth=10))
+
+    def _publisher(self, topic: BagTopic) -> Publisher:
+        qos = QoSProfile(depth=10)
+        if topic.latched:
+            qos = QoSProfile(
+                depth=min(topic.count, _MOST_LATCHED), durability=DurabilityPolicy.TRANSIENT_LOCAL
+            )
+        return self._node.create_publisher(message_class(topic.message_type), topic.name, qos)
+
+    def wait(self, wait: Wait, stopped: Callable[[], bool]) -> bool:
+        """Wait for the subscribers and for discovery; false when asked to stop meanwhile.
+
+        Raises:
+            RecordingError: the subscribers have not come in time.
+        """
+        end = time.monotonic() + wait.timeout_s
+        while not stopped() and self._subscribers() < wait.subscribers:
+            if time.monotonic() > end:
+                raise RecordingError(
+                    f"{self._subscribers()} subscribers after {wait.timeout_s:g} s on the topics"
+                    f" {', '.join(self._publishers)}, expected {wait.subscribers}"
+                )
+            time.sleep(_POLL_S)
+        start = time.monotonic() + wait.delay_s
+        while not stopped() and time.monotonic() < start:
+            time.sleep(_POLL_S)
+        if wait.paused and not stopped():
+            print("paused: press Enter to start", flush=True)
+            while not stopped() and not select.select([sys.stdin], [], [], _POLL_S)[0]:
+                pass
+        return not stopped()
+
+    def _subscribers(self) -> int:
+        return max(publisher.get_subscription_count() for publisher in self._publishers.values())
+
+    def run(self, stopped: Callable[[], bool], *, loop: bool, progress: bool) -> Report:
+        """Play, once or over and over until stopped.
+
+        Args:
+            stopped: says whether to stop.
+            loop: start again at the end.
+            progress: show a progress bar on stderr.
+
+        Raises:
+            RecordingError: the bag turns out to be damaged.
+        """
+        report = Report()
+        self._publish_latched_before_start()
+        with _Progress(self._timing, hidden=not progress) as bar:
+            sinks = Sinks(self._publish, self._tick, bar.reached, stopped)
+            play(self._messages(), self._timing, sinks, report)
+            while loop and not stopped():
+                bar.restart()
+                play(self._messages(), self._timing, sinks, report)
+        for publisher in self._publishers.values():
+            publisher.wait_for_all_acked(Duration(seconds=1))
+        return report
+
+    def _messages(self) -> Iterator[Message]:
+        return self._bag.messages(self._topics, self._timing.origin_ns, self._timing.end_ns + 1)
+
+    def _publish_latched_before_start(self) -> None:
+        """What a subscriber that joins at the start offset would have got."""
+        latched = [topic for topic in self._topics if topic.latched]
+        if latched and self._timing.origin_ns > self._bag.start_ns:
+            for topic, _, data in self._bag.messages(
+                latched, self._bag.start_ns, self._timing.origin_ns
+            ):
+                self._publish(topic, data)
+
+    def _publish(self, topic: str, data: bytes) -> None:
+        self._publishers[topic].publish(data)
+
+    def _tick(self, time_ns: int) -> None:
+        if self._clock is not None:
+            seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
+            self._clock.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+
+    def close(self) -> None:
+        """Destroy the node and its publishers."""
+        self._node.destroy_node()
+
+
+class _Progress:
+    """A progress bar in seconds of the recording, on stderr."""
+
+    _INTERVAL_S = 0.2
+
+    def __init__(self, timing: PlaybackTiming, *, hidden: bool) -> None:
+        self._origin_ns = timing.origin_ns
+        self._drawn = 0.0
+        self._bar = tqdm(
+            total=(timing.end_ns - timing.origin_ns) * 1e-9,
+            desc="replay",
+            disable=hidden,
+            bar_format="{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s",
+        )
+
+    def __enter__(self) -> _Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
+
+    def reached(self, time_ns: int) -> None:
+        """Show the log time reached (ns), a few times a second."""
+        now = time.monotonic()
+        if now - self._drawn >= self._INTERVAL_S:
+            self._drawn = now
+            self._bar.n = (time_ns - self._origin_ns) * 1e-9
+            self._bar.refresh()
+
+    def restart(self) -> None:
+        """Show the start of another pass."""
+        self._bar.reset()

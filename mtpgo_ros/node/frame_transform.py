@@ -1,0 +1,148 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Lifting of objects from a vehicle's frame into the fixed frame, by odometry or TF."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Protocol
+
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.time import Time
+
+from msg_adapters.conversions import stamp_to_ns
+from msg_adapters.inputs.odometry import pose_of, yaw_of
+from mtpgo_core.errors import FrameError
+from mtpgo_core.frames import Pose2, PoseBuffer, lift
+from mtpgo_core.schema import TrackedStates
+
+_ODOMETRY_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class Lifter(Protocol):
+    """Brings observations into the fixed frame."""
+
+    def lift(self, states: TrackedStates) -> TrackedStates:
+        """The states in the fixed frame.
+
+        Raises:
+            FrameError: there is no pose for them.
+        """
+
+    def close(self) -> None:
+        """Give the subscriptions back."""
+
+
+class AsItComes:
+    """No lifting: the objects' own frame is the fixed one."""
+
+    def lift(self, states: TrackedStates) -> TrackedStates:
+        """The states themselves."""
+        return states
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+class FixedFrameLifter:
+    """Lifts with the odometry of the objects' frame, else with TF where that is installed.
+
+    Args:
+        node: the node, for the subscription.
+        fixed_frame: name of the fixed frame.
+    """
+
+    def __init__(self, node: Node, fixed_frame: str) -> None:
+        self._node = node
+        self._fixed_frame = fixed_frame
+        self._poses = PoseBuffer()
+        self._odometry_frames = ("", "")
+        self._subscription: Subscription = node.create_subscription(
+            Odometry, "odometry", self.add, _ODOMETRY_QOS
+        )
+        self._tf = _Tf.where_installed(node)
+
+    def add(self, message: Any) -> None:
+        """Take in a nav_msgs/Odometry."""
+        frames = (message.header.frame_id, message.child_frame_id)
+        if frames != self._odometry_frames:
+            self._poses.clear()
+            self._odometry_frames = frames
+        self._poses.add(stamp_to_ns(message.header.stamp), pose_of(message))
+
+    def lift(self, states: TrackedStates) -> TrackedStates:
+        """The states in the fixed frame.
+
+        Raises:
+            FrameError: neither odometry nor TF knows the pose at the observation's time.
+        """
+        if states.frame_id == self._fixed_frame:
+            return states
+        if len(states) == 0:  # Nothing to be lifted, and some messages then name no frame.
+            return dataclasses.replace(states, frame_id=self._fixed_frame)
+        return lift(states, self._pose(states), self._fixed_frame)
+
+    def _pose(self, states: TrackedStates) -> Pose2:
+        if self._odometry_frames == (self._fixed_frame, states.frame_id):
+            return self._poses.at(states.stamp_ns)
+        if self._tf is not None:
+            return self._tf.pose(self._fixed_frame, states.frame_id, states.stamp_ns)
+        parent, child = self._odometry_frames
+        seen = f"it gives {child!r} in {parent!r}" if parent or child else "nothing came there"
+        raise FrameError(
+            f"objects come in frame {states.frame_id!r}, expected {self._fixed_frame!r}, or"
+            f" odometry of {states.frame_id!r} in {self._fixed_frame!r} on topic"
+            f" {self._subscription.topic_name}: {seen}"
+        )
+
+    def close(self) -> None:
+        """Give the subscriptions back."""
+        self._node.destroy_subscription(self._subscription)
+        if self._tf is not None:
+            self._tf.close()
+
+
+class _Tf:
+    """Poses from TF.
+
+    Args:
+        node: the node, for clock and subscriptions.
+        tf2_ros: the module.
+    """
+
+    def __init__(self, node: Node, tf2_ros: Any) -> None:
+        self._clock_type = node.get_clock().clock_type
+        self._buffer = tf2_ros.Buffer(node=node)
+        self._listener = tf2_ros.TransformListener(self._buffer, node, spin_thread=False)
+
+    @classmethod
+    def where_installed(cls, node: Node) -> _Tf | None:
+        """None where tf2_ros is not installed, as with ROS from pip."""
+        try:
+            import tf2_ros
+        except ImportError:
+            return None
+        return cls(node, tf2_ros)
+
+    def pose(self, fixed_frame: str, frame_id: str, stamp_ns: int) -> Pose2:
+        """Where ``frame_id`` stood in ``fixed_frame`` at a time (ns).
+
+        Raises:
+            FrameError: TF does not know.
+        """
+        time = Time(nanoseconds=stamp_ns, clock_type=self._clock_type)
+        try:
+            found = self._buffer.lookup_transform(fixed_frame, frame_id, time)
+        except Exception as error:  # tf2's exceptions have no common base in Python.
+            raise FrameError(
+                f"TF has no transform from {frame_id!r} to {fixed_frame!r}: {error}"
+            ) from error
+        place, turn = found.transform.translation, found.transform.rotation
+        return Pose2(x=place.x, y=place.y, yaw=yaw_of(turn))
+
+    def close(self) -> None:
+        """Give the subscriptions back."""
+        self._listener.unregister()

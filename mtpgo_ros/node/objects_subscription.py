@@ -1,0 +1,159 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The subscription to tracked objects: the type that is published, and what came of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, cast
+
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.subscription import Subscription
+
+from msg_adapters.adapter import InputAdapter
+from msg_adapters.registry import INPUTS, adapter_for_type, input_adapter
+from msg_adapters.types import message_class
+from mtpgo_core.errors import MessageError
+from mtpgo_ros.diagnostics.counters import Statistics
+
+TOPIC = "objects"
+
+_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Best effort takes reliable publishers too; of a backlog only the newest five count."""
+
+_POLL_S = 0.1
+_REPEAT_S = 5.0
+"""The same complaint is logged again after this long (s)."""
+
+Handler = Callable[[Any, InputAdapter, int], None]
+"""Message, its adapter, and the monotonic time at which it came (ns)."""
+
+
+class ObjectsInput:
+    """Subscribes to ``objects`` as soon as the type is known.
+
+    Args:
+        node: the node.
+        input_type: name of an adapter, or ``auto`` for the type of the topic's publisher.
+        handler: gets every message.
+        statistics: where QoS trouble is counted.
+
+    Attributes:
+        status: what the input waits for, empty once it is subscribed.
+
+    Raises:
+        MessageError: the named type's message package is not installed.
+    """
+
+    def __init__(
+        self, node: Node, input_type: str, handler: Handler, statistics: Statistics
+    ) -> None:
+        self._node = node
+        self._handler = handler
+        self._statistics = statistics
+        self._subscription: Subscription | None = None
+        self._adapter: InputAdapter | None = None
+        self.topic = node.resolve_topic_name(TOPIC)
+        self.status = f"nobody publishes on {self.topic} yet"
+        self._timer = None
+        if input_type != "auto":
+            self._subscribe(input_adapter(input_type))
+            return
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(_POLL_S, self._look, clock=steady)
+
+    @property
+    def message_type(self) -> str:
+        """Type subscribed to, empty before."""
+        return self._adapter.message_type if self._adapter is not None else ""
+
+    def close(self) -> None:
+        """Give the subscription back."""
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+        self._unsubscribe()
+
+    def _look(self) -> None:
+        """Subscribe to the published type that comes first in the order of the adapters."""
+        published = {
+            info.topic_type for info in self._node.get_publishers_info_by_topic(self.topic)
+        }
+        if not published or self.message_type in published:
+            return
+        refusals = []
+        known = {adapter.message_type for adapter in INPUTS.values()}
+        for name in sorted(published, key=lambda name: name not in known):
+            try:
+                adapter = adapter_for_type(name)
+                self._subscribe(adapter)
+            except MessageError as error:
+                refusals.append(str(error))
+            else:
+                return
+        self.status = f"topic {self.topic}: {refusals[0]}"
+        self._node.get_logger().error(self.status, throttle_duration_sec=_REPEAT_S)
+
+    def _subscribe(self, adapter: InputAdapter) -> None:
+        kind = message_class(adapter.message_type)
+        self._unsubscribe()
+        self._adapter = adapter
+        self._subscription = self._node.create_subscription(
+            kind,
+            self.topic,
+            cast(Callable[[Any], None], self._on_message),  # rclpy counts the arguments
+            _QOS,
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=self._on_incompatible_qos,
+                matched=self._on_matched,
+                message_lost=self._on_message_lost,
+            ),
+        )
+        self.status = ""
+        self._node.get_logger().info(
+            f"subscribed to {self.topic} as {adapter.message_type} (input_type {adapter.name})"
+        )
+
+    def _unsubscribe(self) -> None:
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+        self._subscription, self._adapter = None, None
+
+    def _on_message(self, message: Any, info: dict[str, Any]) -> None:
+        if self._adapter is not None:
+            self._handler(message, self._adapter, _received_ns(info))
+
+    def _on_matched(self, event: Any) -> None:
+        # Discovery ends on the two sides at different times, and what a publisher sends before it
+        # has ended here is not heard: who must not lose the first message waits for this line.
+        if event.current_count_change > 0:
+            self._node.get_logger().info(
+                f"hearing {event.current_count} publisher(s) on {self.topic}"
+            )
+
+    def _on_incompatible_qos(self, event: Any) -> None:
+        self._statistics.count("qos_incompatible", event.total_count_change)
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        self._node.get_logger().error(
+            f"a publisher on {self.topic} cannot be heard: its QoS policy {policy} does not fit"
+            " best effort, volatile, without a deadline",
+            throttle_duration_sec=_REPEAT_S,
+        )
+
+    def _on_message_lost(self, event: Any) -> None:
+        self._statistics.count("messages_lost", event.total_count_change)
+
+
+def _received_ns(info: dict[str, Any]) -> int:
+    """When the middleware took the message in, on the monotonic clock (ns).
+
+    The middleware tells it by the system clock; time in its queue must count as latency. A system
+    clock that is set meanwhile must not, so at most one second is believed.
+    """
+    waited_ns = time.time_ns() - int(info.get("received_timestamp", 0))
+    if not 0 <= waited_ns <= 1_000_000_000:
+        waited_ns = 0
+    return time.monotonic_ns() - waited_ns

@@ -1,0 +1,167 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""rclpy's side of the parameters: declaration, conversion and the check of changes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_ros.parameters.predictor_parameters import Change, PredictorParameters, updated
+
+_TYPE_NAMES = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    str: "text",
+    list: "a list of text",
+}
+
+
+class ParameterServer:
+    """Keeps a node's ROS parameters and its :class:`PredictorParameters` the same.
+
+    A change is checked as a whole before any part of it counts; a whole number is taken for a
+    real one (``rate:=5``) and for text (``ego_id:=17``), since the command line and YAML write
+    them alike.
+
+    Attributes:
+        value: the parameters that count now.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        *,
+        may_reconfigure: Callable[[], bool],
+        on_change: Callable[[PredictorParameters], None],
+    ) -> None:
+        """Declare all parameters on ``node`` and take what the command line gives.
+
+        Args:
+            node: the node.
+            may_reconfigure: true while the values that only count at configuration may change.
+            on_change: called after a change was accepted.
+
+        Raises:
+            ConfigurationError: a given value is of the wrong type or not allowed.
+        """
+        self._may_reconfigure = may_reconfigure
+        self._on_change = on_change
+        fields = dataclasses.fields(PredictorParameters)
+        given = {field.name: _kindred(field, _given(node, field)) for field in fields}
+        self.value = updated(PredictorParameters(), given)
+        for field in fields:
+            node.declare_parameter(
+                field.name, given[field.name], descriptor(field), ignore_override=True
+            )
+        node.add_pre_set_parameters_callback(_convert)
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        values = {p.name: p.value for p in parameters}
+        try:
+            for field in dataclasses.fields(PredictorParameters):
+                if field.name in values:
+                    self._check_moment(field, values[field.name])
+            updated(self.value, values)
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _check_moment(self, field: dataclasses.Field[Any], value: Any) -> None:
+        if field.metadata["change"] is not Change.CONFIGURE or self._may_reconfigure():
+            return
+        if value != getattr(self.value, field.name):
+            raise ConfigurationError(
+                f"parameter {field.name} can change only {Change.CONFIGURE.value}: clean the node"
+                " up first"
+            )
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        new = updated(self.value, {p.name: p.value for p in parameters})
+        if new != self.value:
+            self.value = new
+            self._on_change(new)
+
+
+def descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
+    """What rclpy tells others about the parameter of a field."""
+    low, high, choices = (field.metadata[key] for key in ("low", "high", "choices"))
+    change: Change = field.metadata["change"]
+    constraints = [f"One of {', '.join(repr(c) for c in choices)}."] if choices else []
+    constraints.append(f"May change {change.value}.")
+    out = ParameterDescriptor(
+        description=field.metadata["description"],
+        additional_constraints=" ".join(constraints),
+        read_only=change is Change.START,
+    )
+    if low is not None and isinstance(field.default, int):
+        out.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=0)]
+    elif low is not None:
+        out.floating_point_range = [
+            FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)
+        ]
+    return out
+
+
+def _given(node: Node, field: dataclasses.Field[Any]) -> Any:
+    """The value that the command line or a parameter file gives, else the default.
+
+    rclpy shows it only through a declaration, and refuses one of a kindred type: so the parameter
+    is declared without a type for a moment.
+    """
+    default = list(field.default) if isinstance(field.default, tuple) else field.default
+    value = node.declare_parameter(
+        field.name, default, ParameterDescriptor(dynamic_typing=True)
+    ).value
+    node.undeclare_parameter(field.name)
+    return value
+
+
+def _convert(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """The same parameters, values of a kindred type converted to the declared one."""
+    fields = {field.name: field for field in dataclasses.fields(PredictorParameters)}
+    out = []
+    for parameter in parameters:
+        field = fields.get(parameter.name)
+        if field is not None:
+            # What cannot be converted stays: rclpy refuses it with a sentence about the type.
+            with suppress(ConfigurationError):
+                parameter = Parameter(parameter.name, value=_kindred(field, parameter.value))
+        out.append(parameter)
+    return out
+
+
+def _kindred(field: dataclasses.Field[Any], value: Any) -> Any:
+    """``value`` in the type of the field where nothing is lost by it.
+
+    Raises:
+        ConfigurationError: the value is of another type.
+    """
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if isinstance(field.default, float) and whole:
+        return float(value)
+    if isinstance(field.default, str) and whole:
+        return str(value)
+    if isinstance(field.default, tuple) and isinstance(value, str):
+        return [value]
+    wanted = list if isinstance(field.default, tuple) else type(field.default)
+    if isinstance(value, wanted) and isinstance(value, bool) == (wanted is bool):
+        return value
+    raise ConfigurationError(
+        f"parameter {field.name} is {value!r}, expected {_TYPE_NAMES[wanted]}"
+    )

@@ -1,0 +1,237 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The predictor's parameters: defaults, descriptions, ranges and the check of the whole set.
+
+No ROS in here: :mod:`mtpgo_ros.parameters.parameter_server` tells rclpy about these fields, so
+the defaults stand in one place and a configuration can be checked without a node.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task.task_description import GRAPH_POLICIES
+
+INPUT_TYPES = ("auto", "pointcloud2", "autoware", "vision", "derived", "markers", "ika")
+OUTPUT_KINDS = ("pointcloud2", "markers", "autoware")
+TWIST_FRAMES = ("default", "object", "header")
+
+
+class Change(Enum):
+    """When a new value may be given, and from when on it counts."""
+
+    NOW = "at any time"
+    CONFIGURE = "while the node is unconfigured, it counts from the next configuration on"
+    START = "only at the start of the process"
+
+
+def _field(
+    default: Any,
+    description: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+    change: Change = Change.NOW,
+) -> Any:
+    """A dataclass field that carries what rclpy wants to know about the parameter."""
+    metadata = {
+        "description": description,
+        "low": low,
+        "high": high,
+        "choices": choices,
+        "change": change,
+    }
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class PredictorParameters:
+    """All parameters of the node ``predictor``; each field's metadata describes it."""
+
+    model: str = _field(
+        "default",
+        "Name of an installed model or path of an exported one (.pt).",
+        change=Change.CONFIGURE,
+    )
+    require_model: bool = _field(
+        True,
+        "A model that cannot be loaded ends the process with status 2; if false, constant"
+        " velocity serves instead and the diagnostics say so.",
+        change=Change.CONFIGURE,
+    )
+    rate: float = _field(
+        5.0, "Predictions per second of the observations' time, at most (Hz).", low=0.1, high=50.0
+    )
+    input_type: str = _field(
+        "auto",
+        "What is published on the topic objects; auto takes the type of its publisher.",
+        choices=INPUT_TYPES,
+        change=Change.CONFIGURE,
+    )
+    graph: str = _field(
+        "",
+        "Which agents share a graph; empty takes the policy that the model was trained with.",
+        choices=("", *GRAPH_POLICIES),
+    )
+    ego_id: str = _field(
+        "",
+        "Identity of the ego or another chosen object: a number, a UUID or the tracker's text;"
+        " empty takes the one published on the topic ego_id.",
+    )
+    max_agents: int = _field(
+        128,
+        "Agents that the model serves in a cycle, the nearest first; constant velocity serves the"
+        " rest.",
+        low=1,
+        high=4096,
+    )
+    max_neighbours: int = _field(
+        0,
+        "Agents of a graph beside its centre, the nearest first; 0 takes the number that the model"
+        " was trained with. The graph 'scene' has no such limit.",
+        low=0,
+        high=4096,
+    )
+    radius: float = _field(
+        0.0,
+        "Agents farther than this from a graph's centre are not its neighbours (m); 0 takes the"
+        " radius that the model was trained with.",
+        low=0.0,
+        high=10000.0,
+    )
+    fixed_frame: str = _field(
+        "",
+        "Frame into which objects are lifted with the topic odometry or TF; empty takes the"
+        " objects' frame as it comes, which must then be a fixed one.",
+        change=Change.CONFIGURE,
+    )
+    output: tuple[str, ...] = _field(
+        ("pointcloud2", "markers"), "What is published.", choices=OUTPUT_KINDS
+    )
+    max_modes: int = _field(
+        8, "Modes published of each agent, the most probable first.", low=1, high=64
+    )
+    num_threads: int = _field(
+        1,
+        "Threads of the model; measure before taking more than one.",
+        low=1,
+        high=64,
+        change=Change.CONFIGURE,
+    )
+    use_tracker_covariance: bool = _field(
+        False, "The model starts from the tracker's covariance where a message carries one."
+    )
+    twist_frame: str = _field(
+        "default",
+        "Frame of the velocities in the messages: along the object's axes, along the header"
+        " frame's, or what publishers of that type usually do.",
+        choices=TWIST_FRAMES,
+    )
+    delay_compensation: bool = _field(
+        False,
+        "The horizon starts at the node's present time, at most 0.5 s after the observation,"
+        " instead of at the observation; stamp and frame stay the observation's.",
+    )
+    input_timeout: float = _field(
+        1.0,
+        "The input counts as stale when nothing has come for this long (s).",
+        low=0.05,
+        high=3600.0,
+    )
+    stamp_tolerance: float = _field(
+        1.0,
+        "A single observation stamped farther ahead of the node's clock than this is dropped (s).",
+        low=0.01,
+        high=3600.0,
+    )
+    budget: float = _field(
+        0.85,
+        "Share of the period after which constant velocity serves in the stead of a model that is"
+        " not ready.",
+        low=0.05,
+        high=1.0,
+    )
+    diagnostic_period: float = _field(
+        1.0, "Time between two diagnostics without a change (s).", low=0.1, high=60.0
+    )
+    autostart: bool = _field(
+        True, "The node configures and activates itself.", change=Change.START
+    )
+
+    @property
+    def period_s(self) -> float:
+        """Shortest time between two predictions, which is also the deadline of each (s)."""
+        return 1.0 / self.rate
+
+
+def check(parameters: PredictorParameters) -> None:
+    """Check every value and what the values mean together.
+
+    Raises:
+        ConfigurationError: one sentence with the parameter, its value and what was expected.
+    """
+    for field in dataclasses.fields(parameters):
+        value = getattr(parameters, field.name)
+        _check_range(field, value)
+        _check_choice(field, value)
+    if not parameters.output:
+        raise ConfigurationError(
+            f"parameter output is empty, expected at least one of {_listed(OUTPUT_KINDS)}"
+        )
+    if not parameters.model.strip():
+        raise ConfigurationError(
+            "parameter model is empty, expected the name of an installed model or a file"
+        )
+    if parameters.input_timeout < parameters.period_s:
+        raise ConfigurationError(
+            f"parameter input_timeout is {parameters.input_timeout:g} s, shorter than a period of"
+            f" parameter rate ({parameters.rate:g} Hz): every input would count as stale, expected"
+            f" at least {parameters.period_s:g} s"
+        )
+
+
+def updated(current: PredictorParameters, values: Mapping[str, Any]) -> PredictorParameters:
+    """``current`` with ``values`` replaced, checked as a whole.
+
+    Names that are no parameter of the predictor (``use_sim_time``, QoS overrides) are ignored.
+
+    Raises:
+        ConfigurationError: see :func:`check`.
+    """
+    names = {field.name for field in dataclasses.fields(PredictorParameters)}
+    known: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in values.items()
+        if name in names
+    }
+    new = dataclasses.replace(current, **known)
+    check(new)
+    return new
+
+
+def _check_range(field: dataclasses.Field[Any], value: Any) -> None:
+    low, high = field.metadata["low"], field.metadata["high"]
+    if low is not None and not (math.isfinite(value) and low <= value <= high):
+        raise ConfigurationError(
+            f"parameter {field.name} is {value:g}, expected {low:g} to {high:g}"
+        )
+
+
+def _check_choice(field: dataclasses.Field[Any], value: Any) -> None:
+    choices = field.metadata["choices"]
+    for item in value if isinstance(value, tuple) else (value,):
+        if choices and item not in choices:
+            raise ConfigurationError(
+                f"parameter {field.name} is {item!r}, expected one of {_listed(choices)}"
+            )
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return ", ".join(repr(name) for name in names)

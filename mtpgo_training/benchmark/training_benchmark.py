@@ -1,0 +1,316 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Speed and memory of a training step, ours and the straightforward one in turns.
+
+Ours twice: as ``mtpgo train`` works on two cores by default, two processes with a thread each that
+sum their gradients, and one process with two threads.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import statistics
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+from torch_geometric.data import Batch, Data
+from tqdm import tqdm
+
+from models import ModelConfig
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.benchmark.latency_benchmark import make_model
+from mtpgo_training.benchmark.machine import heading, markdown, write_json
+from mtpgo_training.benchmark.reference_mtp_go import PlainMTPGO
+from mtpgo_training.benchmark.step_workers import Step, Team, sum_gradients
+from mtpgo_training.training.batch_loss import batch_loss
+from mtpgo_training.training.losses import ewta, negative_log_likelihood
+from mtpgo_training.training.microbatch import share_of
+from mtpgo_training.training.objective import Objective
+
+PHASES = {"EWTA": Objective(8, 1.0, 0.0), "NLL": Objective(1, 0.0, 1.0)}
+
+LARGEST_DIFFERENCE = 1e-3
+"""Of losses and gradients, relative; more is an error, not a result."""
+
+ROUNDS_BEFORE = 2
+"""Steps that are not counted: memory is taken, threads are started."""
+
+
+@dataclass(frozen=True)
+class TrainingRow:
+    """One line of the table.
+
+    Attributes:
+        phase: EWTA or NLL.
+        scenes: graphs in the batch.
+        agents: in all of them.
+        processes: that share a batch, ours.
+        threads: of torch in each of them.
+        samples_per_s: scenes per second, ours.
+        plain_samples_per_s: of the straightforward implementation, on as many threads in all.
+        ratio: of the two, the median over the rounds.
+        growth_mb: by how much training raises the processes' largest memory, ours, summed (MB).
+        plain_growth_mb: of the straightforward implementation (MB).
+        memory_share: of the two.
+        gradient_difference: largest difference of the parameters' gradients, as a share of
+            each gradient's norm.
+    """
+
+    phase: str
+    scenes: int
+    agents: int
+    processes: int
+    threads: int
+    samples_per_s: float
+    plain_samples_per_s: float
+    ratio: float
+    growth_mb: float
+    plain_growth_mb: float
+    memory_share: float
+    gradient_difference: float
+
+
+def make_batch(scenes: int, config: ModelConfig, seed: int = 0) -> Batch:
+    """Graphs of 2 to 16 agents on arcs; some enter late, and some futures end early."""
+    draw = torch.Generator().manual_seed(seed)
+    past, ahead = config.history_steps, config.horizon_steps
+    time_s = config.dt_s * torch.arange(1 - past, ahead + 1)
+    graphs = []
+    for _ in range(scenes):
+        n = int(torch.randint(2, 17, (), generator=draw))
+        turning = 0.05 * torch.randn(n, 1, generator=draw)
+        angle = 6.3 * torch.rand(n, 1, generator=draw) + turning * time_s
+        speed = 5.0 + 10.0 * torch.rand(n, 1, 1, generator=draw)
+        velocity = speed * torch.stack((angle.cos(), angle.sin()), dim=-1)
+        place = 30.0 * torch.randn(n, 1, 2, generator=draw)
+        position = place + torch.cumsum(velocity * config.dt_s, dim=1)
+        late = torch.rand(n, 1, generator=draw) < 0.2
+        first = torch.where(late, torch.randint(past, (n, 1), generator=draw), 0)
+        early = torch.rand(n, 1, generator=draw) < 0.2
+        last = torch.where(early, torch.randint(1, ahead, (n, 1), generator=draw), ahead)
+        valid = torch.arange(past) >= first
+        weight = (torch.arange(ahead) < last).float()
+        x = torch.zeros(n, past, config.feature_size)
+        x[..., :2], x[..., 2:4] = position[:, :past], velocity[:, :past]
+        x[..., 4:6] = torch.randn(n, past, 2, generator=draw)
+        x[..., 6:8] = velocity[:, :past] / speed
+        target = torch.cat((position[:, past:], velocity[:, past:]), dim=-1)
+        graphs.append(
+            Data(
+                x=x * valid.unsqueeze(-1),
+                valid=valid,
+                static=nn.functional.one_hot(torch.zeros(n).long(), config.static_size).float(),
+                target=target * weight.unsqueeze(-1),
+                weight=weight,
+                num_nodes=n,
+            )
+        )
+    return Batch.from_data_list(graphs)
+
+
+def plain_loss(model: PlainMTPGO, batch: Batch, aim: Objective) -> Tensor:
+    """The loss of ``training.batch_loss``, by the reference implementation."""
+    log_weight, mean, covariance = (
+        part.unsqueeze(0)
+        for part in model.roll_out(batch.x, batch.valid, batch.batch, aim.nll_weight > 0.0)
+    )
+    target, weight = batch.target.unsqueeze(0), batch.weight.unsqueeze(0)
+    loss = mean.new_zeros(())
+    if aim.ewta_weight > 0.0:
+        loss = loss + aim.ewta_weight * ewta(mean, target, weight, aim.winners)
+    if aim.nll_weight > 0.0:
+        nll = negative_log_likelihood(log_weight, mean, covariance, target, weight)
+        loss = loss + aim.nll_weight * nll
+    return loss
+
+
+def gradients(loss: Callable[[], Tensor], model: nn.Module) -> tuple[float, dict[str, Tensor]]:
+    """A loss and the gradients of the parameters that it has."""
+    model.zero_grad()
+    value = loss()
+    value.backward()
+    found = {n: p.grad.clone() for n, p in model.named_parameters() if p.grad is not None}
+    model.zero_grad()
+    return float(value.detach()), found
+
+
+def in_our_names(plain: PlainMTPGO, grads: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Gradients of the straightforward implementation under the names of our parameters."""
+    result = {}
+    for name, grad in grads.items():
+        if name.startswith("model."):
+            result[name.removeprefix("model.")] = grad
+    for half in ("encoder", "decoder"):
+        for gnn in ("gnn_f", "gnn_h"):
+            mine, theirs = f"{half}.cell.{gnn}.layers.0", f"{half}.{gnn}.attention"
+            for part in ("weight", "bias"):
+                both = [grads[f"{theirs}.{lin}.{part}"] for lin in ("lin_l", "lin_r")]
+                result[f"{mine}.packed.{part}"] = torch.cat(both)
+            result[f"{mine}.edge"] = grads[f"{theirs}.lin_edge.weight"].view(1, -1)
+            result[f"{mine}.score"] = grads[f"{theirs}.att"].squeeze(0)
+            result[f"{mine}.bias"] = grads[f"{theirs}.bias"]
+    return result
+
+
+def largest_difference(scenes: int, phase: str, seed: int = 0) -> float:
+    """Largest difference of the losses and of the gradients, see :class:`TrainingRow`."""
+    model, aim = make_model(seed).requires_grad_(True).train(), PHASES[phase]
+    plain, batch = PlainMTPGO(model).train(), make_batch(scenes, model.config, seed)
+    loss, mine = gradients(lambda: batch_loss(model, batch, aim, huber_delta=1.0), model)
+    other, grads = gradients(lambda: plain_loss(plain, batch, aim), plain)
+    theirs = in_our_names(plain, grads)
+    worst = abs(loss - other) / abs(other)
+    floor = 1e-6 * float(torch.stack([g.norm() for g in mine.values()]).norm())
+    for name, grad in mine.items():
+        worst = max(worst, float((grad - theirs[name]).norm() / grad.norm().clamp(min=floor)))
+    return worst
+
+
+def make_step(name: str, phase: str, scenes: int, rank: int = 0, processes: int = 1) -> Step:
+    """One optimisation step of an implementation, ``ours`` or ``plain``.
+
+    Args:
+        name: which.
+        phase: one of ``PHASES``.
+        scenes: graphs in the whole batch.
+        rank: of this process; its share is that of ``mtpgo train``.
+        processes: that share the batch.
+    """
+    model, aim = make_model().requires_grad_(True).train(), PHASES[phase]
+    whole = make_batch(scenes, model.config)
+    mine = share_of(whole.ptr.diff().tolist(), rank, processes)
+    batch = Batch.from_data_list(whole.index_select(mine))
+    share = float(batch.weight.sum() / whole.weight.sum())
+    plain = PlainMTPGO(model).train()
+    network = model if name == "ours" else plain
+    optimiser = torch.optim.AdamW(network.parameters(), lr=1e-4)
+
+    def step() -> float:
+        optimiser.zero_grad(set_to_none=True)
+        if name == "ours":
+            loss = share * batch_loss(model, batch, aim, huber_delta=1.0)
+        else:
+            loss = share * plain_loss(plain, batch, aim)
+        loss.backward()
+        if processes > 1:
+            sum_gradients(network)
+        optimiser.step()
+        return float(loss.detach())
+
+    return step
+
+
+def measure(phase: str, scenes: int, threads: int, rounds: int) -> list[TrainingRow]:
+    """One phase of training: a process per thread, and one process.
+
+    Args:
+        phase: one of ``PHASES``.
+        scenes: graphs in the batch.
+        threads: in all.
+        rounds: steps of every implementation, in turns.
+
+    Raises:
+        ConfigurationError: the implementations do not agree.
+    """
+    difference = largest_difference(min(scenes, 32), phase)
+    _check(phase, "gradients", difference)
+    divisions = sorted({(threads, 1), (1, threads)}, reverse=True)
+    ours = functools.partial(make_step, "ours", phase, scenes)
+    plain = functools.partial(make_step, "plain", phase, scenes)
+    with contextlib.ExitStack() as stack:
+        teams = [
+            stack.enter_context(Team(step, processes, each))
+            for step, (processes, each) in [*((ours, d) for d in divisions), (plain, (1, threads))]
+        ]
+        losses = [team.step()[1] for team in teams]
+        _check(phase, "losses", max(abs(loss / losses[-1] - 1.0) for loss in losses))
+        seconds: list[list[float]] = [[] for _ in teams]
+        for i in range(1 - ROUNDS_BEFORE, rounds):
+            for team, found in zip(teams, seconds, strict=True):
+                time_s = team.step()[0]
+                if i >= 0:
+                    found.append(time_s)
+        rate = [scenes / statistics.median(found) for found in seconds]
+        # Round by round, so that a machine that slows down for a while slows both down.
+        ratio = [
+            statistics.median(plain / ours for ours, plain in zip(found, seconds[-1], strict=True))
+            for found in seconds
+        ]
+        growth = [team.growth_mb() for team in teams]
+    return [
+        TrainingRow(
+            phase=phase,
+            scenes=scenes,
+            agents=int(make_batch(scenes, ModelConfig()).num_nodes),
+            processes=processes,
+            threads=each,
+            samples_per_s=rate[i],
+            plain_samples_per_s=rate[-1],
+            ratio=ratio[i],
+            growth_mb=growth[i],
+            plain_growth_mb=growth[-1],
+            memory_share=growth[i] / growth[-1],
+            gradient_difference=difference,
+        )
+        for i, (processes, each) in enumerate(divisions)
+    ]
+
+
+def _check(phase: str, what: str, difference: float) -> None:
+    if not difference <= LARGEST_DIFFERENCE:
+        raise ConfigurationError(
+            f"in the {phase} phase the {what} of the implementations differ by {difference:.1e}, "
+            f"expected at most {LARGEST_DIFFERENCE:.0e}"
+        )
+
+
+def table(rows: list[TrainingRow]) -> str:
+    """The rows in Markdown."""
+    head = ["phase", "scenes", "agents", "processes", "threads", "samples/s", "straightforward"]
+    head += ["ratio", "memory MB", "straightforward MB", "share"]
+    lines = [
+        [
+            row.phase,
+            str(row.scenes),
+            str(row.agents),
+            str(row.processes),
+            str(row.threads),
+            f"{row.samples_per_s:.0f}",
+            f"{row.plain_samples_per_s:.0f}",
+            f"{row.ratio:.1f}",
+            f"{row.growth_mb:.0f}",
+            f"{row.plain_growth_mb:.0f}",
+            f"{row.memory_share:.0%}",
+        ]
+        for row in rows
+    ]
+    return markdown(head, lines)
+
+
+def print_training(
+    scenes: int, threads: int, rounds: int, command: str, output: Path | None
+) -> list[TrainingRow]:
+    """Measure both phases, print the table and write it.
+
+    Args:
+        scenes: graphs in the batch.
+        threads: in all.
+        rounds: steps of every implementation, in turns.
+        command: the command line, to stand above the table.
+        output: JSON file with the machine and ``rows``, or None.
+    """
+    above = heading(command)
+    rows = [
+        row
+        for phase in tqdm(PHASES, unit="phase", disable=None)
+        for row in measure(phase, scenes, threads, rounds)
+    ]
+    print(above)
+    print(table(rows))
+    if output is not None:
+        write_json(output, {"command": command, "rows": [asdict(row) for row in rows]})
+    return rows

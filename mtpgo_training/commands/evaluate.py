@@ -1,0 +1,248 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``mtpgo evaluate``: models, or recorded predictions, against what recordings show."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.prediction.model_runner import ModelRunner, find_model
+from mtpgo_core.task.task_description import GRAPH_POLICIES
+from mtpgo_training.atomic_files import require_writable, write_text
+from mtpgo_training.commands.data_arguments import (
+    add_cache_arguments,
+    add_data_arguments,
+    cache_from,
+    data_sources,
+    named_recordings,
+)
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.evaluation.bag_evaluation import BagResult, evaluate_bags, observed_recordings
+from mtpgo_training.evaluation.evaluator import Settings, evaluate_all, predict_recording
+from mtpgo_training.evaluation.parallel_evaluation import evaluate_in_processes
+from mtpgo_training.evaluation.scorebook import ScoreTable
+from mtpgo_training.evaluation.summary import describe, print_result
+from mtpgo_training.reports.markdown import markdown_table, read_results
+from mtpgo_training.scenes.kinematic_baselines import BASELINES
+
+__all__ = ["add_parser", "evaluate", "predict_recording", "run"]
+
+
+def evaluate(
+    runners: dict[str, ModelRunner],
+    recordings: Sequence[Recording],
+    *,
+    policy: str | None = None,
+    stride_s: float = 0.2,
+    centre: bool = True,
+    min_future_s: float = 0.0,
+) -> ScoreTable:
+    """Average scores of models and baselines over recordings.
+
+    Args:
+        runners: models by name. The baselines use the history of the first.
+        recordings: what they are scored on.
+        policy: graph policy of the protocol ``all``, None for the models' own.
+        stride_s: time between two scored instants (s); of the protocol ``centre``, which costs a
+            graph an agent, five times as long.
+        centre: score the protocol ``centre`` too.
+        min_future_s: agents observed for a shorter time afterwards are left out (s).
+    """
+    settings = Settings(policy, stride_s, centre, min_future_s)
+    return evaluate_all(runners, [(r.name, r) for r in recordings], settings).book.table()
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add ``mtpgo evaluate`` to the command line."""
+    parser = subparsers.add_parser(
+        "evaluate",
+        help="score models or recorded predictions on recordings",
+        description="Score models, or predictions that were recorded into bags, on recordings. "
+        "What the values mean stands in docs/evaluation.md.",
+    )
+    add = parser.add_argument
+    add(
+        "--model",
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="model files or names of shipped models",
+    )
+    add_data_arguments(parser)
+    add_cache_arguments(parser)
+    add(
+        "--predictions",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="BAG",
+        help="bags of recorded predictions; without --data, what the bags observed is the truth",
+    )
+    add("--topic", help="topic of the recorded predictions, found by itself by default")
+    add("--policy", choices=GRAPH_POLICIES, help="graph policy, the model's own by default")
+    add("--stride", type=float, default=0.2, help="time between two instants (s)")
+    add("--min-future", type=float, default=0.0, help="leave out agents observed for less (s)")
+    add(
+        "--one-sample",
+        action="store_true",
+        help="forget the past before each instant, as if everybody were seen for the first time",
+    )
+    add("--no-centre", action="store_true", help="score only all agents")
+    add(
+        "--seeds",
+        action="store_true",
+        help="the models differ only in their seed: intervals over them (found by itself for "
+        "names that end in -seed1, -seed2)",
+    )
+    add("--json", type=Path, metavar="FILE", help="write all results into this file too")
+    add("--report", type=Path, metavar="DIR", help="write a page with figures into this folder")
+    add("--markdown", action="store_true", help="print the table of a model card")
+    add(
+        "--results",
+        nargs="+",
+        type=Path,
+        metavar="JSON",
+        help="do not evaluate: print the table of a model card from earlier --json files",
+    )
+    add("--jobs", type=int, default=1, metavar="N", help="processes, each with a recording (1)")
+    add("--quiet", action="store_true", help="no progress bar")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run ``mtpgo evaluate``."""
+    if args.results:
+        if args.model or args.predictions or args.data_options:
+            raise ConfigurationError("--results is given with --model, --data or --predictions")
+        print(markdown_table([(path.stem, read_results(path)) for path in args.results]))
+        return 0
+    _check(args)
+    if args.report is not None:
+        # Only here: pictures need matplotlib and jinja2, and the folder must be writable.
+        from mtpgo_training.reports.page import prepare_folder, write_report
+
+        prepare_folder(args.report)
+    if args.json is not None:
+        require_writable(args.json)
+    runners = _load_models(args.model)
+    result = _from_bags(args, runners) if args.predictions else _from_models(args, runners)
+    if not result.evaluation.book.pages:
+        raise RecordingError(
+            "nothing could be scored: in the recordings nobody is predicted and observed "
+            "afterwards"
+        )
+    content = describe(result, runners, args)
+    for sentence in content["warnings"]:
+        print(f"mtpgo: warning: {sentence}", file=sys.stderr)
+    if args.json is not None:
+        write_text(args.json, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    if args.markdown:
+        print(markdown_table([("", content)]))
+    else:
+        print_result(content, result)
+    if args.report is not None:
+        page = write_report(args.report, content, result.evaluation.scenes)
+        print(f"Report written to {page}.")
+    return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what cannot work before anything is loaded.
+
+    Raises:
+        ConfigurationError: one sentence.
+    """
+    if not args.model and not args.predictions:
+        raise ConfigurationError("neither --model nor --predictions is given, expected one")
+    if args.model and not args.predictions and not args.data_options:
+        raise ConfigurationError("--model is given without --data, expected recordings")
+    if args.jobs < 1:
+        raise ConfigurationError(f"--jobs is {args.jobs}, expected at least 1")
+    if not args.stride > 0:
+        raise ConfigurationError(f"--stride is {args.stride}, expected more than 0")
+    if not args.min_future >= 0:
+        raise ConfigurationError(f"--min-future is {args.min_future}, expected at least 0")
+    if args.policy == "ego":
+        raise ConfigurationError("--policy is 'ego' but a recording has no ego, expected another")
+    if args.predictions and args.policy is not None:
+        raise ConfigurationError(
+            "--policy is given with --predictions, whose graphs were chosen by the node"
+        )
+    if args.predictions and args.one_sample:
+        raise ConfigurationError("--one-sample is given with --predictions, which have a past")
+    if args.topic is not None and not args.predictions:
+        raise ConfigurationError("--topic is given without --predictions")
+
+
+def _load_models(given: Sequence[str]) -> dict[str, ModelRunner]:
+    """The models by the name in their file, or by that of the file where names repeat."""
+    loaded = [(str(one), ModelRunner.load(find_model(one))) for one in given]
+    names = [runner.task.name for _, runner in loaded]
+    if len(set(names)) < len(names):
+        names = [runner.path.stem for _, runner in loaded]
+    if len(set(names)) < len(names):
+        names = [one for one, _ in loaded]
+    if len(set(names)) < len(names):
+        raise ConfigurationError(f"--model names {' '.join(given)}, expected each model once")
+    taken = next((name for name in names if name in BASELINES), None)
+    if taken is not None:
+        raise ConfigurationError(f"a model is called {taken}, which is the name of a baseline")
+    return dict(zip(names, (runner for _, runner in loaded), strict=True))
+
+
+def _from_models(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:
+    settings = Settings(
+        args.policy, args.stride, not args.no_centre, args.min_future, args.one_sample
+    )
+    recordings = named_recordings(data_sources(args.data_options), cache_from(args))
+    draw = list(runners) if args.report is not None else []
+    hidden = args.quiet or not sys.stderr.isatty()
+    if args.jobs > 1:
+        files = {name: runner.path for name, runner in runners.items()}
+        with tqdm(desc="evaluating", unit="recording", disable=hidden, leave=False) as whole:
+            return BagResult(
+                evaluate_in_processes(
+                    files,
+                    recordings,
+                    settings,
+                    args.jobs,
+                    draw=draw,
+                    done=lambda _: whole.update(),
+                )
+            )
+    bars: list[tqdm] = []
+
+    def progress(name: str, frames: int) -> Callable[[], object]:
+        for bar in bars:
+            bar.close()
+        bars[:] = [tqdm(total=frames, desc=name, unit="frame", disable=hidden, leave=False)]
+        return bars[0].update
+
+    try:
+        return BagResult(evaluate_all(runners, recordings, settings, draw=draw, progress=progress))
+    finally:
+        for bar in bars:
+            bar.close()
+
+
+def _from_bags(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:
+    if args.data_options:
+        recordings = dict(named_recordings(data_sources(args.data_options), cache_from(args)))
+    else:
+        recordings = observed_recordings(args.predictions)
+    return evaluate_bags(
+        args.predictions,
+        recordings,
+        runners,
+        topic=args.topic,
+        min_future_s=args.min_future,
+        own_clock=bool(args.data_options),
+        draw=args.report is not None,
+    )

@@ -1,0 +1,145 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``mtpgo train``: recordings and a configuration in, a run folder with checkpoints out."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.commands.data_arguments import add_cache_arguments, cache_from
+from mtpgo_training.data.readers import LAYOUTS
+from mtpgo_training.training.training_config import PRECISIONS, TrainingConfig, load_config
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add ``mtpgo train`` to the command line."""
+    parser = subparsers.add_parser("train", help="train a model on recordings")
+    parser.add_argument("config", type=Path, help="YAML configuration of the training")
+    parser.add_argument(
+        "--data", type=Path, action="append", required=True, help="directory with recordings"
+    )
+    parser.add_argument(
+        "--layout",
+        action="append",
+        required=True,
+        help=f"layout of each --data, or one for all: {', '.join(LAYOUTS)}",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="run folder")
+    parser.add_argument("--resume", action="store_true", help="go on with an interrupted run")
+    parser.add_argument(
+        "--init-from",
+        type=Path,
+        metavar="CHECKPOINT",
+        help="start from these weights (checkpoint or run folder of the same architecture)",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="overrides any value of the configuration, for instance model.order=1; repeatable",
+    )
+    parser.add_argument("--name", help="name of the model that comes out, overrides name")
+    parser.add_argument(
+        "--model", metavar="NETWORK", help="overrides network, and adds its name to name"
+    )
+    parser.add_argument("--epochs", type=int, help="overrides optimisation.epochs")
+    parser.add_argument("--seed", type=int, help="overrides seed")
+    parser.add_argument(
+        "--devices", type=int, help="overrides trainer.devices; on a CPU: processes"
+    )
+    parser.add_argument(
+        "--precision", help=f"overrides trainer.precision: {', '.join(PRECISIONS)}"
+    )
+    parser.add_argument(
+        "--minutes", "--max-minutes", type=float, help="stop cleanly after this long (min)"
+    )
+    add_cache_arguments(parser)
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run ``mtpgo train``."""
+    # Before torch is loaded: several processes are warned about what is meant to be so.
+    os.environ.setdefault("TORCH_CPP_LOG_LEVEL", "ERROR")
+    config = overridden(load_config(args.config, args.set), args)
+    if args.init_from is not None and args.resume:
+        raise ConfigurationError(
+            "--init-from is given with --resume, expected one: a resumed run has its weights"
+        )
+    pairs = pair_layouts(args.data, args.layout)
+    cache = cache_from(args)
+    # Loaded here, for Lightning takes seconds and a parser needs none of it.
+    from mtpgo_training.data.splits import read_all
+    from mtpgo_training.training.run_folder import RunFolder
+    from mtpgo_training.training.trainer.console import farewell
+    from mtpgo_training.training.trainer.fit import train
+
+    module = train(
+        config,
+        read_all(pairs, cache),
+        RunFolder(args.out),
+        resume=args.resume,
+        init_from=args.init_from,
+        max_minutes=args.minutes,
+        cache=cache,
+        talk=not args.quiet,
+        progress=not args.quiet and sys.stderr.isatty(),
+    )
+    if not module.trainer.is_global_zero:
+        return 0
+    if not args.quiet:
+        print(farewell(module, args.out))
+    received = module.received_signal
+    return 0 if received is None else 128 + signal.Signals(received)
+
+
+def overridden(config: TrainingConfig, args: argparse.Namespace) -> TrainingConfig:
+    """The configuration with the values of the command line in place.
+
+    Raises:
+        ConfigurationError: a value that the configuration would refuse as well.
+    """
+
+    def given(**values: Any) -> dict[str, Any]:
+        return {key: value for key, value in values.items() if value is not None}
+
+    if args.model is not None:
+        from mtpgo_training.training.networks import options_for
+
+        options = options_for(args.model, config.model)
+        name = f"{config.name}-{args.model}"
+        config = dataclasses.replace(config, name=name, network=args.model, model=options)
+    return dataclasses.replace(
+        config,
+        **given(name=args.name, seed=args.seed),
+        optimisation=dataclasses.replace(config.optimisation, **given(epochs=args.epochs)),
+        trainer=dataclasses.replace(
+            config.trainer, **given(devices=args.devices, precision=args.precision)
+        ),
+    )
+
+
+def pair_layouts(directories: Sequence[Path], layouts: Sequence[str]) -> list[tuple[Path, str]]:
+    """Each directory with its layout; a single layout serves all.
+
+    Raises:
+        ConfigurationError: other numbers of the two.
+    """
+    if len(layouts) == 1:
+        layouts = list(layouts) * len(directories)
+    if len(layouts) != len(directories):
+        raise ConfigurationError(
+            f"--layout is given {len(layouts)} times for {len(directories)} times --data, "
+            "expected once or as often"
+        )
+    return list(zip(directories, layouts, strict=True))

@@ -1,0 +1,149 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of any layout into rosbag2 MCAP bags of tracked objects."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from tqdm import tqdm
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording_bag import DEFAULT_KIND, create_bag, write_recording
+
+JOIN_GAP_S = 10.0
+"""Pause between recordings in one bag (s): longer than any history, so they never mix."""
+
+
+@dataclass(frozen=True)
+class Converted:
+    """One bag written.
+
+    Attributes:
+        path: the file or directory.
+        recordings: names of the recordings in it.
+        messages: number of messages.
+        frames: number of frames.
+        duration_s: time that its recordings last (s).
+    """
+
+    path: Path
+    recordings: tuple[str, ...]
+    messages: int
+    frames: int
+    duration_s: float
+
+
+def convert(
+    recordings: Iterable[Recording],
+    output: Path,
+    *,
+    kind: str = DEFAULT_KIND,
+    join: bool = False,
+    progress: bool = False,
+) -> list[Converted]:
+    """Write recordings as bags.
+
+    Several recordings become one bag each, ``output/NAME``, unless they are joined or ``output``
+    is a file (ends in ``.mcap``). A single one becomes ``output`` itself.
+
+    Args:
+        recordings: taken one after the other, so only one needs to be in memory.
+        output: a path that ends in ``.mcap`` for one self-contained file, else a directory.
+        kind: short name of the tracked-object message.
+        join: one bag for all, with pauses of ``JOIN_GAP_S``.
+        progress: show a bar on stderr.
+
+    Raises:
+        RecordingError: nothing to write, or the output cannot be written.
+        MessageError: the message kind cannot carry a recording.
+    """
+    if join or output.suffix == ".mcap":
+        return [_write(recordings, output, kind, progress)]
+    iterator = iter(recordings)
+    first, second = next(iterator, None), next(iterator, None)
+    if first is None or second is None:
+        return [_write([first] if first else [], output, kind, progress)]
+    return [
+        _write([recording], output / recording.name, kind, progress)
+        for recording in _chain(first, second, iterator)
+    ]
+
+
+def _chain(
+    first: Recording, second: Recording, others: Iterator[Recording]
+) -> Iterator[Recording]:
+    yield first
+    yield second
+    yield from others
+
+
+def _write(recordings: Iterable[Recording], path: Path, kind: str, progress: bool) -> Converted:
+    """One bag of recordings, one after the other in time."""
+    names: list[str] = []
+    frames, duration_s, next_start_ns = 0, 0.0, None
+    with create_bag(path) as bag:
+        for recording in recordings:
+            if not len(recording):
+                continue
+            first_ns = recording.stamp_ns(int(recording.frame[0]))
+            shift_ns = 0 if next_start_ns is None else next_start_ns - first_ns
+            written = write_recording(bag, recording, kind=kind, shift_ns=shift_ns)
+            with tqdm(
+                written,
+                desc=f"{path.name}: {recording.name}",
+                total=len(recording.frames),
+                unit="frame",
+                file=sys.stderr,
+                disable=not progress,
+                leave=False,
+            ) as bar:
+                frames += sum(1 for _ in bar)
+            last_ns = recording.stamp_ns(int(recording.frame[-1])) + shift_ns
+            next_start_ns = last_ns + round(JOIN_GAP_S * 1e9)
+            names.append(recording.name)
+            duration_s += recording.duration_s
+        if not names:
+            raise RecordingError(f"nothing was written to {path}: no recording has a road user")
+    return Converted(path, tuple(names), bag.messages, frames, duration_s)
+
+
+def selected(
+    recordings: Iterable[Recording],
+    *,
+    start_s: float | None = None,
+    end_s: float | None = None,
+    ego_id: int | None = None,
+    drop_parked: bool = False,
+) -> Iterator[Recording]:
+    """The part of each recording that is wanted.
+
+    Args:
+        recordings: taken one after the other.
+        start_s: time from the recording's first frame (s).
+        end_s: likewise.
+        ego_id: track to be marked as ego.
+        drop_parked: leave out road users that never move.
+
+    Raises:
+        RecordingError: the ego is in none of the recordings.
+    """
+    names, found = [], ego_id is None
+    for recording in recordings:
+        recording = recording.between(start_s, end_s)
+        if drop_parked:
+            recording = recording.without_parked()
+        if ego_id is not None and ego_id in recording.track_id:
+            recording = dataclasses.replace(recording, ego_id=ego_id)
+            found = True
+        names.append(recording.name)
+        yield recording
+    if not found:
+        raise RecordingError(
+            f"the ego {ego_id} is in none of the recordings {', '.join(names)} in the time chosen"
+        )

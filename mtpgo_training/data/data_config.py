@@ -1,0 +1,173 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The section ``data`` of a training's configuration: splits, sampling, and presets for both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.schema import AgentClass
+
+SPLITS = ("recording", "time")
+
+_PAPER: dict[str, Any] = {
+    "split": "time",
+    "block_s": 60.0,
+    "validation_fraction": 0.1,
+    "test_fraction": 0.1,
+    "restart_probability": 0.0,
+    "min_future_s": 5.0,
+}
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "highd_paper": {
+        **_PAPER,
+        "stride_s": 1.0,
+        "lane_change_share": 2.0 / 3.0,
+        "lane_change_copies": 2.0,
+        "centre_classes": ("car", "truck"),
+    },
+    "round_paper": {**_PAPER, "stride_s": 1.0, "centre_classes": ("car", "truck", "van")},
+    "ind_paper": {
+        **_PAPER,
+        "stride_s": 1.0,
+        "centre_classes": ("car", "truck", "bicycle", "pedestrian"),
+    },
+}
+"""Values of :class:`DataConfig` by the name of a preset; docs/recordings.md says whence."""
+
+
+@dataclass(frozen=True)
+class DataConfig:
+    """Which recordings teach, which judge, and how scenes are cut from them.
+
+    A recording is named ``NAME`` or ``DIRECTORY/NAME``, the directory's last part.
+
+    Attributes:
+        preset: name of a preset in ``PRESETS`` whose values stand where a configuration file says
+            nothing else; the saved configuration shows them all.
+        split: ``recording``: a whole recording has one use; ``time``: recordings are divided into
+            blocks of time, and each block has one use. Never by track.
+        block_s: length of such a block (s); at every border between two uses a whole window, its
+            past and its future, is left out.
+        validation: names of the recordings that choose the checkpoint.
+        test: names of the recordings that are left alone.
+        train: names of those that teach; empty for all others.
+        validation_fraction: share of the recordings (or blocks) drawn for validation where
+            ``validation`` is empty.
+        test_fraction: likewise for the test.
+        stride_s: time between two windows of a training recording (s).
+        validation_stride_s: likewise of a validation recording (s).
+        restart_probability: share of the training scenes in which every agent was first seen
+            within the last ``restart_within_s``, as after an occlusion or a tracker's restart.
+        restart_within_s: longest time such agents have been seen (s).
+        mirror_probability: share of the training scenes that are mirrored (left for right): it
+            doubles the data where the side of the road does not matter.
+        rotation_std_rad: standard deviation of a random turn of the training scenes (rad), for
+            sites where the scene's frame has no preferred direction.
+        scale_std: standard deviation of the logarithm of a random scale of the training scenes:
+            all lengths, speeds and accelerations by one factor.
+        velocity_smoothing_s: standard deviation of the kernel that smooths the target velocities
+            (s), 0 for the recorded ones; see
+            :class:`mtpgo_training.data.ground_truth.FutureTable`.
+        standing_weight: weight in the loss of an agent that stands now and does not move over its
+            observed future, and its chance to be a graph's centre; below 1 more of the learning
+            goes to those that move.
+        min_future_s: an agent whose future is known for a shorter time is not a graph's centre in
+            training (s): the end of a recording costs as much as its middle and teaches less.
+        centre_classes: names of the classes that may be a graph's centre in training; empty for
+            all. The others are still neighbours, and their futures still count.
+        lane_change_share: share of the training graphs whose centre changes its lane within the
+            horizon, left and right alike; 0 leaves the graphs as the traffic gives them. See
+            :func:`mtpgo_training.scenes.centre_sampling.balanced_copies`.
+        lane_change_copies: graphs drawn around such a centre in each window on average, where
+            ``lane_change_share`` is set; the graphs around those that keep their lane are thinned
+            until the share is right.
+        source_weight: how often scenes are drawn, by directory (its last part) or recording
+            (``DIRECTORY/NAME``, which goes before); 1 where not named.
+    """
+
+    preset: str = ""
+    split: str = "recording"
+    block_s: float = 60.0
+    validation: tuple[str, ...] = ()
+    test: tuple[str, ...] = ()
+    train: tuple[str, ...] = ()
+    validation_fraction: float = 0.1
+    test_fraction: float = 0.0
+    stride_s: float = 0.2
+    validation_stride_s: float = 1.0
+    restart_probability: float = 0.15
+    restart_within_s: float = 1.2
+    mirror_probability: float = 0.0
+    rotation_std_rad: float = 0.0
+    scale_std: float = 0.0
+    velocity_smoothing_s: float = 0.0
+    standing_weight: float = 1.0
+    min_future_s: float = 0.0
+    centre_classes: tuple[str, ...] = ()
+    lane_change_share: float = 0.0
+    lane_change_copies: float = 1.0
+    source_weight: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("stride_s", "validation_stride_s", "restart_within_s", "block_s"):
+            _require(name, getattr(self, name), getattr(self, name) > 0.0, "more than 0")
+        for name in (
+            "restart_probability",
+            "mirror_probability",
+            "standing_weight",
+            "validation_fraction",
+            "test_fraction",
+        ):
+            _require(name, getattr(self, name), 0.0 <= getattr(self, name) <= 1.0, "0 to 1")
+        share = self.lane_change_share
+        _require("lane_change_share", share, 0.0 <= share < 1.0, "0 to less than 1")
+        copies = self.lane_change_copies
+        _require("lane_change_copies", copies, copies > 0.0, "more than 0")
+        for name, weight in self.source_weight.items():
+            _require(f"source_weight.{name}", weight, weight >= 0.0, "at least 0")
+        _require("split", self.split, self.split in SPLITS, f"one of {_listed(SPLITS)}")
+        named = self.train or self.validation or self.test
+        if self.split == "time" and named:
+            raise ConfigurationError(
+                f"data.split is 'time' but the recording {named[0]!r} is given a use by name, "
+                "expected fractions only"
+            )
+        known = [member.name.lower() for member in AgentClass]
+        for name in self.centre_classes:
+            _require("centre_classes", name, name in known, f"classes of {_listed(known)}")
+        if self.preset:
+            _known_preset(self.preset)
+
+
+def with_preset(data: Any) -> Any:
+    """The section ``data`` of a configuration file with its preset's values filled in.
+
+    Values that the file gives go before those of the preset.
+
+    Raises:
+        ConfigurationError: an unknown preset.
+    """
+    if not isinstance(data, dict) or not data.get("preset"):
+        return data
+    return {**_known_preset(data["preset"]), **data}
+
+
+def _known_preset(name: Any) -> dict[str, Any]:
+    if name not in PRESETS:
+        raise ConfigurationError(
+            f"data.preset is {name!r}, expected one of {_listed(tuple(PRESETS))}"
+        )
+    return PRESETS[name]
+
+
+def _require(name: str, value: object, good: bool, expected: str) -> None:
+    if not good:
+        raise ConfigurationError(f"data.{name} is {value!r}, expected {expected}")
+
+
+def _listed(names: tuple[str, ...] | list[str]) -> str:
+    return ", ".join(repr(name) for name in names)

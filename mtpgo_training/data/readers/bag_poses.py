@@ -1,0 +1,63 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Objects that a bag gives in the vehicle's frame, lifted with the odometry of the same bag.
+
+The node does the same with ``fixed_frame`` and the topic ``odometry``, so a bag of its inputs can
+be read as it is.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rosbags.highlevel import AnyReader
+
+from msg_adapters.conversions import stamp_to_ns
+from msg_adapters.inputs.odometry import ODOMETRY, pose_of
+from mtpgo_core.errors import FrameError
+from mtpgo_core.frames import PoseBuffer, lift
+from mtpgo_core.schema import TrackedStates
+from mtpgo_training.data.recording_bag import read_messages
+
+_WHOLE_BAG_S = 1e9
+
+
+class BagPoses:
+    """All odometry of a bag.
+
+    Args:
+        path: of the bag, for errors.
+        reader: the open bag.
+
+    Attributes:
+        complaint: why the last observation could not be lifted, empty if none was refused.
+    """
+
+    def __init__(self, path: Path, reader: AnyReader) -> None:
+        self.complaint = ""
+        self._poses: dict[str, tuple[str, PoseBuffer]] = {}
+        topics = sorted(c.topic for c in reader.connections if c.msgtype == ODOMETRY)
+        for topic in topics:
+            mine = [c for c in reader.connections if c.topic == topic]
+            found: dict[str, tuple[str, PoseBuffer]] = {}
+            for _, _, message in read_messages(path, reader, mine):
+                parent, child = message.header.frame_id, message.child_frame_id
+                fixed, poses = found.setdefault(child, (parent, PoseBuffer(_WHOLE_BAG_S)))
+                if fixed == parent and child != parent:
+                    poses.add(stamp_to_ns(message.header.stamp), pose_of(message))
+            # Of several topics with the same frame the first counts.
+            self._poses = {**found, **self._poses}
+
+    def lift(self, states: TrackedStates) -> TrackedStates | None:
+        """The states in the frame in which the odometry gives theirs, or as they are without one.
+
+        None where there is no pose at their time, as before the odometry has begun.
+        """
+        if not len(states) or states.frame_id not in self._poses:
+            return states
+        fixed, poses = self._poses[states.frame_id]
+        try:
+            return lift(states, poses.at(states.stamp_ns), fixed)
+        except FrameError as error:
+            self.complaint = str(error)
+            return None

@@ -1,0 +1,142 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The three files of a drone recording, found, checked and told apart by their headers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.csv_table import read_header
+
+_SUFFIXES = (".csv", ".csv.gz")
+
+
+@dataclass(frozen=True)
+class DroneFiles:
+    """The files of one recording of the highD or inD family.
+
+    Attributes:
+        name: the part of the file names before ``_tracks``, usually two digits.
+        tracks: one row per frame and road user.
+        tracks_meta: one row per road user.
+        recording_meta: one row.
+    """
+
+    name: str
+    tracks: Path
+    tracks_meta: Path
+    recording_meta: Path
+
+    @property
+    def all(self) -> tuple[Path, Path, Path]:
+        """The files in the order in which they are hashed."""
+        return self.tracks, self.tracks_meta, self.recording_meta
+
+
+def existing_directory(directory: Path) -> Path:
+    """``directory``, if it is one.
+
+    Raises:
+        RecordingError: it is missing or a file.
+    """
+    if not directory.is_dir():
+        state = "is a file" if directory.exists() else "does not exist"
+        raise RecordingError(f"{directory} {state}, expected a directory with recordings")
+    return directory
+
+
+def select_names(available: Sequence[str], names: Sequence[str] | None, where: Path) -> list[str]:
+    """The recordings asked for, all if none is named; ``1`` finds ``01``.
+
+    Raises:
+        RecordingError: a name that is not there.
+    """
+    if not names:
+        return list(available)
+    chosen = []
+    for name in names:
+        same = [a for a in available if a == name]
+        if not same and name.isdigit():
+            same = [a for a in available if a.isdigit() and int(a) == int(name)]
+        if not same:
+            raise RecordingError(
+                f"{where} has no recording {name!r}, it has {', '.join(available)}"
+            )
+        chosen += [a for a in same if a not in chosen]
+    return chosen
+
+
+def find_drone_files(directory: Path, names: Sequence[str] | None = None) -> list[DroneFiles]:
+    """The recordings in a directory, sorted by name.
+
+    The data sets' archives keep the files in a folder ``data``; it is found as well.
+
+    Raises:
+        RecordingError: no recordings there, one asked for is missing, or lacks a file.
+    """
+    existing_directory(directory)
+    for place in (directory, directory / "data"):
+        tracks = _by_name(place, "_tracks")
+        if tracks:
+            break
+    else:
+        raise RecordingError(
+            f"{directory} has no recordings, expected files such as 01_tracks.csv or "
+            "01_tracks.csv.gz"
+        )
+    return [
+        DroneFiles(
+            name=name,
+            tracks=tracks[name],
+            tracks_meta=_beside(tracks[name], "_tracksMeta"),
+            recording_meta=_beside(tracks[name], "_recordingMeta"),
+        )
+        for name in select_names(sorted(tracks), names, directory)
+    ]
+
+
+def _by_name(place: Path, ending: str) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    for suffix in _SUFFIXES:
+        for path in place.glob(f"*{ending}{suffix}"):
+            found.setdefault(path.name[: -len(ending + suffix)], path)
+    return found
+
+
+def _beside(tracks: Path, ending: str) -> Path:
+    stem = tracks.name.split("_tracks.csv")[0] + ending
+    candidates = [tracks.with_name(stem + suffix) for suffix in _SUFFIXES]
+    for path in candidates:
+        if path.is_file():
+            return path
+    raise RecordingError(f"{candidates[0]} is missing, it belongs to {tracks.name}")
+
+
+def detect_layout(path: Path) -> str | None:
+    """The layout that the header of a tracks file speaks of, ``None`` if none.
+
+    ``ind`` stands for its siblings with the same columns, too.
+    """
+    header = set(read_header(path))
+    lower = {name.lower() for name in header}
+    if "xCenter" in header:
+        return "exid" if "laneletId" in header else "ind"
+    if {"x", "y", "laneId", "xVelocity"} <= header:
+        return "highd"
+    if {"vehicle_id", "local_x", "local_y"} <= lower:
+        return "ngsim"
+    return None
+
+
+def check_layout(path: Path, layout: str, accepted: Collection[str]) -> None:
+    """Refuse a tracks file of another layout, and name the right one.
+
+    Raises:
+        RecordingError: the header speaks of another layout.
+    """
+    found = detect_layout(path)
+    if found is not None and found not in accepted:
+        raise RecordingError(f"{path} has the layout {found!r}, but {layout!r} was asked for")

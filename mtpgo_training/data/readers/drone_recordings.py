@@ -1,0 +1,239 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""inD, rounD, exiD and highD recordings into the internal frame.
+
+inD, rounD and exiD already have the box centre, y up and counter-clockwise headings in degrees.
+highD has the upper-left corner of the box, y down, and calls the length ``width``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_core.schema import AgentClass, Float64Array
+from mtpgo_training.data.readers.csv_table import read_table, sha256_of
+from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
+from mtpgo_training.data.recording import Recording
+
+HEADING_SPEED_MPS = 2.0
+"""Below this forward speed a highD vehicle's heading leans towards its driving direction (m/s)."""
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The rows of a tracks file in the internal frame, in the file's order; [rows, ...] each."""
+
+    frame: np.ndarray
+    track_id: np.ndarray
+    position: Float64Array
+    velocity: Float64Array
+    acceleration: Float64Array
+    yaw: Float64Array
+
+
+def read_ind(files: DroneFiles, layout: str = "ind") -> Recording:
+    """One recording of the inD family (inD, rounD, uniD, exiD).
+
+    Args:
+        files: its three files.
+        layout: ``ind``, ``round`` or ``exid``.
+
+    Raises:
+        RecordingError: a defect of the files.
+    """
+    check_layout(files.tracks, layout, ("exid",) if layout == "exid" else ("ind",))
+    table = read_table(
+        files.tracks,
+        integers=("trackId", "frame"),
+        numbers=("xCenter", "yCenter"),
+        unknown_allowed=("heading", "xVelocity", "yVelocity", "xAcceleration", "yAcceleration"),
+    )
+    meta = _tracks_meta(files.tracks_meta, "trackId", ("width", "length"))
+    rows = _Rows(
+        frame=table["frame"].to_numpy(np.int64),
+        track_id=table["trackId"].to_numpy(np.int64),
+        position=table[["xCenter", "yCenter"]].to_numpy(np.float64),
+        velocity=table[["xVelocity", "yVelocity"]].to_numpy(np.float64),
+        acceleration=table[["xAcceleration", "yAcceleration"]].to_numpy(np.float64),
+        yaw=wrap_angle(np.radians(table["heading"].to_numpy(np.float64))),
+    )
+    size = meta[["length", "width"]].to_numpy(np.float64)
+    general, frame_rate = _recording_meta(files.recording_meta)
+    return _assemble(files, layout, rows, meta, size, general, frame_rate, ())
+
+
+def read_highd(files: DroneFiles) -> Recording:
+    """One highD recording.
+
+    The lane markings become polylines along the direction of travel, as long as the section seen.
+
+    Raises:
+        RecordingError: a defect of the files.
+    """
+    check_layout(files.tracks, "highd", ("highd",))
+    table = read_table(
+        files.tracks,
+        integers=("frame", "id"),
+        numbers=("x", "y", "width", "height"),
+        unknown_allowed=("xVelocity", "yVelocity", "xAcceleration", "yAcceleration"),
+    )
+    meta = _tracks_meta(files.tracks_meta, "id", ("width", "height"), "drivingDirection")
+    _check_directions(files.tracks_meta, meta)
+    track_id = table["id"].to_numpy(np.int64)
+    _check_known(files, track_id, meta["id"].to_numpy(np.int64))
+    direction = meta.set_index("id")["drivingDirection"].reindex(track_id).to_numpy(np.int64)
+    corner = table[["x", "y"]].to_numpy(np.float64)
+    extent = table[["width", "height"]].to_numpy(np.float64)
+    up = np.array([1.0, -1.0])
+    velocity = table[["xVelocity", "yVelocity"]].to_numpy(np.float64) * up
+    rows = _Rows(
+        frame=table["frame"].to_numpy(np.int64),
+        track_id=track_id,
+        position=(corner + extent / 2) * up,
+        velocity=velocity,
+        acceleration=table[["xAcceleration", "yAcceleration"]].to_numpy(np.float64) * up,
+        yaw=_driving_heading(velocity, direction),
+    )
+    size = meta[["width", "height"]].to_numpy(np.float64)
+    general, frame_rate = _recording_meta(
+        files.recording_meta, "upperLaneMarkings", "lowerLaneMarkings"
+    )
+    x = corner[:, 0]
+    span = (float(x.min()), float((x + extent[:, 0]).max())) if len(table) else (0.0, 0.0)
+    lanes = _lanes(files.recording_meta, general, span)
+    return _assemble(files, "highd", rows, meta, size, general, frame_rate, lanes)
+
+
+DRONE_READERS: dict[str, Callable[[DroneFiles], Recording]] = {
+    "highd": read_highd,
+    "ind": lambda files: read_ind(files, "ind"),
+    "round": lambda files: read_ind(files, "round"),
+    "exid": lambda files: read_ind(files, "exid"),
+}
+
+
+def wrap_angle(angle: Float64Array) -> Float64Array:
+    """The angles in (-pi, pi] (rad)."""
+    return np.pi - np.mod(np.pi - angle, 2 * np.pi)
+
+
+def _driving_heading(velocity: Float64Array, direction: np.ndarray) -> Float64Array:
+    """Heading [rows] (rad) from velocities [rows, 2]; a standing vehicle points along its road."""
+    sign = np.where(direction == 1, -1.0, 1.0)
+    forward = np.maximum(np.nan_to_num(velocity[:, 0] * sign), HEADING_SPEED_MPS)
+    left = np.nan_to_num(velocity[:, 1] * sign)
+    return wrap_angle(np.arctan2(left, forward) + np.where(sign < 0, np.pi, 0.0))
+
+
+def _tracks_meta(path: Path, id_name: str, sizes: Sequence[str], *integers: str) -> pd.DataFrame:
+    """The tracksMeta table, its id column named ``id``, each id once."""
+    table = read_table(
+        path, integers=(id_name, *integers), unknown_allowed=sizes, texts=("class",)
+    ).rename(columns={id_name: "id"})
+    doubled = table["id"].duplicated().to_numpy(bool)
+    if doubled.any():
+        row = int(np.argmax(doubled))
+        raise RecordingError(f"{path}, line {row + 2}: track {table['id'].iloc[row]} comes twice")
+    return table
+
+
+def _check_directions(path: Path, meta: pd.DataFrame) -> None:
+    wrong = ~meta["drivingDirection"].isin([1, 2]).to_numpy(bool)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise RecordingError(
+            f"{path}, line {row + 2}, column 'drivingDirection': "
+            f"{meta['drivingDirection'].iloc[row]}, expected 1 (to the left) or 2 (to the right)"
+        )
+
+
+def _check_known(files: DroneFiles, track_id: np.ndarray, known: np.ndarray) -> None:
+    unknown = ~np.isin(track_id, known)
+    if unknown.any():
+        row = int(np.argmax(unknown))
+        raise RecordingError(
+            f"{files.tracks}, line {row + 2}: track {track_id[row]} is not listed in "
+            f"{files.tracks_meta.name}"
+        )
+
+
+def _recording_meta(path: Path, *texts: str) -> tuple[pd.Series, float]:
+    """The one row of a recordingMeta file, and its frame rate (Hz)."""
+    table = read_table(path, numbers=("frameRate",), texts=("locationId", *texts))
+    if len(table) != 1:
+        raise RecordingError(f"{path} has {len(table)} rows, expected exactly one recording")
+    frame_rate = float(table["frameRate"].iloc[0])
+    if not frame_rate > 0:
+        raise RecordingError(
+            f"{path}, line 2, column 'frameRate': {frame_rate:g}, expected frames per second"
+        )
+    return table.iloc[0], frame_rate
+
+
+def _lanes(path: Path, general: pd.Series, span: tuple[float, float]) -> tuple[Float64Array, ...]:
+    lanes = []
+    for column, (start, end) in (("upperLaneMarkings", span[::-1]), ("lowerLaneMarkings", span)):
+        for cell in str(general[column]).split(";"):
+            try:
+                y = -float(cell)
+            except ValueError:
+                raise RecordingError(
+                    f"{path}, line 2, column {column!r}: {cell!r}, "
+                    "expected y positions joined by ';'"
+                ) from None
+            lanes.append(np.array([[start, y], [end, y]]))
+    return tuple(lanes)
+
+
+def _assemble(
+    files: DroneFiles,
+    layout: str,
+    rows: _Rows,
+    meta: pd.DataFrame,
+    size: Float64Array,
+    general: pd.Series,
+    frame_rate: float,
+    lanes: tuple[Float64Array, ...],
+) -> Recording:
+    """The recording, rows sorted by frame and track, after the last checks."""
+    if not len(rows.frame):
+        raise RecordingError(f"{files.tracks} has no rows below its header")
+    ids = meta["id"].to_numpy(np.int64)
+    _check_known(files, rows.track_id, ids)
+    present, track = np.unique(rows.track_id, return_inverse=True)
+    meta_row = pd.Index(ids).get_indexer(present)
+    order = np.lexsort((track, rows.frame))
+    frame, track = rows.frame[order], track[order].astype(np.int64)
+    again = (np.diff(frame) == 0) & (np.diff(track) == 0)
+    if again.any():
+        row = int(order[int(np.argmax(again)) + 1])
+        raise RecordingError(
+            f"{files.tracks}, line {row + 2}: track {rows.track_id[row]} has a second row for "
+            f"frame {rows.frame[row]}"
+        )
+    classes = meta["class"].fillna("").iloc[meta_row]
+    size = size[meta_row]
+    return Recording(
+        name=files.name,
+        layout=layout,
+        location=str(general["locationId"]),
+        frame_rate=frame_rate,
+        frame=frame,
+        track=track,
+        position=rows.position[order],
+        velocity=rows.velocity[order],
+        acceleration=rows.acceleration[order],
+        yaw=rows.yaw[order],
+        track_id=present,
+        agent_class=np.array([AgentClass.from_name(c) for c in classes], dtype=np.uint8),
+        # A box of no extent means that nobody measured it (pedestrians, bicycles).
+        size=np.where(size > 0, size, np.nan),
+        lanes=lanes,
+        sha256=sha256_of(files.all),
+    )

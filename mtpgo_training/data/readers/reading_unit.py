@@ -1,0 +1,43 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The files that are read together: three of a drone recording, one of NGSIM's, one bag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.csv_table import sha256_of
+from mtpgo_training.data.recording import Recording
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Files that hold one recording, or several that only reading them tells apart.
+
+    Attributes:
+        name: within the directory.
+        layout: name of the layout.
+        files: the files, in the order in which they are hashed.
+        read: reads the recordings, one after the other.
+    """
+
+    name: str
+    layout: str
+    files: Sequence[Path]
+    read: Callable[[], Iterator[Recording]]
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash over the contents of the files.
+
+        Raises:
+            RecordingError: a file cannot be read.
+        """
+        try:
+            return sha256_of(self.files)
+        except OSError as error:
+            raise RecordingError(f"{error.filename} cannot be read: {error.strerror}") from error

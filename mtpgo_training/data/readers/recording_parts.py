@@ -1,0 +1,93 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Parts of recordings by name: ``01@60-116s`` is recording ``01`` from 60 s to 116 s.
+
+A training that is split by time lists its parts under such names, so they can be read again one by
+one, for an evaluation of the blocks that were left for the test.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.recording import Recording
+
+_NAME = re.compile(r"(?P<whole>.+)@(?P<start>\d+(?:\.\d+)?)-(?P<end>\d+(?:\.\d+)?)s")
+
+
+@dataclass(frozen=True)
+class RecordingPart:
+    """A stretch of a recording.
+
+    Attributes:
+        name: as it is written.
+        whole: name of the recording.
+        start_s: from its first frame (s).
+        end_s: likewise.
+    """
+
+    name: str
+    whole: str
+    start_s: float
+    end_s: float
+
+    @classmethod
+    def from_name(cls, name: str) -> RecordingPart | None:
+        """The part that ``name`` speaks of, None for the name of a whole recording."""
+        found = _NAME.fullmatch(name)
+        if found is None:
+            return None
+        return cls(name, found["whole"], float(found["start"]), float(found["end"]))
+
+    def of(self, recording: Recording) -> Recording:
+        """This part of ``recording``, under its own name."""
+        return dataclasses.replace(recording.between(self.start_s, self.end_s), name=self.name)
+
+    def may_be_in(self, unit: str) -> bool:
+        """Whether the files called ``unit`` may hold the recording."""
+        return self.whole == unit or self.whole.startswith(f"{unit}-")
+
+
+def part_name(whole: str, start_s: float, end_s: float) -> str:
+    """Name of a part of a recording."""
+    return f"{whole}@{start_s:.10g}-{end_s:.10g}s"
+
+
+def parts_in(names: Sequence[str]) -> list[RecordingPart]:
+    """The names that speak of parts."""
+    return [part for part in map(RecordingPart.from_name, names) if part is not None]
+
+
+def cut_parts(
+    recordings: Iterable[Recording], parts: Sequence[RecordingPart], where: Path
+) -> Iterator[Recording]:
+    """The parts of the recordings, in the order of the recordings.
+
+    Raises:
+        RecordingError: a part of a recording that is not there, or in which nobody is.
+    """
+    missing = {part.name: part for part in parts}
+    seen = []
+    for recording in recordings:
+        seen.append(recording.name)
+        for part in parts:
+            if part.whole != recording.name:
+                continue
+            missing.pop(part.name, None)
+            cut = part.of(recording)
+            if not len(cut):
+                raise RecordingError(
+                    f"{where}, recording {recording.name}: nobody is there from {part.start_s:g} "
+                    f"to {part.end_s:g} s, it lasts {recording.duration_s:g} s"
+                )
+            yield cut
+    if missing:
+        raise RecordingError(
+            f"{where} has no recording {next(iter(missing.values())).whole!r}, it has "
+            + (", ".join(seen) or "none of such a name")
+        )

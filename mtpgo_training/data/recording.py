@@ -1,0 +1,189 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A recording of real or simulated traffic in the one internal frame, whatever its file layout.
+
+The frame is right-handed and fixed to the site, y to the left of x; metres, seconds, radians.
+What a layout does not tell is NaN.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.history.track_index import NameArray, find_names, names_of
+from mtpgo_core.identity import keys_from_integers
+from mtpgo_core.schema import (
+    BoolArray,
+    ClassArray,
+    Float64Array,
+    KeyArray,
+    TrackedStates,
+    tracked_states,
+)
+
+Int64Array = NDArray[np.int64]
+Columns = dict[str, NDArray[Any]]
+"""Arrays by name, one row of each for the same thing."""
+
+FRAME_ID = "map"
+"""Name of the internal frame in messages."""
+
+DEFAULT_START_NS = 1_500_000_000 * 10**9
+"""Stamp of frame 0 (ns) where a layout tells no absolute time; zero would mean "no clock yet"."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Road users over time, one row per frame and track.
+
+    Attributes:
+        name: name of the recording within its directory, such as ``01``.
+        layout: name of the layout it was read from, see :mod:`mtpgo_training.data.readers`.
+        location: the site, as the data set names it.
+        frame_rate: frames per second (Hz).
+        frame: [rows] frame number, ascending; within a frame the tracks ascend.
+        track: [rows] index into the per-track arrays.
+        position: [rows, 2] box centre x, y (m).
+        velocity: [rows, 2] (m/s). acceleration: [rows, 2] (m/s^2). yaw: [rows] (rad), in
+            (-pi, pi]. All three NaN where unknown.
+        track_id: [tracks] the data set's own number of the road user.
+        agent_class: [tracks] :class:`~mtpgo_core.schema.AgentClass` values.
+        size: [tracks, 2] length, width (m), NaN where unknown.
+        lanes: [k, 2] polylines of the lane markings (m), along the direction of travel.
+        ego_id: the ``track_id`` of a chosen ego, if any.
+        sha256: hash over the contents of the source files.
+        start_time_ns: stamp of frame 0 (ns).
+        track_key: [tracks, 4] identities, where ``track_id`` cannot carry them (UUIDs, text).
+    """
+
+    name: str
+    layout: str
+    location: str
+    frame_rate: float
+    frame: Int64Array
+    track: Int64Array
+    position: Float64Array
+    velocity: Float64Array
+    acceleration: Float64Array
+    yaw: Float64Array
+    track_id: Int64Array
+    agent_class: ClassArray
+    size: Float64Array
+    lanes: tuple[Float64Array, ...] = ()
+    ego_id: int | None = None
+    sha256: str = ""
+    start_time_ns: int = DEFAULT_START_NS
+    track_key: KeyArray | None = None
+
+    def __len__(self) -> int:
+        return self.frame.shape[0]
+
+    @cached_property
+    def key(self) -> KeyArray:
+        """[tracks, 4] identities: ``track_key``, else made of ``track_id``."""
+        if self.track_key is not None:
+            return self.track_key
+        return keys_from_integers(self.track_id.tolist())
+
+    @cached_property
+    def _sorted_names(self) -> tuple[NameArray, Int64Array]:
+        """The names of the keys in ascending order, and the track of each."""
+        names = names_of(self.key)
+        order = np.argsort(names, kind="stable")
+        return names[order], order
+
+    def find_tracks(self, key: KeyArray) -> Int64Array:
+        """[n] index of the track with each [n, 4] key, -1 for a key that no track has."""
+        names, track = self._sorted_names
+        place = find_names(names, names_of(key))
+        return np.where(place >= 0, track[place], -1) if len(track) else place
+
+    @cached_property
+    def _bounds(self) -> tuple[Int64Array, Int64Array]:
+        """The distinct frames, and where the rows of each begin (one entry more at the end)."""
+        frames, starts = np.unique(self.frame, return_index=True)
+        return frames, np.append(starts, len(self)).astype(np.int64)
+
+    @property
+    def frames(self) -> Int64Array:
+        """Frame numbers at which anybody is present, ascending."""
+        return self._bounds[0]
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last frame (s)."""
+        return float(self.frame[-1] - self.frame[0]) / self.frame_rate if len(self) else 0.0
+
+    def stamp_ns(self, frame: int) -> int:
+        """Time of a frame (ns)."""
+        return self.start_time_ns + round(int(frame) * 1e9 / self.frame_rate)
+
+    def states(self) -> Iterator[TrackedStates]:
+        """The road users frame by frame, as a tracker would have published them."""
+        frames, starts = self._bounds
+        for i, frame in enumerate(frames.tolist()):
+            yield self._states(frame, slice(int(starts[i]), int(starts[i + 1])))
+
+    def states_at(self, frame: int) -> TrackedStates:
+        """The road users of one frame; nobody where nobody is present."""
+        left, right = np.searchsorted(self.frame, [frame, frame + 1])
+        return self._states(frame, slice(int(left), int(right)))
+
+    def _states(self, frame: int, rows: slice) -> TrackedStates:
+        track = self.track[rows]
+        return tracked_states(
+            self.stamp_ns(frame),
+            FRAME_ID,
+            self.key[track],
+            self.position[rows],
+            agent_class=self.agent_class[track],
+            velocity=self.velocity[rows],
+            acceleration=self.acceleration[rows],
+            yaw=self.yaw[rows],
+            size=self.size[track],
+        )
+
+    def select_rows(self, rows: BoolArray) -> Recording:
+        """The recording with only the rows that the mask keeps; emptied tracks are dropped."""
+        kept, track = np.unique(self.track[rows], return_inverse=True)
+        return dataclasses.replace(
+            self,
+            frame=self.frame[rows],
+            track=track.astype(np.int64),
+            position=self.position[rows],
+            velocity=self.velocity[rows],
+            acceleration=self.acceleration[rows],
+            yaw=self.yaw[rows],
+            track_id=self.track_id[kept],
+            agent_class=self.agent_class[kept],
+            size=self.size[kept],
+            track_key=None if self.track_key is None else self.track_key[kept],
+        )
+
+    def between(self, start_s: float | None = None, end_s: float | None = None) -> Recording:
+        """The part from ``start_s`` to ``end_s``, both counted from the first frame (s)."""
+        if not len(self):
+            return self
+        time = (self.frame - self.frame[0]) / self.frame_rate
+        rows = np.ones(len(self), dtype=np.bool_)
+        if start_s is not None:
+            rows &= time >= start_s - 1e-9
+        if end_s is not None:
+            rows &= time <= end_s + 1e-9
+        return self.select_rows(rows)
+
+    def without_parked(self, moved_m: float = 2.0) -> Recording:
+        """The recording without road users that never get ``moved_m`` away from their start."""
+        order = np.lexsort((self.frame, self.track))
+        first = order[np.unique(self.track[order], return_index=True)[1]]
+        away = np.linalg.norm(self.position - self.position[first][self.track], axis=1)
+        farthest = np.zeros(self.track_id.shape[0])
+        np.maximum.at(farthest, self.track, away)
+        return self.select_rows((farthest >= moved_m)[self.track])

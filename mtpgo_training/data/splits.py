@@ -1,0 +1,264 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Which recordings teach, choose and test: whole ones or blocks of time, never tracks of one.
+
+With ``data.split: recording`` a recording has one use. With ``time`` each is divided into blocks
+of ``data.block_s``, the blocks of all recordings are dealt out by the fractions, and neighbours of
+the same use are joined again. At a border between two uses a whole window is left out, so nothing
+that a window of one use shows, its past and its future, is shown by a window of another. Each part
+is a recording of its own, in which nothing before its first frame was ever seen.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task.task_description import HistoryConfig
+from mtpgo_training.data.data_config import DataConfig
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.recording_parts import part_name
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording_cache import RecordingCache
+
+
+@dataclass(frozen=True)
+class NamedRecording:
+    """A recording and where it came from.
+
+    Attributes:
+        source: last part of the directory's name.
+        recording: the recording, or the part of one that a block of time holds.
+        part_of: name of the whole recording, where this is a part.
+    """
+
+    source: str
+    recording: Recording
+    part_of: str = ""
+
+    @property
+    def name(self) -> str:
+        """``source/name``, unique among the recordings of a training."""
+        return f"{self.source}/{self.recording.name}"
+
+    @property
+    def whole(self) -> str:
+        """Name of the whole recording."""
+        return self.part_of or self.recording.name
+
+
+@dataclass(frozen=True)
+class Splits:
+    """The recordings by use."""
+
+    train: tuple[NamedRecording, ...]
+    validation: tuple[NamedRecording, ...]
+    test: tuple[NamedRecording, ...]
+
+    def describe(self) -> list[dict[str, str]]:
+        """Name, source, layout, SHA-256 of the source files and use (``split``) of each."""
+        return [
+            {
+                "name": item.recording.name,
+                "source": item.source,
+                "layout": item.recording.layout,
+                "sha256": item.recording.sha256,
+                "split": use,
+            }
+            for use in ("train", "validation", "test")
+            for item in getattr(self, use)
+        ]
+
+
+def read_all(
+    sources: Sequence[tuple[Path, str]], cache: RecordingCache | None = None
+) -> list[NamedRecording]:
+    """The recordings of several directories, each with its layout.
+
+    Args:
+        sources: directories and layouts.
+        cache: where recordings are kept that have been read before.
+
+    Raises:
+        RecordingError: a directory, layout or file is not as it should be.
+        ConfigurationError: two recordings have the same name.
+    """
+    named = [
+        NamedRecording(directory.resolve().name, recording)
+        for directory, layout in sources
+        for recording in load_recordings(directory, layout, cache=cache)
+    ]
+    seen: set[str] = set()
+    for recording in named:
+        if recording.name in seen:
+            raise ConfigurationError(
+                f"the recording {recording.name} is given twice, expected directories whose last "
+                "parts differ"
+            )
+        seen.add(recording.name)
+    return named
+
+
+USES = ("train", "validation", "test")
+
+
+def split(
+    recordings: Sequence[NamedRecording], data: DataConfig, seed: int, guard_s: float = 8.0
+) -> Splits:
+    """Each recording, or each block of time, to its use.
+
+    Args:
+        recordings: all of them.
+        data: the section ``data`` of the configuration.
+        seed: of the draw.
+        guard_s: how long a whole window is, past and future (s); left out at every border between
+            two uses within a recording.
+
+    Raises:
+        ConfigurationError: a name without a recording, a recording with two uses, or nothing to
+            train on or to validate with.
+    """
+    _check_weights(recordings, data)
+    splits = (
+        _by_time(recordings, data, seed, guard_s)
+        if data.split == "time"
+        else _by_recording(recordings, data, seed)
+    )
+    for use in ("train", "validation"):
+        if not getattr(splits, use):
+            what = "recording"
+            if data.split == "time":
+                what = f"block of {data.block_s:g} s (data.block_s)"
+            raise ConfigurationError(
+                f"no {what} is left for data.{use} out of {len(recordings)} recordings, "
+                "expected at least 1"
+            )
+    return splits
+
+
+def _by_recording(recordings: Sequence[NamedRecording], data: DataConfig, seed: int) -> Splits:
+    chosen = {use: _find(recordings, getattr(data, use), f"data.{use}") for use in USES}
+    for first, second in (("train", "validation"), ("train", "test"), ("validation", "test")):
+        both = chosen[first] & chosen[second]
+        if both:
+            raise ConfigurationError(
+                f"the recording {recordings[min(both)].name} is in data.{first} and in "
+                f"data.{second}, expected one use"
+            )
+    rest = set(range(len(recordings))) - chosen["test"] - chosen["validation"]
+    free = sorted(rest - chosen["train"])
+    drawn = [free[i] for i in np.random.default_rng(seed).permutation(len(free))]
+    wanted = {
+        use: 0 if getattr(data, use) else _count(getattr(data, f"{use}_fraction"), len(free))
+        for use in ("validation", "test")
+    }
+    for use, count in wanted.items():
+        count = max(0, min(count, len(drawn) - 1))
+        chosen[use] |= set(drawn[:count])
+        drawn = drawn[count:]
+        rest -= chosen[use]
+    chosen["train"] = chosen["train"] or rest
+    return Splits(**{use: tuple(recordings[i] for i in sorted(chosen[use])) for use in USES})
+
+
+def _count(fraction: float, available: int) -> int:
+    """How many are drawn: at least one where any are wanted."""
+    return max(1, round(fraction * available)) if fraction > 0.0 else 0
+
+
+def _by_time(
+    recordings: Sequence[NamedRecording], data: DataConfig, seed: int, guard_s: float
+) -> Splits:
+    """The blocks of all recordings, dealt out so that the fractions hold of their time."""
+    blocks = [
+        (r, begin, end)
+        for r, item in enumerate(recordings)
+        for begin, end in _blocks(item.recording.duration_s, data.block_s)
+    ]
+    left = {use: getattr(data, f"{use}_fraction") for use in ("validation", "test")}
+    total = sum(end - begin for _, begin, end in blocks)
+    left = {use: fraction * total for use, fraction in left.items()}
+    use_of: dict[tuple[int, float], str] = {}
+    for i in np.random.default_rng(seed).permutation(len(blocks)):
+        r, begin, end = blocks[i]
+        use = max(left, key=lambda name: left[name])
+        # A block goes where more than half of it is still wanted; the first one always.
+        fits = left[use] > 0.5 * (end - begin) or (left[use] > 0.0 and use not in use_of.values())
+        use_of[r, begin] = use if fits else "train"
+        if fits:
+            left[use] -= end - begin
+    parts: dict[str, list[NamedRecording]] = {use: [] for use in USES}
+    for r, item in enumerate(recordings):
+        mine = [(begin, end, use_of[k, begin]) for k, begin, end in blocks if k == r]
+        for part, use in _parts(item, mine, guard_s):
+            parts[use].append(part)
+    return Splits(**{use: tuple(parts[use]) for use in USES})
+
+
+def _blocks(duration_s: float, block_s: float) -> list[tuple[float, float]]:
+    """Begin and end of the blocks of a recording (s); a short rest belongs to the last one."""
+    begins = [n * block_s for n in range(max(1, round(duration_s / block_s)))]
+    return list(zip(begins, [*begins[1:], duration_s], strict=True))
+
+
+def window_s(history: HistoryConfig, horizon_steps: int) -> float:
+    """How long a window is, past and future (s)."""
+    return (history.steps - 1 + horizon_steps) * history.dt_s
+
+
+def _parts(
+    item: NamedRecording, blocks: Sequence[tuple[float, float, str]], guard_s: float
+) -> Iterator[tuple[NamedRecording, str]]:
+    """The parts of a recording, neighbours of the same use joined, without the guards."""
+    duration_s = item.recording.duration_s
+    joined: list[tuple[float, str]] = []
+    for begin, _, use in blocks:
+        if not joined or joined[-1][1] != use:
+            joined.append((begin, use))
+    if len(joined) == 1:
+        yield item, joined[0][1]
+        return
+    for n, (begin, use) in enumerate(joined):
+        last = n + 1 == len(joined)
+        start_s = begin + 0.5 * guard_s if n else 0.0
+        end_s = duration_s if last else joined[n + 1][0] - 0.5 * guard_s
+        if end_s <= start_s:
+            continue
+        part = item.recording.between(start_s, end_s)
+        name = part_name(item.recording.name, start_s, end_s)
+        if len(part):
+            part = dataclasses.replace(part, name=name)
+            yield dataclasses.replace(item, recording=part, part_of=item.whole), use
+
+
+def _check_weights(recordings: Sequence[NamedRecording], data: DataConfig) -> None:
+    """That no key of ``source_weight`` names a recording that its directory does not have.
+
+    A directory that is not there is no mistake: one configuration may serve several sets.
+    """
+    known = {item.name for item in recordings}
+    sources = {item.source for item in recordings}
+    for name in data.source_weight:
+        source = name.split("/", 1)[0]
+        if "/" in name and source in sources and name not in known:
+            raise ConfigurationError(
+                f"data.source_weight names {name!r}, expected one of "
+                + ", ".join(sorted(other for other in known if other.startswith(f"{source}/")))
+            )
+
+
+def _find(recordings: Sequence[NamedRecording], names: Sequence[str], where: str) -> set[int]:
+    found: set[int] = set()
+    for name in names:
+        matches = {i for i, r in enumerate(recordings) if name in (r.name, r.recording.name)}
+        if not matches:
+            raise ConfigurationError(
+                f"{where} names {name!r}, expected one of " + ", ".join(r.name for r in recordings)
+            )
+        found |= matches
+    return found

@@ -1,0 +1,180 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's result as a table for the terminal and as ``summary.json``."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+
+from mtpgo_core.schema import Source
+from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_training.demo.capture import Capture, Received
+from mtpgo_training.demo.publication_timing import PublicationTiming
+from mtpgo_training.evaluation.scorebook import ScoreTable
+
+MODEL, PROTOCOL = "mtpgo", "all"
+"""Name of the predictions in the score tables, and the protocol under which all of them stand."""
+
+_BASELINES = ("cv", "ca")
+
+_METRICS = {
+    "ade_m": "ade",
+    "fde_m": "fde",
+    "miss_rate": "mr",
+    "nll": "anll",
+    "fnll": "fnll",
+    "min_ade_m": "min_ade",
+    "min_fde_m": "min_fde",
+    "coverage_50": "coverage_50",
+    "coverage_90": "coverage_90",
+    "coverage_95": "coverage_95",
+}
+"""Key in the summary -> key in the score table."""
+
+_PACKAGES = ("mtpgo_ros", "torch", "numpy", "rosbags", "ros-rclpy")
+
+
+@dataclass(frozen=True)
+class Result:
+    """One recording, or all of them together.
+
+    Attributes:
+        name: of the recording.
+        predictions: as received.
+        timing: see :class:`PublicationTiming`.
+        scores: of the predictions and the baselines.
+    """
+
+    name: str
+    predictions: Sequence[Received]
+    timing: PublicationTiming
+    scores: ScoreTable
+
+    def row(self) -> dict[str, Any]:
+        """Plain data; what is not defined is None.
+
+        ``scenes`` counts the published messages, ``predictions_published`` the predicted road
+        users in them.
+        """
+        timing = self.timing
+        row: dict[str, Any] = {
+            "predictions_published": sum(len(r.prediction) for r in self.predictions),
+            "scenes": timing.published,
+            "cycles": timing.cycles,
+            "agents_max": timing.agents_max,
+            "deadline_misses": timing.deadline_misses,
+            "missed_cycles": timing.missed,
+            "late_predictions": timing.late,
+            "missing_predictions": timing.missing_agents,
+            "fallback_predictions": sum(
+                int((r.prediction.source != Source.MODEL).sum()) for r in self.predictions
+            ),
+            "latency_ms_p50": _percentile(timing.latency_ms, 50.0),
+            "latency_ms_p99": _percentile(timing.latency_ms, 99.0),
+            "latency_ms_max": _percentile(timing.latency_ms, 100.0),
+        }
+        row |= {key: self._score(MODEL, name) for key, name in _METRICS.items()}
+        for baseline in _BASELINES:
+            row |= {
+                f"{baseline}_{key}": self._score(baseline, _METRICS[key])
+                for key in ("ade_m", "fde_m", "miss_rate", "nll")
+            }
+        return row
+
+    def _score(self, model: str, name: str) -> float | None:
+        value = self.scores.models.get(model, {}).get(PROTOCOL, {}).get(name, math.nan)
+        return float(value) if math.isfinite(value) else None
+
+
+def summary(
+    total: Result, parts: Sequence[Result], task: TaskDescription, capture: Capture
+) -> dict[str, Any]:
+    """The content of ``summary.json``."""
+    timing = capture.diagnostics.get("predictor: timing", {})
+    return total.row() | {
+        "node_deadline_misses": int(timing.get("deadline_misses", 0)),
+        "node_processing_ms_p50": _percentile(np.array(capture.processing_ms), 50.0),
+        "node_processing_ms_p99": _percentile(np.array(capture.processing_ms), 99.0),
+        "recordings": {part.name: part.row() for part in parts},
+        "model": {
+            "name": task.name,
+            "version": task.version,
+            "weights_sha256": task.weights_sha256,
+        },
+        "versions": versions(),
+    }
+
+
+def to_json(content: Mapping[str, Any]) -> str:
+    """The text of ``summary.json``."""
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+
+
+def table(content: Mapping[str, Any]) -> str:
+    """The table that the demo prints, from the content of ``summary.json``."""
+    left = ["recording", "scenes", "agents", "ADE m", "FDE m", "MR", "NLL", "in 95 %"]
+    rows = [[*left, "|", "CV ADE", "CV FDE", "CV MR", "CV NLL"]]
+    parts = dict(content["recordings"])
+    if len(parts) > 1:
+        parts["all"] = content
+    for name, row in parts.items():
+        own = [_cell(row[key]) for key in ("ade_m", "fde_m", "miss_rate", "nll", "coverage_95")]
+        cv = [_cell(row[key]) for key in ("cv_ade_m", "cv_fde_m", "cv_miss_rate", "cv_nll")]
+        rows.append([name, str(row["scenes"]), str(row["agents_max"]), *own, "|", *cv])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if i == 0 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
+    rule = "-" * len(lines[0])
+    return "\n".join(
+        [lines[0], rule, *lines[1:-1], *([rule] if len(parts) > 1 else []), lines[-1]]
+    )
+
+
+def sentences(content: Mapping[str, Any], rate: float) -> list[str]:
+    """What the table does not say, in words."""
+    answered = content["cycles"] - content["missed_cycles"]
+    lines = [
+        f"{answered} of {content['cycles']} cycles answered at {rate:g} Hz, "
+        f"{content['late_predictions']} late; {content['predictions_published']} predictions of "
+        f"single road users, {content['missing_predictions']} missing, "
+        f"{content['fallback_predictions']} by constant velocity in the model's place.",
+    ]
+    if content["latency_ms_p50"] is not None:
+        lines.append(
+            f"Latency from the observation to the prediction, both as received by a third "
+            f"process: {content['latency_ms_p50']:.1f} ms median, "
+            f"{content['latency_ms_p99']:.1f} ms p99."
+        )
+    return lines
+
+
+def versions() -> dict[str, str]:
+    """What was used, for whoever reads the figures later."""
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in _PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def _percentile(values: np.ndarray, percent: float) -> float | None:
+    return round(float(np.percentile(values, percent)), 3) if values.size else None
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"

@@ -1,0 +1,123 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded predictions beside those that a model file makes offline, agent by agent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.schema import Float64Array, Prediction, Source
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.evaluation.evaluator import make_predictor
+
+_SAME_WEIGHT = 1e-5
+"""Modes whose weights differ by less may have changed places on their way through float32."""
+
+
+@dataclass
+class Agreement:
+    """How far two sets of predictions of the same scenes are apart.
+
+    Attributes:
+        differences_m: of each agent at each instant, the largest distance between two means over
+            all modes and steps (m).
+        resolution_m: the largest rounding error of a position in a float32 message (m).
+        unpaired: agents that only one of the two predicted by the model.
+        where: recording, time of the stamp (s) and track of the largest difference.
+    """
+
+    differences_m: list[float] = field(default_factory=list)
+    resolution_m: float = 0.0
+    unpaired: int = 0
+    where: str = ""
+
+    @property
+    def largest_m(self) -> float:
+        """The largest difference (m), NaN without any pair."""
+        return max(self.differences_m, default=float("nan"))
+
+    def add(self, recorded: Prediction, own: Prediction, recording: Recording, name: str) -> None:
+        """Compare two predictions of one instant."""
+        at = {key.tobytes(): i for i, key in enumerate(own.key)}
+        row = np.array([at.get(key.tobytes(), -1) for key in recorded.key], dtype=np.int64)
+        both = (row >= 0) & (recorded.source == Source.MODEL)
+        both &= own.source[row] == Source.MODEL
+        self.unpaired += int((~both).sum())
+        if not both.any():
+            return
+        apart = _apart(recorded, own, np.flatnonzero(both), row[both])
+        positions = np.abs(recorded.mean[both][..., :2])
+        step = np.spacing(np.float32(np.nanmax(positions)))
+        self.resolution_m = max(self.resolution_m, float(step) / np.sqrt(2.0))
+        if not apart.max() <= max(self.differences_m, default=-1.0):
+            worst = int(np.flatnonzero(both)[np.argmax(apart)])
+            tracks = {key.tobytes(): i for i, key in enumerate(recording.key)}
+            track = recording.track_id[tracks[recorded.key[worst].tobytes()]]
+            since_s = (recorded.stamp_ns - recording.stamp_ns(int(recording.frames[0]))) * 1e-9
+            self.where = f"road user {track} of {name} at {since_s:.1f} s"
+        self.differences_m += apart.tolist()
+
+    def text(self, bag: str, model: str) -> str:
+        """One sentence for the terminal."""
+        if not self.differences_m:
+            return (
+                f"{bag} and {model}: nothing to compare, no road user was predicted by the model "
+                "in both"
+            )
+        values = 1e3 * np.array(self.differences_m)
+        rest = f"; {self.unpaired} not in both" if self.unpaired else ""
+        return (
+            f"{bag} and {model}, agent by agent: the means of {len(values)} predictions differ by "
+            f"{values.max():.3f} mm at most ({self.where}), median {np.median(values):.3f} mm; "
+            f"float32 messages resolve {1e3 * self.resolution_m:.3f} mm there{rest}"
+        )
+
+    def to_dict(self) -> dict[str, float | int | str | None]:
+        """Plain data for JSON, in mm."""
+        values = 1e3 * np.array(self.differences_m)
+        return {
+            "largest_mm": float(values.max()) if len(values) else None,
+            "median_mm": float(np.median(values)) if len(values) else None,
+            "resolution_mm": 1e3 * self.resolution_m,
+            "predictions": len(values),
+            "unpaired": self.unpaired,
+            "where": self.where,
+        }
+
+
+def replay_offline(
+    runner: ModelRunner, recording: Recording, stamps: Sequence[int]
+) -> list[Prediction]:
+    """What the model predicts at the ascending stamps (ns), all observations taken in until then.
+
+    The graphs remember the cycle before, so only the same sequence of instants gives the same
+    scenes.
+    """
+    predictor = make_predictor(runner, recording)
+    states = recording.states()
+    coming = next(states, None)
+    predictions = []
+    for stamp in stamps:
+        while coming is not None and coming.stamp_ns <= stamp:
+            predictor.observe(coming)
+            coming = next(states, None)
+        predictions.append(predictor.predict(stamp))
+    return predictions
+
+
+def _apart(
+    one: Prediction, two: Prediction, first: np.ndarray, second: np.ndarray
+) -> Float64Array:
+    """[k] largest distance of two means of agents ``first`` and ``second`` (m)."""
+    modes = min(one.weight.shape[1], two.weight.shape[1])
+    steps = min(len(one.time_s), len(two.time_s))
+    a, b = (p.mean[rows][:, :modes, :steps, :2] for p, rows in ((one, first), (two, second)))
+    apart = np.linalg.norm(a[:, :, None] - b[:, None], axis=-1).max(axis=-1)  # [k, M, M]
+    wa, wb = one.weight[first][:, :modes], two.weight[second][:, :modes]
+    may_pair = np.abs(wa[:, :, None] - wb[:, None]) < _SAME_WEIGHT
+    may_pair |= np.eye(modes, dtype=bool)
+    return np.asarray(np.where(may_pair, apart, np.inf).min(axis=2).max(axis=1))

@@ -1,0 +1,166 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""From a checkpoint to the one file that a robot needs."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import warnings
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from models.network_config import NetworkConfig
+from models.trajectory_predictor import TrajectoryPredictor
+from mtpgo_core.errors import ConfigurationError, ModelFileError
+from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.task.task_description import TASK_FILE, TaskDescription, from_dict
+from mtpgo_training.atomic_files import replacing
+from mtpgo_training.training.networks import MTP_GO, NETWORKS, name_of, rebuild, weights_hash
+from mtpgo_training.training.run_folder import Checkpoint, versions
+from mtpgo_training.training.training_config import TrainingConfig
+
+LARGEST_DIFFERENCE_M = 1e-4
+"""An exported model is not written if its means differ more than this from the eager one's (m), or
+its covariances by more than this share of their variance."""
+
+STATE_NAMES = ("x", "y", "vx", "vy")
+
+
+def export_model(model: TrajectoryPredictor, task: TaskDescription, path: Path) -> TaskDescription:
+    """Script, freeze and save a model with its task description, and check the file.
+
+    Args:
+        model: the network.
+        task: what it was trained for; the hash of the weights and what the network itself
+            determines (states, horizon, modes) are filled in.
+        path: the file, written whole or not at all.
+
+    Returns:
+        The task as it stands in the file.
+
+    Raises:
+        ModelFileError: the exported model does not compute what the eager one does.
+        ConfigurationError: the file cannot be written.
+    """
+    model, name = model.eval(), name_of(model)
+    task = dataclasses.replace(
+        task,
+        states=STATE_NAMES[: model.config.state_size],
+        horizon_steps=model.config.horizon_steps,
+        modes=model.config.modes,
+        model={"network": name, **model.config.to_dict()},
+        weights_sha256=weights_hash(model),
+    )
+    with warnings.catch_warnings(), replacing(path) as temporary:
+        warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit in 2.13, see SPEED notes
+        frozen = torch.jit.freeze(torch.jit.script(NETWORKS[name].deployed(model)))
+        torch.jit.save(frozen, str(temporary), _extra_files={TASK_FILE: task.to_json()})
+        _check(model, temporary)
+    return task
+
+
+def load_model(checkpoint: Checkpoint, *, calibrated: bool = True) -> TrajectoryPredictor:
+    """The validated network of a checkpoint.
+
+    Args:
+        checkpoint: of ``mtpgo train``.
+        calibrated: with the factor on its covariances that fits the validation recordings.
+
+    Raises:
+        ConfigurationError: the checkpoint belongs to another architecture.
+    """
+    try:
+        config = dict(checkpoint["model_config"])
+        if calibrated:
+            config["covariance_scale"] = checkpoint.get("covariance_scale", 1.0)
+        model = rebuild(checkpoint.get("network", MTP_GO), config)
+        model.load_state_dict(checkpoint["average"])
+    except (KeyError, ValueError, RuntimeError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ConfigurationError(
+            f"the checkpoint does not fit this version's network: {reason}"
+        ) from error
+    return model.eval()
+
+
+def describe(checkpoint: Checkpoint, name: str | None = None) -> TaskDescription:
+    """The task description of a checkpoint.
+
+    Args:
+        checkpoint: of ``mtpgo train``.
+        name: of the model, the configuration's by default.
+    """
+    config = from_dict(TrainingConfig, checkpoint["config"], "the checkpoint's configuration")
+    plain: dict[str, Any] = json.loads(json.dumps(checkpoint["config"]))
+    return TaskDescription(
+        name=name or config.name,
+        version=_version(),
+        history=config.history,
+        scene=config.scene,
+        training={
+            "recordings": checkpoint["splits"],
+            "licence": config.licence,
+            "attribution": config.attribution,
+            "configuration": {k: plain[k] for k in ("data", "optimisation", "seed")},
+            "epochs": checkpoint["epoch"],
+            "steps": checkpoint["step"],
+            "versions": versions(),
+        },
+        metrics={"validation": checkpoint["metrics"]},
+    )
+
+
+def _check(model: TrajectoryPredictor, path: Path) -> None:
+    """That the file computes what the eager model computes, on agents with gaps and padding."""
+    ModelRunner.load(path, num_threads=None)  # the schema and the shapes, as the node checks them
+    loaded = torch.jit.load(str(path))
+    features, valid, static = _example(model.config)
+    with torch.inference_mode():
+        expected, given = model(features, valid, static), loaded(features, valid, static)
+    # A variance of 900 m^2 in float32 is itself good to 1e-4 at best: covariances count in shares.
+    variances = torch.diagonal(expected[2], dim1=-2, dim2=-1)
+    scale = variances.mean(-1).clamp(min=1.0)[..., None, None]
+    scales = (1.0, 1.0, scale)
+    difference = max(
+        float(((a - b).abs() / size).max())
+        for a, b, size in zip(expected, given, scales, strict=True)
+    )
+    if not difference <= LARGEST_DIFFERENCE_M:
+        raise ModelFileError(
+            f"the exported model differs from the eager one by {difference:.2e}, expected at most "
+            f"{LARGEST_DIFFERENCE_M:.0e}"
+        )
+
+
+def _example(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor]:
+    """Two scenes of five agents at driving speeds, some seen late, some absent."""
+    draw = torch.Generator().manual_seed(0)
+    shape = (2, 5, config.history_steps)
+    time = torch.arange(1 - config.history_steps, 1) * config.dt_s
+    velocity = torch.randn(2, 5, 1, 2, generator=draw) * 8.0
+    start = torch.randn(2, 5, 1, 2, generator=draw) * 20.0
+    features = 0.3 * torch.randn(*shape, config.feature_size, generator=draw)
+    features[..., 0:2] = start + velocity * time[:, None]
+    features[..., 2:4] = velocity.expand(*shape, 2)
+    course = torch.atan2(velocity[..., 1], velocity[..., 0]).expand(*shape)
+    features[..., 6], features[..., 7] = course.cos(), course.sin()
+    valid = torch.ones(shape, dtype=torch.bool)
+    valid[0, 1, : config.history_steps - 1] = False
+    valid[1, 3:] = False
+    features = features * valid[..., None]
+    static = torch.zeros(2, 5, config.static_size)
+    if config.static_size:
+        static[..., 0] = 1.0
+    return features, valid, static
+
+
+def _version() -> str:
+    try:
+        return metadata.version("mtpgo_ros")
+    except metadata.PackageNotFoundError:
+        return ""

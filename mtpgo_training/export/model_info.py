@@ -1,0 +1,49 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The description of a model file as text."""
+
+from __future__ import annotations
+
+from mtpgo_core.task.task_description import TaskDescription
+
+
+def card(task: TaskDescription) -> str:
+    """The description of a model for the terminal."""
+    training = task.training
+    lines = [
+        f"{task.name} (exported by version {task.version or 'unknown'})",
+        f"network    {task.model.get('network', 'mtp-go')}",
+        f"states     {', '.join(task.states)}",
+        f"horizon    {task.horizon_steps} steps of {task.history.dt_s} s, {task.modes} modes",
+        f"history    {task.history.steps} steps of {task.history.dt_s} s",
+        f"scene      policy {task.scene.policy}, frame {task.scene.frame}, up to "
+        f"{task.scene.max_neighbours} neighbours within {task.scene.radius_m:g} m",
+        f"features   {', '.join(task.scene.features)}",
+        f"classes    {', '.join(task.scene.classes)}",
+        f"weights    sha256 {task.weights_sha256}",
+    ]
+    for use in ("train", "validation", "test"):
+        names = [
+            f"{r.get('source')}/{r.get('name')}"
+            for r in training.get("recordings", [])
+            if r.get("split") == use
+        ]
+        lines.append(f"{use:<10} {', '.join(names) or '-'}")
+    rivals = training.get("chosen_from", [])
+    if rivals:
+        scores = ", ".join(f"{r['validation_ade_m']:.3f} m (seed {r['seed']})" for r in rivals)
+        lines.append(f"chosen     from {len(rivals)} runs by validation ADE: {scores}")
+    for key in ("licence", "attribution"):
+        if training.get(key):
+            lines.append(f"{key:<10} {training[key]}")
+    for where, models in task.metrics.items():
+        lines.append(f"metrics    {where}:")
+        for model, protocols in models.items():
+            for protocol, scores in protocols.items():
+                values = "  ".join(
+                    f"{k} {v:.3f}" if isinstance(v, float) else f"{k} {v}"
+                    for k, v in scores.items()
+                    if v is not None
+                )
+                lines.append(f"           {model:<6} {protocol:<7} {values}")
+    return "\n".join(lines)

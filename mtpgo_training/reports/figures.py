@@ -1,0 +1,190 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The figures of the report, from the content of ``mtpgo evaluate --json``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from mtpgo_training.atomic_files import replacing
+from mtpgo_training.evaluation import metrics
+
+Json = dict[str, Any]
+
+MODEL_COLOURS = ("#2a6fbb", "#e07b16", "#1f8a5f", "#8a4fb0", "#b8326b", "#4b5a66")
+BASELINE_COLOURS = {"cv": "#c0392b", "ca": "#a9adb1", "ctrv": "#7d8790"}
+INK, GRID = "#2b3036", "#e3e5e7"
+
+PROTOCOL = "all"
+"""The protocol that the figures show; the page has the tables of both."""
+
+_STYLE: Any = {
+    "font.size": 10,
+    "font.family": "DejaVu Sans",
+    "axes.edgecolor": "#b9bdc1",
+    "axes.labelcolor": INK,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "text.color": INK,
+    "xtick.color": "#5d6872",
+    "ytick.color": "#5d6872",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+}
+
+
+def draw_figures(content: Json, folder: Path) -> dict[str, Path]:
+    """All figures for which there is something to draw, by name, as PNG in a folder."""
+    drawers: dict[str, Callable[[Json], Figure | None]] = {
+        "horizon": _horizon,
+        "reliability": _reliability,
+        "nees": _nees,
+        "manoeuvres": _manoeuvres,
+    }
+    paths = {}
+    for name, draw in drawers.items():
+        with mpl.rc_context(_STYLE):
+            figure = draw(content)
+            if figure is None:
+                continue
+            FigureCanvasAgg(figure)
+            paths[name] = folder / f"{name}.png"
+            with replacing(paths[name]) as temporary:
+                figure.savefig(temporary, dpi=150, format="png", facecolor="white")
+    return paths
+
+
+def series_names(content: Json, baselines: bool = True) -> list[str]:
+    """Models, then baselines, of those that have results of all agents."""
+    own = [n for n, p in content["models"].items() if PROTOCOL in p]
+    models = [name for name in own if name not in content["baselines"]]
+    return models + ([name for name in own if name in content["baselines"]] if baselines else [])
+
+
+def colour(content: Json, name: str) -> str:
+    """Of a model or baseline, the same in all figures."""
+    if name in content["baselines"]:
+        return BASELINE_COLOURS.get(name, "#7d8790")
+    models = series_names(content, baselines=False)
+    return MODEL_COLOURS[models.index(name) % len(MODEL_COLOURS)]
+
+
+def _new(width_in: float = 5.6, height_in: float = 3.9) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    return figure, figure.add_subplot()
+
+
+def _style(content: Json, name: str) -> dict[str, Any]:
+    baseline = name in content["baselines"]
+    return {
+        "color": colour(content, name),
+        "lw": 1.4 if baseline else 2.2,
+        "ls": (0, (4, 2)) if baseline else "-",
+        "label": name,
+        "zorder": 3 if baseline else 4,
+    }
+
+
+def _numbers(values: Sequence[float | None]) -> np.ndarray:
+    return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
+
+
+def _horizon(content: Json) -> Figure | None:
+    figure, axes = _new()
+    tops = []
+    for name in series_names(content):
+        rows = content["by_horizon"][name][PROTOCOL]
+        time, error = _numbers(rows["time_s"]), _numbers(rows["displacement"])
+        axes.plot(time, error, **_style(content, name))
+        low, high = _numbers(rows["displacement_low"]), _numbers(rows["displacement_high"])
+        if np.isfinite(low).any() and name not in content["baselines"]:
+            axes.fill_between(time, low, high, color=colour(content, name), alpha=0.13, lw=0)
+        if name != "ca":
+            tops.append(np.nanmax(error))
+    # Constant acceleration may run off the top; the rest shall be seen.
+    axes.set(xlim=(0, None), ylim=(0, 1.25 * max(tops, default=1.0)))
+    axes.set(xlabel="time ahead (s)", ylabel="displacement (m)")
+    axes.set_title("Error over the horizon")
+    axes.legend(loc="upper left")
+    return figure
+
+
+def _reliability(content: Json) -> Figure | None:
+    names = [n for n in series_names(content) if content["reliability"][n].get(PROTOCOL)]
+    if not names:
+        return None
+    figure, axes = _new()
+    axes.plot([0, 1], [0, 1], color="#8d949a", lw=1.0, zorder=2)
+    axes.text(0.47, 0.44, "calibrated", ha="left", va="top", color="#8d949a", fontsize=9)
+    for name in names:
+        rows = content["reliability"][name][PROTOCOL]
+        axes.plot(rows["level"], rows["observed"], **_style(content, name), marker="o", ms=3)
+    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="level of the ellipse")
+    axes.set(ylabel="share of truths inside")
+    axes.set_title("Reliability")
+    axes.legend(loc="lower right")
+    return figure
+
+
+def _nees(content: Json) -> Figure | None:
+    names = [
+        name
+        for name in series_names(content)
+        if any(v is not None for v in content["by_horizon"][name][PROTOCOL]["nees"])
+    ]
+    if not names:
+        return None
+    figure, axes = _new()
+    axes.axhline(metrics.EXPECTED_NEES, color="#8d949a", lw=1.0, zorder=2)
+    top = 4.0
+    for name in names:
+        rows = content["by_horizon"][name][PROTOCOL]
+        time, own = _numbers(rows["time_s"]), _numbers(rows["nees"])
+        axes.plot(time, own, **_style(content, name))
+        top = max(top, float(np.nanmax(own)))
+        if name not in content["baselines"]:
+            style = _style(content, name) | {"ls": ":", "label": f"{name}, whole mixture"}
+            mixture = _numbers(rows["nees_mixture"])
+            axes.plot(time, mixture, **style)
+            top = max(top, float(np.nanmax(mixture)))
+    axes.set(xlim=(0, None), ylim=(0, min(1.1 * top, 20.0)))
+    axes.set(xlabel="time ahead (s)", ylabel="NEES")
+    axes.set_title("NEES over the horizon (2 where the covariance is right)")
+    axes.legend(loc="best")
+    return figure
+
+
+def _manoeuvres(content: Json) -> Figure | None:
+    names = [name for name in series_names(content) if name not in ("ca", "ctrv")]
+    groups = list(content["by_manoeuvre"][names[0]][PROTOCOL])
+    if not groups:
+        return None
+    figure, axes = _new(11.4, 3.4)
+    width = 0.8 / len(names)
+    for i, name in enumerate(names):
+        rows = content["by_manoeuvre"][name][PROTOCOL]
+        values = [rows[group]["ade"] if group in rows else np.nan for group in groups]
+        place = np.arange(len(groups)) + (i - 0.5 * (len(names) - 1)) * width
+        bars = axes.bar(place, values, 0.92 * width, color=colour(content, name), label=name)
+        axes.bar_label(bars, fmt="%.2f", fontsize=8, padding=1, color="#5d6872")
+    counts = content["by_manoeuvre"][names[0]][PROTOCOL]
+    labels = [f"{group.replace('_', ' ')}\n({counts[group]['n']})" for group in groups]
+    axes.set_xticks(range(len(groups)), labels)
+    axes.set(ylabel="ADE (m)")
+    axes.grid(visible=False, axis="x")
+    axes.set_title("ADE by manoeuvre (road users seen for the whole horizon)")
+    axes.legend(loc="upper left", ncols=len(names))
+    axes.margins(y=0.2)
+    return figure

@@ -1,0 +1,135 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``index.html``: everything of an evaluation on one page, with its figures inside."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import write_text
+from mtpgo_training.evaluation.extreme_scenes import SceneKeeper
+from mtpgo_training.reports.figures import draw_figures, series_names
+from mtpgo_training.reports.scene_plot import draw_picture
+from mtpgo_training.reports.tables import (
+    agreement_table,
+    group_tables,
+    result_tables,
+)
+from mtpgo_training.reports.template import CAPTIONS, GLOSSARY, PAGE
+
+Json = dict[str, Any]
+
+PAGE_NAME = "index.html"
+SCENES = 3
+"""Panels of each picture of scenes."""
+
+
+def prepare_folder(folder: Path) -> None:
+    """That the folder is there and can be written, found out before long work.
+
+    Raises:
+        ConfigurationError: it cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except FileExistsError as error:
+        raise ConfigurationError(f"--report {folder} is a file, expected a folder") from error
+    except OSError as error:
+        raise ConfigurationError(
+            f"--report {folder} cannot be written: {error.strerror}"
+        ) from error
+
+
+def write_report(folder: Path, content: Json, scenes: Mapping[str, SceneKeeper]) -> Path:
+    """Write the page, and its figures as PNG beside it.
+
+    Args:
+        folder: where to, see :func:`prepare_folder`.
+        content: of ``mtpgo evaluate --json``.
+        scenes: by model.
+
+    Returns:
+        The page.
+    """
+    figures = draw_figures(content, folder)
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    models = series_names(content, baselines=False)
+    text = environment.from_string(PAGE).render(
+        title=f"Evaluation of {', '.join(models)}",
+        subtitle=_subtitle(content),
+        warnings=content["warnings"],
+        notes=content["notes"],
+        tables=result_tables(content),
+        agreement=agreement_table(content),
+        figures=[_figure(n, figures[n]) for n in figures if n != "manoeuvres"],
+        wide=[_figure(n, figures[n]) for n in figures if n == "manoeuvres"],
+        groups=group_tables(content),
+        scenes=_scenes(folder, scenes),
+        facts=_facts(content),
+        glossary=GLOSSARY,
+    )
+    write_text(folder / PAGE_NAME, text)
+    return folder / PAGE_NAME
+
+
+def _figure(name: str, path: Path) -> dict[str, str]:
+    return {"alt": CAPTIONS[name], "caption": CAPTIONS[name], "data": _embedded(path)}
+
+
+def _embedded(path: Path) -> str:
+    return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()
+
+
+def _scenes(folder: Path, scenes: Mapping[str, SceneKeeper]) -> list[dict[str, str]]:
+    found = []
+    for model, keeper in scenes.items():
+        for kind, moments in (("best", keeper.best(SCENES)), ("worst", keeper.worst(SCENES))):
+            if not moments:
+                continue
+            path = folder / f"{kind}_{_file_name(model)}.png"
+            draw_picture(moments, path)
+            heading = f"{model}: {kind}"
+            found.append({"heading": heading, "alt": heading, "data": _embedded(path)})
+    return found
+
+
+def _file_name(model: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_." else "_" for c in model)
+
+
+def _subtitle(content: Json) -> str:
+    names = list(content["recordings"])
+    shown = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+    return f"On {len(names)} recording{'s' if len(names) != 1 else ''}: {shown}."
+
+
+def _facts(content: Json) -> list[tuple[str, str]]:
+    facts = []
+    for name, sha256 in content["weights"].items():
+        scene = content["tasks"][name]
+        facts.append(
+            (
+                name,
+                f"weights {sha256[:16]}, policy {content['policy'] or scene['policy']}, up to "
+                f"{scene['max_neighbours']} neighbours within {scene['radius_m']:g} m",
+            )
+        )
+    stride = content["stride_s"]
+    facts += [
+        ("layout", ", ".join(content["layout"]) or "the bag's own observations"),
+        ("instants", "those of the bag" if stride is None else f"every {stride:g} s"),
+        ("least future", f"{content['min_future_s']:g} s"),
+    ]
+    if content["one_sample"]:
+        facts.append(("past", "forgotten before each instant: everybody has one sample"))
+    facts += [(f"recording {n}", f"SHA-256 {h[:16]}") for n, h in content["recordings"].items()]
+    return facts

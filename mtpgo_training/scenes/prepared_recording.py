@@ -1,0 +1,194 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A recording made ready once, so that scenes can be cut from it in any epoch."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from mtpgo_core.scene.lane_map import LaneMap
+from mtpgo_core.schema import Float64Array
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.data.data_config import DataConfig
+from mtpgo_training.data.ground_truth import FutureTable, future_columns
+from mtpgo_training.data.recording import Columns, Recording
+from mtpgo_training.data.recording_cache import RecordingCache
+from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.scenes.centre_sampling import Candidates, centre_chances, lane_changers
+from mtpgo_training.scenes.track_samples import SampleTable, take_in
+from mtpgo_training.scenes.windows import TrackedWindow, Windows, cut_tracks, windows_of
+
+
+@dataclass(frozen=True)
+class PreparedRecording:
+    """One recording, ready for scenes to be cut from it.
+
+    Attributes:
+        recording: the recording.
+        windows: its windows.
+        restarted: windows of the same instants with short pasts, None where not wanted.
+        future: what happened next.
+        lanes: its lanes, where the context needs them.
+        chance: [p] chance of the agents of ``windows.instants`` to be a graph's centre.
+        changes: [p] what they do, see
+        :func:`mtpgo_training.scenes.centre_sampling.lane_changers`; None where
+            nothing is balanced.
+        weight: how often its windows are drawn in an epoch.
+    """
+
+    recording: Recording
+    windows: Windows
+    restarted: Windows | None
+    future: FutureTable
+    lanes: LaneMap | None
+    chance: Float64Array
+    changes: NDArray[np.int8] | None = None
+    weight: float = 1.0
+
+    def window(self, index: int, *, restarted: bool = False) -> TrackedWindow:
+        """A window, or its restarted form."""
+        chosen = self.restarted if restarted and self.restarted is not None else self.windows
+        return chosen[index]
+
+    def candidates(self, window: int, *, restarted: bool = False) -> Candidates:
+        """Those present in a window, or in its restarted form."""
+        instants = self.windows.instants
+        rows = instants.rows(window)
+        changes = np.empty(0, dtype=np.int8) if self.changes is None else self.changes[rows]
+        index = np.flatnonzero(instants.present[rows])
+        if not restarted or self.restarted is None:
+            known = changes[index] if len(changes) else changes
+            return Candidates(
+                index, instants.position[rows][index], self.chance[rows][index], known
+            )
+        # The restarted window has the same agents, but other places for them.
+        at = np.full(len(self.recording.track_id), -1)
+        at[instants.track[rows]] = np.arange(rows.stop - rows.start)
+        other = self.restarted.instants
+        mine = other.rows(window)
+        index = np.flatnonzero(other.present[mine])
+        place = at[other.track[mine][index]]
+        chance = np.where(place >= 0, self.chance[rows][place], 1.0)
+        known = changes[place] if len(changes) else changes
+        return Candidates(index, other.position[mine][index], chance, known)
+
+
+def prepare(
+    recording: Recording,
+    history: HistoryConfig,
+    scene: SceneConfig,
+    data: DataConfig,
+    *,
+    training: bool,
+    horizon_steps: int = 25,
+    seed: int = 0,
+    weight: float = 1.0,
+    cache: RecordingCache | None = None,
+) -> PreparedRecording:
+    """A recording's windows and futures.
+
+    Args:
+        recording: the recording.
+        history: see :class:`mtpgo_core.task.task_description.HistoryConfig`.
+        scene: see :class:`mtpgo_core.task.task_description.SceneConfig`.
+        data: strides, restarts, smoothing and balancing.
+        training: with the training's stride, smoothing and restarts, or the validation's.
+        horizon_steps: over which a lane change counts.
+        seed: of the restarts.
+        weight: how often its windows are drawn in an epoch.
+        cache: where what is costly to compute is kept.
+    """
+
+    def columns(purpose: str, settings: object, make: Callable[[], Columns]) -> Columns:
+        return make() if cache is None else cache.columns(recording, purpose, settings, make)
+
+    stride_s = data.stride_s if training else data.validation_stride_s
+    settings = dataclasses.asdict(history)
+    table = columns("samples", settings, lambda: take_in(recording, history))
+    windows = windows_of(recording, SampleTable(table, history), stride_s)
+    restarted: Windows | None = None
+    if training and data.restart_probability > 0.0:
+        generator = np.random.default_rng([seed, len(recording)])
+        pieces, owner = cut_tracks(recording, data.restart_within_s, generator)
+        table = columns(
+            "restarted",
+            {**settings, "seed": seed, "within_s": data.restart_within_s},
+            lambda: take_in(pieces, history),
+        )
+        times_ns = windows.instants.stamp_ns
+        restarted = Windows(pieces, SampleTable(table, history), times_ns, owner)
+    smoothing_s = data.velocity_smoothing_s if training else 0.0
+    future = FutureTable(
+        recording,
+        max_gap_s=history.max_gap_s,
+        columns=columns("future", smoothing_s, lambda: future_columns(recording, smoothing_s)),
+    )
+    changes = None
+    if training and data.lane_change_share > 0.0:
+        changes = lane_changers(windows, recording, future, horizon_steps, history.dt_s)
+    return PreparedRecording(
+        recording=recording,
+        windows=windows,
+        restarted=restarted,
+        future=future,
+        chance=centre_chances(windows, recording, future, data, history.dt_s),
+        changes=changes,
+        lanes=LaneMap(recording.lanes) if scene.context == "lanes" else None,
+        weight=weight,
+    )
+
+
+def prepare_all(
+    named: Sequence[NamedRecording],
+    history: HistoryConfig,
+    scene: SceneConfig,
+    data: DataConfig,
+    *,
+    training: bool,
+    horizon_steps: int = 25,
+    seed: int = 0,
+    cache: RecordingCache | None = None,
+    progress: bool = False,
+) -> list[PreparedRecording]:
+    """:func:`prepare` for the recordings of one use.
+
+    Args:
+        named: the recordings.
+        history: see :func:`prepare`.
+        scene: see :func:`prepare`.
+        data: see :func:`prepare`.
+        training: for training, or for validation.
+        horizon_steps: over which a lane change counts.
+        seed: of the restarts.
+        cache: see :func:`prepare`.
+        progress: show a bar on stderr.
+    """
+    what = "training recordings" if training else "validation recordings"
+    return [
+        prepare(
+            item.recording,
+            history,
+            scene,
+            data,
+            training=training,
+            horizon_steps=horizon_steps,
+            seed=seed,
+            weight=source_weight(item, data),
+            cache=cache,
+        )
+        for item in tqdm(named, desc=what, disable=not progress, leave=False)
+    ]
+
+
+def source_weight(item: NamedRecording, data: DataConfig) -> float:
+    """``data.source_weight`` of a recording: its own, else its directory's, else 1."""
+    for name in (item.name, f"{item.source}/{item.whole}", item.source):
+        if name in data.source_weight:
+            return data.source_weight[name]
+    return 1.0

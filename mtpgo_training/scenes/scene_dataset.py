@@ -1,0 +1,248 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes for training and validation, cut by the same functions that serve the node (design D5).
+
+A sample is one graph as a ``torch_geometric`` Data whose nodes are the agents; PyG's DataLoader
+batches graphs of different sizes and :func:`dense` lays them out for the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import Dataset
+from torch_geometric.data import Batch, Data
+from torch_geometric.utils import to_dense_batch
+
+from mtpgo_core.frames import rotate
+from mtpgo_core.scene.graph_selection import GraphState
+from mtpgo_core.scene.scene_builder import build_scenes
+from mtpgo_core.schema import Float64Array, SceneBatch
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.data.data_config import DataConfig
+from mtpgo_training.scenes.augmentation import Augmentation
+from mtpgo_training.scenes.centre_sampling import (
+    balanced_copies,
+    copies,
+    draw_balanced,
+    draw_cover,
+    graph_sizes,
+    standing,
+)
+from mtpgo_training.scenes.kinematic_baselines import BASELINES
+from mtpgo_training.scenes.prepared_recording import PreparedRecording
+from mtpgo_training.scenes.windows import TrackedWindow
+
+
+@dataclass(frozen=True)
+class Item:
+    """Which graph a sample is.
+
+    Attributes:
+        source: index of its recording.
+        window: of its window there.
+        centre: of its centre there.
+        agents: how many are in it.
+        restarted: whether the pasts are cut short.
+        augmentation: see :class:`~mtpgo_training.scenes.augmentation.Augmentation`.
+    """
+
+    source: int
+    window: int
+    centre: int
+    agents: int
+    restarted: bool
+    augmentation: Augmentation
+
+
+class SceneDataset(Dataset[Data]):
+    """Training graphs: every epoch draws other centres, such that each agent lies in a graph."""
+
+    def __init__(
+        self,
+        sources: Sequence[PreparedRecording],
+        history: HistoryConfig,
+        scene: SceneConfig,
+        data: DataConfig,
+        horizon_steps: int,
+        seed: int,
+    ) -> None:
+        """Keep the sources and draw the first epoch.
+
+        Args:
+            sources: prepared recordings.
+            history: grid of the window and of the future.
+            scene: size of the graphs, frame and features.
+            data: augmentation.
+            horizon_steps: H.
+            seed: the draws depend on it and on the epoch only.
+        """
+        self.sources = list(sources)
+        self.history = history
+        self.scene = scene
+        self.data = data
+        self.horizon_steps = horizon_steps
+        self.seed = seed
+        self.items: list[Item] = []
+        self._copies = None
+        if data.lane_change_share > 0.0:
+            found = [
+                (s.changes, s.chance * s.weight) for s in self.sources if s.changes is not None
+            ]
+            share, copies_each = data.lane_change_share, data.lane_change_copies
+            self._copies = balanced_copies(found, share, copies_each)
+        self.set_epoch(0)
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw the graphs of an epoch, counted from 0, in the order of the recordings."""
+        rng = np.random.default_rng([self.seed, epoch])
+        self.items = []
+        for s, source in enumerate(self.sources):
+            for w in range(len(source.windows)):
+                for _ in range(copies(source.weight, rng)):
+                    self.items.extend(self._draw(s, w, source, rng))
+
+    def _draw(
+        self, s: int, w: int, source: PreparedRecording, rng: np.random.Generator
+    ) -> list[Item]:
+        """The graphs of one window."""
+        restarted = source.restarted is not None and rng.random() < self.data.restart_probability
+        candidates = source.candidates(w, restarted=restarted)
+        items = []
+        if self._copies is None:
+            centres = draw_cover(candidates, self.scene, rng)
+        else:
+            centres = draw_balanced(candidates, self._copies, rng)
+        sizes = graph_sizes(candidates, centres, self.scene)
+        for centre, agents in zip(centres.tolist(), sizes.tolist(), strict=True):
+            mirror = bool(rng.random() < self.data.mirror_probability)
+            turn = float(rng.normal(0.0, 1.0)) * self.data.rotation_std_rad
+            scale = float(np.exp(rng.normal(0.0, 1.0) * self.data.scale_std))
+            change = Augmentation(mirror, turn, scale)
+            items.append(Item(s, w, centre, agents, restarted, change))
+        return items
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def __getitem__(self, index: int) -> Data:
+        item = self.items[index]
+        source = self.sources[item.source]
+        tracked = source.window(item.window, restarted=item.restarted)
+        batch = build_scenes(
+            tracked.window,
+            self.scene,
+            centres=np.array([item.centre]),
+            lanes=source.lanes,
+        )
+        return scene_data(
+            batch,
+            0,
+            tracked,
+            source,
+            self.scene,
+            self.history.dt_s,
+            self.horizon_steps,
+            augmentation=item.augmentation,
+            standing_weight=self.data.standing_weight,
+        )
+
+
+def validation_scenes(
+    sources: Sequence[PreparedRecording],
+    history: HistoryConfig,
+    scene: SceneConfig,
+    horizon_steps: int,
+) -> list[Data]:
+    """The graphs that the node would cut under ``scene.policy``, with their baselines beside them.
+
+    As the node does, each window keeps the centres of the one before that are still of use.
+    ``primary`` marks the graph whose prediction would be published for an agent, so every agent
+    counts once; ``centre`` marks the agents in the centres of the graphs.
+    """
+    scenes = []
+    for source in sources:
+        previous = GraphState()
+        for tracked in source.windows:
+            batch = build_scenes(tracked.window, scene, previous=previous, lanes=source.lanes)
+            for b in range(batch.features.shape[0]):
+                data = scene_data(batch, b, tracked, source, scene, history.dt_s, horizon_steps)
+                agents = batch.agent[b][batch.agent[b] >= 0]
+                paths = np.stack(
+                    [
+                        f(tracked.window.select(agents), horizon_steps, history.dt_s)
+                        for f in BASELINES.values()
+                    ],
+                    axis=1,
+                )
+                local = to_scene(paths - batch.origin[b], batch.rotation[b])
+                data.baselines = torch.from_numpy(np.nan_to_num(local).astype(np.float32))
+                scenes.append(data)
+    return scenes
+
+
+def scene_data(
+    batch: SceneBatch,
+    b: int,
+    tracked: TrackedWindow,
+    source: PreparedRecording,
+    scene: SceneConfig,
+    dt_s: float,
+    horizon_steps: int,
+    *,
+    augmentation: Augmentation | None = None,
+    standing_weight: float = 1.0,
+) -> Data:
+    """Graph ``b`` of a batch as PyG Data.
+
+    The nodes are the N agents; ``x`` [N, T, F], ``valid`` [N, T], ``static`` [N, C], ``target``
+    [N, H, 4] (x, y, vx, vy in the scene frame; zero where not observed), ``weight`` [N, H] (0
+    where not observed or where the agent is not valid at t), ``primary`` [N], ``centre`` [N].
+    """
+    there = batch.agent[b] >= 0
+    agents = batch.agent[b][there]
+    future = source.future.at(tracked.track[agents], tracked.window.stamp_ns, horizon_steps, dt_s)
+    rotation = float(batch.rotation[b])
+    position = to_scene(future.position - batch.origin[b], rotation)
+    velocity = to_scene(future.velocity, rotation)
+    features, valid = batch.features[b][there], batch.valid[b][there]
+    if augmentation is not None and not augmentation.is_none:
+        features = augmentation.features(features, scene.features)
+        features[~valid] = 0.0
+        position = augmentation.vectors(position)
+        velocity = augmentation.vectors(velocity)
+    known = future.known & valid[:, -1:]
+    target = np.where(known[..., None], np.concatenate([position, velocity], axis=-1), 0.0)
+    weight = known.astype(np.float32)
+    if standing_weight < 1.0:
+        weight[standing(features, target, known)] *= standing_weight
+    return Data(
+        x=torch.from_numpy(features),
+        valid=torch.from_numpy(valid),
+        static=torch.from_numpy(batch.static[b][there]),
+        target=torch.from_numpy(target.astype(np.float32)),
+        weight=torch.from_numpy(weight),
+        primary=torch.from_numpy(batch.primary[b][there]),
+        centre=torch.arange(len(agents)) == 0,
+        num_nodes=len(agents),
+    )
+
+
+def dense(batch: Batch) -> dict[str, Tensor]:
+    """The fields of a PyG batch as [B, N, ...], zero and false where a graph has fewer agents."""
+    names = ("x", "valid", "static", "target", "weight", "primary", "centre", "baselines")
+    index, size = batch.batch, int(batch.num_graphs)
+    return {
+        name: to_dense_batch(batch[name], index, batch_size=size)[0]
+        for name in names
+        if name in batch
+    }
+
+
+def to_scene(vectors: Float64Array, rotation: float) -> Float64Array:
+    """[..., 2] vectors of the fixed frame in a scene frame turned by ``rotation`` (rad)."""
+    return rotate(vectors, -rotation)

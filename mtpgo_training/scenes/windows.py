@@ -1,0 +1,283 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The windows of a recording, from which scenes are cut.
+
+A window holds nothing later than its stamp, because only samples up to it are looked at. Windows
+are not stored: what is kept is which track has a past at which instant, and a window is cut from
+the recording's samples (:mod:`mtpgo_training.scenes.track_samples`) when somebody asks for it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.history.resampling import Brackets
+from mtpgo_core.history.track_store import ACCELERATION, POSITION, VELOCITY, YAW
+from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow
+from mtpgo_core.task.task_description import HistoryConfig
+from mtpgo_training.data.recording import FRAME_ID, Recording
+from mtpgo_training.scenes.track_samples import SampleTable, take_in
+
+IntArray = NDArray[np.int64]
+
+_PAIRS_AT_ONCE = 4096
+
+
+@dataclass(frozen=True)
+class TrackedWindow:
+    """A window and who its agents are in the recording.
+
+    Attributes:
+        window: the window.
+        track: [n] index of each agent's track in the recording.
+    """
+
+    window: HistoryWindow
+    track: IntArray
+
+
+@dataclass(frozen=True)
+class Instants:
+    """The agents of all windows at the windows' own times, one row for each agent of a window.
+
+    Attributes:
+        stamp_ns: [w] the windows' times.
+        offset: [w + 1] the first row of each window, and the end.
+        track: [p] index of the agent's track in the recording.
+        newest: [p] its newest sample.
+        present: [p] valid at the window's time.
+        position: [p, 2] then (m), NaN where not present.
+        velocity: [p, 2] then (m/s), NaN where not known.
+    """
+
+    stamp_ns: IntArray
+    offset: IntArray
+    track: IntArray
+    newest: IntArray
+    present: BoolArray
+    position: Float64Array
+    velocity: Float64Array
+
+    def rows(self, window: int) -> slice:
+        """The rows of a window, in the order of its agents."""
+        return slice(int(self.offset[window]), int(self.offset[window + 1]))
+
+    @property
+    def window(self) -> IntArray:
+        """[p] window of each row."""
+        return np.repeat(np.arange(len(self.stamp_ns)), np.diff(self.offset))
+
+
+class Windows(Sequence[TrackedWindow]):
+    """The windows of a recording at given times, each cut when it is asked for.
+
+    Attributes:
+        instants: who is in them.
+    """
+
+    def __init__(
+        self, recording: Recording, table: SampleTable, times_ns: IntArray, owner: IntArray
+    ) -> None:
+        """Find out who is in each window.
+
+        Args:
+            recording: the recording that ``table`` was made of.
+            table: its samples.
+            times_ns: [w] ascending times (ns).
+            owner: [tracks] what the agents' ``track`` shall be; of several agents with the same
+                owner the last one stays.
+        """
+        self._recording = recording
+        self._table = table
+        self._owner = owner
+        self.instants = self._find(times_ns)
+
+    def _find(self, times_ns: IntArray) -> Instants:
+        table = self._table
+        pairs = table.pairs(times_ns)
+        seen = np.zeros(len(pairs.time), dtype=np.bool_)
+        present = np.zeros_like(seen)
+        state = np.full((len(seen), 4), np.nan)
+        for begin in range(0, len(seen), _PAIRS_AT_ONCE):
+            some = slice(begin, begin + _PAIRS_AT_ONCE)
+            brackets, rows = table.brackets(pairs.newest[some], times_ns[pairs.time[some]])
+            seen[some] = brackets.valid.any(axis=1)
+            present[some] = brackets.valid[:, -1]
+            state[some] = table.states(_last_step(brackets), rows)[:, 0, :4]
+        piece = table.track[pairs.newest].astype(np.int64)
+        keep = np.flatnonzero(seen)
+        keep = keep[_newest_piece(pairs.time[keep], piece[keep], self._owner)]
+        return Instants(
+            stamp_ns=times_ns,
+            offset=np.searchsorted(pairs.time[keep], np.arange(len(times_ns) + 1)),
+            track=self._owner[piece[keep]],
+            newest=pairs.newest[keep],
+            present=present[keep],
+            position=state[keep, POSITION],
+            velocity=state[keep, VELOCITY],
+        )
+
+    def __len__(self) -> int:
+        return len(self.instants.stamp_ns)
+
+    @overload
+    def __getitem__(self, index: int) -> TrackedWindow: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[TrackedWindow]: ...
+    def __getitem__(self, index: int | slice) -> TrackedWindow | list[TrackedWindow]:
+        if isinstance(index, slice):
+            return [self._cut(i) for i in range(*index.indices(len(self)))]
+        if not -len(self) <= index < len(self):
+            raise IndexError(index)
+        return self._cut(index % len(self))
+
+    def __iter__(self) -> Iterator[TrackedWindow]:
+        return (self._cut(i) for i in range(len(self)))
+
+    def _cut(self, index: int) -> TrackedWindow:
+        table, recording = self._table, self._recording
+        rows = self.instants.rows(index)
+        newest = self.instants.newest[rows]
+        stamp_ns = int(self.instants.stamp_ns[index])
+        brackets, places = table.brackets(newest, stamp_ns)
+        sample = table.states(brackets, places)
+        piece = table.track[newest]
+        n = len(newest)
+        window = HistoryWindow(
+            stamp_ns=stamp_ns,
+            frame_id=FRAME_ID,
+            key=recording.key[piece],
+            agent_class=recording.agent_class[piece],
+            z=np.full(n, np.nan),
+            size=recording.size[piece],
+            position=sample[..., POSITION],
+            velocity=sample[..., VELOCITY],
+            acceleration=sample[..., ACCELERATION],
+            yaw=sample[..., YAW],
+            valid=brackets.valid,
+            covariance=np.full((n, 4, 4), np.nan),
+        )
+        return TrackedWindow(window, self.instants.track[rows])
+
+
+def cut_windows(recording: Recording, history: HistoryConfig, stride_s: float) -> Windows:
+    """Windows every ``stride_s`` of a recording, each with only its past.
+
+    Args:
+        recording: the recording.
+        history: how the window is resampled.
+        stride_s: time between two windows (s); those nearest to the recording's frames are taken.
+    """
+    table = SampleTable(take_in(recording, history), history)
+    return windows_of(recording, table, stride_s)
+
+
+def windows_of(recording: Recording, table: SampleTable, stride_s: float) -> Windows:
+    """Like :func:`cut_windows`, of a recording that has been taken in.
+
+    At times at which nobody is present there is no window.
+    """
+    owner = np.arange(len(recording.track_id), dtype=np.int64)
+    windows = Windows(recording, table, _times(recording, stride_s), owner)
+    instants = windows.instants
+    there = np.zeros(len(windows), dtype=np.bool_)
+    there[instants.window[instants.present]] = True
+    return windows if there.all() else Windows(recording, table, instants.stamp_ns[there], owner)
+
+
+def cut_restarted_windows(
+    recording: Recording,
+    history: HistoryConfig,
+    stride_s: float,
+    within_s: float,
+    generator: np.random.Generator,
+) -> Windows:
+    """Windows at the same instants, in which every agent was first seen at most ``within_s`` ago.
+
+    Each track is cut into pieces of ``within_s`` with a random phase and each piece gets an
+    identity of its own, so that the history forgets at every cut. The short past of an agent is
+    thereby exactly what the node would have, estimated derivatives included.
+    """
+    pieces, owner = cut_tracks(recording, within_s, generator)
+    table = SampleTable(take_in(pieces, history), history)
+    return Windows(pieces, table, _times(recording, stride_s), owner)
+
+
+def cut_tracks(
+    recording: Recording, within_s: float, generator: np.random.Generator
+) -> tuple[Recording, IntArray]:
+    """The recording with each track cut into pieces, and [pieces] the track each belongs to."""
+    length = max(1, round(within_s * recording.frame_rate))
+    phase = generator.integers(0, length, size=len(recording.track_id))
+    number = (recording.frame + phase[recording.track]) // length
+    number -= number.min() if len(number) else 0
+    code = recording.track * (int(number.max(initial=0)) + 1) + number
+    _, first, piece = np.unique(code, return_index=True, return_inverse=True)
+    owner = recording.track[first]
+    pieces = dataclasses.replace(
+        recording,
+        track=piece.astype(np.int64),
+        track_id=np.arange(len(owner), dtype=np.int64),
+        agent_class=recording.agent_class[owner],
+        size=recording.size[owner],
+        ego_id=None,
+        track_key=None,
+    )
+    return pieces, owner
+
+
+def frames_every(recording: Recording, stride_s: float) -> IntArray:
+    """The frames every ``stride_s``, counted from the first, at which anybody is present.
+
+    Where frames come at no fixed times (a bag of jittered messages), the nearest one is taken if
+    it lies less than a usual step of frames away.
+    """
+    frames = recording.frames
+    if not len(frames):
+        return frames
+    stride = max(1, round(stride_s * recording.frame_rate))
+    wanted = np.arange(frames[0], frames[-1] + 1, stride)
+    after = np.clip(np.searchsorted(frames, wanted), 1, max(1, len(frames) - 1))
+    after = np.minimum(after, len(frames) - 1)
+    before = np.maximum(after - 1, 0)
+    nearer = np.abs(frames[before] - wanted) < np.abs(frames[after] - wanted)
+    chosen = np.where(nearer, frames[before], frames[after])
+    usual = float(np.median(np.diff(frames))) if len(frames) > 1 else 1.0
+    return np.unique(chosen[np.abs(chosen - wanted) < usual])
+
+
+def _times(recording: Recording, stride_s: float) -> IntArray:
+    frames = frames_every(recording, stride_s).tolist()
+    return np.array([recording.stamp_ns(frame) for frame in frames], dtype=np.int64)
+
+
+def _last_step(brackets: Brackets) -> Brackets:
+    """Only the common time."""
+    return Brackets(
+        left=brackets.left[:, -1:],
+        right=brackets.right[:, -1:],
+        fraction=brackets.fraction[:, -1:],
+        after_s=brackets.after_s,
+        valid=brackets.valid[:, -1:],
+    )
+
+
+def _newest_piece(window: IntArray, piece: IntArray, owner: IntArray) -> BoolArray:
+    """[p] whether no later piece of the same owner stands in the same window.
+
+    A piece that has just been cut off would be carried on beside its successor.
+    """
+    if len(owner) == 0 or not len(piece):
+        return np.ones(len(piece), dtype=np.bool_)
+    code = window * (int(owner.max()) + 1) + owner[piece]
+    order = np.lexsort((piece, code))
+    last = np.append(code[order][1:] != code[order][:-1], True)
+    keep = np.zeros(len(piece), dtype=np.bool_)
+    keep[order[last]] = True
+    return keep

@@ -1,0 +1,183 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The folder of a training run: what determined it, its log and its checkpoints.
+
+``config.yaml`` and ``run.json`` (data hashes, splits, versions, seed) are written at the start;
+``log.csv`` gets a line an epoch, ``tensorboard/`` the same and more; ``last.pt`` is where an
+interrupted run goes on, ``best.pt`` is the best by validation. Checkpoints hold plain data only,
+so they load with ``weights_only``.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import pickle
+import platform
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import replacing, write_text
+from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
+
+CHECKPOINT_FORMAT = 1
+
+Checkpoint = dict[str, Any]
+
+
+class RunFolder:
+    """A run's folder on disk."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.best = path / "best.pt"
+        self.last = path / "last.pt"
+        self._log = path / "log.csv"
+
+    def require_new(self) -> None:
+        """That no run is there yet.
+
+        Raises:
+            ConfigurationError: the folder exists and is not empty.
+        """
+        if self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
+            raise ConfigurationError(
+                f"the run folder {self.path} exists already, expected a new one or --resume"
+            )
+
+    def start(
+        self,
+        config: TrainingConfig,
+        splits: list[dict[str, str]],
+        initial_weights: str = "",
+    ) -> None:
+        """Make the folder and write down what determines the run.
+
+        Args:
+            config: the configuration.
+            splits: the recordings by use, with their hashes.
+            initial_weights: SHA-256 of the weights it starts from, if not random ones.
+
+        Raises:
+            ConfigurationError: the folder exists and is not empty, or cannot be written.
+        """
+        self.require_new()
+        write_text(self.path / "config.yaml", dump_config(config))
+        facts = {
+            "network": config.network,
+            "splits": splits,
+            "seed": config.seed,
+            "initial_weights_sha256": initial_weights or None,
+            "versions": versions(),
+        }
+        write_text(self.path / "run.json", json.dumps(facts, indent=2) + "\n")
+
+    def check_same(self, config: TrainingConfig, splits: list[dict[str, str]]) -> None:
+        """That a resumed run is the one that was started.
+
+        On what it runs (section ``trainer``, threads) may differ.
+
+        Raises:
+            ConfigurationError: no run is there, or the configuration or the data differ.
+        """
+        try:
+            stored = load_config(self.path / "config.yaml")
+            facts = json.loads((self.path / "run.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError, ConfigurationError) as error:
+            raise ConfigurationError(
+                f"the run folder {self.path} holds no run to resume ({error})"
+            ) from error
+        stored = dataclasses.replace(
+            stored, trainer=config.trainer, num_threads=config.num_threads
+        )
+        if stored != config:
+            raise ConfigurationError(
+                f"the configuration differs from {self.path / 'config.yaml'} in "
+                f"{_first_difference(stored, config)}, expected the same to resume"
+            )
+        if facts.get("splits") != splits:
+            raise ConfigurationError(
+                f"the recordings differ from those in {self.path / 'run.json'}, expected the same "
+                "to resume"
+            )
+
+    def save(
+        self, checkpoint: Checkpoint, resumption: Checkpoint | None = None, *, best: bool
+    ) -> None:
+        """Write ``last.pt``, and ``best.pt`` too if it is the best.
+
+        Args:
+            checkpoint: the averaged weights and all that an export needs.
+            resumption: what only going on needs, in ``last.pt`` beside the former.
+            best: whether it is the best so far.
+        """
+        if best:
+            self._write(self.best, checkpoint)
+        self._write(self.last, {**checkpoint, **(resumption or {})})
+
+    def _write(self, path: Path, checkpoint: Checkpoint) -> None:
+        with replacing(path) as temporary:
+            torch.save({"format": CHECKPOINT_FORMAT, **checkpoint}, temporary)
+
+    def write_log(self, rows: list[dict[str, Any]]) -> None:
+        """All lines of the log, one an epoch."""
+        text = io.StringIO()
+        columns = list(dict.fromkeys(column for row in rows for column in row))
+        writer = csv.DictWriter(text, fieldnames=columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        write_text(self._log, text.getvalue())
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """A checkpoint, or the best one of a run folder.
+
+    Raises:
+        ConfigurationError: it cannot be read or is no checkpoint of this format.
+    """
+    if path.is_dir():
+        path = path / "best.pt"
+    if not path.is_file():
+        raise ConfigurationError(f"the checkpoint {path} does not exist")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # for a TorchScript file
+            checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+    except (OSError, RuntimeError, EOFError, ValueError, pickle.UnpicklingError) as error:
+        reason = str(error).split("\n", 1)[0][:120]
+        raise ConfigurationError(f"{path} is no readable checkpoint: {reason}") from error
+    if not isinstance(checkpoint, dict) or checkpoint.get("format") != CHECKPOINT_FORMAT:
+        raise ConfigurationError(
+            f"{path} is no checkpoint of `mtpgo train`, expected format {CHECKPOINT_FORMAT}"
+        )
+    return checkpoint
+
+
+def _first_difference(stored: TrainingConfig, given: TrainingConfig) -> str:
+    """Where two configurations differ: the field, and both of its values."""
+    before, now = dataclasses.asdict(stored), dataclasses.asdict(given)
+    name = next(key for key in now if before[key] != now[key])
+    if not isinstance(now[name], dict):
+        return f"{name} ({before[name]!r} there, {now[name]!r} here)"
+    keys = dict.fromkeys([*now[name], *before[name]])
+    key = next(k for k in keys if before[name].get(k) != now[name].get(k))
+    return f"{name}.{key} ({before[name].get(key)!r} there, {now[name].get(key)!r} here)"
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computes."""
+    import torch_geometric
+
+    return {
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "torch_geometric": torch_geometric.__version__,
+        "numpy": np.__version__,
+    }

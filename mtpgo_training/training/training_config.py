@@ -1,0 +1,242 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The configuration of a training: typed, with defaults, read from YAML, saved with the run."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task.task_description import (
+    HistoryConfig,
+    SceneConfig,
+    from_dict,
+    require_at_least,
+    require_choice,
+)
+from mtpgo_training.data.data_config import DataConfig, with_preset
+from mtpgo_training.training.objective import LEARNING_RATE_SCHEDULES
+
+ACCELERATORS = ("auto", "cpu", "gpu", "mps")
+STRATEGIES = ("auto", "ddp")
+PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
+"""What of Lightning's choices these networks are trained with: small, so copied to each device."""
+
+
+def _positive(name: str, value: float) -> None:
+    if not value > 0:
+        raise ConfigurationError(f"{name} is {value!r}, expected more than 0")
+
+
+def _share(name: str, value: float) -> None:
+    if not 0.0 <= value <= 1.0:
+        raise ConfigurationError(f"{name} is {value!r}, expected 0 to 1")
+
+
+KEEP = ("best", "last")
+"""Which epoch's weights a run is for."""
+
+
+@dataclass(frozen=True)
+class OptimisationConfig:
+    """How the weights move.
+
+    Attributes:
+        epochs: E of algorithm 1.
+        batch_scenes: graphs in a batch.
+        learning_rate: its peak.
+        learning_rate_schedule: one of ``LEARNING_RATE_SCHEDULES``.
+        warmup_steps: optimisation steps of the linear rise.
+        learning_rate_floor: share of the peak that is left at the end of ``cosine``.
+        weight_decay: of AdamW; 0 is plain Adam.
+        clip_norm: largest norm of the gradient.
+        huber_delta: error at which the EWTA loss turns linear (m, m/s).
+        mean_weight: share of the expected Huber loss beside the likelihood; 0 as in the paper, see
+            :func:`mtpgo_training.training.losses.expected_huber`.
+        teacher_forcing: probability at the start that a roll-out is fed the observed states; it
+            falls linearly to zero at the end of the warm-up (total / 4). The default is none: the
+            state already starts at the observed one, and a predictor must live with its own steps.
+        average_decay: decay of the exponential moving average of the weights that is validated
+            and exported; 0 for none.
+        keep: which epoch is exported, one of ``KEEP``: the ``best`` by validation ADE, or the
+            ``last``, where the validation recordings show only a part of what the model is for.
+    """
+
+    epochs: int = 40
+    batch_scenes: int = 128
+    learning_rate: float = 2e-3
+    learning_rate_schedule: str = "cosine"
+    warmup_steps: int = 20
+    learning_rate_floor: float = 0.02
+    weight_decay: float = 0.0
+    clip_norm: float = 1.0
+    huber_delta: float = 1.0
+    mean_weight: float = 0.0
+    teacher_forcing: float = 0.0
+    average_decay: float = 0.0
+    keep: str = "best"
+
+    def __post_init__(self) -> None:
+        for name in ("epochs", "batch_scenes", "learning_rate", "clip_norm", "huber_delta"):
+            _positive(f"optimisation.{name}", getattr(self, name))
+        _share("optimisation.teacher_forcing", self.teacher_forcing)
+        _share("optimisation.average_decay", self.average_decay)
+        require_choice(
+            "optimisation.learning_rate_schedule",
+            self.learning_rate_schedule,
+            LEARNING_RATE_SCHEDULES,
+        )
+        require_choice("optimisation.keep", self.keep, KEEP)
+
+
+@dataclass(frozen=True)
+class TrainerConfig:
+    """On what and in which steps a training runs; another choice leaves the same training.
+
+    Attributes:
+        accelerator: one of ``ACCELERATORS``; ``auto`` takes the GPU where there is one.
+        devices: devices, or processes on a CPU, on each machine; 0 for all that are there.
+        num_nodes: machines.
+        strategy: one of ``STRATEGIES``; ``auto`` is ``ddp`` for more than one device.
+        precision: one of ``PRECISIONS``. Validation is always in full precision.
+        loader_workers: processes that cut the scenes beside the one that learns; 0 for none.
+        validate_every_epochs: epochs from one validation to the next; the last is validated too.
+        patience_epochs: stop after so many epochs on the likelihood without a better validation;
+            0 for never.
+        checkpoint_minutes: time between two checkpoints within an epoch (min); one is written at
+            the end of every epoch, too.
+    """
+
+    accelerator: str = "auto"
+    devices: int = 1
+    num_nodes: int = 1
+    strategy: str = "auto"
+    precision: str = "32-true"
+    loader_workers: int = 0
+    validate_every_epochs: int = 1
+    patience_epochs: int = 0
+    checkpoint_minutes: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name, valid in (
+            ("accelerator", ACCELERATORS),
+            ("strategy", STRATEGIES),
+            ("precision", PRECISIONS),
+        ):
+            require_choice(f"trainer.{name}", getattr(self, name), valid)
+        for name in ("num_nodes", "validate_every_epochs", "checkpoint_minutes"):
+            _positive(f"trainer.{name}", getattr(self, name))
+        for name in ("devices", "loader_workers", "patience_epochs"):
+            require_at_least(f"trainer.{name}", getattr(self, name), 0)
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """Everything that determines a training, but the recordings themselves.
+
+    Attributes:
+        name: name of the model that comes out.
+        network: which one, a name in :data:`mtpgo_training.training.networks.NETWORKS`.
+        seed: of the initial weights, the order and the augmentation.
+        num_threads: threads of torch; 0 leaves torch's own choice. Several processes on a CPU have
+            one each.
+        data: see :class:`DataConfig`.
+        history: see :class:`mtpgo_core.task.task_description.HistoryConfig`; travels
+            with the model.
+        scene: see :class:`mtpgo_core.task.task_description.SceneConfig`; travels with the
+        model. model: options of the network, for ``mtp-go`` the fields of
+            :class:`models.mtp_go_config.ModelConfig`; sizes that follow from the task (features,
+            steps, classes) are set from it.
+        optimisation: see :class:`OptimisationConfig`.
+        trainer: see :class:`TrainerConfig`.
+        licence: the terms of the data, written into the exported file.
+        attribution: who is to be named as the data's source, likewise.
+    """
+
+    name: str = "model"
+    network: str = "mtp-go"
+    seed: int = 1
+    num_threads: int = 2
+    data: DataConfig = field(default_factory=DataConfig)
+    history: HistoryConfig = field(default_factory=HistoryConfig)
+    scene: SceneConfig = field(default_factory=SceneConfig)
+    model: dict[str, Any] = field(default_factory=dict)
+    optimisation: OptimisationConfig = OptimisationConfig()
+    trainer: TrainerConfig = TrainerConfig()
+    licence: str = ""
+    attribution: str = ""
+
+
+def load_config(path: Path, settings: Sequence[str] = ()) -> TrainingConfig:
+    """The configuration in a YAML file.
+
+    Args:
+        path: the file.
+        settings: ``KEY=VALUE`` each, a dotted path and a YAML value, as if the file said so.
+
+    Raises:
+        ConfigurationError: the file cannot be read, is no YAML mapping, or has an unknown or
+            ill-typed field; the sentence names the file and the field.
+    """
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(
+            f"the configuration {path} cannot be read: {error.strerror}"
+        ) from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigurationError(f"the configuration {path} is no YAML: {reason}") from error
+    data = {} if data is None else data
+    for setting in settings:
+        data = _with_setting(data, setting)
+    if isinstance(data, dict) and "data" in data:
+        data = {**data, "data": with_preset(data["data"])}
+    return from_dict(TrainingConfig, data, f"{path} with --set" if settings else str(path))
+
+
+def _with_setting(data: Any, setting: str) -> Any:
+    """Plain data with one ``KEY=VALUE`` in place.
+
+    Raises:
+        ConfigurationError: it is no such pair or no YAML, or its key leads into a value.
+    """
+    key, equals, text = setting.partition("=")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        equals = ""
+    if not (key and equals):
+        raise ConfigurationError(f"--set is given {setting!r}, expected KEY=VALUE in YAML")
+    if isinstance(value, str) and re.fullmatch(r"[-+]?[\d.]+e[-+]?\d+", value):
+        value = float(value)  # 1e-3 is a number to everybody but YAML
+
+    def placed(inside: Any, path: list[str]) -> Any:
+        if not path:
+            return value
+        if not isinstance(inside, dict):
+            raise ConfigurationError(
+                f"--set {setting!r} names the field {path[0]!r} of {inside!r}, which has none"
+            )
+        return {**inside, path[0]: placed(inside.get(path[0], {}), path[1:])}
+
+    return placed(data, key.split("."))
+
+
+def dump_config(config: TrainingConfig) -> str:
+    """YAML text from which :func:`load_config` reads the same configuration."""
+    return yaml.safe_dump(_plain(dataclasses.asdict(config)), sort_keys=False)
+
+
+def _plain(value: Any) -> Any:
+    """Tuples as lists, which YAML can write."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value

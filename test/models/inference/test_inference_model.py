@@ -1,0 +1,103 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The exported form against the model it is made of: same numbers, whatever the blocks."""
+
+import pytest
+import torch
+from made import frozen, make_model, make_scene
+from torch.nn.functional import leaky_relu
+
+from models.inference import FastMTPGO, deployable
+from models.inference.packed_attention import add_energy, make_scratch
+
+COVERED = {
+    "default": {},
+    "gat": {"layer": "gat"},
+    "untied": {"tied": False},
+    "static": {"static_features": True},
+    "heun, paper's G": {"integrator": "heun", "noise_input": "velocity"},
+    "euler, configured P_0": {"integrator": "euler", "initial_covariance": "configured"},
+    "calibrated": {"observation_std_m": 0.2, "covariance_scale": 1.3},
+    "context": {"feature_size": 11},
+}
+NOT_COVERED = (
+    {"order": 1},
+    {"layer": "gcn"},
+    {"heads": 2},
+    {"gnn_layers": 2},
+    {"ode_layers": 2},
+    {"encoder_gnn": False},
+    {"decoder_gnn": False},
+    {"ekf": False},
+    {"agent_frame": False},
+)
+
+
+@pytest.mark.parametrize("agents", [1, 7])
+@pytest.mark.parametrize("name", COVERED)
+@torch.no_grad()
+def test_same_numbers_as_the_model(name, agents):
+    model = make_model(**COVERED[name])
+    scene = make_scene(2, agents, steps=6, size=model.config.feature_size)
+    fast = deployable(model)
+    assert isinstance(fast, FastMTPGO)
+    for got, want in zip(fast(*scene.inputs()), model(*scene.inputs()), strict=True):
+        here = scene.present
+        torch.testing.assert_close(got[here], want[here], rtol=1e-9, atol=1e-9)
+
+
+@torch.no_grad()
+def test_given_initial_covariances():
+    model = make_model()
+    scene = make_scene(1, 4, steps=6, odd=False)
+    root = torch.randn(1, 4, 4, 4).double()
+    initial = root @ root.transpose(-1, -2) + torch.eye(4)
+    initial[0, 2, 1, 1] = float("nan")
+    fast = frozen(model)
+    want = model(*scene.inputs(), initial)
+    for got, expected in zip(fast(*scene.inputs(), initial), want, strict=True):
+        torch.testing.assert_close(got, expected, rtol=1e-9, atol=1e-9)
+
+
+@torch.no_grad()
+def test_single_precision_at_driving_speeds():
+    """The size that is exported, in float32: within a tenth of the 1e-4 m that is allowed."""
+    sizes = {"history_steps": 16, "horizon_steps": 25, "modes": 8, "hidden": 64}
+    model = make_model(torch.float32, wild=False, **sizes)
+    model.motion.last.normal_(0.0, 0.1)
+    scene = make_scene(1, 24, dtype=torch.float32)
+    want, got = model(*scene.inputs()), frozen(model)(*scene.inputs())
+    here = scene.present
+    # Scene coordinates reach a hundred metres, where float32 has steps of 8e-6 m.
+    torch.testing.assert_close(got[1][here], want[1][here], rtol=0, atol=5e-5)
+    torch.testing.assert_close(got[2][here], want[2][here], rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("choices", NOT_COVERED, ids=str)
+def test_other_models_stay_as_they_are(choices):
+    model = make_model(**choices)
+    assert deployable(model) is model
+
+
+@pytest.mark.parametrize("block", [1, 90, 400, 10**6])
+def test_energy_in_blocks(block):
+    kinds, scenes, agents, channels = 2, 3, 5, 7
+    query, key = torch.randn(2, kinds, scenes, agents, channels).double()
+    edge = torch.rand(kinds, scenes, agents, agents).double()
+    slope, a = torch.randn(2, kinds, channels).double()
+    before = torch.randn(kinds, scenes, agents, agents).double()
+    score = before.clone()
+    add_energy(score, -query, key, edge, slope, 0.8 * a, make_scratch(a, agents, channels, block))
+    z = query.unsqueeze(3) + key.unsqueeze(2)
+    z = z + edge.unsqueeze(-1) * slope[:, None, None, None]
+    of_keys = (key @ a.view(kinds, 1, channels, 1)).squeeze(-1).unsqueeze(2)
+    of_edges = edge * (slope * a).sum(-1)[:, None, None, None]
+    got = score + 0.2 * (of_keys + of_edges)
+    want = before + (leaky_relu(z, 0.2) * a[:, None, None, None]).sum(-1)
+    torch.testing.assert_close(got.softmax(-1), want.softmax(-1), rtol=1e-12, atol=1e-12)
+
+
+def test_weights_are_copied_out_of_the_graph():
+    """Nothing of the fast form asks for a gradient through its own products."""
+    fast = deployable(make_model())
+    assert all(not buffer.requires_grad for buffer in fast.buffers())

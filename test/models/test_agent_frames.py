@@ -1,0 +1,80 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Own frames and conditioned inputs by hand."""
+
+import pytest
+import torch
+from made import make_model, make_scene
+
+from models.agent_frames import heading, last_seen, to_own, to_scene
+
+
+def test_turning_there_and_back():
+    vector = torch.randn(5, 2).double()
+    angle = torch.randn(5).double()
+    direction = torch.stack((angle.cos(), angle.sin()), dim=-1)
+    torch.testing.assert_close(to_scene(to_own(vector, direction), direction), vector)
+    north = torch.tensor([0.0, 1.0])
+    assert to_own(torch.tensor([0.0, 3.0]), north).tolist() == [3.0, 0.0]
+    assert to_own(torch.tensor([-2.0, 0.0]), north).tolist() == [0.0, 2.0]  # left of north
+
+
+def test_heading():
+    east, north = [1.0, 0.0], [0.0, 1.0]
+    velocity = torch.tensor([[0.0, 5.0], [0.0, 0.4], [0.0, 0.75], [0.0, 0.0], [-0.75, 0.0]])
+    yaw = torch.tensor([east, east, east, [0.0, 0.0], east])
+    got = heading(velocity, yaw)
+    half = [0.5**0.5, 0.5**0.5]
+    want = torch.tensor([north, east, half, east, east])  # the last two directions cancel
+    torch.testing.assert_close(got, want)
+
+
+def test_last_seen():
+    features = torch.arange(4.0).view(1, 1, 4, 1).expand(1, 3, 4, 1)
+    valid = torch.tensor([[[1, 1, 1, 1], [0, 1, 0, 0], [0, 0, 0, 0]]]).bool()
+    last, index = last_seen(features, valid)
+    assert index.tolist() == [[3, 1, 0]]
+    assert last.flatten().tolist() == [3.0, 1.0, 0.0]
+
+
+def test_uniform_motion_has_no_deviation():
+    """An agent at constant velocity, wherever it heads: only its speed is left."""
+    model = make_model()
+    time = (torch.arange(6) - 5).double() * 0.2
+    velocity = torch.tensor([3.0, -4.0]).double()
+    features = torch.zeros(1, 1, 6, 8).double()
+    features[0, 0, :, :2] = torch.tensor([7.0, 2.0]) + velocity * time.unsqueeze(1)
+    features[0, 0, :, 2:4] = velocity
+    features[0, 0, :, 6:8] = velocity / 5.0
+    valid = torch.ones(1, 1, 6, dtype=torch.bool)
+    start = model.condition.start(features, valid)
+    own = model.condition.own_inputs(features, valid, start)
+    want = torch.tensor([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]).double()
+    torch.testing.assert_close(own[0, 0], want.expand(6, 10), rtol=0, atol=1e-12)
+
+
+def test_fitted_statistics_standardise_the_inputs():
+    scene = make_scene(8, 7, steps=6)
+    for agent_frame in (True, False):
+        model = make_model(agent_frame=agent_frame)
+        model.fit_statistics(scene.features, scene.valid)
+        start = model.condition.start(scene.features, scene.valid)
+        inputs = model.condition(scene.features, scene.valid, start)
+        seen = inputs[scene.valid]
+        torch.testing.assert_close(seen.mean(0), torch.zeros_like(seen[0]), rtol=0, atol=1e-9)
+        torch.testing.assert_close(seen.std(0), torch.ones_like(seen[0]))
+        assert not inputs[~scene.valid].any()
+
+
+def test_set_statistics_fills_what_is_given():
+    model = make_model(agent_frame=True, wild=False)
+    before = model.condition.input_std[8:].clone()
+    model.set_statistics(torch.arange(8.0), torch.full((8,), 0.001))
+    torch.testing.assert_close(model.condition.input_mean[:8], torch.arange(8.0).double())
+    # A constant feature is not blown up.
+    assert model.condition.input_std[:8].tolist() == pytest.approx([0.02] * 8)
+    torch.testing.assert_close(model.condition.input_std[8:], before)
+    plain = make_model(agent_frame=False, wild=False)
+    plain.set_statistics(torch.arange(8.0), torch.full((8,), 3.0))
+    assert plain.condition.state_mean.tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert plain.condition.state_std.tolist() == [3.0, 3.0, 3.0, 3.0]

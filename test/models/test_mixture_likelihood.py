@@ -1,0 +1,94 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The likelihood against torch.distributions."""
+
+import math
+
+import pytest
+import torch
+from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
+
+from models.mixture_likelihood import gaussian_log_prob, mixture_nll, position_nll
+
+B, N, M, H = 2, 3, 4, 5
+
+
+def make(size, dtype=torch.float64):
+    root = torch.randn(B, N, M, H, size, size).double()
+    covariance = root @ root.transpose(-1, -2) + 0.05 * torch.eye(size)
+    log_weight = torch.randn(B, N, M).double().log_softmax(-1)
+    mean, target = torch.randn(B, N, M, H, size).double(), torch.randn(B, N, H, size).double()
+    return tuple(x.to(dtype) for x in (log_weight, mean, covariance, target))
+
+
+def expected(log_weight, mean, covariance, target):
+    components = MultivariateNormal(mean.transpose(2, 3), covariance.transpose(2, 3))
+    weights = Categorical(logits=log_weight.unsqueeze(2).expand(-1, -1, H, -1))
+    return -MixtureSameFamily(weights, components).log_prob(target)
+
+
+@pytest.mark.parametrize("size", [1, 2, 4])
+def test_gaussian(size):
+    _, mean, covariance, _ = make(size)
+    target = torch.randn_like(mean)
+    want = MultivariateNormal(mean, covariance).log_prob(target)
+    torch.testing.assert_close(gaussian_log_prob(mean, covariance, target), want)
+
+
+def test_gaussian_by_hand():
+    """Density of a standard normal at its mean, and one deviation away in one of two axes."""
+    at_mean = gaussian_log_prob(torch.zeros(2), torch.eye(2), torch.zeros(2))
+    assert float(at_mean) == pytest.approx(-math.log(2 * math.pi))
+    away = gaussian_log_prob(torch.zeros(2), 4.0 * torch.eye(2), torch.tensor([2.0, 0.0]))
+    assert float(away) == pytest.approx(-math.log(2 * math.pi * 4.0) - 0.5)
+
+
+@pytest.mark.parametrize("size", [2, 4])
+def test_mixture(size):
+    arguments = make(size)
+    mask = torch.rand(B, N, H) > 0.3
+    got = mixture_nll(*arguments, mask)
+    torch.testing.assert_close(got[mask], expected(*arguments)[mask])
+    assert not got[~mask].any()
+
+
+def test_position_of_a_full_state():
+    log_weight, mean, covariance, target = make(4)
+    got = position_nll(log_weight, mean, covariance, target, torch.ones(B, N, H).bool())
+    want = expected(log_weight, mean[..., :2], covariance[..., :2, :2], target[..., :2])
+    torch.testing.assert_close(got, want)
+
+
+def test_gradients():
+    _, mean, covariance, target = make(4)
+    mask = torch.rand(B, N, H) > 0.3
+    leaves = [x.requires_grad_() for x in (torch.randn(B, N, M).double(), mean, covariance)]
+    arguments = (leaves[0].log_softmax(-1), mean, covariance, target)
+    ours = torch.autograd.grad(mixture_nll(*arguments, mask).sum(), leaves, retain_graph=True)
+    theirs = torch.autograd.grad(expected(*arguments)[mask].sum(), leaves)
+    for got, want in zip(ours[:2], theirs[:2], strict=True):
+        torch.testing.assert_close(got, want)
+    # Only the lower triangle is read here, and each library splits the derivative its own way.
+    folded = [g.tril() + g.triu(1).transpose(-1, -2) for g in (ours[2], theirs[2])]
+    torch.testing.assert_close(*folded)
+
+
+def test_unknown_truth_costs_nothing_and_harms_nothing():
+    log_weight, mean, covariance, target = make(4, torch.float32)
+    leaves = [x.requires_grad_() for x in (log_weight, mean, covariance)]
+    target[:, :, 2:] = float("nan")
+    mask = torch.ones(B, N, H, dtype=torch.bool)
+    mask[:, :, 2:] = False
+    nll = mixture_nll(*leaves, target, mask)
+    nll.sum().backward()
+    assert not nll[:, :, 2:].any()
+    for leaf in leaves:
+        assert torch.isfinite(leaf.grad).all()
+
+
+def test_far_from_all_modes_stays_finite():
+    """A thousand deviations away every density underflows, but not its logarithm."""
+    log_weight, mean, covariance, target = make(2, torch.float32)
+    nll = mixture_nll(log_weight, mean, covariance, target + 1e3, torch.ones(B, N, H).bool())
+    assert torch.isfinite(nll).all()
+    assert (nll > 1e3).all()

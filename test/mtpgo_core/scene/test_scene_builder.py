@@ -1,0 +1,182 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The model's input, number by number."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from core_helpers import states_of
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.scene.lane_map import LaneMap
+from mtpgo_core.scene.scene_builder import build_scenes, class_one_hot
+from mtpgo_core.schema import AgentClass
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+
+HISTORY = HistoryConfig(steps=4, acceleration_source="message")
+NORTH = math.pi / 2
+
+
+def window_of(offset=(0.0, 0.0), heading=NORTH, steps=4):
+    """Agent 1 drives along ``heading`` at 5 m/s, agent 2 stands 4 m to its left at t."""
+    history = TrackHistory(HISTORY)
+    forward = np.array([math.cos(heading), math.sin(heading)])
+    left = np.array([-forward[1], forward[0]])
+    for k in range(steps):
+        first = np.array(offset) + forward * k * 1.0
+        second = np.array(offset) + forward * (steps - 1) * 1.0 + 4.0 * left
+        history.update(
+            states_of(
+                0.2 * k,
+                [1, 2],
+                [first, second],
+                velocity=[5.0 * forward, 0.0 * forward],
+                acceleration=[0.5 * forward, 0.25 * left],
+                yaw=[heading, heading + math.pi],
+                agent_class=np.uint8([AgentClass.CAR, AgentClass.PEDESTRIAN]),
+            )
+        )
+    return history.window()
+
+
+@pytest.mark.parametrize("heading", [NORTH, 0.3, -2.5, math.pi])
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (691_234.5, 5_334_567.25)])
+def test_centre_heading_by_hand(heading, offset):
+    batch = build_scenes(window_of(offset, heading), SceneConfig(), centres=np.array([0]))
+    assert batch.features.shape == (1, 2, 4, 8)
+    assert batch.features.dtype == np.float32
+    x = [-3.0, -2.0, -1.0, 0.0]
+    centre = [[v, 0.0, 5.0, 0.0, 0.5, 0.0, 1.0, 0.0] for v in x]
+    other = [[0.0, 4.0, 0.0, 0.0, 0.0, 0.25, -1.0, 0.0]] * 4
+    np.testing.assert_allclose(batch.features[0], [centre, other], atol=2e-6)
+    assert batch.valid.all()
+    assert batch.agent.tolist() == [[0, 1]]
+    forward = np.array([math.cos(heading), math.sin(heading)])
+    np.testing.assert_allclose(batch.origin, [np.array(offset) + 3.0 * forward])
+    assert math.remainder(batch.rotation[0] - heading, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_site_origin_neither_turns_nor_moves():
+    config = SceneConfig(frame="site_origin", site_origin=(10.0, -20.0))
+    batch = build_scenes(window_of(), config, centres=np.array([0, 1]))
+    np.testing.assert_array_equal(batch.origin, [[10.0, -20.0], [10.0, -20.0]])
+    np.testing.assert_array_equal(batch.rotation, [0.0, 0.0])
+    now = batch.features[0, 0, -1]
+    np.testing.assert_allclose(now, [-10.0, 23.0, 0.0, 5.0, 0.0, 0.5, 0.0, 1.0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("heading", "rotation"), [(0.2, 0.0), (-0.2, 0.0), (math.pi - 0.2, math.pi), (-3.0, math.pi)]
+)
+def test_driving_direction_is_one_of_two(heading, rotation):
+    batch = build_scenes(
+        window_of(heading=heading), SceneConfig(frame="driving_direction"), centres=np.array([0])
+    )
+    assert batch.rotation.tolist() == [rotation]
+    velocity = batch.features[0, 0, -1, 2:4]
+    expected = 5.0 * np.array([math.cos(heading - rotation), math.sin(heading - rotation)])
+    np.testing.assert_allclose(velocity, expected, atol=1e-6)
+    assert velocity[0] > 0.0
+
+
+def test_driving_direction_of_a_standing_agent_is_its_yaws():
+    config = SceneConfig(frame="driving_direction")
+    batch = build_scenes(window_of(heading=0.0), config, centres=np.array([1]))
+    assert batch.rotation.tolist() == [math.pi]
+
+
+def test_polar_context_counts_from_the_origin():
+    config = SceneConfig(context="polar", frame="site_origin", site_origin=(0.0, 3.0))
+    batch = build_scenes(window_of(heading=0.0), config, centres=np.array([0]))
+    assert batch.features.shape[-1] == len(config.features) == 11
+    first = batch.features[0, 0, -1, 8:]  # at (3, 0): 3 to the right, 3 below
+    np.testing.assert_allclose(first, [math.sqrt(18), math.sqrt(0.5), -math.sqrt(0.5)], atol=1e-6)
+    centred = dataclasses.replace(config, frame="centre_heading")
+    own = build_scenes(window_of(), centred, centres=np.array([0])).features[0, 0, -1, 8:]
+    np.testing.assert_array_equal(own, [0.0, 1.0, 0.0])
+
+
+def test_lane_context_is_the_lane_maps():
+    lanes = LaneMap([np.array([[-50.0, y], [50.0, y]]) for y in (-2.0, 2.0, 6.0)])
+    config = SceneConfig(context="lanes")
+    batch = build_scenes(window_of(heading=0.0), config, centres=np.array([0]), lanes=lanes)
+    np.testing.assert_allclose(batch.features[0, 0, :, 8:], [[0.0, 0.5]] * 4, atol=1e-6)
+    # The other one stands against the lines: no lane of its own, hence zeros.
+    np.testing.assert_array_equal(batch.features[0, 1, :, 8:], 0.0)
+    with pytest.raises(ConfigurationError, match="no lane lines are given"):
+        build_scenes(window_of(), config)
+
+
+def test_absence_is_zero_and_masked():
+    history = TrackHistory(HISTORY)
+    for k in range(4):
+        ids = [1, 2] if k >= 2 else [1]
+        position = [[100.0 + k, 5.0], [90.0, 7.0]][: len(ids)]
+        history.update(states_of(0.2 * k, ids, position))
+    batch = build_scenes(history.window(), SceneConfig(), centres=np.array([0]))
+    assert batch.valid[0].tolist() == [[True] * 4, [False, False, True, True]]
+    assert not batch.features[0, 1, :2].any()
+    assert batch.features[0, 1, 2:, 6].all()
+
+
+def test_unknown_motion_is_zero_along_the_scenes_axis():
+    history = TrackHistory(HISTORY)
+    history.update(states_of(0.0, [1, 2], [[0, 0], [3, 4]], yaw=[1.0, np.nan]))
+    batch = build_scenes(history.window(), SceneConfig(), centres=np.array([0]))
+    np.testing.assert_array_equal(batch.features[0, 1, -1, 2:], [0, 0, 0, 0, 1, 0])
+    assert np.isfinite(batch.features).all()
+
+
+def test_padding_reaches_to_the_largest_graph_only():
+    history = TrackHistory(HISTORY)
+    position = [[0, 0], [1, 0], [2, 0], [500, 0], [900, 0], [901, 0]]
+    cars = np.full(6, AgentClass.CAR, dtype=np.uint8)
+    history.update(states_of(0.0, range(6), position, agent_class=cars))
+    batch = build_scenes(history.window(), SceneConfig())
+    assert batch.features.shape[:2] == (3, 3)
+    padding = batch.agent < 0
+    assert padding.sum() == 3
+    assert not batch.valid[padding].any()
+    assert not batch.features[padding].any()
+    assert not batch.static[padding].any()
+    assert not batch.primary[padding].any()
+    assert sorted(batch.agent[batch.primary].tolist()) == list(range(6))
+
+
+def test_nobody_gives_an_empty_batch():
+    batch = build_scenes(TrackHistory(HISTORY).window(), SceneConfig())
+    assert batch.features.shape == (0, 1, 4, 8)
+    assert batch.primary.shape == (0, 1)
+
+
+def test_one_hot_classes():
+    table = class_one_hot(np.uint8([1, 7, 0, 9, 200]), ("car", "pedestrian", "nonsense"))
+    assert table.tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
+    assert class_one_hot(np.uint8([0]), ("unknown",)).tolist() == [[1]]
+    batch = build_scenes(window_of(), SceneConfig(), centres=np.array([0]))
+    assert batch.static[0].argmax(axis=1).tolist() == [0, 7]
+
+
+@pytest.mark.parametrize("centre", [-1, 2, 99])
+def test_a_centre_that_is_not_there_is_an_error(centre):
+    with pytest.raises(ConfigurationError, match="not present at the window's time"):
+        build_scenes(window_of(), SceneConfig(), centres=np.array([centre]))
+
+
+def test_turning_and_moving_the_world_changes_no_feature():
+    draw = np.random.default_rng(0)
+    position, velocity = draw.uniform(-60, 60, (30, 2)), draw.uniform(-10, 10, (30, 2))
+    batches = []
+    for angle, shift in ((0.0, 0.0), (2.2, 4e5)):
+        cos, sin = math.cos(angle), math.sin(angle)
+        turn = np.array([[cos, sin], [-sin, cos]])
+        history = TrackHistory(HistoryConfig())
+        for k in range(20):
+            moved = (position + velocity * 0.1 * k) @ turn + shift
+            history.update(states_of(0.1 * k, range(30), moved, velocity=velocity @ turn))
+        batches.append(build_scenes(history.window(), SceneConfig(max_neighbours=12)))
+    np.testing.assert_array_equal(batches[0].agent, batches[1].agent)
+    np.testing.assert_allclose(batches[0].features, batches[1].features, atol=1e-5)

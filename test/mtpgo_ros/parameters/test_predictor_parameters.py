@@ -1,0 +1,116 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters as a set of values, and the files that set them."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_dict_from_yaml_file
+
+from msg_adapters.conversions import TWIST_FRAMES as ADAPTER_TWIST_FRAMES
+from msg_adapters.registry import INPUTS, OUTPUTS
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_ros.parameters.parameter_server import ParameterServer
+from mtpgo_ros.parameters.predictor_parameters import (
+    INPUT_TYPES,
+    OUTPUT_KINDS,
+    TWIST_FRAMES,
+    PredictorParameters,
+    check,
+    updated,
+)
+
+CONFIG = Path(__file__).resolve().parents[3] / "config" / "predictor.yaml"
+
+
+def test_the_defaults_are_valid_and_described():
+    check(PredictorParameters())
+    for field in dataclasses.fields(PredictorParameters):
+        assert field.metadata["description"].endswith("."), field.name
+
+
+def test_the_choices_are_those_that_the_adapters_offer():
+    assert set(INPUT_TYPES) == {"auto", *INPUTS}
+    assert set(OUTPUT_KINDS) == set(OUTPUTS)
+    assert set(TWIST_FRAMES) == set(ADAPTER_TWIST_FRAMES)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"rate": 0.0}, ["rate", "0", "0.1 to 50"]),
+        ({"rate": float("nan")}, ["rate", "nan"]),
+        ({"max_agents": 0}, ["max_agents", "1 to 4096"]),
+        ({"graph": "star"}, ["graph", "'star'", "'cover'"]),
+        ({"input_type": "lidar"}, ["input_type", "'autoware'"]),
+        ({"output": ("pointcloud2", "pigeon")}, ["output", "'pigeon'", "'markers'"]),
+        ({"output": ()}, ["output", "empty"]),
+        ({"model": " "}, ["model", "empty"]),
+        ({"rate": 0.5}, ["input_timeout", "rate", "2 s"]),
+    ],
+)
+def test_a_bad_value_is_named_with_what_was_expected(values, words):
+    with pytest.raises(ConfigurationError) as caught:
+        updated(PredictorParameters(), values)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_names_of_others_are_ignored():
+    assert updated(PredictorParameters(), {"use_sim_time": True}) == PredictorParameters()
+
+
+def test_the_parameter_file_holds_every_parameter_with_its_default():
+    given = parameter_dict_from_yaml_file(str(CONFIG), use_wildcard=True)
+    values = {
+        name.rpartition(".")[2]: Parameter.from_parameter_msg(message).value
+        for name, message in given.items()
+    }
+    values.pop("use_sim_time", None)
+    defaults = {
+        field.name: list(field.default) if isinstance(field.default, tuple) else field.default
+        for field in dataclasses.fields(PredictorParameters)
+    }
+    assert values == defaults
+    types = {name: type(value) for name, value in values.items()}
+    assert types == {name: type(value) for name, value in defaults.items()}
+
+
+def test_the_command_lines_kindred_types_are_taken():
+    node = Node(
+        "kindred",
+        parameter_overrides=[
+            Parameter("rate", value=4),
+            Parameter("ego_id", value=17),
+            Parameter("output", value="markers"),
+        ],
+    )
+    changes = []
+    server = ParameterServer(node, may_reconfigure=lambda: False, on_change=changes.append)
+    assert (server.value.rate, server.value.ego_id) == (4.0, "17")
+    assert server.value.output == ("markers",)
+    result = node.set_parameters_atomically([Parameter("radius", value=30)])
+    assert result.successful
+    assert server.value.radius == 30.0
+    assert [change.radius for change in changes] == [30.0]
+    assert node.get_parameter("radius").value == 30.0
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("rate", "fast", "a number"),
+        ("max_agents", 3.5, "a whole number"),
+        ("require_model", 1, "true or false"),
+        ("output", 7, "a list of text"),
+        ("model", True, "text"),
+    ],
+)
+def test_a_value_of_another_type_is_refused_with_a_sentence(name, value, words):
+    node = Node("wrong", parameter_overrides=[Parameter(name, value=value)])
+    with pytest.raises(ConfigurationError, match=words):
+        ParameterServer(node, may_reconfigure=lambda: True, on_change=print)
+    node.destroy_node()

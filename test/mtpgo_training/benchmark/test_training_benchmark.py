@@ -1,0 +1,90 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The training benchmark compares the same function on the same weights, or says otherwise."""
+
+import functools
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.benchmark import training_benchmark as training
+from mtpgo_training.benchmark.reference_mtp_go import edge_list
+from mtpgo_training.cli import main
+
+
+def test_edges_by_hand():
+    """Two scenes: of 0, 1, 2 the middle one is absent and keeps its loop; 3 is alone."""
+    scene = torch.tensor([0, 0, 0, 1])
+    edges = edge_list(scene, torch.tensor([True, False, True, True]))
+    assert edges.t().tolist() == [[0, 0], [2, 0], [1, 1], [0, 2], [2, 2], [3, 3]]
+
+
+@pytest.mark.parametrize("phase", training.PHASES)
+def test_losses_and_gradients_agree(phase):
+    """Scenes of different sizes, late entries, futures that end: padded against edge lists."""
+    assert training.largest_difference(3, phase, seed=5) < 1e-4
+
+
+def test_no_parameter_is_left_out_of_the_comparison():
+    model = training.make_model().requires_grad_(True)
+    batch = training.make_batch(2, model.config)
+    aim = training.PHASES["NLL"]
+    _, grads = training.gradients(
+        lambda: training.batch_loss(model, batch, aim, huber_delta=1.0), model
+    )
+    missing = set(dict(model.named_parameters())) - set(grads)
+    assert missing == {"motion.inner", "motion.inner_bias"}  # there is one hidden layer
+
+
+def test_the_batch_is_a_ragged_one():
+    batch = training.make_batch(64, training.ModelConfig())
+    sizes = batch.ptr.diff()
+    assert 2 <= int(sizes.min()) < 5 < 13 < int(sizes.max()) <= 16
+    assert 8.0 < float(sizes.float().mean()) < 10.0
+    assert bool(batch.valid[:, -1].all())
+    assert not bool(batch.valid.all())
+    assert 0.0 < float((batch.weight == 0.0).float().mean()) < 0.3
+    again = training.make_batch(64, training.ModelConfig())
+    assert all(torch.equal(batch[name], again[name]) for name in ("x", "target", "weight"))
+
+
+def test_implementations_that_differ_are_an_error(monkeypatch):
+    wrong = {"NLL": replace(training.PHASES["NLL"], nll_weight=0.5)}
+    right = training.plain_loss
+    monkeypatch.setattr(training, "plain_loss", lambda m, b, aim: right(m, b, wrong["NLL"]))
+    with pytest.raises(ConfigurationError, match="in the NLL phase the gradients of the"):
+        training.measure("NLL", scenes=2, threads=1, rounds=1)
+
+
+def test_processes_that_share_a_batch_do_the_same_steps():
+    """Summed over two processes, losses and gradients are those of one with the whole batch."""
+    step = training.make_step("ours", "EWTA", 5)
+    alone = [step() for _ in range(2)]
+    with training.Team(functools.partial(training.make_step, "ours", "EWTA", 5), 2, 1) as team:
+        shared = [team.step()[1] for _ in range(2)]
+        assert 0.0 < team.growth_mb() < 2000.0
+    assert shared == pytest.approx(alone, rel=1e-5)
+    assert alone[1] != pytest.approx(alone[0], rel=1e-5)
+
+
+def test_a_failure_in_a_process_is_one_sentence():
+    with pytest.raises(ConfigurationError, match="the training benchmark failed: KeyError"):
+        training.Team(functools.partial(training.make_step, "ours", "no phase", 1), 1, 1)
+
+
+def test_command(tmp_path: Path, capsys, monkeypatch):
+    monkeypatch.setattr(training, "PHASES", {"EWTA": training.PHASES["EWTA"]})
+    out = tmp_path / "training.json"
+    given = ["--scenes", "3", "--threads", "1", "--rounds", "1", "--json", str(out)]
+    assert main(["benchmark", "training", *given]) == 0
+    printed = capsys.readouterr().out
+    assert "| EWTA | 3 |" in printed
+    assert "$ mtpgo benchmark training --scenes 3 --threads 1 --rounds 1" in printed
+    (row,) = json.loads(out.read_text())["rows"]
+    assert row["processes"] == row["threads"] == 1
+    assert row["ratio"] > 0.0
+    assert row["gradient_difference"] < 1e-4

@@ -1,0 +1,58 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Learning curves from the logs of runs."""
+
+import pytest
+from matplotlib.image import imread
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training import cli
+from mtpgo_training.commands.curve import read_log
+from mtpgo_training.training.run_folder import RunFolder
+
+
+def row(epoch, **more):
+    return {
+        "epoch": epoch,
+        "objective": "NLL" if epoch > 1 else "EWTA(2)",
+        "total_seconds": 60.0 * epoch,
+        **more,
+    }
+
+
+def scored(epoch, ade):
+    yardsticks = {"cv_all_ade": 1.0, "ca_all_ade": 1.2}
+    return row(epoch, all_ade=ade, all_min_ade=0.5 * ade, **yardsticks)
+
+
+@pytest.fixture
+def run(tmp_path):
+    RunFolder(tmp_path / "first").write_log([scored(1, 1.1), row(2), scored(3, 0.8)])
+    return tmp_path / "first"
+
+
+def test_epochs_without_validation_are_left_out(run):
+    assert [r["epoch"] for r in read_log(run)] == ["1", "3"]
+
+
+def test_a_picture_is_drawn(run, tmp_path, capsys):
+    output = tmp_path / "c.png"
+    assert cli.main(["curve", str(run), str(run), "-o", str(output)]) == 0
+    assert str(output) in capsys.readouterr().out
+    assert imread(output).std() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        ([row(1)], "has no epoch with the column all_ade"),
+        ([scored(1, 1.0) | {"all_ade": ""}], "has no validated epoch yet"),
+        (None, "log.csv cannot be read"),
+    ],
+)
+def test_no_log_is_one_sentence(tmp_path, rows, sentence):
+    if rows is not None:
+        RunFolder(tmp_path / "r").write_log(rows)
+    with pytest.raises(ConfigurationError, match=sentence) as caught:
+        read_log(tmp_path / "r")
+    assert "\n" not in str(caught.value)

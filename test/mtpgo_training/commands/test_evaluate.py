@@ -1,0 +1,314 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The command `mtpgo evaluate` from files to tables, JSON and page."""
+
+import json
+import re
+import shutil
+
+import numpy as np
+import pytest
+from traffic import braking_cars
+
+from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.task.model_file import find_model
+from mtpgo_training.cli import main
+from mtpgo_training.commands.data_arguments import data_sources
+from mtpgo_training.commands.evaluate import evaluate
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.writers.ind_writer import write_ind
+from mtpgo_training.evaluation.evaluator import Settings, evaluate_all
+from mtpgo_training.evaluation.scorebook import KEYS
+from mtpgo_training.evaluation.training_overlap import seen_by, uses_of, warnings_of
+
+STRIDE = ["--stride", "1.0", "--quiet"]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """Two folders of recordings, the second with one of another kind of traffic."""
+    root = tmp_path_factory.mktemp("data")
+    for folder, name, seed in (("a", "01", 0), ("a", "02", 1), ("b", "01", 2)):
+        write_ind(braking_cars(name, tracks=6, seconds=8.0, seed=seed), root / folder)
+    return root
+
+
+@pytest.fixture(scope="module")
+def results(data, tmp_path_factory):
+    """What one run writes: JSON and report."""
+    out = tmp_path_factory.mktemp("out")
+    arguments = ["evaluate", "--model", "default", "--data", str(data / "a"), "--layout", "ind"]
+    arguments += ["--data", str(data / "b"), "--layout", "ind", *STRIDE]
+    arguments += ["--json", str(out / "scores.json"), "--report", str(out / "report")]
+    assert main(arguments) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def content(results):
+    return json.loads((results / "scores.json").read_text())
+
+
+def test_the_json_has_the_shape_that_is_promised(content):
+    assert list(content["models"]) == ["default", "cv", "ca", "ctrv"]
+    for protocols in content["models"].values():
+        assert set(protocols) == {"all", "centre"}
+        for scores in protocols.values():
+            assert set(scores) == {*KEYS, "n", "n_final"}
+            assert isinstance(scores["n"], int)
+            assert scores["n"] > 0
+    assert content["models"]["ca"]["all"]["anll"] is None
+    assert set(content["recordings"]) == {"a/01", "a/02", "b/01"}
+    for key in ("intervals", "relative", "by_class", "by_manoeuvre", "by_horizon", "reliability"):
+        assert set(content[key]) == {"default", "cv", "ca", "ctrv"}
+    low, high = content["intervals"]["default"]["all"]["ade"]
+    assert low <= content["models"]["default"]["all"]["ade"] <= high
+    assert "lane_keep" in content["by_manoeuvre"]["default"]["all"]
+    assert len(content["by_horizon"]["default"]["centre"]["nees"]) == 25
+    assert content["warnings"] == content["notes"] == []
+
+
+def test_the_library_gives_the_same_averages(content, data):
+    runner = ModelRunner.load(find_model("default"))
+    recordings = [r for f in ("a", "b") for r in load_recordings(data / f, "ind")]
+    scores = evaluate({"default": runner}, recordings, stride_s=1.0).models
+    for protocol in ("all", "centre"):
+        for key in KEYS:
+            assert scores["default"][protocol][key] == pytest.approx(
+                content["models"]["default"][protocol][key], rel=1e-5
+            )
+
+
+def test_models_beside_each_other_get_what_they_get_alone(data):
+    runner = ModelRunner.load(find_model("default"))
+    recordings = [(r.name, r) for r in load_recordings(data / "a", "ind")]
+    settings = Settings(stride_s=1.0)
+    both = evaluate_all({"one": runner, "two": runner}, recordings, settings).book.table().models
+    assert both["one"] == both["two"]
+    assert both["cv"]["all"]["n"] == both["one"]["all"]["n"]
+
+
+def test_the_page_is_complete_and_needs_nothing_from_outside(results):
+    report = results / "report"
+    text = (report / "index.html").read_text()
+    assert not re.search(r'(src|href)="(?!data:)', text)
+    assert "url(" not in text
+    assert "@import" not in text
+    for heading in ("all agents", "centre of its graph", "By manoeuvre", "By recording"):
+        assert heading in text
+    pictures = {path.name for path in report.glob("*.png")}
+    assert {"horizon.png", "reliability.png", "nees.png", "manoeuvres.png"} <= pictures
+    assert "worst_default.png" in pictures
+    assert text.count("data:image/png;base64,") == len(pictures)
+    for path in report.glob("*.png"):
+        assert path.read_bytes().startswith(b"\x89PNG")
+    assert "b/01" in text
+
+
+def test_the_table_of_a_card_is_made_from_the_json(results, content, capsys):
+    path = str(results / "scores.json")
+    assert main(["evaluate", "--results", path, path]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("| data | protocol | model | ADE m |")
+    assert lines[1].startswith("| --- | ")
+    assert len(lines) == 2 + 2 * 8
+    scores = content["models"]["default"]["all"]
+    low, high = content["intervals"]["default"]["all"]["ade"]
+    cell = f"| scores | all | default | {scores['ade']:.2f} ({low:.2f} to {high:.2f}) |"
+    assert lines[2].startswith(cell)
+    assert lines[2].endswith(f"| {scores['n']} |")
+
+
+def run(data, *more):
+    return main(["evaluate", "--data", str(data), "--layout", "ind", *STRIDE, *map(str, more)])
+
+
+def test_seeds_of_one_recipe_stand_together(data, tmp_path, capsys):
+    files = [tmp_path / f"recipe-seed{i}.pt" for i in (1, 2)]
+    for path in files:
+        shutil.copy(find_model("default"), path)
+    out = tmp_path / "scores.json"
+    assert run(data / "a", "--model", *files, "--no-centre", "--json", out) == 0
+    content = json.loads(out.read_text())
+    assert list(content["models"])[:2] == ["recipe-seed1", "recipe-seed2"]
+    ade = content["models"]["recipe-seed1"]["all"]["ade"]
+    seeds = content["seeds"]["recipe"]
+    assert seeds["all"]["ade"] == pytest.approx({"mean": ade, "low": ade, "high": ade})
+    assert "recipe, 2 seeds, all: ade" in capsys.readouterr().out
+
+
+def test_several_processes_give_the_same(data, content, tmp_path):
+    out = tmp_path / "scores.json"
+    folders = [x for f in ("a", "b") for x in ("--data", str(data / f), "--layout", "ind")]
+    arguments = ["--model", "default", *folders, *STRIDE, "--jobs", "2", "--json", str(out)]
+    assert main(["evaluate", *arguments]) == 0
+    assert json.loads(out.read_text()) == content
+
+
+def test_one_sample_is_a_past_forgotten(data, content, tmp_path):
+    out = tmp_path / "scores.json"
+    assert run(data / "b", "--model", "default", "--no-centre", "--one-sample", "--json", out) == 0
+    alone = json.loads(out.read_text())
+    assert alone["one_sample"]
+    models, before = (c["by_recording"] for c in (alone, content))
+    own, full = (m["default"]["all"][n] for m, n in ((models, "01"), (before, "b/01")))
+    assert own["n"] == full["n"]
+    assert own["ade"] > full["ade"]
+    # The velocity is in the message, the acceleration would need a past.
+    rows = models["ca"]["all"]["01"], models["cv"]["all"]["01"]
+    assert rows[0]["ade"] == pytest.approx(rows[1]["ade"])
+
+
+def test_a_model_is_not_called_like_a_baseline(data, tmp_path, capsys):
+    files = [tmp_path / "cv.pt", tmp_path / "x.pt"]
+    for path in files:
+        shutil.copy(find_model("default"), path)
+    assert run(data / "b", "--model", *files) == 2
+    assert "a model is called cv" in capsys.readouterr().err
+
+
+def test_one_recording_has_no_interval_and_says_so(data, capsys):
+    assert run(data / "b", "--model", "default", "--no-centre") == 0
+    text = capsys.readouterr().out
+    assert "Note: no intervals over recordings can be given" in text
+    assert "95 % interval" not in text
+    assert re.search(r"NEES \(mixture\), 2 is right +1 s +3 s +5 s\ndefault +[0-9.]+ \(", text)
+    assert re.search(r"ADE m +lane keep \(\d+\)", text)
+
+
+def test_what_was_trained_on_is_never_scored_in_silence():
+    training = {
+        "recordings": [
+            {"sha256": "a", "split": "train"},
+            {"sha256": "a", "split": "test"},
+            {"sha256": "b", "split": "validation"},
+            {"sha256": "c", "split": "test"},
+            {"sha256": "", "split": "train"},
+        ]
+    }
+    assert uses_of(training, "a") == ["train", "test"]
+    assert uses_of(training, "") == []
+    seen = seen_by({"m": training}, {"01": "a", "02": "b", "03": "c", "04": "d", "05": ""})
+    assert seen == {"m": {"train": ["01"], "validation": ["02"]}}
+    warnings = warnings_of(seen)
+    assert warnings[0].startswith("m was trained on 01")
+    assert warnings[1].startswith("m was chosen or calibrated on 02")
+
+
+def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
+    known = ModelRunner.load(find_model("default"))
+    sha256 = load_recordings(data / "b", "ind")[0].sha256
+    known.task.training["recordings"].append({"sha256": sha256, "split": "train"})
+    monkeypatch.setattr(ModelRunner, "load", classmethod(lambda cls, path: known))
+    out, report = tmp_path / "scores.json", tmp_path / "report"
+    assert run(data / "b", "--model", "default", "--json", out, "--report", report) == 0
+    sentence = "default was trained on 01: its results include what it has learned by heart"
+    assert f"mtpgo: warning: {sentence}" in capsys.readouterr().err
+    assert json.loads(out.read_text())["warnings"] == [sentence]
+    assert sentence in (report / "index.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ([], "neither --model nor --predictions is given"),
+        (["--model", "default"], "--model is given without --data"),
+        (["--model", "default", "--layout", "ind"], "--layout is given without --data"),
+        (["--model", "default", "--data", "DATA"], "layout of .* is not given, expected --layout"),
+        (["--model", "nobody", "--data", "DATA", "--layout", "ind"], "'nobody' is neither a file"),
+        (["--model", "default", "--data", "DATA", "--layout", "x"], "layout 'x' is unknown"),
+        (["--model", "default", "--data", "NONE", "--layout", "ind"], "does not exist"),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--recordings", "77"],
+            "'77'",
+        ),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--data", "DATA"],
+            "two directories of recordings are called a",
+        ),
+        (
+            ["--model", "default", "default", "--data", "DATA", "--layout", "ind"],
+            "each model once",
+        ),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--report", "FILE"],
+            "--report .* is a file, expected a folder",
+        ),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--report", "FILE/x"],
+            "cannot be written",
+        ),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--json", "FILE/x"],
+            "cannot be written",
+        ),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--stride", "0"],
+            "--stride is 0.0",
+        ),
+        (
+            ["--model", "default", "--data", "SHORT", "--layout", "ind"],
+            "nothing could be scored",
+        ),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--min-future", "-1"],
+            "--min-future is -1.0",
+        ),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--policy", "ego"],
+            "a recording has no ego",
+        ),
+        (["--predictions", "NONE"], "does not exist, expected a bag"),
+        (["--predictions", "FILE"], "FILE"),
+        (["--predictions", "NONE", "--one-sample"], "--one-sample is given with --predictions"),
+        (["--predictions", "NONE", "--policy", "each"], "--policy is given with --predictions"),
+        (["--model", "default", "--data", "DATA", "--layout", "ind", "--topic", "/x"], "--topic"),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--jobs", "0"],
+            "--jobs is 0",
+        ),
+        (["--results", "FILE"], "is no JSON"),
+        (["--results", "NONE"], "cannot be read"),
+        (["--results", "OTHER"], "holds no results"),
+        (["--results", "OTHER", "--model", "default"], "--results is given with --model"),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments, sentence, data, tmp_path, capsys):
+    places = {"DATA": data / "a", "NONE": tmp_path / "none", "FILE": tmp_path / "FILE"}
+    places |= {"OTHER": tmp_path / "other.json", "SHORT": tmp_path / "short"}
+    places["FILE"].write_text("text")
+    places["OTHER"].write_text("{}")
+    if "SHORT" in arguments:
+        write_ind(braking_cars("01", tracks=3).between(0.0, 0.0), places["SHORT"])
+    given = [
+        re.sub("DATA|NONE|FILE|OTHER|SHORT", lambda m: str(places[m[0]]), a) for a in arguments
+    ]
+    quiet = [] if "--results" in given else STRIDE[:2] if "--stride" not in given else []
+    assert main(["evaluate", *quiet, *given]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    lines = captured.err.splitlines()
+    assert len(lines) == 1
+    assert re.search(sentence, lines[0])
+
+
+def test_layouts_and_names_belong_to_the_folder_before_them(tmp_path):
+    a, b = tmp_path / "a", tmp_path / "b"
+    options = [("layout", "ind"), ("data", a), ("data", b), ("recordings", ["3"])]
+    sources = data_sources([*options, ("layout", "highd")])
+    assert [(s.directory, s.layout, s.names) for s in sources] == [
+        (a, "ind", None),
+        (b, "highd", ("3",)),
+    ]
+    assert [s.layout for s in data_sources(options)] == ["ind", "ind"]
+
+
+def test_a_recording_without_a_future_leaves_the_rest(data, tmp_path):
+    write_ind(braking_cars("09", tracks=3).between(0.0, 0.2), tmp_path)
+    for path in (data / "a").glob("01_*"):
+        shutil.copy(path, tmp_path / path.name)
+    out = tmp_path / "out.json"
+    assert run(tmp_path, "--model", "default", "--no-centre", "--json", out) == 0
+    rows = json.loads(out.read_text())["by_recording"]["default"]["all"]
+    assert rows["01"]["n"] > 0
+    assert np.isfinite(rows["01"]["ade"])

@@ -1,0 +1,149 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A fleet's own bags are training data: from the bags to scores, through the command line."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from fleet import write_bag
+from traffic import braking_cars
+
+from msg_adapters.registry import INPUTS
+from mtpgo_core.frames import Pose2
+from mtpgo_training import cli
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.writers.ind_writer import write_ind
+
+SMALL = {
+    "num_threads": 1,
+    "data": {"stride_s": 0.4, "restart_probability": 0.2, "validation": ["bags/quiet"]},
+    "scene": {"max_neighbours": 3},
+    "model": {
+        "hidden": 8,
+        "modes": 2,
+        "horizon_steps": 10,
+        "layer": "graphconv",
+        "integrator": "euler",
+        "ode_hidden": 4,
+    },
+    "optimisation": {"epochs": 4, "batch_scenes": 16},
+}
+
+
+def driving(time_s):
+    """Where the vehicle that saw the objects was."""
+    return Pose2(x=480.0 + 3.0 * time_s, y=-190.0, yaw=0.3 + 0.05 * time_s)
+
+
+def cars(seed, rate, **changes):
+    return braking_cars(seed=seed, rate=rate, seconds=6.0, **{"tracks": 6, **changes})
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory):
+    """Bags of several kinds, rates and defects, and a recording in files beside them."""
+    folder = tmp_path_factory.mktemp("fleet")
+    bags = folder / "bags"
+    write_bag(bags / "jitter.mcap", cars(1, 25.0), jitter_s=0.02)
+    write_bag(bags / "gaps", cars(2, 10.0), kind="autoware", topic="/perception/tracked",
+              missing=[(2.0, 2.7), (4.0, 4.3)])  # fmt: skip
+    write_bag(bags / "one.mcap", cars(3, 20.0, tracks=1), kind="derived")
+    write_bag(bags / "moving", cars(4, 25.0), frame="base_link", pose=driving)
+    write_bag(bags / "quiet.mcap", cars(5, 25.0), kind="vision")
+    write_ind(cars(6, 12.5), folder / "files")
+    return folder
+
+
+def call(*arguments):
+    return cli.main([str(a) for a in arguments])
+
+
+@pytest.fixture(scope="module")
+def trained(fleet, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "config.yaml").write_text(yaml.safe_dump(SMALL))
+    status = call("train", folder / "config.yaml", "--data", fleet / "bags", "--layout", "bag",
+                  "--data", fleet / "files", "--layout", "ind", "--out", folder / "run",
+                  "--cache", folder / "cache", "--quiet")  # fmt: skip
+    assert status == 0
+    return folder
+
+
+def test_each_bag_is_a_recording_of_the_training(trained):
+    splits = json.loads((trained / "run" / "run.json").read_text())["splits"]
+    assert {entry["name"]: (entry["layout"], entry["split"]) for entry in splits} == {
+        "gaps": ("bag", "train"),
+        "jitter": ("bag", "train"),
+        "moving": ("bag", "train"),
+        "one": ("bag", "train"),
+        "01": ("ind", "train"),
+        "quiet": ("bag", "validation"),
+    }
+    assert all(len(entry["sha256"]) == 64 for entry in splits)
+    assert any((trained / "cache").iterdir())
+
+
+def test_the_trained_model_is_scored_on_bags(trained, fleet, tmp_path):
+    model, scores = tmp_path / "model.pt", tmp_path / "scores.json"
+    assert call("export", trained / "run", "-o", model) == 0
+    status = call("evaluate", "--model", model, "--data", fleet / "bags", "--layout", "bag",
+                  "--recordings", "jitter", "moving", "--no-centre", "--stride", "1.0",
+                  "--json", scores, "--quiet")  # fmt: skip
+    assert status == 0
+    models = json.loads(scores.read_text())["models"]
+    assert models["cv"]["all"]["n"] == models["model"]["all"]["n"] > 20
+    assert np.isfinite(models["model"]["all"]["ade"])
+
+
+def test_objects_in_the_vehicles_frame_are_lifted(fleet):
+    (moving,) = load_recordings(fleet / "bags", "bag", ["moving"])
+    truth = cars(4, 25.0)
+    np.testing.assert_allclose(moving.position, truth.position, atol=2e-3)
+    np.testing.assert_allclose(moving.velocity, truth.velocity, atol=1e-3)
+    np.testing.assert_allclose(moving.yaw, truth.yaw, atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", INPUTS)
+def test_every_kind_can_be_trained_on(tmp_path, kind):
+    write_bag(tmp_path / "bag.mcap", cars(1, 10.0), kind=kind)
+    (recording,) = load_recordings(tmp_path, "bag")
+    assert len(recording) == len(cars(1, 10.0))
+    assert recording.frame_rate == 10.0
+
+
+def test_the_predictors_own_output_is_not_taken_for_objects(tmp_path):
+    kind = INPUTS["pointcloud2"]
+    one = next(braking_cars(tracks=1, seed=1).states())
+
+    def output(bag, stamp_ns):
+        if "/a/predictions" not in bag._connections:
+            bag.add_topic("/a/predictions", kind.message_type)
+        cloud = kind.from_states(one, bag.types)
+        for name, field in zip(("mode", "step"), cloud.fields[-2:], strict=True):
+            field.name = name  # predictions have such fields and tracked objects do not
+        bag.write("/a/predictions", stamp_ns, cloud)
+
+    path = write_bag(tmp_path / "bag.mcap", cars(1, 10.0), topic="/tracks", extra=output)
+    (recording,) = load_recordings(path, "bag")
+    assert len(recording) == len(cars(1, 10.0))
+
+
+def test_objects_before_and_after_the_odometry_are_left_out(tmp_path):
+    path = write_bag(
+        tmp_path / "bag.mcap", cars(1, 10.0), frame="base_link", pose=driving, until_s=3.0
+    )
+    (recording,) = load_recordings(path, "bag")
+    assert 2.9 < recording.duration_s < 3.3
+
+
+def test_no_odometry_at_the_right_time_is_said_with_the_reason(tmp_path, capsys):
+    path = write_bag(
+        tmp_path / "bag.mcap", cars(1, 10.0), frame="base_link", pose=driving, shift_s=60.0
+    )
+    status = call("convert", "bag", path, "-o", tmp_path / "out.mcap")
+    error = capsys.readouterr().err
+    assert status == 2
+    assert "has no tracked object on its topic /objects: the nearest pose to" in error
+    assert error.count("\n") == 1

@@ -1,0 +1,226 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Drone recordings by hand-worked numbers, and every defect by its sentence."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_core.schema import AgentClass
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.recording import DEFAULT_START_NS
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+import drone_files
+
+
+def test_highd_corner_becomes_centre_with_y_up(tmp_path: Path) -> None:
+    (recording,) = load_recordings(drone_files.write_highd(tmp_path), "highd")
+    assert recording.frame.tolist() == [1, 1, 2, 2, 2]
+    assert recording.track_id[recording.track].tolist() == [1, 2, 1, 2, 3]
+    # Row 0: x 100 + 5/2, y -(8 + 2/2); row 1: x 200 + 10/2, y -(26 + 2.5/2).
+    np.testing.assert_allclose(recording.position[:2], [[102.5, -9.0], [205.0, -27.25]])
+    np.testing.assert_allclose(recording.velocity[:2], [[-30.0, 0.0], [20.0, 2.0]])
+    np.testing.assert_allclose(recording.acceleration[0], [0.5, -0.25])
+    np.testing.assert_allclose(recording.size, [[5.0, 2.0], [10.0, 2.5], [4.0, 1.5]])
+    classes = [AgentClass.CAR, AgentClass.TRUCK, AgentClass.CAR]
+    assert recording.agent_class.tolist() == classes
+
+
+def test_highd_heading_follows_motion_and_the_road_at_rest(tmp_path: Path) -> None:
+    (recording,) = load_recordings(drone_files.write_highd(tmp_path), "highd")
+    expected = [
+        math.pi,
+        math.atan2(2.0, 20.0),
+        math.atan2(-3.0, -30.0),  # yVelocity 3 points down the picture: to the driver's left
+        math.atan2(2.0, 20.0),
+        math.pi,  # standing on the upper carriageway
+    ]
+    np.testing.assert_allclose(recording.yaw, expected)
+
+
+def test_highd_markings_run_with_the_traffic(tmp_path: Path) -> None:
+    (recording,) = load_recordings(drone_files.write_highd(tmp_path), "highd")
+    assert len(recording.lanes) == 6
+    np.testing.assert_allclose(recording.lanes[0], [[210.8, -8.5], [50.0, -8.5]])
+    np.testing.assert_allclose(recording.lanes[5], [[50.0, -28.9], [210.8, -28.9]])
+
+
+def test_ind_is_taken_as_it_stands(tmp_path: Path) -> None:
+    (recording,) = load_recordings(drone_files.write_ind(tmp_path), "ind")
+    assert (recording.name, recording.location, recording.frame_rate) == ("07", "4", 10.0)
+    np.testing.assert_allclose(recording.position[0], [10.0, -20.0])
+    np.testing.assert_allclose(recording.velocity[0], [0.0, -8.0])
+    np.testing.assert_allclose(recording.yaw, [-math.pi / 2, -math.pi / 2, math.pi / 4, math.pi])
+    assert recording.agent_class.tolist() == [AgentClass.TRUCK, AgentClass.PEDESTRIAN]
+    np.testing.assert_array_equal(recording.size, [[4.5, 2.0], [np.nan, np.nan]])
+    assert np.isnan(recording.acceleration[2]).all()
+    assert recording.lanes == ()
+
+
+def test_gaps_stay_gaps_and_stamps_follow_the_frame_rate(tmp_path: Path) -> None:
+    (recording,) = load_recordings(drone_files.write_ind(tmp_path), "ind")
+    states = list(recording.states())
+    assert [len(s) for s in states] == [1, 2, 1]
+    assert [s.stamp_ns - DEFAULT_START_NS for s in states] == [0, 10**8, 3 * 10**8]
+    assert states[1].key[:, 0].tolist() == [0, 5]
+    assert len(recording.states_at(2)) == 0
+    assert recording.duration_s == pytest.approx(0.3)
+
+
+def test_packed_files_read_the_same(tmp_path: Path) -> None:
+    (plain,) = load_recordings(drone_files.write_highd(tmp_path), "highd")
+    for path in list(tmp_path.iterdir()):
+        drone_files.pack(path)
+    (packed,) = load_recordings(tmp_path, "highd")
+    np.testing.assert_array_equal(plain.position, packed.position)
+    np.testing.assert_array_equal(plain.lanes[3], packed.lanes[3])
+
+
+def test_folder_data_is_found_and_names_select(tmp_path: Path) -> None:
+    for name in ("01", "02", "11"):
+        drone_files.write_ind(tmp_path / "data", name)
+    assert [r.name for r in load_recordings(tmp_path, "round")] == ["01", "02", "11"]
+    assert [r.name for r in load_recordings(tmp_path, "ind", ["11", "1"])] == ["11", "01"]
+
+
+def test_exid_lane_columns_with_several_values_do_no_harm(tmp_path: Path) -> None:
+    lines = drone_files.IND_TRACKS.splitlines()
+    text = "\n".join(
+        [lines[0] + ",laneletId,laneWidth"] + [x + ",12;13,3.5;3.6" for x in lines[1:]]
+    )
+    drone_files.write_recording(
+        tmp_path, "00", text, drone_files.IND_TRACKS_META, drone_files.IND_RECORDING_META
+    )
+    (recording,) = load_recordings(tmp_path, "exid")
+    assert len(recording) == 4
+    with pytest.raises(RecordingError, match=r"has the layout 'exid', but 'ind' was asked for"):
+        load_recordings(tmp_path, "ind")
+
+
+def test_hash_covers_every_file(tmp_path: Path) -> None:
+    directory = drone_files.write_ind(tmp_path)
+    before = load_recordings(directory, "ind")[0].sha256
+    meta = directory / "07_recordingMeta.csv"
+    meta.write_text(meta.read_text().replace("monday", "friday"))
+    assert load_recordings(directory, "ind")[0].sha256 != before
+
+
+def test_parked_and_cut(tmp_path: Path) -> None:
+    (recording,) = load_recordings(drone_files.write_ind(tmp_path), "ind")
+    # Track 0 moves 2.4 m, track 5 has a single row.
+    moving = recording.without_parked(moved_m=2.0)
+    assert moving.track_id.tolist() == [0]
+    assert moving.track.tolist() == [0, 0, 0]
+    assert recording.between(0.1, 0.2).frame.tolist() == [1, 1]
+    assert recording.between(0.1).duration_s == pytest.approx(0.2)
+
+
+DEFECTS = {
+    "no number": (
+        "01_tracks.csv",
+        ("200.8,25.92", "abc,25.92"),
+        r"01_tracks\.csv, line 5, column 'x': 'abc', expected a number",
+    ),
+    "infinite": ("01_tracks.csv", ("-30.0,3.0", "inf,3.0"), r"line 3, column 'xVelocity': 'inf'"),
+    "empty position": (
+        "01_tracks.csv",
+        ("50.0,9.0", ",9.0"),
+        r"line 6, column 'x': an empty cell, expected a finite number",
+    ),
+    "fractional id": (
+        "01_tracks.csv",
+        ("2,3,50.0", "2,3.5,50.0"),
+        r"line 6, column 'id': '3\.5', expected a whole number",
+    ),
+    "missing column": ("01_tracks.csv", ("xVelocity", "speed"), r"has no column 'xVelocity'"),
+    "second row": (
+        "01_tracks.csv",
+        ("2,2,200.8", "1,2,200.8"),
+        r"line 5: track 2 has a second row for frame 1",
+    ),
+    "unlisted track": (
+        "01_tracksMeta.csv",
+        ("3,4.0,1.5,2,2,1,Car,1,0.0,0,0,0,-1,-1,-1,0\n", ""),
+        r"01_tracks\.csv, line 6: track 3 is not listed in 01_tracksMeta\.csv",
+    ),
+    "listed twice": (
+        "01_tracksMeta.csv",
+        ("3,4.0", "2,4.0"),
+        r"01_tracksMeta\.csv, line 4: track 2 comes twice",
+    ),
+    "direction": (
+        "01_tracksMeta.csv",
+        ("Truck,2", "Truck,3"),
+        r"01_tracksMeta\.csv, line 3, column 'drivingDirection': 3, expected 1",
+    ),
+    "frame rate": ("01_recordingMeta.csv", ("1,25,2", "1,0,2"), r"column 'frameRate': 0"),
+    "marking": (
+        "01_recordingMeta.csv",
+        ("25.1", "x"),
+        r"column 'lowerLaneMarkings': 'x', expected y positions joined by ';'",
+    ),
+    "ragged": (
+        "01_tracks.csv",
+        ("2,3,50.0", "2,3,1,50.0"),
+        r"01_tracks\.csv cannot be read as CSV",
+    ),
+    "cut line": (
+        "01_tracks.csv",
+        (",0.0,0.0,0.0,0.0,50.0,370.0,0,0,0,0,0,0,0,0,0,0,0,0,2\n", ",0.0"),
+        r"ends within line 6",
+    ),
+}
+
+
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_defect_is_named_with_its_place(tmp_path: Path, defect: str) -> None:
+    name, (old, new), sentence = DEFECTS[defect]
+    drone_files.write_highd(tmp_path)
+    text = (tmp_path / name).read_text()
+    assert text.count(old) >= 1
+    (tmp_path / name).write_text(text.replace(old, new, 1))
+    with pytest.raises(RecordingError, match=sentence) as caught:
+        load_recordings(tmp_path, "highd")
+    assert "\n" not in str(caught.value)
+
+
+def test_wrong_layouts_and_places(tmp_path: Path) -> None:
+    drone_files.write_highd(tmp_path / "a")
+    with pytest.raises(RecordingError, match=r"'foo' is unknown, expected one of highd, ind"):
+        load_recordings(tmp_path / "a", "foo")
+    with pytest.raises(RecordingError, match=r"has the layout 'highd', but 'ind' was asked for"):
+        load_recordings(tmp_path / "a", "ind")
+    with pytest.raises(RecordingError, match=r"has no recording '9', it has 01"):
+        load_recordings(tmp_path / "a", "highd", ["9"])
+    with pytest.raises(RecordingError, match=r"nowhere does not exist"):
+        load_recordings(tmp_path / "nowhere", "highd")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RecordingError, match=r"empty has no recordings, expected files such as"):
+        load_recordings(tmp_path / "empty", "highd")
+    (tmp_path / "a" / "01_tracksMeta.csv").unlink()
+    with pytest.raises(RecordingError, match=r"01_tracksMeta\.csv is missing"):
+        load_recordings(tmp_path / "a", "highd")
+
+
+@pytest.mark.parametrize("damage", ["truncated", "no gzip", "empty"])
+def test_damaged_file_is_named(tmp_path: Path, damage: str) -> None:
+    drone_files.write_ind(tmp_path)
+    path = tmp_path / "07_tracks.csv"
+    drone_files.pack(path)
+    packed = tmp_path / "07_tracks.csv.gz"
+    if damage == "truncated":
+        packed.write_bytes(packed.read_bytes()[:-20])
+    elif damage == "no gzip":
+        packed.write_bytes(b"plain text")
+    else:
+        packed.unlink()
+        path.write_text("")
+    with pytest.raises(RecordingError, match=r"07_tracks\.csv.*(cannot be read|is empty)"):
+        load_recordings(tmp_path, "ind")

@@ -1,0 +1,98 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Raw NGSIM files: feet, axes, headings, numbers used again, several sites in one file."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_core.schema import AgentClass
+from mtpgo_training.data.readers import load_recordings
+
+HEADER = (
+    "Vehicle_ID,Frame_ID,Total_Frames,Global_Time,Local_X,Local_Y,Global_X,Global_Y,v_length,"
+    "v_Width,v_Class,v_Vel,v_Acc,Lane_ID,Preceding,Following,Space_Headway,Time_Headway"
+)
+START_MS = 1_118_846_979_700
+
+
+def row(vehicle: int, ms: int, x: float, y: float, *, kind: int = 2, speed: float = 40.0) -> str:
+    time = f"{vehicle},{ms // 100},99,{START_MS + ms}"
+    return f"{time},{x},{y},0,0,15.0,6.0,{kind},{speed},0.0,2,0,0,0,0"
+
+
+def write(path: Path, rows: list[str], header: str = HEADER) -> None:
+    path.write_text("\n".join([header, *rows]) + "\n")
+
+
+def test_feet_and_axes(tmp_path: Path) -> None:
+    write(
+        tmp_path / "us101.csv", [row(7, 0, 10.0, 100.0, kind=3), row(7, 100, 10.0, 104.0, kind=3)]
+    )
+    (recording,) = load_recordings(tmp_path, "ngsim")
+    assert (recording.name, recording.frame_rate) == ("us101", 10.0)
+    assert recording.stamp_ns(0) == START_MS * 10**6
+    # The front at 100 ft along, 10 ft to the right; 15 ft long: the centre is 7.5 ft behind.
+    np.testing.assert_allclose(recording.position[0], [(100 - 7.5) * 0.3048, -10 * 0.3048])
+    np.testing.assert_allclose(recording.velocity[0], [40 * 0.3048, 0.0], atol=1e-12)
+    np.testing.assert_allclose(recording.size, [[15 * 0.3048, 6 * 0.3048]])
+    assert recording.agent_class.tolist() == [AgentClass.TRUCK]
+    assert np.isnan(recording.acceleration).all()
+
+
+def test_heading_turns_only_after_a_real_displacement(tmp_path: Path) -> None:
+    # 1 ft (0.30 m) steps to the right: 2 m are reached after the seventh.
+    rows = [row(1, 100 * i, 10.0 + i, 50.0) for i in range(12)]
+    write(tmp_path / "a.csv", rows)
+    (recording,) = load_recordings(tmp_path, "ngsim")
+    np.testing.assert_allclose(recording.yaw[:7], 0.0)
+    np.testing.assert_allclose(recording.yaw[7:], -math.pi / 2)
+    write(tmp_path / "a.csv", rows[:9])
+    (short,) = load_recordings(tmp_path, "ngsim")
+    np.testing.assert_array_equal(short.yaw, recording.yaw[:9])
+
+
+def test_numbers_used_again_and_rows_given_twice(tmp_path: Path) -> None:
+    rows = [row(1, 0, 10, 50), row(1, 0, 10, 50), row(2, 0, 10, 90), row(1, 100, 10, 54)]
+    rows += [row(1, 20_000, 10, 30), row(2, 100, 10, 94), row(1, 20_100, 10, 34)]
+    write(tmp_path / "a.csv", rows)
+    (recording,) = load_recordings(tmp_path, "ngsim")
+    assert recording.track_id.tolist() == [1, 2, 3]
+    assert recording.frame.tolist() == [0, 0, 1, 1, 200, 201]
+    assert recording.track.tolist() == [0, 1, 0, 1, 2, 2]
+
+
+def test_sites_and_periods_become_recordings(tmp_path: Path) -> None:
+    header = HEADER + ",Location,Direction"
+    rows = [row(1, 0, 10, 50) + ",us-101,", row(1, 100_000, 10, 50) + ",us-101,"]
+    rows += [row(1, 0, 10, 50) + ",lankershim,4", row(1, 100, 10, 49) + ",lankershim,4"]
+    write(tmp_path / "all.csv", rows, header)
+    recordings = load_recordings(tmp_path, "ngsim")
+    assert [r.name for r in recordings] == ["all-lankershim", "all-us-101-1", "all-us-101-2"]
+    # Southbound: the heading is against x, so the centre lies beyond the front.
+    np.testing.assert_allclose(recordings[0].yaw, math.pi)
+    np.testing.assert_allclose(recordings[0].position[0, 0], (50 + 7.5) * 0.3048)
+    assert len({r.sha256 for r in recordings}) == 3
+
+
+def test_defects(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"has no recordings, expected NGSIM's \.csv files"):
+        load_recordings(tmp_path, "ngsim")
+    path = tmp_path / "a.csv"
+    write(path, [row(1, 0, 10, 50), row(1, 0, 11, 50)])
+    with pytest.raises(RecordingError, match=r"a\.csv, line 3: vehicle 1 has a second row"):
+        load_recordings(tmp_path, "ngsim")
+    write(path, [row(1, 0, 10, 50)], HEADER.replace("v_length", "Length"))
+    with pytest.raises(RecordingError, match=r"a\.csv has no column 'v_length'"):
+        load_recordings(path, "ngsim")
+    write(path, [row(1, 0, 10, 50).replace("15.0", "long")])
+    with pytest.raises(RecordingError, match=r"line 2, column 'v_length': 'long'"):
+        load_recordings(path, "ngsim")
+    write(path, [])
+    with pytest.raises(RecordingError, match=r"has no rows below its header"):
+        load_recordings(path, "ngsim")

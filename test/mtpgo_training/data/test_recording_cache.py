@@ -1,0 +1,182 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The cache: the same numbers, kept once, made anew when damaged or when anything changes."""
+
+import json
+import multiprocessing
+import os
+
+import numpy as np
+import pytest
+from drone_files import write_highd, write_ind
+from traffic import braking_cars
+
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.recording_cache import RecordingCache, default_folder
+from mtpgo_training.scenes.prepared_recording import prepare
+from mtpgo_training.scenes.scene_dataset import SceneDataset
+from mtpgo_training.training.training_config import DataConfig
+
+HISTORY = HistoryConfig()
+SCENE = SceneConfig(max_neighbours=4, radius_m=50.0)
+DATA = DataConfig(restart_probability=0.3, velocity_smoothing_s=0.3)
+
+
+def entries(folder):
+    return sorted(path for path in folder.iterdir() if path.is_dir())
+
+
+def dataset(cache, data=DATA, **changes):
+    source = prepare(
+        braking_cars(**changes), HISTORY, SCENE, data, training=True, seed=4, cache=cache
+    )
+    return SceneDataset([source], HISTORY, SCENE, data, 10, seed=1)
+
+
+def assert_same(one, two):
+    assert one.items == two.items
+    for index in range(0, len(one), 17):
+        a, b = one[index], two[index]
+        for name in a.keys():  # noqa: SIM118  PyG's Data is no mapping
+            if name != "num_nodes":
+                np.testing.assert_array_equal(a[name].numpy(), b[name].numpy(), err_msg=name)
+
+
+@pytest.mark.parametrize("write", [write_highd, write_ind])
+def test_a_recording_comes_back_as_it_was_read(tmp_path, write):
+    layout = write.__name__.removeprefix("write_")
+    write(tmp_path / "files")
+    cache = RecordingCache(tmp_path / "cache")
+    (plain,) = load_recordings(tmp_path / "files", layout)
+    for _ in range(2):
+        (kept,) = load_recordings(tmp_path / "files", layout, cache=cache)
+        for name, value in vars(plain).items():
+            if isinstance(value, np.ndarray):
+                assert value.dtype == getattr(kept, name).dtype
+                np.testing.assert_array_equal(value, getattr(kept, name))
+            elif name == "lanes":
+                assert len(value) == len(kept.lanes)
+                for line, other in zip(value, kept.lanes, strict=True):
+                    np.testing.assert_array_equal(line, other)
+            elif not name.startswith("_"):
+                assert value == getattr(kept, name), name
+    assert len(entries(tmp_path / "cache")) == 1
+
+
+def test_scenes_are_the_same_with_the_cache_without_and_from_it(tmp_path):
+    plain = dataset(None)
+    first, second = (dataset(RecordingCache(tmp_path)) for _ in range(2))
+    assert_same(plain, first)
+    assert_same(plain, second)
+    assert len(entries(tmp_path)) == 3  # samples, restarted samples, futures
+    assert not second.sources[0].future._position.flags.writeable  # mapped, not copied
+
+
+def test_everything_that_determines_an_entry_makes_another(tmp_path):
+    cache = RecordingCache(tmp_path)
+    counts = []
+    for recording, history in (
+        (braking_cars(), HISTORY),
+        (braking_cars(), HISTORY),
+        (braking_cars(seed=1), HISTORY),
+        (braking_cars(), HistoryConfig(steps=5)),
+        (braking_cars().between(0.0, 4.0), HISTORY),  # has the hash of the whole
+    ):
+        prepare(recording, history, SCENE, DataConfig(restart_probability=0.0), training=False,
+                cache=cache)  # fmt: skip
+        counts.append(len(entries(tmp_path)))
+    assert counts == [2, 2, 4, 5, 7]
+
+
+def test_a_changed_file_is_read_again(tmp_path):
+    cache = RecordingCache(tmp_path / "cache")
+    tracks = write_ind(tmp_path / "files") / "07_tracks.csv"
+    (before,) = load_recordings(tmp_path / "files", "ind", cache=cache)
+    tracks.write_text(tracks.read_text().replace("30.0,-5.0", "31.0,-5.0"))
+    (after,) = load_recordings(tmp_path / "files", "ind", cache=cache)
+    assert before.position[2, 0] == 30.0
+    assert after.position[2, 0] == 31.0
+
+
+@pytest.mark.parametrize("damage", ["cut", "bits", "gone", "index", "format"])
+def test_a_damaged_entry_is_made_anew_with_a_warning(tmp_path, caplog, damage):
+    cache = RecordingCache(tmp_path)
+    plain = dataset(None)
+    dataset(cache)
+    for entry in entries(tmp_path):
+        file = sorted(entry.glob("*.npy"))[0]
+        if damage == "cut":
+            os.truncate(file, file.stat().st_size // 2)
+        elif damage == "bits":
+            content = bytearray(file.read_bytes())
+            content[-3] ^= 0x10
+            file.write_bytes(bytes(content))
+        elif damage == "gone":
+            file.unlink()
+        elif damage == "index":
+            (entry / "entry.json").write_text("{")
+        else:
+            file.write_bytes(b"no numbers")
+    assert_same(plain, dataset(cache))
+    assert len(caplog.messages) == 3
+    assert all("is damaged and made anew" in message for message in caplog.messages)
+    caplog.clear()
+    assert_same(plain, dataset(cache))
+    assert not caplog.messages
+
+
+def test_a_folder_that_cannot_be_written_is_a_warning(tmp_path, caplog):
+    (tmp_path / "file").write_text("")
+    assert_same(dataset(None), dataset(RecordingCache(tmp_path / "file" / "cache")))
+    assert "cannot be used: Not a directory" in caplog.messages[0]
+
+
+def make_and_count(folder, made):
+    def make():
+        with made.get_lock():
+            made.value += 1
+        return {"a": np.arange(100_000), "none": np.zeros((0, 2))}
+
+    columns = RecordingCache(folder).entry({"what": "test"}, make)
+    assert columns["a"][-1] == 99_999
+    assert columns["none"].shape == (0, 2)
+
+
+def test_of_several_processes_one_makes_an_entry(tmp_path):
+    context = multiprocessing.get_context("fork")
+    made = context.Value("i", 0)
+    folder = tmp_path / "cache"
+    processes = [context.Process(target=make_and_count, args=(folder, made)) for _ in range(4)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+    assert [process.exitcode for process in processes] == [0] * 4
+    assert made.value == 1
+    assert len(entries(folder)) == 1
+
+
+def test_nothing_is_left_of_an_entry_whose_making_fails(tmp_path):
+    def fail():
+        raise RuntimeError("no")
+
+    with pytest.raises(RuntimeError):
+        RecordingCache(tmp_path / "cache").entry({}, fail)
+    assert entries(tmp_path / "cache") == []
+
+
+def test_an_entry_says_what_it_is(tmp_path):
+    write_highd(tmp_path / "files")
+    load_recordings(tmp_path / "files", "highd", cache=RecordingCache(tmp_path / "cache"))
+    (entry,) = entries(tmp_path / "cache")
+    facts = json.loads((entry / "entry.json").read_text())
+    assert (facts["what"], facts["layout"], facts["name"]) == ("recordings", "highd", "01")
+
+
+def test_the_default_folder_follows_xdg(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert default_folder() == tmp_path / "mtpgo"
+    monkeypatch.setenv("XDG_CACHE_HOME", "")
+    monkeypatch.setenv("HOME", "/home/somebody")
+    assert str(default_folder()) == "/home/somebody/.cache/mtpgo"

@@ -1,0 +1,171 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Blocks of time: no frame has two uses, and a whole window lies between two of them."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from traffic import braking_cars
+
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.splits import USES, NamedRecording, read_all, split, window_s
+from mtpgo_training.data.writers.ind_writer import write_ind
+from mtpgo_training.scenes.prepared_recording import prepare, source_weight
+from mtpgo_training.training.training_config import DataConfig
+
+HISTORY = HistoryConfig()
+GUARD_S = window_s(HISTORY, 25)
+BY_TIME = DataConfig(
+    split="time", block_s=20.0, validation_fraction=0.1, test_fraction=0.1, restart_probability=0.0
+)
+
+
+def recordings(*seconds, rate=10.0):
+    return [
+        NamedRecording("cars", braking_cars(f"{n:02d}", seconds=s, tracks=3, rate=rate, seed=n))
+        for n, s in enumerate(seconds, start=1)
+    ]
+
+
+def parts_of(splits, whole):
+    """(use, first, last) frames of the parts of a recording, by time."""
+    found = [
+        (int(item.recording.frame[0]), int(item.recording.frame[-1]), use)
+        for use in USES
+        for item in getattr(splits, use)
+        if item.whole == whole
+    ]
+    return sorted(found)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_frame_has_two_uses_and_the_guard_is_kept(seed):
+    pool = recordings(300.0, 181.0, 97.0)
+    splits = split(pool, BY_TIME, seed, GUARD_S)
+    borders = 0
+    for item in pool:
+        for before, after in itertools.pairwise(parts_of(splits, item.whole)):
+            assert before[2] != after[2]  # neighbours of one use are joined
+            assert (after[0] - before[1]) / 10.0 >= GUARD_S - 1e-6
+            borders += 1
+    assert borders > 3
+
+
+def test_nothing_that_a_window_shows_is_shown_under_another_use():
+    pool = recordings(200.0)
+    splits = split(pool, BY_TIME, 3, GUARD_S)
+    shown = {}
+    for use in USES:
+        times = []
+        for item in getattr(splits, use):
+            source = prepare(item.recording, HISTORY, SceneConfig(), BY_TIME, training=True)
+            for tracked in source.windows:
+                now = tracked.window.stamp_ns
+                seen = tracked.window.valid.any(axis=0)
+                times += [now - (15 - i) * 200_000_000 for i in np.flatnonzero(seen)]
+                known = source.future.at(tracked.track, now, 25, 0.2).known.any(axis=0)
+                times += [now + (k + 1) * 200_000_000 for k in np.flatnonzero(known)]
+        shown[use] = np.unique(times)
+    for one, two in itertools.combinations(USES, 2):
+        assert len(shown[one])
+        assert len(shown[two])
+        apart = np.abs(shown[one][:, None] - shown[two][None]).min()
+        assert apart >= GUARD_S * 1e9 - 1e3
+
+
+def test_the_fractions_hold_of_the_time():
+    pool = recordings(*[400.0] * 5)
+    splits = split(pool, BY_TIME, 1, GUARD_S)
+    time = {use: sum(i.recording.duration_s for i in getattr(splits, use)) for use in USES}
+    assert 0.06 < time["validation"] / 2000.0 < 0.11
+    assert 0.06 < time["test"] / 2000.0 < 0.11
+    assert time["train"] / 2000.0 > 0.65  # the rest are guards
+
+
+def test_the_draw_follows_from_the_seed():
+    pool = recordings(300.0, 300.0)
+    one, same = split(pool, BY_TIME, 1, GUARD_S), split(pool, BY_TIME, 1, GUARD_S)
+    other = split(pool, BY_TIME, 2, GUARD_S)
+    assert one.describe() == same.describe() != other.describe()
+
+
+def test_parts_are_named_and_keep_the_hash_of_the_whole():
+    described = split(recordings(120.0), BY_TIME, 0, GUARD_S).describe()
+    assert all(entry["name"].startswith("01@") and entry["name"].endswith("s")
+               for entry in described)  # fmt: skip
+    assert len({entry["sha256"] for entry in described}) == 1
+    assert {entry["split"] for entry in described} == set(USES)
+
+
+def test_a_part_is_read_again_by_its_name(tmp_path):
+    write_ind(braking_cars("01", seconds=120.0, tracks=3), tmp_path)
+    named = read_all([(tmp_path, "ind")])
+    splits = split(named, BY_TIME, 0, GUARD_S)
+    for use in USES:
+        for item in getattr(splits, use):
+            (again,) = load_recordings(tmp_path, "ind", [item.recording.name])
+            assert again.name == item.recording.name
+            np.testing.assert_array_equal(again.frame, item.recording.frame)
+            np.testing.assert_array_equal(again.position, item.recording.position)
+    both = load_recordings(tmp_path, "ind", ["01@0-5s", "01", "01@7.5-9s"])
+    assert [r.name for r in both] == ["01", "01@0-5s", "01@7.5-9s"]
+    for name, sentence in (
+        ("02@0-5s", "has no recording '02', it has none"),
+        ("01@500-600s", "nobody is there from 500 to 600 s, it lasts 119"),
+    ):
+        with pytest.raises(RecordingError, match=sentence):
+            load_recordings(tmp_path, "ind", [name])
+
+
+def test_recordings_of_one_block_are_dealt_out_whole():
+    pool = recordings(*[15.0] * 10)
+    splits = split(pool, BY_TIME, 0, GUARD_S)
+    assert [len(getattr(splits, use)) for use in USES] == [8, 1, 1]
+    assert all("@" not in item.name for use in USES for item in getattr(splits, use))
+
+
+def test_too_short_for_blocks_is_one_sentence():
+    sentence = r"no block of 20 s \(data\.block_s\) is left for data\.validation out of 1"
+    data = dataclasses.replace(BY_TIME, validation_fraction=0.0, test_fraction=0.0)
+    with pytest.raises(ConfigurationError, match=sentence):
+        split(recordings(9.0), data, 0, GUARD_S)
+
+
+def test_fractions_of_recordings_are_drawn_for_the_test_too():
+    pool = recordings(*[5.0] * 10)
+    data = DataConfig(validation_fraction=0.1, test_fraction=0.2)
+    splits = split(pool, data, 5)
+    assert [len(getattr(splits, use)) for use in USES] == [7, 1, 2]
+    # The draw for validation is the one without a test.
+    assert splits.validation == split(pool, DataConfig(validation_fraction=0.1), 5).validation
+
+
+def test_a_recording_goes_before_its_directory_in_the_weights():
+    one, two = recordings(5.0, 5.0)
+    data = DataConfig(source_weight={"cars": 0.5, "cars/02": 2.0})
+    assert (source_weight(one, data), source_weight(two, data)) == (0.5, 2.0)
+    assert source_weight(one, DataConfig()) == 1.0
+    part = split([two], DataConfig(split="time", block_s=1.0), 0, 0.1).train[0]
+    assert source_weight(part, data) == 2.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"source_weight": {"cars/07": 1.0}}, "'cars/07', expected one of cars/01, cars/02"),
+        ({"source_weight": {"cars": -1.0}}, r"source_weight.cars is -1.0, expected at least 0"),
+        ({"split": "track"}, "data.split is 'track', expected one of 'recording', 'time'"),
+        ({"split": "time", "test": ("01",)}, "'01' is given a use by name, expected fractions"),
+        ({"block_s": 0.0}, "data.block_s is 0.0, expected more than 0"),
+        ({"centre_classes": ("tram",)}, "data.centre_classes is 'tram', expected classes of"),
+        ({"lane_change_share": 1.0}, "data.lane_change_share is 1.0, expected 0 to less than 1"),
+        ({"preset": "highd"}, "data.preset is 'highd', expected one of 'highd_paper', 'round_"),
+    ],
+)
+def test_bad_values_are_one_sentence(changes, sentence):
+    with pytest.raises(ConfigurationError, match=sentence):
+        split(recordings(5.0, 5.0), DataConfig(**changes), 0)

@@ -1,0 +1,137 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from demo_traffic import make_recording, perfect_prediction
+
+from mtpgo_core.schema import Source
+from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_training.demo.capture import Capture, Received
+from mtpgo_training.demo.demo_chain import _results
+from mtpgo_training.demo.demo_plan import make_plan
+from mtpgo_training.demo.demo_report import sentences, summary, table, to_json
+
+REQUIRED = {
+    "predictions_published",
+    "scenes",
+    "agents_max",
+    "deadline_misses",
+    "latency_ms_p50",
+    "latency_ms_p99",
+    "ade_m",
+    "fde_m",
+    "nll",
+    "cv_ade_m",
+    "cv_fde_m",
+}
+
+
+def captured(plan, drop=None):
+    """Perfect predictions of every second frame, 20 ms after the observation."""
+    capture = Capture()
+    for index, recording in enumerate(plan.recordings):
+        for frame in recording.frames.tolist():
+            stamp_ns = recording.stamp_ns(frame)
+            capture.observed[stamp_ns] = stamp_ns + 1
+            if frame % 2 == 0 and (index, frame) != drop:
+                prediction = perfect_prediction(recording, frame)
+                capture.predictions.append(Received(prediction, stamp_ns + 20_000_001))
+    capture.processing_ms = [12.0, 14.0]
+    capture.diagnostics = {"predictor: timing": {"deadline_misses": "3"}}
+    return capture
+
+
+def content_of(plan, capture):
+    task = TaskDescription(name="made", weights_sha256="ff")
+    total, parts = _results(plan, capture, task, 5.0)
+    return summary(total, parts, task, capture)
+
+
+@pytest.fixture(scope="module")
+def content():
+    plan = make_plan([make_recording("a"), make_recording("b", 6.0)], {}, play_all=False)
+    return content_of(plan, captured(plan, drop=(1, 20)))
+
+
+def test_the_summary_has_what_was_promised(content):
+    assert set(content) >= REQUIRED
+    back = json.loads(to_json(content))
+    assert back["model"] == {"name": "made", "version": "", "weights_sha256": "ff"}
+    assert back["versions"]["torch"].startswith("2.")
+
+
+def test_every_key_is_explained(content):
+    page = (Path(__file__).parents[3] / "docs" / "demo.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([a-z_0-9]+)(?:_\*)?`", page))
+    for key in [*content, *content["recordings"]["a"]]:
+        stem, _, last = key.rpartition("_")
+        known = key in named or f"_{last}" in named or stem in named
+        assert known or key.partition("_")[0] in named, key
+
+
+def test_perfect_predictions_score_zero_and_their_known_likelihood(content):
+    assert content["ade_m"] == pytest.approx(0.0, abs=1e-9)
+    assert content["fde_m"] == pytest.approx(0.0, abs=1e-9)
+    assert content["miss_rate"] == 0.0
+    # A mixture of 0.75 N(0, diag(4, 1)) and 0.25 N((0, 1), diag(4, 1)) at zero.
+    density = (0.75 + 0.25 * np.exp(-0.5)) / (2.0 * np.pi * 2.0)
+    assert content["nll"] == pytest.approx(-np.log(density))
+    # The car that turns is where constant velocity fails.
+    assert content["cv_ade_m"] > 0.5
+    assert content["cv_fde_m"] > content["cv_ade_m"]
+
+
+def test_counts_are_those_of_the_messages(content):
+    # Frames 0, 2 ... 120 and 0, 2 ... 60 but for 20; two road users each.
+    assert content["scenes"] == 61 + 30
+    assert content["predictions_published"] == 2 * 91
+    assert content["cycles"] == 92
+    assert content["missed_cycles"] == content["deadline_misses"] == 1
+    assert content["missing_predictions"] == content["fallback_predictions"] == 0
+    assert content["node_deadline_misses"] == 3
+    assert content["latency_ms_p50"] == pytest.approx(20.0)
+    assert content["node_processing_ms_p50"] == pytest.approx(13.0)
+    assert content["recordings"]["a"]["scenes"] == 61
+    assert content["recordings"]["b"]["missed_cycles"] == 1
+
+
+def test_the_table_has_a_line_for_each_recording_and_one_for_all(content):
+    lines = table(content).splitlines()
+    assert [line.split()[0] for line in lines if not line.startswith("-")] == [
+        "recording",
+        "a",
+        "b",
+        "all",
+    ]
+    assert len({len(line) for line in lines}) == 1
+    text = " ".join(sentences(content, 5.0))
+    assert "91 of 92 cycles answered at 5 Hz" in text
+    assert "20.0 ms median" in text
+
+
+def test_the_fallback_and_a_missing_road_user_show():
+    plan = make_plan([make_recording("a")], {}, play_all=False)
+    capture = captured(plan)
+    first = capture.predictions[0].prediction
+    first = dataclasses.replace(
+        first,
+        **{
+            name: getattr(first, name)[:1]
+            for name in (
+                *("key", "agent_class", "z", "size", "initial", "initial_yaw"),
+                *("weight", "mean", "yaw", "covariance"),
+            )
+        },
+        source=np.array([Source.CONSTANT_VELOCITY], dtype=np.uint8),
+    )
+    capture.predictions[0] = Received(first, capture.predictions[0].received_ns)
+    content = content_of(plan, capture)
+    assert content["fallback_predictions"] == 1
+    assert content["missing_predictions"] == 1
+    assert len(table(content).splitlines()) == 3

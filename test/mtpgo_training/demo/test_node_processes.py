@@ -1,0 +1,38 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+
+import time
+
+import pytest
+
+from mtpgo_training.demo.node_processes import Child, ProcessError, wait_until
+
+
+def test_a_program_that_fails_is_quoted(tmp_path):
+    child = Child("replay", [str(tmp_path / "none.mcap")], tmp_path / "replay.log", {})
+    with pytest.raises(ProcessError, match=r"replay ended with status 2: .*none\.mcap") as caught:
+        child.wait(60.0)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(ProcessError, match="status 2"):
+        child.wait_for("ready", 1.0)
+
+
+def test_a_program_ends_when_told_to_and_is_killed_after_an_error(tmp_path):
+    arguments = ["-o", str(tmp_path / "bag")]
+    with Child("record", arguments, tmp_path / "record.log", {}) as child:
+        child.wait_for("ready", 60.0)
+        child.check()
+        with pytest.raises(ProcessError, match="was not ready within 0 s"):
+            child.wait_for("never said", 0.0)
+    assert not child.running
+    assert "recorded" in child.text()
+    with pytest.raises(KeyError), Child("record", arguments, tmp_path / "again.log", {}) as child:
+        raise KeyError
+    assert not child.running
+
+
+def test_waiting_ends_when_the_condition_holds_or_the_time_is_over():
+    begin = time.monotonic()
+    assert wait_until(lambda: True, 10.0)
+    assert not wait_until(lambda: False, 0.05)
+    assert time.monotonic() - begin < 5.0

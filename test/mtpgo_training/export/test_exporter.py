@@ -1,0 +1,225 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""From a checkpoint to the file on the robot, and back through the node's own runner."""
+
+import argparse
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import torch
+from traffic import braking_cars
+
+from models.mtp_go import MTPGO
+from models.mtp_go_config import ModelConfig
+from mtpgo_core.errors import ConfigurationError, ModelFileError
+from mtpgo_core.prediction.model_runner import ModelRunner, load_task
+from mtpgo_core.scene.scene_builder import build_scenes
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training import cli
+from mtpgo_training.commands import evaluate as evaluation
+from mtpgo_training.commands import export as export_command
+from mtpgo_training.commands import info as info_command
+from mtpgo_training.commands.evaluate import evaluate, predict_recording
+from mtpgo_training.export import exporter as export
+from mtpgo_training.scenes.windows import cut_windows
+from mtpgo_training.training.run_folder import RunFolder
+from mtpgo_training.training.training_config import TrainingConfig
+
+OPTIONS = {"hidden": 12, "modes": 3, "horizon_steps": 8, "ode_hidden": 4}
+CONFIG = TrainingConfig(
+    name="tiny",
+    scene=SceneConfig(max_neighbours=3),
+    model=OPTIONS,
+    licence="free",
+    attribution="nobody",
+)
+RECORDINGS = [
+    {"name": "01", "source": "cars", "layout": "ind", "sha256": "ab", "split": "train"},
+    {"name": "02", "source": "cars", "layout": "ind", "sha256": "cd", "split": "test"},
+]
+
+
+@pytest.fixture(scope="module")
+def model():
+    torch.manual_seed(4)
+    network = MTPGO(ModelConfig(**OPTIONS))
+    with torch.no_grad():  # away from constant velocity, where every mistake would look the same
+        for value in network.parameters():
+            value.add_(0.05 * torch.randn_like(value))
+    return network.eval()
+
+
+@pytest.fixture(scope="module")
+def run_folder(model, tmp_path_factory):
+    folder = RunFolder(tmp_path_factory.mktemp("run"))
+    checkpoint = {
+        "config": dataclasses.asdict(CONFIG),
+        "model_config": model.config.to_dict(),
+        "average": model.state_dict(),
+        "covariance_scale": 1.3,
+        "epoch": 3,
+        "step": 40,
+        "metrics": {"model": {"all": {"ade": 0.5, "n": 7, "fnll": None}}},
+        "splits": RECORDINGS,
+    }
+    folder.save(checkpoint, best=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def model_file(run_folder, tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "tiny.pt"
+    arguments = argparse.Namespace(
+        checkpoint=[run_folder.path], output=path, name=None, uncalibrated=False
+    )
+    assert export_command.run(arguments) == 0
+    return path
+
+
+def test_the_file_says_everything_about_itself(model_file, model):
+    task = load_task(model_file)
+    assert task.name == "tiny"
+    assert task.scene == CONFIG.scene
+    assert task.history == CONFIG.history
+    assert task.states == ("x", "y", "vx", "vy")
+    assert (task.modes, task.horizon_steps) == (3, 8)
+    assert task.training["recordings"] == RECORDINGS
+    assert task.training["licence"] == "free"
+    assert task.metrics["validation"]["model"]["all"]["ade"] == 0.5
+    assert task.model["hidden"] == 12
+    assert task.weights_sha256 == export.weights_hash(model)
+    assert len(task.weights_sha256) == 64
+
+
+def test_the_runner_computes_what_the_eager_model_computes(model_file, model):
+    recording = braking_cars(seconds=4.0)
+    window = cut_windows(recording, HistoryConfig(), 0.2)[-1].window
+    batch = build_scenes(window, CONFIG.scene)
+    prediction = ModelRunner.load(model_file).predict(window, batch)
+    with torch.no_grad():
+        log_weight, mean, covariance = model(
+            torch.from_numpy(batch.features),
+            torch.from_numpy(batch.valid),
+            torch.from_numpy(batch.static),
+        )
+    for b, i in zip(*np.nonzero(batch.primary), strict=True):
+        row = batch.agent[b, i]
+        order = np.argsort(-log_weight[b, i].numpy(), kind="stable")
+        c, s = np.cos(batch.rotation[b]), np.sin(batch.rotation[b])
+        turn = np.array([[c, -s], [s, c]])
+        expected = mean[b, i].numpy()[order][..., :2] @ turn.T + batch.origin[b]
+        np.testing.assert_allclose(prediction.mean[row][..., :2], expected, atol=1e-4)
+        spread = 1.3 * turn @ covariance[b, i].numpy()[order][..., :2, :2] @ turn.T
+        np.testing.assert_allclose(prediction.covariance[row], spread, atol=1e-4, rtol=1e-3)
+
+
+def test_the_card_names_data_terms_and_metrics(model_file, capsys):
+    assert info_command.run(argparse.Namespace(model=str(model_file))) == 0
+    text = capsys.readouterr().out
+    for expected in ("tiny", "cars/01", "cars/02", "nobody", "free", "ade 0.500", "cos_yaw"):
+        assert expected in text
+    assert "fnll" not in text
+
+
+def other_run(run_folder, path, seed, ade, judge):
+    """The run's checkpoint as another seed might have made it."""
+    checkpoint = torch.load(run_folder.best, weights_only=True)
+    checkpoint["config"]["seed"] = seed
+    checkpoint["metrics"]["model"]["all"]["ade"] = ade
+    judge = {"name": judge, "source": "cars", "layout": "ind", "sha256": judge * 2}
+    checkpoint["splits"] = [*RECORDINGS, {**judge, "split": "validation"}]
+    folder = RunFolder(path)
+    folder.save(checkpoint, best=True)
+    return str(folder.path)
+
+
+def test_of_several_runs_the_best_by_validation_is_exported(run_folder, tmp_path, capsys):
+    runs = [
+        other_run(run_folder, tmp_path / f"seed{seed}", seed, ade, "03")
+        for seed, ade in ((1, 0.5), (2, 0.4), (3, 0.6))
+    ]
+    output = tmp_path / "chosen.pt"
+    assert cli.main(["export", *runs, "-o", str(output)]) == 0
+    text = capsys.readouterr().out
+    assert f"candidate  {runs[1]}: validation ADE 0.400 m, chosen" in text
+    assert "from 3 runs by validation ADE: 0.500 m (seed 1), 0.400 m (seed 2), 0.600 m" in text
+    training = load_task(output).training
+    assert training["configuration"]["seed"] == 2
+    assert training["chosen_from"] == [
+        {"seed": 1, "validation_ade_m": 0.5},
+        {"seed": 2, "validation_ade_m": 0.4},
+        {"seed": 3, "validation_ade_m": 0.6},
+    ]
+
+
+def test_runs_judged_on_different_recordings_are_not_compared(run_folder, tmp_path, capsys):
+    one = other_run(run_folder, tmp_path / "one", 1, 0.5, "03")
+    two = other_run(run_folder, tmp_path / "two", 1, 0.4, "04")
+    assert cli.main(["export", one, two, "-o", str(tmp_path / "x.pt")]) == 2
+    error = capsys.readouterr().err
+    assert f"{two} was validated on 04 and {one} on 03, expected the same recordings" in error
+    assert not (tmp_path / "x.pt").exists()
+
+
+def test_a_run_without_a_validation_is_not_compared(run_folder, tmp_path, capsys):
+    runs = [other_run(run_folder, tmp_path / name, 1, 0.5, "03") for name in ("one", "two")]
+    path = RunFolder(tmp_path / "two").best
+    torch.save({**torch.load(path, weights_only=True), "metrics": {}}, path)
+    assert cli.main(["export", *runs, "-o", str(tmp_path / "x.pt")]) == 2
+    assert f"{runs[1]} has not been validated yet, expected runs" in capsys.readouterr().err
+    assert not (tmp_path / "x.pt").exists()
+
+
+def test_a_checkpoint_of_another_architecture_is_one_sentence(run_folder, tmp_path):
+    checkpoint = torch.load(run_folder.best, weights_only=True)
+    checkpoint["model_config"]["hidden"] = 16
+    with pytest.raises(ConfigurationError, match="does not fit") as caught:
+        export.load_model(checkpoint)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_model_that_exports_to_something_else_is_not_written(model, tmp_path, monkeypatch):
+    path = tmp_path / "m.pt"
+    monkeypatch.setattr(export, "LARGEST_DIFFERENCE_M", -1.0)
+    with pytest.raises(ModelFileError, match="differs from the eager one"):
+        export.export_model(model, export.TaskDescription(scene=CONFIG.scene), path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_evaluate_scores_the_online_path_with_baselines_beside(model_file, tmp_path):
+    recording = braking_cars(seconds=5.0, tracks=6)
+    runner = ModelRunner.load(model_file)
+    table = evaluate({"tiny": runner}, [recording], stride_s=1.0)
+    assert set(table.models) == {"tiny", "cv", "ca", "ctrv"}
+    counts = {name: scores["all"]["n"] for name, scores in table.models.items()}
+    assert len(set(counts.values())) == 1
+    expected = sum(
+        len(p) for p in predict_recording(runner, recording, stride_s=1.0)
+    )  # minus those without a future
+    assert 0 < counts["tiny"] <= expected
+    assert table.models["tiny"]["centre"]["n"] > 0
+    assert np.isfinite(table.models["cv"]["all"]["anll"])
+    report = json.loads(json.dumps(table.to_dict()))
+    assert report["ca"]["all"]["anll"] is None
+
+
+def test_an_ego_policy_is_refused_offline(model_file):
+    arguments = argparse.ArgumentParser()
+    evaluation.add_parser(arguments.add_subparsers())
+    args = arguments.parse_args(
+        [
+            "evaluate",
+            "--model",
+            str(model_file),
+            "--data",
+            ".",
+            "--layout",
+            "ind",
+            "--policy",
+            "ego",
+        ]
+    )
+    with pytest.raises(ConfigurationError, match="no ego"):
+        args.run(args)

@@ -1,0 +1,126 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Augmented features against features of the augmented world."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from traffic import braking_cars
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.scene.scene_builder import build_scenes
+from mtpgo_core.task.task_description import CONTEXT_FEATURES, HistoryConfig, SceneConfig
+from mtpgo_training.scenes.augmentation import Augmentation
+from mtpgo_training.scenes.windows import cut_windows
+
+
+def test_a_turn_is_that_of_the_world():
+    scene = SceneConfig(frame="site_origin", context="polar", max_neighbours=3)
+    recording = braking_cars(seconds=4.0)
+    turn = 0.7
+    c, s = np.cos(turn), np.sin(turn)
+    matrix = np.array([[c, s], [-s, c]])
+    turned = recording.__class__(
+        **{
+            **{f: getattr(recording, f) for f in recording.__dataclass_fields__},
+            "position": recording.position @ matrix,
+            "velocity": recording.velocity @ matrix,
+            "yaw": recording.yaw + turn,
+        }
+    )
+    plain, expected = (
+        build_scenes(
+            cut_windows(r, HistoryConfig(), 0.2)[-1].window, scene, centres=np.array([0])
+        ).features[0]
+        for r in (recording, turned)
+    )
+    given = Augmentation(turn_rad=turn).features(plain, scene.features)
+    valid = np.abs(plain).sum(axis=-1) > 0
+    np.testing.assert_allclose(given[valid], expected[valid], atol=2e-4, rtol=1e-4)
+
+
+def test_a_mirror_swaps_left_and_right_and_is_its_own_inverse():
+    names = SceneConfig(context="lanes").features
+    features = np.arange(1.0, 11.0, dtype=np.float32)[None]
+    mirror = Augmentation(mirror=True)
+    out = mirror.features(features, names)
+    np.testing.assert_array_equal(out, [[1, -2, 3, -4, 5, -6, 7, -8, 10, 9]])
+    np.testing.assert_array_equal(mirror.features(out, names), features)
+
+
+def test_an_unknown_feature_is_refused():
+    with pytest.raises(ConfigurationError, match="'speed_limit'"):
+        Augmentation(mirror=True).features(np.zeros((1, 1), np.float32), ("speed_limit",))
+
+
+def test_a_scale_changes_lengths_and_speeds_but_not_directions():
+    names = SceneConfig(context="polar").features
+    features = np.arange(1.0, 12.0, dtype=np.float32)[None]
+    out = Augmentation(scale=2.0).features(features, names)
+    np.testing.assert_array_equal(out, [[2, 4, 6, 8, 10, 12, 7, 8, 18, 10, 11]])
+    np.testing.assert_array_equal(Augmentation(scale=2.0).vectors(np.array([1.0, 2.0])), [2, 4])
+
+
+def test_a_scaled_world_has_the_leaders_of_the_scaled_features():
+    scene = SceneConfig(frame="site_origin", context="leaders", max_neighbours=3)
+    recording = braking_cars(seconds=4.0)
+    scale = 0.8
+    smaller = dataclasses.replace(
+        recording, position=scale * recording.position, velocity=scale * recording.velocity
+    )
+    plain, expected = (
+        build_scenes(
+            cut_windows(r, HistoryConfig(), 0.2)[-1].window, scene, centres=np.array([0])
+        ).features[0]
+        for r in (recording, smaller)
+    )
+    given = Augmentation(scale=scale).features(plain, scene.features)
+    gap = scene.features.index("lead1_gap")
+    both = (plain[..., gap] < 80.0) & (expected[..., gap] < 80.0) & (plain[..., gap] > 0.0)
+    assert both.sum() > 10
+    one = slice(gap, gap + 3)
+    np.testing.assert_allclose(given[both][:, one], expected[both][:, one], atol=1e-3, rtol=1e-3)
+
+
+def test_a_mirrored_world_has_the_traffic_of_the_mirrored_features():
+    scene = SceneConfig(frame="site_origin", context="traffic", max_neighbours=3)
+    recording = braking_cars(seconds=4.0)
+    mirror = np.array([1.0, -1.0])
+    mirrored = dataclasses.replace(
+        recording,
+        position=mirror * recording.position,
+        velocity=mirror * recording.velocity,
+        yaw=-recording.yaw,
+    )
+    plain, expected = (
+        build_scenes(
+            cut_windows(r, HistoryConfig(), 0.2)[-1].window, scene, centres=np.arange(12)
+        ).features
+        for r in (recording, mirrored)
+    )
+    given = Augmentation(mirror=True).features(plain, scene.features)
+    for name in ("lead1_across", "left_ahead_near", "right_behind_near", "right_ahead_dv"):
+        assert plain[..., scene.features.index(name)].any()
+    np.testing.assert_allclose(given, expected, atol=2e-3, rtol=1e-4)
+
+
+def test_a_scale_changes_gaps_and_lengths_of_the_traffic():
+    names = CONTEXT_FEATURES["traffic"]
+    features = np.zeros((1, len(names)), dtype=np.float32)
+    row = {name: i for i, name in enumerate(names)}
+    plain = {"length": 5.0, "lead1_gap": 10.0, "lead1_near": np.exp(-0.5), "lead1_across": 1.0}
+    plain |= {"left_behind_gap": 80.0}  # nobody
+    for name, value in plain.items():
+        features[0, row[name]] = value
+    out = Augmentation(scale=2.0).features(features, names)[0]
+    expected = {"length": 10.0, "lead1_gap": 20.0, "lead1_near": np.exp(-1), "lead1_across": 2.0}
+    expected |= {"left_behind_gap": 80.0}
+    assert {name: out[row[name]] for name in plain} == pytest.approx(expected, rel=1e-6)
+
+
+def test_nobody_ahead_stays_nobody_ahead_at_any_scale():
+    names = SceneConfig(context="leaders").features
+    features = np.zeros((1, len(names)), dtype=np.float32)
+    features[..., [names.index("lead1_gap"), names.index("lead2_gap")]] = 80.0
+    np.testing.assert_array_equal(Augmentation(scale=0.7).features(features, names), features)

@@ -1,0 +1,228 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What training sees: the node's own features, the true future, and nothing else."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from rosbags.typesys import Stores, get_typestore
+from torch_geometric.loader import DataLoader
+from traffic import braking_cars
+
+from msg_adapters.registry import INPUTS
+from msg_adapters.types import TypestoreTypes
+from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.scene.scene_builder import build_scenes
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.scenes.centre_sampling import random_cover
+from mtpgo_training.scenes.prepared_recording import prepare
+from mtpgo_training.scenes.scene_dataset import (
+    SceneDataset,
+    dense,
+    to_scene,
+    validation_scenes,
+)
+from mtpgo_training.scenes.windows import cut_restarted_windows, cut_windows
+from mtpgo_training.training.training_config import DataConfig
+
+HISTORY = HistoryConfig()
+SCENE = SceneConfig(max_neighbours=4, radius_m=50.0)
+PLAIN = DataConfig(restart_probability=0.0)
+H = 10
+
+
+def sources(data=PLAIN, training=True, scene=SCENE, **changes):
+    recording = braking_cars(**changes)
+    return [prepare(recording, HISTORY, scene, data, training=training)]
+
+
+def dataset(data=PLAIN, seed=1, scene=SCENE):
+    return SceneDataset(sources(data, scene=scene), HISTORY, scene, data, H, seed)
+
+
+@pytest.fixture(scope="module")
+def online():
+    """Windows from the recording as real message bytes, each with the stamp it stands at."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    adapter, types = INPUTS["pointcloud2"], TypestoreTypes(store)
+    history, windows = TrackHistory(HISTORY), {}
+    for states in braking_cars().states():
+        data = store.serialize_cdr(adapter.from_states(states, types), adapter.message_type)
+        history.update(adapter.to_states(store.deserialize_cdr(data, adapter.message_type)))
+        windows[states.stamp_ns] = history.window()
+    return windows
+
+
+def test_training_features_equal_online_features_through_real_messages(online):
+    data = dataset()
+    compared = 0
+    for index in range(0, len(data), 7):
+        item, sample = data.items[index], data[index]
+        tracked = data.sources[0].windows[item.window]
+        window = online[tracked.window.stamp_ns]
+        row = {key.tobytes(): i for i, key in enumerate(window.key)}
+        centre = row[tracked.window.key[item.centre].tobytes()]
+        batch = build_scenes(window, SCENE, centres=np.array([centre]))
+        np.testing.assert_array_equal(sample.valid.numpy(), batch.valid[0])
+        np.testing.assert_allclose(sample.x.numpy(), batch.features[0], atol=1e-5, rtol=1e-5)
+        np.testing.assert_array_equal(sample.static.numpy(), batch.static[0])
+        compared += int(batch.valid.sum())
+    assert compared > 500
+
+
+def test_the_size_of_a_graph_is_known_before_it_is_cut():
+    found = set()
+    for scene in (SCENE, dataclasses.replace(SCENE, radius_m=9.0)):
+        data = dataset(DataConfig(restart_probability=0.3), scene=scene)
+        sizes = [item.agents for item in data.items[::5]]
+        assert sizes == [data[i].num_nodes for i in range(0, len(data), 5)]
+        found.update(sizes)
+    assert found >= {1, 2, 5}
+
+
+def test_a_window_knows_nothing_that_comes_later():
+    whole = braking_cars()
+    half = whole.between(0.0, 4.0)
+    full, cut = (cut_windows(r, HISTORY, 0.2) for r in (whole, half))
+    assert len(full) > len(cut) > 15
+    for a, b in zip(full, cut, strict=False):
+        assert a.window.stamp_ns == b.window.stamp_ns
+        rows = {key.tobytes(): i for i, key in enumerate(a.window.key)}
+        order = [rows[key.tobytes()] for key in b.window.key]
+        np.testing.assert_array_equal(a.window.position[order], b.window.position)
+        np.testing.assert_array_equal(a.window.acceleration[order], b.window.acceleration)
+
+
+def test_targets_are_the_recorded_future_in_the_scene_frame():
+    recording = braking_cars()
+    data = dataset()
+    item, sample = data.items[40], data[40]
+    tracked = data.sources[0].windows[item.window]
+    centre_row = sample.centre.nonzero().item()
+    track = tracked.track[item.centre]
+    origin = tracked.window.position[item.centre, -1]
+    yaw = tracked.window.yaw[item.centre, -1]
+    frame = round((tracked.window.stamp_ns - recording.start_time_ns) * 1e-9 * 10)
+    for k in range(H):
+        rows = (recording.frame == frame + 2 * (k + 1)) & (recording.track == track)
+        if not rows.any():
+            assert sample.weight[centre_row, k] == 0.0
+            continue
+        moved = recording.position[rows][0] - origin
+        expected = [
+            np.cos(yaw) * moved[0] + np.sin(yaw) * moved[1],
+            -np.sin(yaw) * moved[0] + np.cos(yaw) * moved[1],
+        ]
+        np.testing.assert_allclose(sample.target[centre_row, k, :2], expected, atol=1e-4)
+    assert sample.weight[centre_row].sum() > 0
+
+
+def test_target_velocities_are_the_derivative_of_target_positions():
+    sample = dataset()[30]
+    known = (sample.weight > 0).all(dim=1)
+    moved = (sample.target[known, 2:, :2] - sample.target[known, :-2, :2]) / 0.4
+    torch.testing.assert_close(sample.target[known, 1:-1, 2:], moved, atol=0.05, rtol=0.01)
+
+
+def test_unobserved_futures_have_no_weight_and_no_value():
+    data = dataset()
+    last = max(range(len(data)), key=lambda i: data.items[i].window)
+    sample = data[last]
+    assert sample.weight.sum() == 0.0
+    assert (sample.target == 0.0).all()
+
+
+def test_every_present_agent_lies_in_a_graph_of_its_window():
+    data = dataset()
+    by_window = {}
+    for index, item in enumerate(data.items):
+        by_window.setdefault(item.window, []).append(index)
+    tracked = data.sources[0].windows
+    for window, indices in list(by_window.items())[::6]:
+        centres = [data.items[i].centre for i in indices]
+        batch = build_scenes(tracked[window].window, SCENE, centres=np.array(centres))
+        present = np.flatnonzero(tracked[window].window.valid[:, -1])
+        assert set(present) == set(batch.agent[batch.agent >= 0].tolist())
+
+
+def test_epochs_differ_and_come_again():
+    data = dataset()
+    first = list(data.items)
+    data.set_epoch(1)
+    assert data.items != first
+    data.set_epoch(0)
+    assert data.items == first
+
+
+def test_restarted_agents_have_short_pasts_and_their_own_future():
+    recording = braking_cars()
+    windows = cut_restarted_windows(recording, HISTORY, 0.2, 1.0, np.random.default_rng(0))
+    assert len(windows) == len(cut_windows(recording, HISTORY, 0.2))
+    lengths = []
+    for tracked in windows[10:]:
+        present = tracked.window.valid[:, -1]
+        lengths.extend(tracked.window.valid[present].sum(axis=1))
+        frame = round((tracked.window.stamp_ns - recording.start_time_ns) * 1e-9 * 10)
+        for agent in np.flatnonzero(present):
+            rows = (recording.frame == frame) & (recording.track == tracked.track[agent])
+            np.testing.assert_allclose(
+                tracked.window.position[agent, -1], recording.position[rows][0]
+            )
+    assert min(lengths) == 1
+    assert max(lengths) <= 6
+
+
+def test_a_centre_has_a_future_and_rarely_stands():
+    data = dataclasses.replace(PLAIN, min_future_s=1.0)
+    drawn = dataset(data)
+    weights = [drawn[i].weight[0].sum() for i in range(len(drawn))]
+    assert min(weights) >= 5
+    assert len(drawn) < len(dataset())
+
+
+def test_validation_counts_every_agent_once_an_instant():
+    data = dataclasses.replace(PLAIN, validation_stride_s=1.0)
+    prepared = sources(data, training=False)
+    scenes = validation_scenes(prepared, HISTORY, SCENE, H)
+    present = sum(int(w.window.valid[:, -1].sum()) for w in prepared[0].windows)
+    assert sum(int(s.primary.sum()) for s in scenes) == present
+    assert all(int(s.centre.sum()) == 1 for s in scenes)
+
+
+def test_validation_baselines_stand_in_the_scene_frame():
+    data = dataclasses.replace(PLAIN, validation_stride_s=1.0)
+    scene = validation_scenes(sources(data, training=False), HISTORY, SCENE, H)[20]
+    now, velocity = scene.x[:, -1, :2], scene.x[:, -1, 2:4]
+    there = scene.valid[:, -1]
+    expected = now + velocity * (H * 0.2)
+    torch.testing.assert_close(
+        scene.baselines[there, 0, -1], expected[there], atol=1e-3, rtol=1e-4
+    )
+
+
+def test_dense_lays_graphs_of_different_sizes_out_without_mixing_them():
+    data = dataset(scene=SceneConfig(max_neighbours=11, radius_m=25.0))
+    samples = [data[i] for i in (0, 30, 60, 90)]
+    assert len({s.num_nodes for s in samples}) > 1
+    batch = next(iter(DataLoader(samples, batch_size=4)))
+    fields = dense(batch)
+    for b, sample in enumerate(samples):
+        n = sample.num_nodes
+        torch.testing.assert_close(fields["x"][b, :n], sample.x)
+        torch.testing.assert_close(fields["target"][b, :n], sample.target)
+        assert not fields["valid"][b, n:].any()
+        assert fields["weight"][b, n:].sum() == 0.0
+
+
+def test_to_scene_turns_vectors_backwards():
+    np.testing.assert_allclose(to_scene(np.array([0.0, 2.0]), np.pi / 2), [2.0, 0.0], atol=1e-12)
+
+
+def test_random_cover_leaves_out_agents_that_left():
+    window = cut_windows(braking_cars(), HISTORY, 0.2)[0].window
+    gone = dataclasses.replace(window, valid=window.valid.copy())
+    gone.valid[0, -1] = False
+    for seed in range(5):
+        assert 0 not in random_cover(gone, SCENE, np.random.default_rng(seed))

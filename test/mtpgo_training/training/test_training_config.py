@@ -1,0 +1,155 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Configuration files and splits: what is refused, and with which sentence."""
+
+from pathlib import Path
+
+import pytest
+from traffic import braking_cars
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.commands.train import pair_layouts
+from mtpgo_training.data.readers import LAYOUTS
+from mtpgo_training.data.splits import NamedRecording, split
+from mtpgo_training.training.training_config import (
+    DataConfig,
+    TrainingConfig,
+    dump_config,
+    load_config,
+)
+
+CONFIGS = Path(__file__).parents[3] / "config" / "training"
+
+
+def written(tmp_path, text):
+    path = tmp_path / "c.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_configuration_survives_the_file(tmp_path):
+    config = TrainingConfig(
+        seed=5,
+        data=DataConfig(validation=("a/01",), source_weight={"a": 0.5}),
+        model={"hidden": 8},
+    )
+    assert load_config(written(tmp_path, dump_config(config))) == config
+
+
+def test_an_empty_file_is_the_default(tmp_path):
+    assert load_config(written(tmp_path, "")) == TrainingConfig()
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda p: p.name)
+def test_shipped_configurations_load(path):
+    assert load_config(path).optimisation.epochs > 0
+
+
+def test_there_are_shipped_configurations():
+    assert list(CONFIGS.glob("*.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("data: {stride: 1.0}", r"c.yaml.data has the unknown field 'stride'"),
+        ("seed: many", r"c.yaml.seed is 'many', expected int"),
+        ("data: {stride_s: 0}", r"data.stride_s is 0.0, expected more than 0"),
+        ("data: {mirror_probability: 2}", r"data.mirror_probability is 2.0, expected 0 to 1"),
+        ("optimisation: {learning_rate_schedule: x}", r"'x', expected one of 'cosine'"),
+        ("[1, 2]", r"expected a mapping"),
+        ("a: [", r"c.yaml is no YAML"),
+    ],
+)
+def test_a_bad_file_is_answered_with_the_place(tmp_path, text, sentence):
+    with pytest.raises(ConfigurationError, match=sentence) as caught:
+        load_config(written(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_settings_count_as_if_the_file_said_so(tmp_path):
+    path = written(tmp_path, "data: {stride_s: 1.0, source_weight: {a: 2.0}}\nseed: 4")
+    settings = ["data.stride_s=0.4", "data.source_weight.b/01=0.5", "model.order=1", "seed=9"]
+    config = load_config(path, settings)
+    assert (config.data.stride_s, config.seed, config.model) == (0.4, 9, {"order": 1})
+    assert config.data.source_weight == {"a": 2.0, "b/01": 0.5}
+    assert (
+        load_config(path, ["optimisation.learning_rate=1e-3"]).optimisation.learning_rate == 1e-3
+    )
+    assert load_config(path, ["data.validation=[a/01]"]).data.validation == ("a/01",)
+
+
+@pytest.mark.parametrize(
+    ("setting", "sentence"),
+    [
+        ("seed", r"--set is given 'seed', expected KEY=VALUE"),
+        ("data.x=[", r"--set is given 'data.x=\[', expected KEY=VALUE in YAML"),
+        ("seed.x=1", r"--set 'seed.x=1' names the field 'x' of 4, which has none"),
+        ("sed=1", r"c.yaml with --set has the unknown field 'sed'"),
+        ("data.stride=1", r"with --set.data has the unknown field 'stride'"),
+        ("seed=many", r"with --set.seed is 'many', expected int"),
+    ],
+)
+def test_a_bad_setting_is_one_sentence(tmp_path, setting, sentence):
+    with pytest.raises(ConfigurationError, match=sentence) as caught:
+        load_config(written(tmp_path, "seed: 4"), [setting])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ConfigurationError, match=r"nowhere.yaml cannot be read"):
+        load_config(tmp_path / "nowhere.yaml")
+
+
+def recordings(*names):
+    pairs = (name.split("/") for name in names)
+    return [NamedRecording(d, braking_cars(n, tracks=1, seconds=1.0)) for d, n in pairs]
+
+
+def names(group):
+    return [item.name for item in group]
+
+
+def test_names_find_recordings_with_and_without_their_directory():
+    splits = split(
+        recordings("a/01", "a/02", "b/01", "b/03"),
+        DataConfig(validation=("b/01",), test=("02",)),
+        seed=1,
+    )
+    assert names(splits.train) == ["a/01", "b/03"]
+    assert names(splits.validation) == ["b/01"]
+    assert names(splits.test) == ["a/02"]
+
+
+def test_a_fraction_draws_whole_recordings_the_same_ones_for_a_seed():
+    pool = recordings(*(f"a/{i:02d}" for i in range(10)))
+    data = DataConfig(validation_fraction=0.3)
+    first, again = split(pool, data, 1), split(pool, data, 1)
+    assert names(first.validation) == names(again.validation)
+    assert len(first.validation) == 3
+    assert len(first.train) == 7
+    assert not set(names(first.train)) & set(names(first.validation))
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        (DataConfig(validation=("09",)), r"names '09', expected one of a/01, a/02"),
+        (DataConfig(validation=("01",), test=("a/01",)), r"a/01 is in data.validation and in"),
+        (DataConfig(validation=("01", "02")), r"no recording is left for data.train"),
+        (DataConfig(validation_fraction=0.0), r"no recording is left for data.validation"),
+    ],
+)
+def test_a_bad_split_is_refused(data, sentence):
+    with pytest.raises(ConfigurationError, match=sentence):
+        split(recordings("a/01", "a/02"), data, seed=1)
+
+
+def test_one_layout_serves_all_directories():
+    layout = next(iter(LAYOUTS))
+    assert pair_layouts([Path("a"), Path("b")], [layout]) == [
+        (Path("a"), layout),
+        (Path("b"), layout),
+    ]
+    with pytest.raises(ConfigurationError, match="3 times for 2 times"):
+        pair_layouts([Path("a"), Path("b")], [layout] * 3)

@@ -1,0 +1,286 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A small training: it learns, it goes on after an interruption as if nothing had happened."""
+
+import csv
+import dataclasses
+import json
+import shutil
+import signal
+
+import pytest
+import torch
+from traffic import braking_cars
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task.task_description import SceneConfig
+from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.export.exporter import load_model
+from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
+from mtpgo_training.training.trainer.fit import train
+from mtpgo_training.training.training_config import DataConfig, OptimisationConfig, TrainingConfig
+
+CONFIG = TrainingConfig(
+    num_threads=1,
+    data=DataConfig(
+        validation=("03",), validation_stride_s=1.0, stride_s=0.4, restart_probability=0.2
+    ),
+    scene=SceneConfig(max_neighbours=3),
+    model={
+        "hidden": 16,
+        "modes": 2,
+        "horizon_steps": 10,
+        "layer": "graphconv",
+        "integrator": "euler",
+        "ode_hidden": 4,
+    },
+    optimisation=OptimisationConfig(
+        epochs=8, batch_scenes=8, learning_rate=1e-2, warmup_steps=5, teacher_forcing=0.3
+    ),
+)
+
+
+def recordings(*seeds):
+    return [
+        NamedRecording("cars", braking_cars(f"{seed:02d}", seed=seed, tracks=8, seconds=5.0))
+        for seed in seeds
+    ]
+
+
+def run(folder, config=CONFIG, **options):
+    return train(config, recordings(1, 2, 3), RunFolder(folder), **options)
+
+
+def assert_same_weights(one, other):
+    for name, value in one.state_dict().items():
+        torch.testing.assert_close(other.state_dict()[name], value, rtol=0.0, atol=0.0)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "whole"
+    torch.set_num_threads(1)
+    return run(folder), folder
+
+
+def test_it_learns_what_constant_velocity_misses(whole):
+    module, _ = whole
+    row = module.state.rows[-1]
+    assert row["all_ade"] < 0.7 * row["cv_all_ade"]
+    best = module.state.metrics
+    assert best["model"]["all"]["n"] == best["cv"]["all"]["n"] > 20
+    assert best["model"]["all"]["coverage_90"] == pytest.approx(0.9, abs=0.01)
+
+
+def test_the_log_has_a_line_an_epoch_with_baselines_beside(whole):
+    _, folder = whole
+    with (folder / "log.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["epoch"] for row in rows] == [str(n) for n in range(1, 9)]
+    assert rows[0]["objective"] == "EWTA(2)"
+    assert rows[-1]["objective"] == "NLL"
+    assert float(rows[-1]["all_ade"]) < float(rows[-1]["cv_all_ade"])
+    assert {"all_fde", "all_anll", "centre_ade", "ca_all_ade", "total_seconds"} <= set(rows[0])
+    assert rows[-1]["skipped"] == "0"
+    assert list((folder / "tensorboard").glob("events.*"))
+
+
+def test_the_checkpoints_are_plain_data_and_say_what_they_are(whole):
+    module, folder = whole
+    best, last = load_checkpoint(folder), load_checkpoint(folder / "last.pt")
+    assert best["network"] == last["network"] == "mtp-go"
+    assert best["epoch"] == module.state.best_epoch
+    assert "optimiser" not in best
+    assert_same_weights(module.average, load_model(last))
+
+
+class Killed(Exception):  # noqa: N818
+    """As by a signal that cannot be caught: nothing after it happens."""
+
+
+def kill_after_saves(folder, count, config=CONFIG, **options):
+    """Go on with a run and end it when it has written so many checkpoints."""
+
+    class Folder(RunFolder):
+        saves = 0
+
+        def save(self, *args, **kwargs):
+            super().save(*args, **kwargs)
+            Folder.saves += 1
+            if Folder.saves == count:
+                raise Killed
+
+    with pytest.raises(Killed):
+        train(config, recordings(1, 2, 3), Folder(folder), **options)
+    return load_checkpoint(folder / "last.pt")["state"]
+
+
+@pytest.mark.parametrize("keep", ["best", "last"])
+def test_the_last_epoch_can_be_kept_in_place_of_the_best(tmp_path, keep):
+    rough = dataclasses.replace(
+        CONFIG.optimisation, learning_rate=0.2, learning_rate_schedule="constant", keep=keep
+    )
+    module = run(tmp_path / "r", dataclasses.replace(CONFIG, optimisation=rough))
+    errors = [row["all_ade"] for row in module.state.rows]
+    best = 3 + errors[2:].index(min(errors[2:]))  # the likelihood counts alone from epoch 3 on
+    assert best != 8
+    assert module.state.best_epoch == (8 if keep == "last" else best)
+
+
+def test_a_resumed_run_ends_with_the_same_weights(whole, tmp_path):
+    module, _ = whole
+    folder = tmp_path / "resumed"
+    stopped = run(folder, max_minutes=0.0)  # the time is up after the first step
+    assert (stopped.state.epoch, stopped.state.batch) == (0, 1)
+    state = kill_after_saves(folder, 3, resume=True)
+    assert (state["epoch"], state["batch"]) == (3, 0)
+    again = run(folder, resume=True)
+    assert again.state.epoch == 8
+    assert_same_weights(module, again)
+    assert again.state.best == module.state.best
+    names = set(module.state.rows[0]) - {"seconds", "total_seconds"}
+    for row, expected in zip(again.state.rows, module.state.rows, strict=True):
+        assert {k: row[k] for k in names} == {k: expected[k] for k in names}
+
+
+def test_a_run_killed_within_an_epoch_goes_on_from_the_checkpoint_there(whole, tmp_path):
+    module, _ = whole
+    often = dataclasses.replace(CONFIG.trainer, checkpoint_minutes=1e-9)
+    state = kill_after_saves(tmp_path / "r", 14, dataclasses.replace(CONFIG, trainer=often))
+    assert state["epoch"] == 1
+    assert 0 < state["batch"] < state["step"] < 20
+    assert_same_weights(module, run(tmp_path / "r", resume=True))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_run_after_the_step(tmp_path, number):
+    before, raised = signal.getsignal(number), []
+
+    class Folder(RunFolder):
+        def write_log(self, rows):
+            super().write_log(rows)
+            if rows[-1]["epoch"] == 1 and not raised:
+                raised.append(number)
+                signal.raise_signal(number)
+
+    stopped = train(CONFIG, recordings(1, 2, 3), Folder(tmp_path / "r"))
+    assert (stopped.state.epoch, stopped.state.batch) == (1, 1)
+    assert stopped.received_signal == number
+    assert load_checkpoint(tmp_path / "r" / "last.pt")["state"]["batch"] == 1
+    assert signal.getsignal(number) == before
+
+
+def test_an_existing_folder_is_not_overwritten(whole):
+    with pytest.raises(ConfigurationError, match="exists already, expected a new one or --resume"):
+        run(whole[1])
+
+
+def test_only_the_same_configuration_and_data_are_resumed(whole):
+    other = dataclasses.replace(CONFIG, seed=2)
+    with pytest.raises(ConfigurationError, match=r"differs from .*config.yaml in seed \(1 there"):
+        run(whole[1], config=other, resume=True)
+    with pytest.raises(ConfigurationError, match=r"recordings differ from those in .*run.json"):
+        train(CONFIG, recordings(1, 3), RunFolder(whole[1]), resume=True)
+
+
+def test_on_what_it_runs_may_change_when_a_run_is_resumed(whole):
+    trainer = dataclasses.replace(CONFIG.trainer, validate_every_epochs=2)
+    done = run(whole[1], dataclasses.replace(CONFIG, num_threads=2, trainer=trainer), resume=True)
+    torch.set_num_threads(1)
+    assert done.state.epoch == 8
+    assert_same_weights(whole[0], done)
+
+
+def test_nothing_to_resume_is_said(tmp_path):
+    with pytest.raises(ConfigurationError, match="holds no run to resume"):
+        run(tmp_path / "nothing", resume=True)
+
+
+def test_a_run_can_start_from_the_weights_of_another(whole, tmp_path):
+    short = dataclasses.replace(
+        CONFIG, optimisation=dataclasses.replace(CONFIG.optimisation, learning_rate=1e-12)
+    )
+    tuned = run(tmp_path / "tuned", short, init_from=whole[1], max_minutes=0.0)
+    expected = load_model(load_checkpoint(whole[1])).state_dict()
+    for name, value in tuned.model.state_dict().items():
+        torch.testing.assert_close(value, expected[name])
+    facts = json.loads((tmp_path / "tuned" / "run.json").read_text(encoding="utf-8"))
+    assert len(facts["initial_weights_sha256"]) == 64
+
+
+def test_weights_of_another_architecture_are_refused(whole, tmp_path):
+    larger = dataclasses.replace(CONFIG, model={**CONFIG.model, "hidden": 8})
+    with pytest.raises(ConfigurationError, match=r"weights of .* do not fit the configured") as e:
+        run(tmp_path / "x", larger, init_from=whole[1])
+    assert "\n" not in str(e.value)
+    turned = dataclasses.replace(CONFIG, scene=SceneConfig(frame="driving_direction"))
+    with pytest.raises(ConfigurationError, match=r"on other inputs \(frame centre_heading"):
+        run(tmp_path / "x", turned, init_from=whole[1])
+    other = dataclasses.replace(CONFIG, network="seq2seq", model={"hidden": 16})
+    with pytest.raises(ConfigurationError, match=r"are of 'mtp-go', .* is 'seq2seq'"):
+        run(tmp_path / "x", other, init_from=whole[1])
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_checkpoint_of_another_architecture_is_not_resumed(whole, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(whole[1], folder)
+    checkpoint = torch.load(folder / "last.pt", weights_only=True)
+    checkpoint["model"].pop(next(iter(checkpoint["model"])))
+    torch.save(checkpoint, folder / "last.pt")
+    with pytest.raises(ConfigurationError, match=r"last.pt does not fit") as caught:
+        run(folder, resume=True)
+    assert "\n" not in str(caught.value)
+
+
+def test_patience_ends_a_run_that_gets_no_better(tmp_path):
+    config = dataclasses.replace(
+        CONFIG,
+        optimisation=dataclasses.replace(
+            CONFIG.optimisation, warmup_steps=0, learning_rate=1e-12, epochs=16
+        ),
+        trainer=dataclasses.replace(CONFIG.trainer, patience_epochs=2, validate_every_epochs=2),
+    )
+    stopped = run(tmp_path / "r", config)
+    assert 6 <= stopped.state.epoch < 16
+    assert stopped.state.epoch - stopped.state.best_epoch >= 2
+    validated = ["all_ade" in row for row in stopped.state.rows]
+    assert validated == [n % 2 == 1 for n in range(len(validated))]
+    assert run(tmp_path / "r", config, resume=True).state.epoch == stopped.state.epoch
+
+
+def test_a_step_that_is_not_finite_is_left_out(tmp_path, monkeypatch):
+    from mtpgo_training.training.trainer import training_module as place
+
+    real, calls = place.batch_loss, []
+
+    def sometimes(*args, **kwargs):
+        calls.append(1)
+        return real(*args, **kwargs) * (float("nan") if len(calls) == 3 else 1.0)
+
+    monkeypatch.setattr(place, "batch_loss", sometimes)
+    trained = run(
+        tmp_path / "r",
+        dataclasses.replace(
+            CONFIG, optimisation=dataclasses.replace(CONFIG.optimisation, epochs=1)
+        ),
+    )
+    assert trained.state.rows[0]["skipped"] == 1
+    assert trained.state.step == len(calls)
+    assert all(bool(torch.isfinite(p).all()) for p in trained.model.parameters())
+
+
+def test_an_unknown_model_option_is_named(tmp_path):
+    config = dataclasses.replace(CONFIG, model={"hiden": 3})
+    with pytest.raises(ConfigurationError, match=r"model: .*unknown field 'hiden'"):
+        run(tmp_path / "x", config=config)
+    assert not (tmp_path / "x").exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"no checkpoint", b"PK\x03\x04truncated"])
+def test_an_unreadable_checkpoint_is_one_sentence(tmp_path, content):
+    path = tmp_path / "last.pt"
+    path.write_bytes(content)
+    with pytest.raises(ConfigurationError, match=r"last.pt is no readable checkpoint") as caught:
+        load_checkpoint(path)
+    assert "\n" not in str(caught.value)
