@@ -18,7 +18,7 @@ def pipeline(reference_file):
 def test_cover_grows_linearly(in_turns, pipeline) -> None:
     """Twice the road users, twice the time, with room for the rounding of whole graphs."""
     small, large = pipeline(128), pipeline(256)
-    assert in_turns(small.predictor.predict, large.predictor.predict, rounds=15) <= 2.6
+    assert in_turns(small.predict, large.predict, rounds=15) <= 2.6
 
 
 def test_the_input_hardly_grows(in_turns, pipeline) -> None:
@@ -37,7 +37,7 @@ def test_the_model_is_what_takes_the_time(in_turns, pipeline) -> None:
     runner = whole.predictor._runner
     forward = runner._forward
     runner._forward = lambda *batch: batches.append(batch) or forward(*batch)
-    whole.predictor.predict()
+    whole.predict()
     (batch,) = batches
 
     def cycle() -> None:
@@ -49,7 +49,7 @@ def test_the_model_is_what_takes_the_time(in_turns, pipeline) -> None:
 
 def test_serialized_markers_are_far_cheaper_than_objects(in_turns, pipeline) -> None:
     scene = pipeline(16, "scene")
-    prediction = scene.predictor.predict()
+    prediction = scene.predict()
     adapter = output_adapter("markers")
     octets = adapter.writer(scene.types, serialized=True)
     objects = adapter.writer(scene.types)

@@ -1,10 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The whole way from tracked states to a prediction, without ROS.
+"""From a history window to predictions: scenes, model and fallback.
 
-The node and the offline evaluation run this very code. Every agent present at the common time is
-predicted in every cycle: by the model, or, where that cannot serve, at constant velocity with the
-source saying so (design section 4).
+The node and the offline evaluation run this code on the windows of a
+:class:`~mtpgo_core.history.track_history.TrackHistory`. Every agent present at the common time is
+predicted in every cycle: by the model or, where the model cannot serve, at constant velocity. The
+source of each prediction is part of it.
 """
 
 from __future__ import annotations
@@ -16,14 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.history.track_history import TrackHistory, UpdateReport
 from mtpgo_core.history.track_index import find_names, names_of
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import merge, select
 from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.scene_builder import build_scenes
-from mtpgo_core.schema import BoolArray, HistoryWindow, KeyArray, Prediction, TrackedStates
+from mtpgo_core.schema import BoolArray, HistoryWindow, KeyArray, Prediction
 from mtpgo_core.task.task_description import GRAPH_POLICIES, SceneConfig, TaskDescription
 
 if TYPE_CHECKING:
@@ -90,18 +90,16 @@ class PredictionReport:
 
 
 class ScenePredictor:
-    """History, scenes, model and fallback in one.
+    """Predicts the agents of history windows.
 
-    ``observe`` and ``window`` touch only the history, ``predict_window`` only the model and the
-    memory of the graphs, so two threads may share the work: one that observes, one that predicts.
-    ``fallback`` touches neither.
+    It remembers the graphs of the last cycle, so that agents keep theirs from cycle to cycle.
+    ``fallback`` uses no state and may be called from any thread.
 
     Args:
         runner: the model, None to serve constant velocity alone.
         options: deviations from the task.
         task: what to serve without a runner; with one it is the runner's.
         lanes: lane lines in the fixed frame, for models whose context is ``lanes``.
-        max_tracks: bound on the history's memory.
 
     Attributes:
         options: may be replaced at any time; takes effect with the next prediction.
@@ -117,57 +115,33 @@ class ScenePredictor:
         options: PredictorOptions = PredictorOptions(),
         task: TaskDescription | None = None,
         lanes: LaneMap | None = None,
-        max_tracks: int = 4096,
     ) -> None:
         self._runner = runner
         self.task = runner.task if runner is not None else task or TaskDescription()
         self.options = options
         self.lanes = lanes
         self.last_report = PredictionReport()
-        self._history = TrackHistory(self.task.history, max_tracks)
         self._graphs = GraphState()
         self._graphs_ns: int | None = None
-
-    @property
-    def newest_stamp_ns(self) -> int | None:
-        """Stamp of the newest observation (ns), None before the first."""
-        return self._history.newest_stamp_ns
 
     @property
     def modes(self) -> int:
         """M of every prediction: the model's, or 1 without one."""
         return self.task.modes if self._runner is not None else 1
 
-    def observe(self, states: TrackedStates) -> UpdateReport:
-        """Take an observation into the history."""
-        return self._history.update(states)
-
-    def window(self, stamp_ns: int | None = None) -> HistoryWindow:
-        """The history up to a time (ns), by default the newest observation's."""
-        return self._history.window(stamp_ns)
-
-    def predict(
-        self, stamp_ns: int | None = None, *, ego_key: KeyArray | None = None
-    ) -> Prediction:
-        """Predict every agent present at a time (ns), by default the newest observation's."""
-        return self.predict_window(self.window(stamp_ns), ego_key=ego_key)
-
     def reset(self) -> None:
-        """Forget all observations, as after a jump of the clock."""
-        self._history.clear()
+        """Forget the graphs of the last cycle, as after a jump of the clock."""
         self._graphs = GraphState()
 
     def fallback(self, window: HistoryWindow) -> Prediction:
         """Constant velocity for every agent present at the window's time; any thread."""
         return self._constant(window.select(window.valid[:, -1]))
 
-    def predict_window(
-        self, window: HistoryWindow, *, ego_key: KeyArray | None = None
-    ) -> Prediction:
+    def predict(self, window: HistoryWindow, *, ego_key: KeyArray | None = None) -> Prediction:
         """Predict every agent present at the window's time.
 
         Args:
-            window: of :meth:`window`.
+            window: see :meth:`~mtpgo_core.history.track_history.TrackHistory.window`.
             ego_key: [4] the ego's identity, for the policy ``ego`` and for ``max_agents``.
 
         Returns:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtpgo_core.history.track_history import UpdateReport
+from mtpgo_core.history.track_history import TrackHistory, UpdateReport
 from mtpgo_core.prediction.scene_predictor import ScenePredictor
 from mtpgo_core.schema import HistoryWindow, Prediction, TrackedStates
 from mtpgo_ros.diagnostics.counters import Statistics
@@ -59,14 +59,20 @@ class Intake:
     """Feeds the history and decides which observations start a prediction.
 
     Args:
-        predictor: the pipeline; only its observing half is used here.
+        history: takes the observations in.
+        predictor: forgets its graphs when the past is forgotten.
         statistics: where odd input is counted.
         parameters: those that count at first.
     """
 
     def __init__(
-        self, predictor: ScenePredictor, statistics: Statistics, parameters: PredictorParameters
+        self,
+        history: TrackHistory,
+        predictor: ScenePredictor,
+        statistics: Statistics,
+        parameters: PredictorParameters,
     ) -> None:
+        self._history = history
         self._predictor = predictor
         self._statistics = statistics
         self._parameters = parameters
@@ -89,6 +95,7 @@ class Intake:
 
     def reset(self) -> None:
         """Forget the past."""
+        self._history.clear()
         self._predictor.reset()
         self._schedule.reset()
         self._newest_ns = None
@@ -109,7 +116,7 @@ class Intake:
             return None
         if self._from_the_future(states.stamp_ns, now_ns):
             return None
-        report = self._predictor.observe(states)
+        report = self._history.update(states)
         for name in _COUNTED:
             self._statistics.count(name, int(getattr(report, name)))
         unknown = int(np.count_nonzero(states.agent_class == 0))
@@ -123,7 +130,7 @@ class Intake:
         if not self._schedule.due(states.stamp_ns):
             return None
         start_ns = states.stamp_ns + self._delay_ns(states.stamp_ns, now_ns)
-        return Work(self._predictor.window(start_ns), states.stamp_ns)
+        return Work(self._history.window(start_ns), states.stamp_ns)
 
     def _from_the_future(self, stamp_ns: int, now_ns: int) -> bool:
         """Whether to drop an observation because of a stamp ahead of the clock.

@@ -9,6 +9,7 @@ import gc
 import numpy as np
 
 from mtpgo_core.errors import ModelFileError
+from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.identity import keys_from_integers, keys_from_texts
 from mtpgo_core.prediction.scene_predictor import (
     PredictionReport,
@@ -89,7 +90,7 @@ class Engine:
 
     def predict(self, work: Work) -> Prediction:
         """The model's prediction, with constant velocity where it cannot serve."""
-        return work.stamped(self.pipeline.predict_window(work.window, ego_key=self._ego_key))
+        return work.stamped(self.pipeline.predict(work.window, ego_key=self._ego_key))
 
     def fallback(self, work: Work) -> Prediction:
         """Constant velocity for all, from any thread."""
@@ -126,13 +127,14 @@ class Engine:
             trial = ScenePredictor(
                 self._runner, options=self.pipeline.options, task=task, lanes=self.pipeline.lanes
             )
+            history = TrackHistory(task.history)
             for step in range(task.history.steps):
                 time_s = step * task.history.dt_s
                 row = np.arange(agents, dtype=np.float64)
                 position = np.stack([10.0 * time_s + 12.0 * row, 3.5 * (row % 4)], axis=1)
                 key = keys_from_integers(range(agents))
-                trial.observe(tracked_states(round(time_s * 1e9) + 1, "map", key, position))
-            trial.predict()
+                history.update(tracked_states(round(time_s * 1e9) + 1, "map", key, position))
+            trial.predict(history.window())
         # What has been made by now stays: the collector need not look at it in every cycle.
         gc.collect()
         gc.freeze()

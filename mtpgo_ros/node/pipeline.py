@@ -18,6 +18,7 @@ from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.adapter import InputAdapter
 from mtpgo_core.errors import FrameError, MtpgoError
+from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.schema import Prediction, Source, TrackedStates
 from mtpgo_ros.diagnostics.counters import Statistics
 from mtpgo_ros.diagnostics.diagnostic_status import Facts
@@ -89,7 +90,12 @@ class Service:
         engine.pipeline.reset()
         engine.configure(parameters, self.ego_topic)
         reporting.facts.frame_error = ""
-        self.intake = Intake(engine.pipeline, reporting.statistics, parameters)
+        self.intake = Intake(
+            TrackHistory(engine.pipeline.task.history),
+            engine.pipeline,
+            reporting.statistics,
+            parameters,
+        )
         self.objects = ObjectsInput(
             node, parameters.input_type, self._on_objects, reporting.statistics
         )

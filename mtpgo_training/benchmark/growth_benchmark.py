@@ -16,7 +16,9 @@ from msg_adapters.inputs.object_cloud import decode_cloud, states_to_pointcloud2
 from msg_adapters.predictions import prediction_to_pointcloud2
 from msg_adapters.ring_traffic import RingTraffic
 from msg_adapters.types import Types, TypestoreTypes
+from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
+from mtpgo_core.schema import Prediction
 from mtpgo_training.benchmark.benchmark_model import model_file
 from mtpgo_training.benchmark.machine import heading, markdown, write_json
 from mtpgo_training.benchmark.node_benchmark import check_able, node_table, run_cases
@@ -67,6 +69,7 @@ class Pipeline:
         self.types: Types = TypestoreTypes(bag_typestore())
         options = PredictorOptions(policy=graph, max_agents=agents)
         self.predictor = ScenePredictor(ModelRunner.load(model, 1), options=options)
+        self.history = TrackHistory(self.predictor.task.history)
         self._traffic = RingTraffic(agents)
         self._time_s = 0.0
         while self._time_s < _FILL_S:
@@ -81,11 +84,15 @@ class Pipeline:
 
     def observe(self, message: object) -> None:
         """What the node does with a message in which no prediction is due."""
-        self.predictor.observe(decode_cloud(message).states)
+        self.history.update(decode_cloud(message).states)
+
+    def predict(self) -> Prediction:
+        """The prediction at the newest observation."""
+        return self.predictor.predict(self.history.window())
 
     def encode(self) -> object:
         """A prediction and its message."""
-        return prediction_to_pointcloud2(self.predictor.predict(), self.types)
+        return prediction_to_pointcloud2(self.predict(), self.types)
 
 
 def stages(model: Path, agents: int, graph: str, seconds: float) -> Stages:
@@ -104,7 +111,7 @@ def stages(model: Path, agents: int, graph: str, seconds: float) -> Stages:
             pipeline.observe(message)
             observe_s.append(time.perf_counter() - begin)
         begin = time.perf_counter()
-        prediction = pipeline.predictor.predict()
+        prediction = pipeline.predict()
         predicted = time.perf_counter()
         prediction_to_pointcloud2(prediction, pipeline.types)
         encode_s.append(time.perf_counter() - predicted)

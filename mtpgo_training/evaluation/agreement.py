@@ -13,6 +13,7 @@ from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.schema import Float64Array, Prediction, Source
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.evaluator import make_predictor
+from mtpgo_training.scenes.history_replay import replay
 
 _SAME_WEIGHT = 1e-5
 """Modes whose weights differ by less may have changed places on their way through float32."""
@@ -98,15 +99,7 @@ def replay_offline(
     scenes.
     """
     predictor = make_predictor(runner, recording)
-    states = recording.states()
-    coming = next(states, None)
-    predictions = []
-    for stamp in stamps:
-        while coming is not None and coming.stamp_ns <= stamp:
-            predictor.observe(coming)
-            coming = next(states, None)
-        predictions.append(predictor.predict(stamp))
-    return predictions
+    return [predictor.predict(w) for w in replay(recording, runner.task.history, stamps)]
 
 
 def _apart(

@@ -21,7 +21,8 @@ from mtpgo_training.evaluation.clock_alignment import find_parts
 from mtpgo_training.evaluation.evaluator import Evaluation
 from mtpgo_training.evaluation.extreme_scenes import SceneKeeper
 from mtpgo_training.evaluation.scorebook import ScoreBook
-from mtpgo_training.evaluation.scorer import Judge, windows_at
+from mtpgo_training.evaluation.scorer import Judge
+from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 
 PROTOCOL = "all"
@@ -157,7 +158,7 @@ class _Played:
         history = next((r.task.history for r in self.runners.values()), HistoryConfig())
         judge, keeper = self._judge(history), evaluation.scenes.get(bag)
         stamps = [p.stamp_ns for p in predictions]
-        windows = windows_at(self.recording, history, stamps)
+        windows = replay(self.recording, history, stamps)
         for prediction, window in zip(predictions, windows, strict=True):
             rows, seen, scores = judge.add(evaluation.book, prediction, bag, PROTOCOL)
             book = evaluation.book if baselines else ScoreBook()

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
@@ -23,6 +22,7 @@ from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.extreme_scenes import SceneKeeper
 from mtpgo_training.evaluation.scorebook import ScoreBook
 from mtpgo_training.evaluation.scorer import Judge
+from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.windows import frames_every
 
 CENTRE_EVERY = 5
@@ -97,11 +97,9 @@ def predict_recording(
         stride_s: time between two predictions (s).
     """
     predictor = make_predictor(runner, recording, policy)
-    due = set(frames_every(recording, stride_s).tolist())
-    for frame, states in zip(recording.frames.tolist(), recording.states(), strict=True):
-        predictor.observe(states)
-        if frame in due:
-            yield predictor.predict(states.stamp_ns)
+    stamps_ns = map(recording.stamp_ns, frames_every(recording, stride_s).tolist())
+    for window in replay(recording, runner.task.history, stamps_ns):
+        yield predictor.predict(window)
 
 
 def evaluate_recording(
@@ -137,7 +135,7 @@ def evaluate_recording(
             for protocol, policy in (("all", settings.policy), ("centre", "each"))
             if protocol == "all" or settings.centre
         ]
-        for window, protocols in _windows(recording, entries[0].predictor, settings, tick):
+        for window, protocols in _windows(recording, history, settings, tick):
             for entry in entries:
                 if entry.protocol in protocols:
                     entry.score(result, judge, window, baselines=entry.model == first)
@@ -154,7 +152,7 @@ class _Entry:
     def score(
         self, result: Evaluation, judge: Judge, window: HistoryWindow, *, baselines: bool
     ) -> None:
-        prediction = self.predictor.predict_window(window)
+        prediction = self.predictor.predict(window)
         if not len(prediction):
             return
         rows, seen, scores = judge.add(result.book, prediction, self.model, self.protocol)
@@ -171,23 +169,23 @@ class _Entry:
 
 def _windows(
     recording: Recording,
-    predictor: ScenePredictor,
+    history: HistoryConfig,
     settings: Settings,
     tick: Callable[[], object],
 ) -> Iterator[tuple[HistoryWindow, set[str]]]:
     """The windows of all scored instants, each with the protocols it serves."""
     strides = {"all": settings.stride_s, "centre": CENTRE_EVERY * settings.stride_s}
     frames = {p: set(frames_every(recording, stride).tolist()) for p, stride in strides.items()}
-    for frame, states in zip(recording.frames.tolist(), recording.states(), strict=True):
-        predictor.observe(states)
-        due = {protocol for protocol, chosen in frames.items() if frame in chosen}
-        if due and settings.one_sample:
-            history = TrackHistory(predictor.task.history)
-            history.update(states)
-            yield history.window(states.stamp_ns), due
-        elif due:
-            yield predictor.window(states.stamp_ns), due
-        tick()
+    scored = sorted(set.union(*frames.values()))
+    windows = replay(
+        recording,
+        history,
+        map(recording.stamp_ns, scored),
+        one_sample=settings.one_sample,
+        on_frame=tick,
+    )
+    for frame, window in zip(scored, windows, strict=True):
+        yield window, {protocol for protocol, chosen in frames.items() if frame in chosen}
 
 
 def _same_history(runners: Mapping[str, ModelRunner]) -> list[list[str]]:

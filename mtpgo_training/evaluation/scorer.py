@@ -8,13 +8,12 @@ instants for the same agents, from the history that the node would have had.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, KeyArray, Prediction
 from mtpgo_core.task.task_description import HistoryConfig
@@ -23,6 +22,7 @@ from mtpgo_training.data.manoeuvres import label
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.scorebook import ScoreBook, ScoreTable
 from mtpgo_training.evaluation.scorepage import AgentScores
+from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 
 IntArray = NDArray[np.int64]
@@ -224,23 +224,9 @@ def add_scores(
     """
     judge = Judge(recording, max_gap_s=history.max_gap_s, min_future_s=min_future_s)
     ordered = sorted(predictions, key=lambda p: p.stamp_ns)
-    windows = windows_at(recording, history, [p.stamp_ns for p in ordered])
+    windows = replay(recording, history, [p.stamp_ns for p in ordered])
     for prediction, window in zip(ordered, windows, strict=True):
         if len(prediction):
             _, seen, _ = judge.add(book, prediction, name, protocol)
             if baselines:
                 judge.add_baselines(book, window, seen, protocol)
-
-
-def windows_at(
-    recording: Recording, config: HistoryConfig, stamps: Iterable[int]
-) -> Iterator[HistoryWindow]:
-    """The history's window at each of the ascending stamps (ns)."""
-    history = TrackHistory(config)
-    states = recording.states()
-    coming = next(states, None)
-    for stamp in stamps:
-        while coming is not None and coming.stamp_ns <= stamp:
-            history.update(coming)
-            coming = next(states, None)
-        yield history.window(stamp)

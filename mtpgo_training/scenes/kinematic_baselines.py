@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.schema import Float64Array, HistoryWindow
 
 Baseline = Callable[[HistoryWindow, int, float], Float64Array]
@@ -26,8 +27,8 @@ MOVING_ABOVE_MPS = 1.0
 
 def constant_velocity(window: HistoryWindow, horizon_steps: int, dt_s: float) -> Float64Array:
     """[n, H, 2] straight on at the velocity at t (m)."""
-    time = _times(horizon_steps, dt_s)
-    return window.position[:, -1, None] + _last(window.velocity)[:, None] * time
+    prediction = predict_constant_velocity(window, horizon_steps=horizon_steps, dt_s=dt_s)
+    return prediction.mean[:, 0, :, :2]
 
 
 def constant_acceleration(window: HistoryWindow, horizon_steps: int, dt_s: float) -> Float64Array:

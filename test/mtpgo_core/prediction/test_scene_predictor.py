@@ -9,6 +9,7 @@ import pytest
 from core_helpers import HORIZON, MODES, states_of, write_model
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.identity import key_to_int, keys_from_integers
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
@@ -23,7 +24,18 @@ def runner(tmp_path_factory):
     return ModelRunner.load(path)
 
 
-def drive(predictor, count=12, cycles=10, spacing_m=15.0, speed=8.0, start=0):
+class Stream:
+    """A history and the predictor of its windows, as the node has them."""
+
+    def __init__(self, *arguments, **options):
+        self.predictor = ScenePredictor(*arguments, **options)
+        self.history = TrackHistory(self.predictor.task.history)
+
+    def predict(self, **options):
+        return self.predictor.predict(self.history.window(), **options)
+
+
+def drive(stream, count=12, cycles=10, spacing_m=15.0, speed=8.0, start=0):
     """Agents in a row that drive along x; returns the last report."""
     speeds = np.broadcast_to(speed, count)
     for k in range(start, start + cycles):
@@ -31,7 +43,9 @@ def drive(predictor, count=12, cycles=10, spacing_m=15.0, speed=8.0, start=0):
             [spacing_m * np.arange(count) + 0.1 * k * speeds, np.zeros(count)], axis=1
         )
         velocity = np.stack([speeds, np.zeros(count)], axis=1)
-        report = predictor.observe(states_of(0.1 * k, range(count), position, velocity=velocity))
+        report = stream.history.update(
+            states_of(0.1 * k, range(count), position, velocity=velocity)
+        )
     return report
 
 
@@ -50,30 +64,30 @@ def check_complete(prediction, ids):
 
 
 def test_without_a_model_everybody_goes_straight_on():
-    predictor = ScenePredictor(None)
-    assert len(predictor.predict()) == 0
-    drive(predictor)
-    given = predictor.predict()
+    stream = Stream(None)
+    assert len(stream.predict()) == 0
+    drive(stream)
+    given = stream.predict()
     check_complete(given, range(12))
     assert given.mean.shape == (12, 1, 25, 4)
     assert (given.source == Source.CONSTANT_VELOCITY).all()
     np.testing.assert_allclose(given.mean[:, 0, -1, 0], given.initial[:, 0] + 5.0 * 8.0)
-    assert predictor.last_report.by_model == 0
+    assert stream.predictor.last_report.by_model == 0
 
 
 def test_without_a_model_the_given_task_counts():
     task = TaskDescription(horizon_steps=7, history=HistoryConfig(dt_s=0.5, steps=3))
-    predictor = ScenePredictor(None, task=task)
-    drive(predictor)
-    given = predictor.predict()
+    stream = Stream(None, task=task)
+    drive(stream)
+    given = stream.predict()
     np.testing.assert_allclose(given.time_s, 0.5 * np.arange(1, 8))
 
 
 @pytest.mark.parametrize("policy", [None, "ego", "cover", "each", "scene"])
 def test_the_model_serves_everybody(runner, policy):
-    predictor = ScenePredictor(runner, options=PredictorOptions(policy=policy))
-    drive(predictor)
-    given = predictor.predict(ego_key=keys_from_integers([3])[0])
+    stream = Stream(runner, options=PredictorOptions(policy=policy))
+    drive(stream)
+    given = stream.predict(ego_key=keys_from_integers([3])[0])
     check_complete(given, range(12))
     assert given.mean.shape == (12, MODES, HORIZON, 4)
     assert (given.source == Source.MODEL).all()
@@ -81,33 +95,33 @@ def test_the_model_serves_everybody(runner, policy):
     np.testing.assert_allclose(
         given.mean[:, -1, -1, 0], given.initial[:, 0] + 8.0 * 0.2 * HORIZON, atol=1e-4
     )
-    report = predictor.last_report
+    report = stream.predictor.last_report
     assert (report.agents, report.by_model, report.unusable, report.over_limit) == (12, 12, 0, 0)
     assert report.graphs == {"each": 12, "scene": 1}.get(policy, report.graphs)
 
 
 def test_an_agent_the_model_fails_on_goes_straight_on(runner):
-    predictor = ScenePredictor(runner)
+    stream = Stream(runner)
     speed = np.where(np.arange(12) == 4, 65.0, 8.0)  # the model of the test gives NaN above 60
-    drive(predictor, speed=speed)
-    given = predictor.predict()
+    drive(stream, speed=speed)
+    given = stream.predict()
     check_complete(given, range(12))
     assert np.flatnonzero(given.source == Source.CONSTANT_VELOCITY).tolist() == [4]
     assert given.weight[4].tolist() == [1.0, 0.0, 0.0]
     np.testing.assert_allclose(given.mean[4, 0, -1, 2:], [65.0, 0.0])
-    assert predictor.last_report.unusable == 1
+    assert stream.predictor.last_report.unusable == 1
 
 
 def test_beyond_max_agents_the_nearest_keep_the_model(runner):
-    predictor = ScenePredictor(runner, options=PredictorOptions(max_agents=5))
-    drive(predictor)
-    given = predictor.predict()
+    stream = Stream(runner, options=PredictorOptions(max_agents=5))
+    drive(stream)
+    given = stream.predict()
     check_complete(given, range(12))
     assert len(given) == 12
     served = np.flatnonzero(given.source == Source.MODEL)
     assert served.tolist() in ([3, 4, 5, 6, 7], [4, 5, 6, 7, 8])  # around the middle
-    assert predictor.last_report.over_limit == 7
-    given = predictor.predict(ego_key=keys_from_integers([11])[0])
+    assert stream.predictor.last_report.over_limit == 7
+    given = stream.predict(ego_key=keys_from_integers([11])[0])
     assert np.flatnonzero(given.source == Source.MODEL).tolist() == [7, 8, 9, 10, 11]
     x = 15.0 * np.arange(12) + 0.9 * 8.0
     np.testing.assert_allclose(given.initial[:, 0], x)
@@ -115,37 +129,41 @@ def test_beyond_max_agents_the_nearest_keep_the_model(runner):
     np.testing.assert_allclose(
         given.mean[np.arange(12), straight, -1, 0], x + 8.0 * 0.2 * HORIZON, atol=1e-4
     )
-    predictor.options = PredictorOptions(max_agents=0)
-    given = predictor.predict()
+    stream.predictor.options = PredictorOptions(max_agents=0)
+    given = stream.predict()
     check_complete(given, range(12))
     assert (given.source == Source.CONSTANT_VELOCITY).all()
 
 
 def test_agents_at_the_limit_do_not_take_turns(runner):
     draw = np.random.default_rng(0)
-    predictor = ScenePredictor(runner, options=PredictorOptions(max_agents=10))
+    stream = Stream(runner, options=PredictorOptions(max_agents=10))
     angle = np.linspace(0, 2 * np.pi, 20, endpoint=False)
     served = set()
     for k in range(20):
         ring = 30.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        predictor.observe(states_of(0.1 * k, range(20), ring + draw.normal(size=(20, 2)) * 0.5))
-        given = predictor.predict()
+        stream.history.update(
+            states_of(0.1 * k, range(20), ring + draw.normal(size=(20, 2)) * 0.5)
+        )
+        given = stream.predict()
         served |= set(np.flatnonzero(given.source == Source.MODEL).tolist())
     assert len(served) == 10
 
 
 def test_options_change_while_running(runner):
-    predictor = ScenePredictor(runner)
-    drive(predictor)
+    stream = Stream(runner)
+    drive(stream)
     graphs = []
     for options in (
         PredictorOptions(policy="each"),
         PredictorOptions(policy="each", max_neighbours=3),
         PredictorOptions(radius_m=1.0),
     ):
-        predictor.options = options
-        predictor.predict()
-        graphs.append((predictor.last_report.graphs, predictor.last_report.largest_graph))
+        stream.predictor.options = options
+        stream.predict()
+        graphs.append(
+            (stream.predictor.last_report.graphs, stream.predictor.last_report.largest_graph)
+        )
     assert graphs == [(12, 12), (12, 4), (12, 1)]
 
 
@@ -165,30 +183,30 @@ def test_impossible_options_are_errors(changes, message):
 
 
 def test_the_trackers_covariance_is_used_when_asked_for(runner):
-    predictor = ScenePredictor(runner, options=PredictorOptions(use_tracker_covariance=True))
+    stream = Stream(runner, options=PredictorOptions(use_tracker_covariance=True))
     covariance = 9.0 * np.eye(4)[None]
-    predictor.observe(states_of(0.0, [1], [[0, 0]], velocity=[[5, 0]], covariance=covariance))
-    wide = predictor.predict().covariance[0, 0, 0]
-    predictor.options = PredictorOptions()
-    narrow = predictor.predict().covariance[0, 0, 0]
+    stream.history.update(states_of(0.0, [1], [[0, 0]], velocity=[[5, 0]], covariance=covariance))
+    wide = stream.predict().covariance[0, 0, 0]
+    stream.predictor.options = PredictorOptions()
+    narrow = stream.predict().covariance[0, 0, 0]
     np.testing.assert_allclose(wide - narrow, 8.0 * np.eye(2), atol=1e-5)
 
 
 def test_a_late_window_is_predicted_as_it_was(runner):
-    predictor = ScenePredictor(runner)
-    drive(predictor, cycles=10)
-    window = predictor.window()
-    before = predictor.predict_window(window)
-    drive(predictor, cycles=5, start=10)
-    again = predictor.predict_window(window)
+    stream = Stream(runner)
+    drive(stream, cycles=10)
+    window = stream.history.window()
+    before = stream.predictor.predict(window)
+    drive(stream, cycles=5, start=10)
+    again = stream.predictor.predict(window)
     np.testing.assert_array_equal(before.mean, again.mean)
-    assert predictor.predict().stamp_ns == 1_400_000_000
+    assert stream.predict().stamp_ns == 1_400_000_000
 
 
 def test_the_fallback_has_the_shape_of_the_prediction(runner):
-    predictor = ScenePredictor(runner)
-    drive(predictor)
-    given, fallback = predictor.predict(), predictor.fallback(predictor.window())
+    stream = Stream(runner)
+    drive(stream)
+    given, fallback = stream.predict(), stream.predictor.fallback(stream.history.window())
     check_complete(fallback, range(12))
     assert (fallback.source == Source.CONSTANT_VELOCITY).all()
     for field in dataclasses.fields(given):
@@ -199,54 +217,55 @@ def test_the_fallback_has_the_shape_of_the_prediction(runner):
 
 
 def test_a_reset_forgets_everything(runner):
-    predictor = ScenePredictor(runner)
-    drive(predictor)
-    predictor.reset()
-    assert predictor.newest_stamp_ns is None
-    assert len(predictor.predict()) == 0
-    drive(predictor, count=3)
-    check_complete(predictor.predict(), range(3))
+    stream = Stream(runner)
+    drive(stream)
+    stream.history.clear()
+    stream.predictor.reset()
+    assert stream.history.newest_stamp_ns is None
+    assert len(stream.predict()) == 0
+    drive(stream, count=3)
+    check_complete(stream.predict(), range(3))
 
 
 def test_a_stream_after_a_pause_does_not_depend_on_the_one_before(runner):
     options = PredictorOptions(radius_m=30.0)
-    fresh, used = ScenePredictor(runner, options=options), ScenePredictor(runner, options=options)
+    fresh, used = Stream(runner, options=options), Stream(runner, options=options)
     # The same numbers in another order along the road, so other agents become centres.
     drive(used, spacing_m=-20.0, speed=5.0)
     used.predict()
-    for predictor in (fresh, used):
-        drive(predictor, start=600)
-        predictor.predict()
-    assert fresh._graphs.centre.tolist() == used._graphs.centre.tolist()
-    assert fresh._graphs.owner.tolist() == used._graphs.owner.tolist()
+    for stream in (fresh, used):
+        drive(stream, start=600)
+        stream.predict()
+    assert fresh.predictor._graphs.centre.tolist() == used.predictor._graphs.centre.tolist()
+    assert fresh.predictor._graphs.owner.tolist() == used.predictor._graphs.owner.tolist()
 
 
 def test_agents_that_come_and_go_are_all_predicted(runner):
     draw = np.random.default_rng(1)
-    predictor = ScenePredictor(runner)
+    stream = Stream(runner)
     for k in range(60):
         ids = np.sort(draw.choice(30, draw.integers(0, 25), replace=False))
         bad = draw.random(len(ids)) < 0.1
         position = np.stack([30.0 * ids, 0.3 * k + 0.0 * ids], axis=1)
         position[bad] = np.nan
-        predictor.observe(states_of(0.1 * k, ids, position))
-        given = predictor.predict()
+        stream.history.update(states_of(0.1 * k, ids, position))
+        given = stream.predict()
         assert set(ids[~bad].tolist()) <= set(ids_of(given))
         check_complete(given, sorted(ids_of(given)))
 
 
 def test_a_lane_model_without_lanes_is_an_error_and_the_fallback_stays(tmp_path):
     write_model(tmp_path / "lanes.pt", scene=SceneConfig(context="lanes"))
-    predictor = ScenePredictor(ModelRunner.load(tmp_path / "lanes.pt"))
-    drive(predictor)
+    stream = Stream(ModelRunner.load(tmp_path / "lanes.pt"))
+    drive(stream)
     with pytest.raises(ConfigurationError, match="lane"):
-        predictor.predict()
-    check_complete(predictor.fallback(predictor.window()), range(12))
+        stream.predict()
+    check_complete(stream.predictor.fallback(stream.history.window()), range(12))
 
 
 def test_one_agent_and_one_sample_are_enough(runner):
-    predictor = ScenePredictor(runner)
-    predictor.observe(states_of(0.0, [1 << 100], [[5.0, 6.0]]))
-    given = predictor.predict()
+    stream = Stream(runner)
+    stream.history.update(states_of(0.0, [1 << 100], [[5.0, 6.0]]))
+    given = stream.predict()
     check_complete(given, [1 << 100])
     assert given.initial[0].tolist() == [5.0, 6.0, 0.0, 0.0]

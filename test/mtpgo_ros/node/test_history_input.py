@@ -7,6 +7,7 @@ import dataclasses
 import pytest
 from ros_helpers import START_NS, traffic
 
+from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.scene_predictor import ScenePredictor
 from mtpgo_ros.diagnostics.counters import Statistics
 from mtpgo_ros.node.history_input import Intake
@@ -19,7 +20,11 @@ def make():
         parameters = dataclasses.replace(PredictorParameters(), **values)
         statistics = Statistics()
         pipeline = ScenePredictor(None)
-        return Intake(pipeline, statistics, parameters), statistics, pipeline
+        return (
+            Intake(TrackHistory(pipeline.task.history), pipeline, statistics, parameters),
+            statistics,
+            pipeline,
+        )
 
     return make
 
@@ -43,7 +48,7 @@ def test_delay_compensation_takes_the_window_at_the_present_time(make):
     work = intake.take(traffic(0.0), at(0.3))
     assert work.window.stamp_ns - work.stamp_ns == 300_000_000
     assert work.window.position[:, -1, 0] == pytest.approx([3.0, 15.0, 27.0, 39.0])
-    prediction = work.stamped(pipeline.predict_window(work.window))
+    prediction = work.stamped(pipeline.predict(work.window))
     assert prediction.stamp_ns == at(0.0)
     assert prediction.time_s[:2] == pytest.approx([0.5, 0.7])
     assert prediction.mean[0, 0, :2, 0] == pytest.approx([5.0, 7.0])
@@ -64,9 +69,9 @@ def test_the_clocks_jump_back_forgets_what_lies_ahead_of_it(make):
     for k in range(10):
         intake.take(traffic(k / 5), at(k / 5))
     intake.clock_jumped_back(at(1.5))  # within the tolerance: the history knows better
-    assert pipeline.newest_stamp_ns == at(1.8)
+    assert intake._history.newest_stamp_ns == at(1.8)
     intake.clock_jumped_back(at(0.0))
-    assert pipeline.newest_stamp_ns is None
+    assert intake._history.newest_stamp_ns is None
     work = intake.take(traffic(0.1), at(0.1))
     assert work.window.valid[:, -1].all()
     assert not work.window.valid[:, :-1].any()

@@ -13,6 +13,7 @@ from traffic import braking_cars
 from msg_adapters.predictions import prediction_to_pointcloud2
 from msg_adapters.registry import input_adapter
 from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
 from mtpgo_core.prediction.scene_predictor import ScenePredictor
 from mtpgo_training.cli import main
@@ -44,7 +45,7 @@ def recording():
 def play(recording, runner, path, *, shift_ns=0, every=2, observations=True):
     """What the node does, in one process: every message goes over the wire as CDR and back."""
     adapter, store = input_adapter("pointcloud2"), bag_typestore()
-    predictor = ScenePredictor(runner)
+    predictor, history = ScenePredictor(runner), TrackHistory(runner.task.history)
     with create_bag(path) as bag:
         if observations:
             bag.add_topic(OBJECTS_TOPIC, adapter.message_type)
@@ -56,11 +57,11 @@ def play(recording, runner, path, *, shift_ns=0, every=2, observations=True):
             )
             wire = store.serialize_cdr(message, adapter.message_type)
             received = store.deserialize_cdr(wire, adapter.message_type)
-            predictor.observe(adapter.to_states(received))
+            history.update(adapter.to_states(received))
             if observations:
                 bag.write(OBJECTS_TOPIC, stamp_ns, received)
             if i % every == 0:
-                prediction = predictor.predict(stamp_ns)
+                prediction = predictor.predict(history.window(stamp_ns))
                 bag.write(TOPIC, stamp_ns, prediction_to_pointcloud2(prediction, bag.types))
     return path
 
