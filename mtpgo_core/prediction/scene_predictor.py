@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.history.track_index import find_names, names_of
+from mtpgo_core.options import check_options, option
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import merge, select
 from mtpgo_core.scene.graph_selection import GraphState
@@ -47,25 +47,14 @@ class PredictorOptions:
         use_tracker_covariance: start from the tracker's covariance where it gives one.
     """
 
-    policy: str | None = None
-    max_neighbours: int | None = None
-    radius_m: float | None = None
-    max_agents: int = 128
+    policy: str | None = option(None, choices=GRAPH_POLICIES)
+    max_neighbours: int | None = option(None, low=0)
+    radius_m: float | None = option(None, above=0.0)
+    max_agents: int = option(128, low=0)
     use_tracker_covariance: bool = False
 
     def __post_init__(self) -> None:
-        if self.policy is not None and self.policy not in GRAPH_POLICIES:
-            raise ConfigurationError(
-                f"policy is {self.policy!r}, expected one of {', '.join(GRAPH_POLICIES)}"
-            )
-        if self.max_neighbours is not None and self.max_neighbours < 0:
-            raise ConfigurationError(
-                f"max_neighbours is {self.max_neighbours!r}, expected at least 0"
-            )
-        if self.radius_m is not None and not self.radius_m > 0.0:
-            raise ConfigurationError(f"radius_m is {self.radius_m!r}, expected more than 0")
-        if self.max_agents < 0:
-            raise ConfigurationError(f"max_agents is {self.max_agents!r}, expected at least 0")
+        check_options(self)
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import types
-import typing
 from dataclasses import dataclass, field
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import check_options, from_dict, option
 
 SCHEMA_VERSION = 1
 """Raised whenever an older runner could no longer serve a newer file."""
@@ -48,28 +47,6 @@ CONTEXT_FEATURES = {
 }
 
 
-def require_choice(name: str, value: str, valid: tuple[str, ...]) -> None:
-    """That the option ``name`` has one of its ``valid`` values.
-
-    Raises:
-        ConfigurationError: it has another.
-    """
-    if value not in valid:
-        raise ConfigurationError(
-            f"{name} is {value!r}, expected one of {', '.join(repr(v) for v in valid)}"
-        )
-
-
-def require_at_least(name: str, value: float, least: float) -> None:
-    """That the option ``name`` is not below ``least``, nor NaN.
-
-    Raises:
-        ConfigurationError: it is.
-    """
-    if not value >= least:
-        raise ConfigurationError(f"{name} is {value!r}, expected at least {least}")
-
-
 @dataclass(frozen=True)
 class HistoryConfig:
     """How observations become the window (design D1, section 4 Resampling).
@@ -88,26 +65,18 @@ class HistoryConfig:
             rejected or starts a new track (m/s).
     """
 
-    dt_s: float = 0.2
-    steps: int = 16
-    max_gap_s: float = 0.5
-    max_extrapolation_s: float = 0.5
-    velocity_source: str = "message"
-    acceleration_source: str = "estimated"
-    velocity_tau_s: float = 0.3
-    acceleration_tau_s: float = 0.5
-    max_speed_mps: float = 100.0
+    dt_s: float = option(0.2, low=1e-3)
+    steps: int = option(16, low=1)
+    max_gap_s: float = option(0.5, low=0.0)
+    max_extrapolation_s: float = option(0.5, low=0.0)
+    velocity_source: str = option("message", choices=DERIVATIVE_SOURCES)
+    acceleration_source: str = option("estimated", choices=DERIVATIVE_SOURCES)
+    velocity_tau_s: float = option(0.3, low=0.0)
+    acceleration_tau_s: float = option(0.5, low=0.0)
+    max_speed_mps: float = option(100.0, low=1.0)
 
     def __post_init__(self) -> None:
-        require_at_least("history.dt_s", self.dt_s, 1e-3)
-        require_at_least("history.steps", self.steps, 1)
-        require_at_least("history.max_gap_s", self.max_gap_s, 0.0)
-        require_at_least("history.max_extrapolation_s", self.max_extrapolation_s, 0.0)
-        require_at_least("history.velocity_tau_s", self.velocity_tau_s, 0.0)
-        require_at_least("history.acceleration_tau_s", self.acceleration_tau_s, 0.0)
-        require_at_least("history.max_speed_mps", self.max_speed_mps, 1.0)
-        require_choice("history.velocity_source", self.velocity_source, DERIVATIVE_SOURCES)
-        require_choice("history.acceleration_source", self.acceleration_source, DERIVATIVE_SOURCES)
+        check_options(self, "history.")
 
     @property
     def grid_ns(self) -> tuple[int, ...]:
@@ -146,13 +115,13 @@ class SceneConfig:
         classes: class names of the one-hot static feature, in order.
     """
 
-    policy: str = "cover"
-    max_neighbours: int = 31
-    radius_m: float = 100.0
-    frame: str = "centre_heading"
+    policy: str = option("cover", choices=GRAPH_POLICIES)
+    max_neighbours: int = option(31, low=0)
+    radius_m: float = option(100.0, low=0.0)
+    frame: str = option("centre_heading", choices=FRAME_POLICIES)
     site_origin: tuple[float, float] = (0.0, 0.0)
-    context: str = "none"
-    leader_reach_m: float = 80.0
+    context: str = option("none", choices=CONTEXTS)
+    leader_reach_m: float = option(80.0, low=1.0)
     classes: tuple[str, ...] = (
         "car",
         "van",
@@ -165,12 +134,7 @@ class SceneConfig:
     )
 
     def __post_init__(self) -> None:
-        require_choice("scene.policy", self.policy, GRAPH_POLICIES)
-        require_choice("scene.frame", self.frame, FRAME_POLICIES)
-        require_choice("scene.context", self.context, CONTEXTS)
-        require_at_least("scene.max_neighbours", self.max_neighbours, 0)
-        require_at_least("scene.radius_m", self.radius_m, 0.0)
-        require_at_least("scene.leader_reach_m", self.leader_reach_m, 1.0)
+        check_options(self, "scene.")
 
     @property
     def features(self) -> tuple[str, ...]:
@@ -235,53 +199,3 @@ class TaskDescription:
                 f"the task description has schema version {version!r}, expected {SCHEMA_VERSION}"
             )
         return from_dict(cls, data, "task")
-
-
-T = typing.TypeVar("T")
-
-
-def from_dict(cls: type[T], data: Any, where: str) -> T:
-    """A configuration dataclass from plain JSON or YAML data, checked field by field.
-
-    Args:
-        cls: the dataclass, possibly nested.
-        data: what the file holds at this place.
-        where: dotted name of the place, for the error.
-
-    Raises:
-        ConfigurationError: an unknown field or a value of another type.
-    """
-    if not isinstance(data, dict):
-        raise ConfigurationError(f"{where} is {data!r}, expected a mapping of its fields")
-    hints = typing.get_type_hints(cls)
-    unknown = sorted(set(data) - set(hints))
-    if unknown:
-        raise ConfigurationError(
-            f"{where} has the unknown field {unknown[0]!r}, expected {', '.join(sorted(hints))}"
-        )
-    return cls(**{k: _value(hints[k], v, f"{where}.{k}") for k, v in data.items()})
-
-
-def _value(hint: Any, value: Any, where: str) -> Any:
-    """``value`` as the type ``hint`` asks for, or one clear sentence."""
-    if dataclasses.is_dataclass(hint):
-        return from_dict(typing.cast(type, hint), value, where)
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin is types.UnionType or origin is typing.Union:
-        if value is None and type(None) in arguments:
-            return None
-        return _value(next(a for a in arguments if a is not type(None)), value, where)
-    if origin is tuple:
-        if not isinstance(value, list | tuple):
-            raise ConfigurationError(f"{where} is {value!r}, expected a list")
-        if arguments[-1] is not Ellipsis and len(arguments) != len(value):
-            raise ConfigurationError(f"{where} is {value!r}, expected {len(arguments)} values")
-        return tuple(_value(arguments[0], v, f"{where}[{i}]") for i, v in enumerate(value))
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    plain = origin or hint
-    if plain in (bool, int, float, str, dict, list) and (
-        not isinstance(value, plain) or (isinstance(value, bool) and plain is not bool)
-    ):
-        raise ConfigurationError(f"{where} is {value!r}, expected {plain.__name__}")
-    return value

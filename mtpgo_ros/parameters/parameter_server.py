@@ -19,6 +19,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import Limits, listed
 from mtpgo_ros.parameters.predictor_parameters import Change, PredictorParameters, updated
 
 _TYPE_NAMES = {
@@ -100,21 +101,23 @@ class ParameterServer:
 
 def descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
     """What rclpy tells others about the parameter of a field."""
-    low, high, choices = (field.metadata[key] for key in ("low", "high", "choices"))
+    limits: Limits = field.metadata["limits"]
     change: Change = field.metadata["change"]
-    constraints = [f"One of {', '.join(repr(c) for c in choices)}."] if choices else []
+    constraints = [f"One of {listed(limits.choices)}."] if limits.choices else []
     constraints.append(f"May change {change.value}.")
     out = ParameterDescriptor(
         description=field.metadata["description"],
         additional_constraints=" ".join(constraints),
         read_only=change is Change.START,
     )
-    if low is not None and isinstance(field.default, int):
-        out.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=0)]
-    elif low is not None:
-        out.floating_point_range = [
-            FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)
-        ]
+    if limits.low is None or limits.high is None:
+        return out
+    if isinstance(field.default, int):
+        whole = IntegerRange(from_value=int(limits.low), to_value=int(limits.high), step=0)
+        out.integer_range = [whole]
+    else:
+        real = FloatingPointRange(from_value=limits.low, to_value=limits.high, step=0.0)
+        out.floating_point_range = [real]
     return out
 
 

@@ -9,13 +9,13 @@ the defaults stand in one place and a configuration can be checked without a nod
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import check_options, listed, option
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 
 INPUT_TYPES = ("auto", "pointcloud2", "autoware", "vision", "derived", "markers", "ika")
@@ -31,24 +31,9 @@ class Change(Enum):
     START = "only at the start of the process"
 
 
-def _field(
-    default: Any,
-    description: str,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    choices: tuple[str, ...] = (),
-    change: Change = Change.NOW,
-) -> Any:
-    """A dataclass field that carries what rclpy wants to know about the parameter."""
-    metadata = {
-        "description": description,
-        "low": low,
-        "high": high,
-        "choices": choices,
-        "change": change,
-    }
-    return dataclasses.field(default=default, metadata=metadata)
+def _field(default: Any, description: str, *, change: Change = Change.NOW, **limits: Any) -> Any:
+    """A dataclass field that carries what rclpy needs to know about the parameter."""
+    return option(default, description=description, change=change, **limits)
 
 
 @dataclass(frozen=True)
@@ -177,13 +162,10 @@ def check(parameters: PredictorParameters) -> None:
     Raises:
         ConfigurationError: one sentence with the parameter, its value and what was expected.
     """
-    for field in dataclasses.fields(parameters):
-        value = getattr(parameters, field.name)
-        _check_range(field, value)
-        _check_choice(field, value)
+    check_options(parameters, "parameter ")
     if not parameters.output:
         raise ConfigurationError(
-            f"parameter output is empty, expected at least one of {_listed(OUTPUT_KINDS)}"
+            f"parameter output is empty, expected at least one of {listed(OUTPUT_KINDS)}"
         )
     if not parameters.model.strip():
         raise ConfigurationError(
@@ -214,24 +196,3 @@ def updated(current: PredictorParameters, values: Mapping[str, Any]) -> Predicto
     new = dataclasses.replace(current, **known)
     check(new)
     return new
-
-
-def _check_range(field: dataclasses.Field[Any], value: Any) -> None:
-    low, high = field.metadata["low"], field.metadata["high"]
-    if low is not None and not (math.isfinite(value) and low <= value <= high):
-        raise ConfigurationError(
-            f"parameter {field.name} is {value:g}, expected {low:g} to {high:g}"
-        )
-
-
-def _check_choice(field: dataclasses.Field[Any], value: Any) -> None:
-    choices = field.metadata["choices"]
-    for item in value if isinstance(value, tuple) else (value,):
-        if choices and item not in choices:
-            raise ConfigurationError(
-                f"parameter {field.name} is {item!r}, expected one of {_listed(choices)}"
-            )
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return ", ".join(repr(name) for name in names)

@@ -17,8 +17,9 @@ from torch import Tensor
 from models.network_config import NetworkConfig
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_core.errors import ConfigurationError, ModelFileError
+from mtpgo_core.options import from_dict
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_core.task.task_description import TASK_FILE, TaskDescription, from_dict
+from mtpgo_core.task.task_description import TASK_FILE, TaskDescription
 from mtpgo_training.atomic_files import replacing
 from mtpgo_training.training.networks import MTP_GO, NETWORKS, name_of, rebuild, weights_hash
 from mtpgo_training.training.run_folder import Checkpoint, versions

@@ -14,13 +14,8 @@ from typing import Any
 import yaml
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.task.task_description import (
-    HistoryConfig,
-    SceneConfig,
-    from_dict,
-    require_at_least,
-    require_choice,
-)
+from mtpgo_core.options import check_options, from_dict, option
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig, with_preset
 from mtpgo_training.training.objective import LEARNING_RATE_SCHEDULES
 
@@ -28,17 +23,6 @@ ACCELERATORS = ("auto", "cpu", "gpu", "mps")
 STRATEGIES = ("auto", "ddp")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 """What of Lightning's choices these networks are trained with: small, so copied to each device."""
-
-
-def _positive(name: str, value: float) -> None:
-    if not value > 0:
-        raise ConfigurationError(f"{name} is {value!r}, expected more than 0")
-
-
-def _share(name: str, value: float) -> None:
-    if not 0.0 <= value <= 1.0:
-        raise ConfigurationError(f"{name} is {value!r}, expected 0 to 1")
-
 
 KEEP = ("best", "last")
 """Which epoch's weights a run is for."""
@@ -69,31 +53,22 @@ class OptimisationConfig:
             ``last``, where the validation recordings show only a part of what the model is for.
     """
 
-    epochs: int = 40
-    batch_scenes: int = 128
-    learning_rate: float = 2e-3
-    learning_rate_schedule: str = "cosine"
+    epochs: int = option(40, above=0)
+    batch_scenes: int = option(128, above=0)
+    learning_rate: float = option(2e-3, above=0)
+    learning_rate_schedule: str = option("cosine", choices=LEARNING_RATE_SCHEDULES)
     warmup_steps: int = 20
     learning_rate_floor: float = 0.02
     weight_decay: float = 0.0
-    clip_norm: float = 1.0
-    huber_delta: float = 1.0
+    clip_norm: float = option(1.0, above=0)
+    huber_delta: float = option(1.0, above=0)
     mean_weight: float = 0.0
-    teacher_forcing: float = 0.0
-    average_decay: float = 0.0
-    keep: str = "best"
+    teacher_forcing: float = option(0.0, low=0.0, high=1.0)
+    average_decay: float = option(0.0, low=0.0, high=1.0)
+    keep: str = option("best", choices=KEEP)
 
     def __post_init__(self) -> None:
-        for name in ("epochs", "batch_scenes", "learning_rate", "clip_norm", "huber_delta"):
-            _positive(f"optimisation.{name}", getattr(self, name))
-        _share("optimisation.teacher_forcing", self.teacher_forcing)
-        _share("optimisation.average_decay", self.average_decay)
-        require_choice(
-            "optimisation.learning_rate_schedule",
-            self.learning_rate_schedule,
-            LEARNING_RATE_SCHEDULES,
-        )
-        require_choice("optimisation.keep", self.keep, KEEP)
+        check_options(self, "optimisation.")
 
 
 @dataclass(frozen=True)
@@ -114,27 +89,18 @@ class TrainerConfig:
             the end of every epoch, too.
     """
 
-    accelerator: str = "auto"
-    devices: int = 1
-    num_nodes: int = 1
-    strategy: str = "auto"
-    precision: str = "32-true"
-    loader_workers: int = 0
-    validate_every_epochs: int = 1
-    patience_epochs: int = 0
-    checkpoint_minutes: float = 5.0
+    accelerator: str = option("auto", choices=ACCELERATORS)
+    devices: int = option(1, low=0)
+    num_nodes: int = option(1, above=0)
+    strategy: str = option("auto", choices=STRATEGIES)
+    precision: str = option("32-true", choices=PRECISIONS)
+    loader_workers: int = option(0, low=0)
+    validate_every_epochs: int = option(1, above=0)
+    patience_epochs: int = option(0, low=0)
+    checkpoint_minutes: float = option(5.0, above=0)
 
     def __post_init__(self) -> None:
-        for name, valid in (
-            ("accelerator", ACCELERATORS),
-            ("strategy", STRATEGIES),
-            ("precision", PRECISIONS),
-        ):
-            require_choice(f"trainer.{name}", getattr(self, name), valid)
-        for name in ("num_nodes", "validate_every_epochs", "checkpoint_minutes"):
-            _positive(f"trainer.{name}", getattr(self, name))
-        for name in ("devices", "loader_workers", "patience_epochs"):
-            require_at_least(f"trainer.{name}", getattr(self, name), 0)
+        check_options(self, "trainer.")
 
 
 @dataclass(frozen=True)

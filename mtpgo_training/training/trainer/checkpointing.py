@@ -13,7 +13,7 @@ import lightning
 from torch_geometric.data import Batch
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.task.task_description import from_dict
+from mtpgo_core.options import from_dict
 from mtpgo_training.evaluation.scorebook import ScoreTable
 from mtpgo_training.training.networks import MTP_GO
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder

@@ -170,7 +170,7 @@ def test_options_change_while_running(runner):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"policy": "star"}, "policy is 'star', expected one of ego, cover, each, scene"),
+        ({"policy": "star"}, "policy is 'star', expected one of 'ego', 'cover', 'each', 'scene'"),
         ({"radius_m": 0.0}, "radius_m is 0.0, expected more than 0"),
         ({"radius_m": float("nan")}, "radius_m is nan"),
         ({"max_agents": -1}, "max_agents is -1"),

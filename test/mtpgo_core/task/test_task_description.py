@@ -8,7 +8,8 @@ import json
 import pytest
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.task.task_description import HistoryConfig, SceneConfig, TaskDescription, from_dict
+from mtpgo_core.options import from_dict
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig, TaskDescription
 
 
 def test_there_and_back():
@@ -41,7 +42,7 @@ def test_whole_numbers_serve_as_floats_and_lists_as_tuples():
         ({"max_neighbours": -1}, "scene.max_neighbours is -1, expected at least 0"),
         ({"max_neighbours": True}, "scene.max_neighbours is True, expected int"),
         ({"max_neighbours": 2.5}, "scene.max_neighbours is 2.5, expected int"),
-        ({"radius_m": float("nan")}, "scene.radius_m is nan, expected at least 0.0"),
+        ({"radius_m": float("nan")}, "scene.radius_m is nan, expected at least 0"),
         ({"radius_m": "far"}, "scene.radius_m is 'far', expected float"),
         ({"site_origin": [1.0]}, "scene.site_origin is [1.0], expected 2 values"),
         ({"site_origin": 7}, "scene.site_origin is 7, expected a list"),

@@ -65,7 +65,7 @@ def test_a_node_without_time_takes_stamps_as_they_are(make):
 
 
 def test_the_clocks_jump_back_forgets_what_lies_ahead_of_it(make):
-    intake, statistics, pipeline = make()
+    intake, statistics, _ = make()
     for k in range(10):
         intake.take(traffic(k / 5), at(k / 5))
     intake.clock_jumped_back(at(1.5))  # within the tolerance: the history knows better
