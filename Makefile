@@ -1,8 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
 #
-# `make demo` and `make test` on a machine with nothing but Python 3.11 or 3.12. The first call
-# makes a virtual environment with the pinned packages; every later call starts at once.
+# `make demo` and `make test` on a machine with only Python 3.11 or 3.12. The first call creates a
+# virtual environment with the pinned packages; later calls use it.
 
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
@@ -15,14 +15,14 @@ STAMP := $(VENV)/.installed
 REQUIREMENTS := requirements/development.txt requirements/lock.txt pyproject.toml setup.py setup.cfg
 PYTEST_ARGS ?=
 
-# The wheels of the environment and a sourced ROS 2 must never meet in one process (which
-# libraries would win is a matter of luck), so a sourced one is hidden from everything run here.
-# `colcon build` is the way to use it; see README.md.
+# The ROS 2 wheels of the environment and a sourced ROS 2 must not be used in one process, because it
+# is undefined which libraries are loaded. A sourced ROS 2 is therefore hidden from everything that
+# this file runs. Use `colcon build` to build for it; see README.md.
 ROS_VARIABLES := AMENT_PREFIX_PATH AMENT_CURRENT_PREFIX COLCON_PREFIX_PATH CMAKE_PREFIX_PATH \
   PYTHONPATH LD_LIBRARY_PATH ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION ROS_DOMAIN_ID \
   ROS_AUTOMATIC_DISCOVERY_RANGE ROS_STATIC_PEERS RMW_IMPLEMENTATION
 ifneq ($(strip $(AMENT_PREFIX_PATH)$(ROS_DISTRO)),)
-$(info A ROS 2 environment is sourced ($(or $(ROS_DISTRO),$(AMENT_PREFIX_PATH))): make leaves it alone and works with the pinned ROS 2 Jazzy wheels in $(VENV); `colcon build` uses the sourced one.)
+$(info A ROS 2 environment is sourced ($(or $(ROS_DISTRO),$(AMENT_PREFIX_PATH))): make ignores it and uses the pinned ROS 2 Jazzy wheels in $(VENV); `colcon build` uses the sourced one.)
 endif
 ifneq ($(VIRTUAL_ENV),)
 unexport VIRTUAL_ENV
@@ -35,20 +35,21 @@ TRAIN_ARGS ?=
 
 .PHONY: help demo test benchmark highway urban data-given check lint types format environment clean distclean
 
-help: ## what can be made
+help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
 
-demo: $(STAMP) ## play a recording through the real node, score it; DATA=DIR LAYOUT=ind [RECORDINGS="04 16"] [ALL=1] [OUTPUT=DIR]
+demo: $(STAMP) ## play a recording through the real node and score the predictions; DATA=DIR LAYOUT=ind [RECORDINGS="04 16"] [ALL=1] [OUTPUT=DIR]
 	@$(BIN)/mtpgo demo $(if $(DATA),"$(DATA)") $(if $(LAYOUT),--layout "$(LAYOUT)") \
 	  $(if $(RECORDINGS),--recordings $(RECORDINGS)) $(if $(ALL),--all) \
 	  $(if $(OUTPUT),--output "$(OUTPUT)") $(DEMO_ARGS)
 
-test: check ## everything: ruff, mypy, pytest
+test: check ## run ruff, mypy and pytest
 	@echo "== pytest"
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)
 
-# The tables of docs/performance.md, each under its command and the machine, then the guards.
-benchmark: $(STAMP) ## speed tables (docs/performance.md), and the ratios that must hold; half an hour
+# Prints the tables of docs/performance.md, each with its command and the machine, then tests the
+# speed ratios.
+benchmark: $(STAMP) ## print the speed tables of docs/performance.md and test the speed ratios; takes half an hour
 	@$(BIN)/mtpgo benchmark latency --threads 1 2
 	@echo; $(BIN)/mtpgo benchmark node --agents 32 64 --model default
 	@echo; $(BIN)/mtpgo benchmark largest
@@ -61,24 +62,24 @@ benchmark: $(STAMP) ## speed tables (docs/performance.md), and the ratios that m
 
 HIGHWAYS := highway_free highway_dense highway_congested highway_stop_and_go highway
 
-highway: data-given $(STAMP) $(HIGHWAYS:%=$(SIMULATED)/.%) ## train the shipped model of that name anew; DATA=DIR of the NGSIM recordings [RUNS=DIR]
+highway: data-given $(STAMP) $(HIGHWAYS:%=$(SIMULATED)/.%) ## train and export the shipped model `highway`; DATA=DIR of the NGSIM recordings [RUNS=DIR]
 	@$(call TRAIN,highway,highway,highd,$(HIGHWAYS))
 	@$(BIN)/mtpgo export "$(RUNS)/highway" -o "$(RUNS)/highway.pt"
 
-# Eleven short recordings leave much to the seed: a run for each, of one process, and the best by
-# validation is exported.
+# With eleven short recordings the result depends strongly on the seed. Each seed has a run in one
+# process, and the best run by validation is exported.
 URBAN_SEEDS := 1 2 3
 URBAN_RUNS := $(URBAN_SEEDS:%=urban-seed%)
 
-urban: $(URBAN_RUNS) ## likewise; with -j2 two runs side by side
+urban: $(URBAN_RUNS) ## train and export the shipped model `urban`; DATA=DIR [RUNS=DIR]; with -j2 two runs in parallel
 	@$(BIN)/mtpgo export $(URBAN_RUNS:%="$(RUNS)/%") -o "$(RUNS)/urban.pt"
 
 .PHONY: $(URBAN_RUNS)
 $(URBAN_RUNS): urban-seed%: data-given $(STAMP) $(SIMULATED)/.roundabout $(SIMULATED)/.street
 	@$(call TRAIN,urban,$@,ind,roundabout street) --seed $*
 
-# $(1): configuration, $(2): run, $(3): layout of the simulated recordings, $(4): their directories.
-# An interrupted run goes on.
+# Trains or resumes a run. $(1): configuration, $(2): run, $(3): layout of the simulated recordings,
+# $(4): their directories.
 TRAIN = $(BIN)/mtpgo train config/training/$(1).yaml --out "$(RUNS)/$(2)" \
 	  --data "$(DATA)" --layout ind \
 	  $(foreach name,$(4),--data "$(SIMULATED)/$(name)" --layout $(3)) \
@@ -101,20 +102,20 @@ $(SIMULATED)/.%: | $(STAMP)
 
 check: lint types
 
-lint: $(STAMP) ## ruff: rules and format
+lint: $(STAMP) ## run ruff: lint rules and format
 	@echo "== ruff"
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 
-types: $(STAMP) ## mypy
+types: $(STAMP) ## run mypy
 	@echo "== mypy"
 	@$(BIN)/mypy
 
-format: $(STAMP) ## let ruff mend what it can
+format: $(STAMP) ## let ruff fix and format the code
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
 
-environment: $(STAMP) ## only set up the virtual environment
+environment: $(STAMP) ## only install the virtual environment
 
 $(STAMP): $(REQUIREMENTS)
 	@python=""; \
@@ -124,10 +125,10 @@ $(STAMP): $(REQUIREMENTS)
 	done; \
 	if [ -z "$$python" ]; then \
 	  echo "make: no Python 3.11 or 3.12 was found as python3, python3.12 or python3.11;" \
-	    "install one or name it: make PYTHON=/path/to/python3.12" >&2; exit 2; \
+	    "install one or give its path: make PYTHON=/path/to/python3.12" >&2; exit 2; \
 	fi; \
 	if ! "$$python" -c 'import ensurepip, venv' 2>/dev/null; then \
-	  echo "make: $$("$$python" --version) lacks the module venv;" \
+	  echo "make: $$("$$python" --version) does not have the module venv;" \
 	    "on Debian and Ubuntu install the package python3-venv" >&2; exit 2; \
 	fi; \
 	echo "== Setting up $(VENV) with $$("$$python" --version): a virtual environment and the pinned" \
@@ -142,10 +143,10 @@ $(STAMP): $(REQUIREMENTS)
 	@touch $@
 	@echo "== $(VENV) is ready"
 
-clean: ## remove what builds and runs leave behind, keep the environment
+clean: ## remove builds, demo output and caches; keep the environment
 	@rm -rf build install log dist demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	@find . -name __pycache__ -not -path './.venv*' -prune -exec rm -rf {} +
 	@echo "Removed build, install, log, dist, demo_output and caches; $(VENV) stays (make distclean)."
 
-distclean: clean ## remove the environment as well
+distclean: clean ## also remove the environment
 	@rm -rf "$(VENV)"

@@ -1,10 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What is installed where, and what it needs; name and version stand in package.xml.
+"""Packages, data files, executables and dependencies; name and version are read from package.xml.
 
-The same file serves colcon (ament_python) and pip. colcon puts the executables into
-``lib/mtpgo_ros`` by itself (setup.cfg). pip puts them into ``bin``, so the wheel also carries one
-small launcher for each in ``lib/mtpgo_ros``, where ``ros2 run`` looks.
+Both colcon (ament_python) and pip use this file. colcon installs the executables into
+``lib/mtpgo_ros`` (setup.cfg). pip installs them into ``bin``, so the wheel also contains one small
+launcher per executable in ``lib/mtpgo_ros``, where ``ros2 run`` looks for them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from setuptools import find_packages, setup
 from distutils.command.install_data import install_data  # isort: skip  (setuptools provides it)
 
 HERE = Path(__file__).resolve().parent
-"""The source tree, also where colcon runs this file through a link."""
+"""The source tree, also when colcon runs this file through a symbolic link."""
 
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
 NAME = MANIFEST.findtext("name", "")
@@ -32,7 +32,7 @@ EXECUTABLES = {
     "mtpgo": "mtpgo_training.cli:main",
 }
 
-# What each is for stands in docs/design.md, Dependencies.
+# docs/design.md, Dependencies, gives the purpose of each package.
 REQUIREMENTS = [
     "numpy>=1.26",
     "torch>=2.4",
@@ -42,7 +42,7 @@ REQUIREMENTS = [
     "tqdm>=4.60",
 ]
 EXTRAS = {
-    # ROS 2 Jazzy as wheels, for a machine without ROS; where ROS is installed, that one is used.
+    # ROS 2 Jazzy as wheels, for machines without ROS. Where ROS is installed, that one is used.
     "ros": ["ros-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
     "training": [
         "Jinja2>=3.1",
@@ -67,13 +67,13 @@ EXTRAS = {
 
 LAUNCHER = """\
 #!/bin/sh
-# The executable of the environment that this package was installed into, for `ros2 run`.
+# Start the executable of the environment that contains this package, for `ros2 run`.
 exec "$(dirname "$(readlink -f "$0")")/../../bin/{name}" "$@"
 """
 
 
 def tree(source: str, target: str) -> list[tuple[str, list[str]]]:
-    """data_files entries that copy all files below ``source`` to the same places in ``target``."""
+    """Return data_files entries that copy the tree ``source`` to ``target``."""
     files: dict[str, list[str]] = {}
     for path in sorted(Path(source).rglob("*")):
         if not path.is_file() or path.suffix == ".pyc":
@@ -84,10 +84,10 @@ def tree(source: str, target: str) -> list[tuple[str, list[str]]]:
 
 
 class InstallData(install_data):  # type: ignore[misc]
-    """Copies the data files and, for pip, writes the launchers."""
+    """Copy the data files and, for pip, write the launchers."""
 
     def run(self) -> None:
-        """Copy; then write the launchers when it is a wheel that is being built."""
+        """Copy the data files; when building a wheel, also write the launchers."""
         super().run()
         if "bdist_wheel" not in self.distribution.command_obj:
             return

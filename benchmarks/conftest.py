@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the guards share: a quiet process, the reference model, and measuring two things in turns.
+"""Fixtures of the speed tests: thread settings, the reference model, paired measurements.
 
-Everything here guards ratios within one run, never absolute times: machines differ, and are busy
-with other things. Not part of `make test`; `make benchmark` runs it.
+The speed tests check ratios within one run, never absolute times, because machines differ and run
+other programs. They are not part of `make test`; `make benchmark` runs them.
 """
 
 import time
@@ -32,7 +32,7 @@ def reference_file():
 
 @pytest.fixture
 def in_turns(benchmark: Any) -> InTurns:
-    """Ratio of the medians of two functions called in turns, the second over the first."""
+    """Call two functions alternately; return the second's median time over the first's."""
 
     def measure(first: Callable[[], Any], second: Callable[[], Any], rounds: int) -> float:
         other_s: list[float] = []

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Guards how the node's way grows, and what each part of it may cost beside the model."""
+"""How the time of a node's cycle grows with the scene, and the share of each part next to the model."""
 
 from typing import Any
 
@@ -16,13 +16,13 @@ def pipeline(reference_file):
 
 
 def test_cover_grows_linearly(in_turns, pipeline) -> None:
-    """Twice the road users, twice the time, with room for the rounding of whole graphs."""
+    """Twice the road users take twice the time, with a margin because graphs come in whole numbers."""
     small, large = pipeline(128), pipeline(256)
     assert in_turns(small.predict, large.predict, rounds=15) <= 2.6
 
 
 def test_the_input_hardly_grows(in_turns, pipeline) -> None:
-    """No Python in the per-agent path: sixteen times the objects cost nothing like it."""
+    """Sixteen times the objects take at most four times as long: no Python code runs per agent."""
     few, many = pipeline(8), pipeline(128)
     ratio = in_turns(
         lambda: few.observe(few.message()), lambda: many.observe(many.message()), rounds=300
@@ -31,7 +31,7 @@ def test_the_input_hardly_grows(in_turns, pipeline) -> None:
 
 
 def test_the_model_is_what_takes_the_time(in_turns, pipeline) -> None:
-    """Input, graphs, frames and the message together stay below a quarter of it."""
+    """Input, graphs, frames and output message together take at most 1.25 times the model's time."""
     whole = pipeline(64, "scene")
     batches: list[Any] = []
     runner = whole.predictor._runner

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Guards the exported model's advantage over a straightforward implementation."""
+"""The exported model is faster than a straightforward implementation by a minimum ratio."""
 
 import pytest
 import torch

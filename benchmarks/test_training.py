@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A training step keeps its advantage over a straightforward implementation, and its memory."""
+"""A training step is faster and smaller than in a straightforward implementation."""
 
 import pytest
 
@@ -9,7 +9,7 @@ from mtpgo_training.benchmark.training_benchmark import PHASES, measure
 
 @pytest.mark.parametrize("phase", PHASES)
 def test_a_training_step_keeps_its_ratio(phase: str) -> None:
-    """As it trains on two cores by default: two processes with a thread each."""
+    """The default on two cores: two processes with one thread each."""
     row = measure(phase, scenes=128, threads=2, rounds=7)[0]
     assert row.processes == 2
     assert row.ratio >= 2.2, row

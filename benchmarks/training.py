@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""`mtpgo benchmark training` as a script; the same options."""
+"""Run `mtpgo benchmark training` as a script, with the same options."""
 
 import sys
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The house keeps its floors: who may import whom, read from the source without running it."""
+"""Imports between packages and rooms, unique names and file sizes, read from the source code."""
 
 import ast
 import sys
@@ -34,13 +34,13 @@ ALLOWED = {
         "yaml",
     },
 }
-"""What each package may import beside itself and the standard library."""
+"""What each package may import in addition to itself and the standard library."""
 
 LARGEST_ROOM = 16
-"""Files in a folder, beside its __init__.py."""
+"""Largest number of files in a folder, not counting __init__.py."""
 
 OPTIONAL = {"mtpgo_ros": {"tf2_ros", "ament_index_python"}}
-"""What a package may import inside a function only: it must do without."""
+"""Optional imports of a package: only inside functions, because it must work without them."""
 
 WITHOUT_TORCH = (
     "schema",
@@ -51,7 +51,7 @@ WITHOUT_TORCH = (
     "history.causal_slope",
     "scene.scene_builder",
 )
-"""Modules of the core that an adapter or a reader uses: they must not pay for torch."""
+"""Modules of the core that adapters and readers use; they must not import torch."""
 
 
 ROOMS = {
@@ -84,12 +84,13 @@ ROOMS = {
         "cli",
     ),
 }
-"""The rooms of each package from the ground up: a room imports only from itself and from rooms
-before it. A room is a folder or a file of the package's root; "" is all of its files together."""
+"""The rooms of each package in order: a room imports only itself and the rooms listed before it.
+
+A room is a folder, or a file in the package's root. "" stands for all other files in the root."""
 
 
 def room_of(module: str) -> str:
-    """The room of a dotted module name; its package's name for the package itself."""
+    """Return the room of a dotted module name, "" for the package and files that are not listed."""
     package, _, rest = module.partition(".")
     first = rest.partition(".")[0]
     return first if first in ROOMS[package] else ""
@@ -105,7 +106,7 @@ def is_message_package(name: str) -> bool:
 
 
 def imports_of(path: Path) -> list[tuple[str, bool]]:
-    """Absolute module names that a file imports, and whether inside of a function."""
+    """Return the absolute module names that a file imports, and whether inside a function."""
     tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
     inside: set[ast.AST] = set()
     for node in ast.walk(tree):
@@ -128,7 +129,7 @@ def files_of(package: str) -> list[Path]:
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_imports_stay_on_their_floor(package):
+def test_a_package_imports_only_what_is_allowed(package):
     wrong = []
     for path in files_of(package):
         for module, inside in imports_of(path):
@@ -145,14 +146,14 @@ def test_imports_stay_on_their_floor(package):
     assert not wrong, "\n".join(wrong)
 
 
-def test_the_check_sees_imports_inside_functions(tmp_path):
+def test_imports_inside_functions_are_found(tmp_path):
     source = tmp_path / "module.py"
     source.write_text("import numpy as np\ndef f():\n    from rclpy.node import Node\n")
     assert imports_of(source) == [("numpy", False), ("rclpy.node", True)]
 
 
 @pytest.mark.parametrize("module", WITHOUT_TORCH)
-def test_the_array_half_of_the_core_does_without_torch(module):
+def test_the_array_modules_of_the_core_do_not_import_torch(module):
     waiting, seen = [f"mtpgo_core.{module}"], set()
     while waiting:
         name = waiting.pop()
@@ -167,7 +168,7 @@ def test_the_array_half_of_the_core_does_without_torch(module):
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_rooms_import_only_rooms_below_them(package):
+def test_rooms_import_only_rooms_before_them(package):
     order = ROOMS[package]
     wrong = []
     for path in files_of(package):
@@ -183,7 +184,7 @@ def test_rooms_import_only_rooms_below_them(package):
     assert not wrong, "\n".join(wrong)
 
 
-def test_a_file_name_stands_for_one_thing():
+def test_file_names_are_unique():
     places: dict[str, list[str]] = {}
     for package in PACKAGES:
         for path in files_of(package):
@@ -194,7 +195,7 @@ def test_a_file_name_stands_for_one_thing():
     assert not twice, twice
 
 
-def test_a_class_name_stands_for_one_thing():
+def test_public_class_names_are_unique():
     places: dict[str, list[str]] = {}
     for package in PACKAGES:
         for path in files_of(package):
@@ -205,7 +206,7 @@ def test_a_class_name_stands_for_one_thing():
     assert not twice, twice
 
 
-def test_a_room_is_small_enough_to_look_through():
+def test_a_folder_has_few_files():
     for package in PACKAGES:
         for folder in {path.parent for path in files_of(package)}:
             files = [path.name for path in folder.glob("*.py") if path.name != "__init__.py"]
@@ -230,7 +231,7 @@ def python_files() -> list[Path]:
 
 
 @pytest.mark.parametrize("path", python_files(), ids=lambda p: str(p.relative_to(ROOT)))
-def test_a_file_says_whose_it_is_and_what_it_is_for(path):
+def test_a_file_has_a_licence_header_and_a_docstring(path):
     lines = path.read_text(encoding="utf-8").splitlines()
     assert lines[0] == "# Copyright 2026 the mtpgo_ros developers"
     assert lines[1] == "# SPDX-License-Identifier: Apache-2.0"

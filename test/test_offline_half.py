@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The offline half where ROS is not installed: rclpy and its message packages are hidden."""
+"""The offline packages work without ROS: rclpy and the message packages are hidden."""
 
 import subprocess
 import sys
@@ -65,7 +65,7 @@ def test_every_module_imports():
     assert done.returncode == 0, done.stderr
 
 
-def test_a_recording_becomes_a_bag(tmp_path):
+def test_a_recording_is_converted_into_a_bag(tmp_path):
     for name, text in TABLES.items():
         (tmp_path / f"01_{name}.csv").write_text(text)
     done = run(CONVERT, str(tmp_path), str(tmp_path / "out.mcap"))
@@ -73,6 +73,6 @@ def test_a_recording_becomes_a_bag(tmp_path):
     assert (tmp_path / "out.mcap").stat().st_size > 0
 
 
-def test_the_hiding_hides():
+def test_rclpy_is_hidden():
     done = run("import rclpy")
     assert "No module named 'rclpy'" in done.stderr

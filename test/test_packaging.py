@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What pip and colcon put where, on a copy of the source tree."""
+"""What pip and colcon install, tested on a copy of the source tree."""
 
 import os
 import re
@@ -33,7 +33,7 @@ EXECUTABLES = ("predictor", "replay", "record", "mtpgo")
 
 
 def run(*command: str, cwd: Path, **environment: str) -> str:
-    """Output of a command that must succeed."""
+    """Run a command that must succeed and return its output."""
     env = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "AMENT_PREFIX_PATH")}
     done = subprocess.run(
         command, cwd=cwd, env=env | environment, capture_output=True, text=True, check=False
@@ -43,7 +43,7 @@ def run(*command: str, cwd: Path, **environment: str) -> str:
 
 
 def shipped(folder: str, share: str) -> set[str]:
-    """Files of a source folder, as they must appear below ``share/mtpgo_ros``."""
+    """Return the files of a source folder as paths below ``share/mtpgo_ros``."""
     return {
         f"{share}/{path.relative_to(ROOT / folder).as_posix()}"
         for path in (ROOT / folder).rglob("*")
@@ -53,7 +53,7 @@ def shipped(folder: str, share: str) -> set[str]:
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory) -> Path:
-    """A copy of the sources, so that building leaves nothing behind in the checkout."""
+    """A copy of the sources, so that building writes nothing into the checkout."""
     copy = tmp_path_factory.mktemp("source") / "mtpgo_ros"
     copy.mkdir()
     for name in SOURCES:
@@ -67,7 +67,7 @@ def tree(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def prefix(tree, tmp_path_factory) -> Path:
-    """A virtual environment into which this package was installed by pip, without dependencies."""
+    """A virtual environment with this package, installed by pip without dependencies."""
     prefix = tmp_path_factory.mktemp("prefix")
     run(sys.executable, "-m", "venv", "--without-pip", str(prefix), cwd=tree)
     pip = (sys.executable, "-m", "pip", "--disable-pip-version-check")
@@ -80,7 +80,7 @@ def prefix(tree, tmp_path_factory) -> Path:
 
 
 def check_share(prefix: Path) -> None:
-    """The ament marker and all data files are in place."""
+    """Check that the ament marker and all data files are installed."""
     share = prefix / "share" / "mtpgo_ros"
     assert (prefix / "share/ament_index/resource_index/packages/mtpgo_ros").is_file()
     assert (share / "package.xml").read_text() == (ROOT / "package.xml").read_text()
@@ -113,12 +113,12 @@ def test_installed_code_finds_its_resources(prefix):
         "from mtpgo_core.resources import find_resource, source_tree;"
         "print(source_tree(), find_resource('package.xml'))"
     )
-    # The core's own dependencies are not in the temporary environment: none is needed for this.
+    # The temporary environment has no dependencies of the core; this code needs none.
     out = run(str(prefix / "bin" / "python"), "-c", code, cwd=Path("/"))
     assert out.split() == ["None", str(prefix / "share/mtpgo_ros/package.xml")]
 
 
-def test_a_file_that_does_not_ship_is_refused_in_one_sentence():
+def test_a_missing_resource_is_an_error_in_one_sentence():
     from mtpgo_core.errors import ConfigurationError
     from mtpgo_core.resources import find_resource
 
@@ -155,10 +155,10 @@ def test_colcon_builds_it(tree, tmp_path, options):
         assert module.resolve().is_relative_to(tree) == bool(options)
 
 
-def test_the_manifest_is_one_that_ros_tools_accept():
+def test_ros_tools_accept_the_manifest():
     manifest = ElementTree.parse(ROOT / "package.xml").getroot()
     email = manifest.find("maintainer").attrib["email"]
-    # An address that catkin_pkg does not accept makes colcon treat this as plain Python.
+    # With an address that catkin_pkg rejects, colcon treats this as a plain Python package.
     assert re.fullmatch(
         r"[\w%+-]+(\.[\w%+-]+)*@[a-zA-Z0-9-]+(\.[a-zA-Z0-9-]+)*\.[a-zA-Z]{2,}", email
     )

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The models that ship: each loads by its name, says what it is, and is better than no model."""
+"""The shipped models load by name, carry their description and beat kinematic baselines."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ RECIPES = sorted((ROOT / "config/training").glob("*.yaml"))
 SHIPPED = sorted(path.stem for path in (ROOT / "resource/weights").glob("*.pt"))
 
 
-def test_the_promised_models_are_there():
+def test_the_documented_models_are_shipped():
     assert {"default", "highway", "urban"} <= set(SHIPPED)
 
 
@@ -36,7 +36,7 @@ def test_a_recipe_builds_its_network(recipe: Path):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_model_is_small_and_says_what_it_is(name: str):
+def test_a_model_is_small_and_carries_its_description(name: str):
     path = find_model(name)
     assert path.stat().st_size < 5e6
     task = load_task(path)
@@ -56,7 +56,7 @@ def test_a_model_is_small_and_says_what_it_is(name: str):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_model_is_what_its_recipe_makes(name: str):
+def test_a_model_matches_its_recipe(name: str):
     config = load_config(ROOT / "config/training" / f"{name}.yaml")
     task = load_task(find_model(name))
     assert task.scene == config.scene
@@ -69,20 +69,20 @@ def test_a_model_is_what_its_recipe_makes(name: str):
 
 
 @pytest.mark.parametrize(
-    ("name", "rivals"),
+    ("name", "baselines"),
     [
         ("default", ("cv", "ca", "ctrv")),
         ("highway", ("cv", "ca", "ctrv")),
-        ("urban", ("cv", "ctrv")),  # a motorway is not what it is for, its card says so
+        ("urban", ("cv", "ctrv")),  # worse than ca on motorways, see its model card
     ],
 )
-def test_a_model_beats_straight_lines_on_the_shipped_recording(name, rivals):
+def test_a_model_beats_kinematic_baselines_on_the_shipped_recording(name, baselines):
     (recording,) = load_recordings(ROOT / "resource/recordings/highway", "highd")
     table = evaluate(
         {name: ModelRunner.load(find_model(name))}, [recording], stride_s=4.0, centre=False
     )
     scores = {model: protocols["all"] for model, protocols in table.models.items()}
-    straight = min(scores[rival]["ade"] for rival in rivals)
-    assert scores[name]["ade"] < 0.9 * straight
+    best_baseline = min(scores[baseline]["ade"] for baseline in baselines)
+    assert scores[name]["ade"] < 0.9 * best_baseline
     assert 0.8 < scores[name]["coverage_90"] <= 1.0
     assert np.isfinite(scores[name]["anll"])
