@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""How the time of a node's cycle grows with the scene, and the share of each part next to the model."""
+"""How the time of a node's cycle grows with the scene, and how much of it is the model."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ def pipeline(reference_file):
 
 
 def test_cover_grows_linearly(in_turns, pipeline) -> None:
-    """Twice the road users take twice the time, with a margin because graphs come in whole numbers."""
+    """Twice the road users take twice the time, with a margin for the whole number of graphs."""
     small, large = pipeline(128), pipeline(256)
     assert in_turns(small.predict, large.predict, rounds=15) <= 2.6
 
@@ -31,7 +31,7 @@ def test_the_input_hardly_grows(in_turns, pipeline) -> None:
 
 
 def test_the_model_is_what_takes_the_time(in_turns, pipeline) -> None:
-    """Input, graphs, frames and output message together take at most 1.25 times the model's time."""
+    """A whole cycle (input, graphs, frames, model, message) takes at most 1.25 times the model."""
     whole = pipeline(64, "scene")
     batches: list[Any] = []
     runner = whole.predictor._runner

@@ -6,8 +6,8 @@ import os
 
 # By default rclpy does not check the types of message fields and publishes wrong values.
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
-# Separates simultaneous test runs on one machine. Domains up to 101 do not use the ports that Linux
-# assigns to clients.
+# Separate simultaneous test runs on one machine. Domains up to 101 do not use the ports that
+# Linux assigns to clients.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
 os.environ.pop("RMW_IMPLEMENTATION", None)

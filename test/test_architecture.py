@@ -90,7 +90,7 @@ A room is a folder, or a file in the package's root. "" stands for all other fil
 
 
 def room_of(module: str) -> str:
-    """Return the room of a dotted module name, "" for the package and files that are not listed."""
+    """Return the room of a module, "" for files in the root that ROOMS does not list."""
     package, _, rest = module.partition(".")
     first = rest.partition(".")[0]
     return first if first in ROOMS[package] else ""
@@ -191,7 +191,6 @@ def test_file_names_are_unique():
             if path.name != "__init__.py":
                 places.setdefault(path.name, []).append(str(path.relative_to(ROOT)))
     twice = {name: found for name, found in places.items() if len(found) > 1}
-    # A subcommand has the name of the executable or of the room that it calls.
     assert not twice, twice
 
 
