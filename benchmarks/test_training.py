@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A training step is faster and smaller than in a straightforward implementation."""
+"""A training step is faster and uses less memory than a straightforward implementation."""
 
 import pytest
 

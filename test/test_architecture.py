@@ -40,7 +40,7 @@ LARGEST_ROOM = 16
 """Largest number of files in a folder, not counting __init__.py."""
 
 OPTIONAL = {"mtpgo_ros": {"tf2_ros", "ament_index_python"}}
-"""Optional imports of a package: only inside functions, because it must work without them."""
+"""What a package may import inside a function only: it must do without."""
 
 WITHOUT_TORCH = (
     "schema",
