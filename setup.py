@@ -49,6 +49,7 @@ EXTRAS = {
         "lightning>=2.5",
         "matplotlib>=3.8",
         "pandas>=2.2",
+        "psutil>=5.9",
         "PyYAML>=6.0",
         "tensorboard>=2.16",
     ],

@@ -25,7 +25,7 @@ COMMANDS = {
 }
 """The help of every subcommand; the module ``commands.NAME`` defines its ``add_parser``."""
 
-EXTRA_MODULES = {"jinja2", "lightning", "matplotlib", "pandas", "tensorboard", "yaml"}
+EXTRA_MODULES = {"jinja2", "lightning", "matplotlib", "pandas", "psutil", "tensorboard", "yaml"}
 """What the extra ``training`` brings, as it is imported."""
 
 

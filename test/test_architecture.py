@@ -26,6 +26,7 @@ ALLOWED = {
         "mtpgo_core",
         "numpy",
         "pandas",
+        "psutil",
         "rosbags",
         "sumo",
         "torch",

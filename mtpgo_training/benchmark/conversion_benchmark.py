@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo benchmark conversion``: recordings into bags and into the cache, against real time."""
+"""``mtpgo benchmark conversion``: time and memory of converting and caching recordings."""
 
 from __future__ import annotations
 
@@ -14,22 +14,30 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_training.atomic_files import require_writable
-from mtpgo_training.benchmark.machine import heading, markdown, write_json
-from mtpgo_training.benchmark.process_usage import check_proc, read_peak_mb
+from mtpgo_training.benchmark.machine import print_heading, table, write_json
+from mtpgo_training.benchmark.process_usage import read_peak_mb, require_linux
 
 _POLL_S = 0.01
+"""Time between two looks at the process (s). Chosen: short against the shortest step, 0.5 s."""
+
+_COLUMNS = {
+    "step": "{.step}",
+    "s": "{.wall_s:.1f}",
+    "processor s": "{.cpu_s:.1f}",
+    "peak MB": "{.peak_mb:.0f}",
+    "times real time": "{.times_real_time:.0f}",
+}
 
 
 @dataclass(frozen=True)
-class Cost:
-    """What a step took.
+class StepCost:
+    """Time and memory that one step took.
 
     Attributes:
         step: its name.
-        wall_s: by the clock (s), its start included.
+        wall_s: elapsed time (s), start of the process included.
         cpu_s: processor time (s).
-        peak_mb: the most memory that it held (10^6 bytes).
+        peak_mb: peak resident memory (10^6 bytes).
         times_real_time: duration of the recordings over ``wall_s``.
     """
 
@@ -40,11 +48,16 @@ class Cost:
     times_real_time: float
 
 
-def timed(step: str, arguments: Sequence[str], duration_s: float) -> Cost:
-    """Run Python with arguments as a process of its own, on one core.
+def timed(step: str, arguments: Sequence[str], duration_s: float) -> StepCost:
+    """Run Python with some arguments in a new process on one core and measure it.
+
+    Args:
+        step: name of the step.
+        arguments: command line after ``python``.
+        duration_s: duration of the recordings (s).
 
     Raises:
-        MtpgoError: it failed.
+        MtpgoError: the process failed.
     """
     core = {max(os.sched_getaffinity(0))}
     begin = time.monotonic()
@@ -55,18 +68,18 @@ def timed(step: str, arguments: Sequence[str], duration_s: float) -> Cost:
         os.sched_setaffinity(process.pid, core)
         peak_mb, pid = 0.0, 0
         while not pid:
-            # The peak that wait4 tells may be this process's own, from before the child's start.
+            # Not ru_maxrss of wait4: it includes this process's memory from before the exec.
             peak_mb = max(peak_mb, read_peak_mb(process.pid))
             time.sleep(_POLL_S)
             pid, status, usage = os.wait4(process.pid, os.WNOHANG)
         process.returncode = os.waitstatus_to_exitcode(status)
         wall_s = time.monotonic() - begin
         errors.seek(0)
-        said = errors.read().decode(errors="replace").strip()
+        message = errors.read().decode(errors="replace").strip()
     if process.returncode != 0:
-        last = said.splitlines()[-1] if said else "it said nothing"
+        last = message.splitlines()[-1] if message else "it printed nothing"
         raise MtpgoError(f"the step {step!r} ended with status {process.returncode}: {last}")
-    return Cost(
+    return StepCost(
         step=step,
         wall_s=wall_s,
         cpu_s=usage.ru_utime + usage.ru_stime,
@@ -81,52 +94,47 @@ def print_conversion(
     minutes: float,
     command: str,
     output: Path | None,
-    reference: bool = True,
-) -> list[Cost]:
-    """Measure, print the table, write it.
+) -> list[StepCost]:
+    """Measure every step, print the table and write it.
 
     Args:
-        data: folder of recordings; None simulates one of a highway.
-        layout: of the recordings.
-        minutes: length of the simulated one (min).
-        command: that repeats it.
+        data: folder of recordings; None simulates a highway.
+        layout: layout of the recordings.
+        minutes: length of the simulated recording (min).
+        command: command that repeats the measurement.
         output: JSON file, or None.
-        reference: also measure the start of an empty command, which every step pays for.
 
     Raises:
-        MtpgoError: no SUMO to simulate with, unusable recordings, a file that cannot be written.
+        MtpgoError: SUMO is missing, the recordings are unusable, or the file cannot be written.
     """
-    check_proc()
-    if output is not None:
-        require_writable(output)
-    print(heading(command))
+    require_linux()
+    print_heading(command, output)
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
         if data is None:
             data, layout = folder / "recordings", "highd"
             _simulate(minutes, data)
-        duration_s, about = _describe(data, layout)
-        print(about + "\n")
+        duration_s, description = _describe(data, layout)
+        print(description + "\n")
         name = "mtpgo_training.cli"
         fill = ["-m", "mtpgo_training.benchmark.fill_cache", str(data), layout]
         steps = [
+            # Every step includes the start of a command.
+            ("start of a command", ["-m", name, "convert", "--help"]),
             ("convert", ["-m", name, "convert", layout, str(data), "-o", str(folder / "bags")]),
             ("cache, first time", [*fill, str(folder / "cache")]),
             ("cache, again", [*fill, str(folder / "cache")]),
         ]
-        if reference:
-            steps.insert(0, ("start of a command", ["-m", name, "convert", "--help"]))
         costs = [timed(step, arguments, duration_s) for step, arguments in steps]
-    print(table(costs))
-    if output is not None:
-        write_json(
-            output, {"command": command, "recording_s": duration_s, "rows": [*map(vars, costs)]}
-        )
+    print(table(costs, _COLUMNS))
+    write_json(
+        output, {"command": command, "recording_s": duration_s, "rows": [*map(vars, costs)]}
+    )
     return costs
 
 
 def _simulate(minutes: float, folder: Path) -> None:
-    """A highway of highD's size, as CSV files like highD's own."""
+    """Write a simulated highway of highD's size as uncompressed CSV files, as highD has them."""
     from mtpgo_training.data.writers.highd_writer import write_highd
     from mtpgo_training.simulate.highway import HighwayConfig, simulate_highway
 
@@ -136,7 +144,7 @@ def _simulate(minutes: float, folder: Path) -> None:
 
 
 def _describe(data: Path, layout: str) -> tuple[float, str]:
-    """Duration of the recordings (s), and a sentence about them."""
+    """Return the total duration of the recordings (s) and a sentence about them."""
     from mtpgo_training.data.readers import load_recordings
 
     recordings = load_recordings(data, layout)
@@ -146,19 +154,3 @@ def _describe(data: Path, layout: str) -> tuple[float, str]:
     return duration_s, (
         f"{len(recordings)} recording(s): {duration_s:.0f} s, {users} road users, {rows} rows"
     )
-
-
-def table(costs: Sequence[Cost]) -> str:
-    """The rows in Markdown."""
-    head = ["step", "s", "processor s", "peak MB", "times real time"]
-    cells = [
-        [
-            cost.step,
-            f"{cost.wall_s:.1f}",
-            f"{cost.cpu_s:.1f}",
-            f"{cost.peak_mb:.0f}",
-            f"{cost.times_real_time:.0f}",
-        ]
-        for cost in costs
-    ]
-    return markdown(head, cells)

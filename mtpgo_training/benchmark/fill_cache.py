@@ -1,8 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Reads recordings and makes them ready for training, through a cache; a process to be measured.
+"""Script measured by the conversion benchmark: prepare recordings for training, with a cache.
 
-Started as ``python -m mtpgo_training.benchmark.fill_cache DIRECTORY LAYOUT CACHE``.
+Run as ``python -m mtpgo_training.benchmark.fill_cache DIRECTORY LAYOUT CACHE``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mtpgo_training.training.training_config import TrainingConfig
 
 
 def main(directory: str, layout: str, folder: str) -> int:
-    """Fill the cache, or read what is in it; the exit status."""
+    """Fill the cache, or read its entries, and return the exit status."""
     config, cache = TrainingConfig(), RecordingCache(Path(folder))
     try:
         for recording in iter_recordings(Path(directory), layout, cache=cache):

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo benchmark growth``: how time grows with the road users and with the input's rate."""
+"""``mtpgo benchmark growth``: time against the number of agents and the input rate."""
 
 from __future__ import annotations
 
@@ -20,29 +20,43 @@ from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.schema import Prediction
 from mtpgo_training.benchmark.benchmark_model import model_file
-from mtpgo_training.benchmark.machine import heading, markdown, write_json
-from mtpgo_training.benchmark.node_benchmark import check_able, node_table, run_cases
-from mtpgo_training.benchmark.node_case import Case
+from mtpgo_training.benchmark.machine import print_heading, table, write_json
+from mtpgo_training.benchmark.node_benchmark import node_table, require_node_tools, run_cases
+from mtpgo_training.benchmark.node_case import NodeCase, NodeRow
 
 INPUT_HZ, RATE_HZ = 25.0, 5.0
-_STAMP_NS = 10**18
-_FILL_S = 3.2
-"""Until every history is full (s)."""
+"""Rates of observations and of predictions (Hz); the defaults of the node's benchmark."""
 
-SELDOM_HZ = 0.1
-"""The lowest rate of predictions: what the node then spends, it spends on its input."""
+IDLE_RATE_HZ = 0.1
+"""Rate of predictions (Hz) at which the node's processor time is that of its input. Chosen: none
+is due in a measurement of less than 10 s."""
+
+_STAMP_NS = 10**18
+"""Stamp of the first observation (ns). Any time will do."""
+
+_FILL_S = 3.2
+"""Time until every history is full (s): 16 samples at 5 Hz."""
+
+_STAGE_COLUMNS = {
+    "agents": "{.agents}",
+    "graphs": "{.graphs}",
+    "observe ms": "{.observe_ms:.2f}",
+    "predict ms": "{.predict_ms:.1f}",
+    "of it per agent ms": "{.predict_ms_per_agent:.2f}",
+    "encode ms": "{.encode_ms:.2f}",
+}
 
 
 @dataclass(frozen=True)
-class Stages:
-    """Median times of one size of scene, in this process, without ROS.
+class StageTimes:
+    """Median times of the stages of one prediction, in this process, without ROS.
 
     Attributes:
-        agents: road users.
+        agents: road users in the scene.
         graphs: graphs given to the model.
-        observe_ms: decoding one message and taking it into the history.
-        predict_ms: window, graphs, model, back into the fixed frame.
-        encode_ms: the message of the prediction.
+        observe_ms: decoding one message and adding it to the history (ms).
+        predict_ms: window, graphs, model, transformation into the fixed frame (ms).
+        encode_ms: making the message of the prediction (ms).
     """
 
     agents: int
@@ -51,18 +65,23 @@ class Stages:
     predict_ms: float
     encode_ms: float
 
+    @property
+    def predict_ms_per_agent(self) -> float:
+        """``predict_ms`` over the number of agents (ms)."""
+        return self.predict_ms / self.agents
+
 
 class Pipeline:
-    """History, scenes, model and messages on made-up traffic, driven step by step.
+    """History, scenes, model and messages on synthetic traffic, called step by step.
 
     Args:
-        model: file of the model.
-        agents: road users.
-        graph: policy.
+        model: model file.
+        agents: road users in the scene.
+        graph: graph policy.
     """
 
     def __init__(self, model: Path, agents: int, graph: str = "cover") -> None:
-        # Only here: torch takes a second to load.
+        # Imported late: loading torch takes about a second.
         from mtpgo_core.prediction.model_runner import ModelRunner
         from mtpgo_training.data.recording_bag import bag_typestore
 
@@ -76,27 +95,34 @@ class Pipeline:
             self.observe(self.message())
 
     def message(self) -> object:
-        """The next observation as a message."""
+        """Return the next observation as a message."""
         stamp_ns = _STAMP_NS + round(self._time_s * 1e9)
         states = self._traffic.at(self._time_s, stamp_ns)
         self._time_s += 1.0 / INPUT_HZ
         return states_to_pointcloud2(states, self.types)
 
     def observe(self, message: object) -> None:
-        """What the node does with a message in which no prediction is due."""
+        """Process a message as the node does when no prediction is due."""
         self.history.update(decode_cloud(message).states)
 
     def predict(self) -> Prediction:
-        """The prediction at the newest observation."""
+        """Return the prediction at the newest observation."""
         return self.predictor.predict(self.history.window())
 
     def encode(self) -> object:
-        """A prediction and its message."""
+        """Predict and return the message of the prediction."""
         return prediction_to_pointcloud2(self.predict(), self.types)
 
 
-def stages(model: Path, agents: int, graph: str, seconds: float) -> Stages:
-    """Times of the stages for one size of scene, over some seconds, three cycles at least."""
+def stage_times(model: Path, agents: int, graph: str, seconds: float) -> StageTimes:
+    """Measure the stages of a prediction for one size of scene.
+
+    Args:
+        model: model file.
+        agents: road users in the scene.
+        graph: graph policy.
+        seconds: measured time (s); three cycles at least.
+    """
     pipeline = Pipeline(model, agents, graph)
     for _ in range(2):
         pipeline.encode()
@@ -116,7 +142,7 @@ def stages(model: Path, agents: int, graph: str, seconds: float) -> Stages:
         prediction_to_pointcloud2(prediction, pipeline.types)
         encode_s.append(time.perf_counter() - predicted)
         predict_s.append(predicted - begin)
-    return Stages(
+    return StageTimes(
         agents=agents,
         graphs=pipeline.predictor.last_report.graphs,
         observe_ms=1e3 * float(np.median(observe_s)),
@@ -130,12 +156,12 @@ class GrowthPlan:
     """What is measured.
 
     Attributes:
-        agents: sizes of the scenes.
-        graph: policy.
-        input_rates: Hz.
-        input_agents: objects in each message of these.
-        seconds: for each size of the pipeline, and for each case of the node (s).
-        with_node: the node as well, not only the pipeline.
+        agents: numbers of road users.
+        graph: graph policy.
+        input_rates: rates of observations (Hz).
+        input_agents: objects in each message of the measurements over ``input_rates``.
+        seconds: measured time of each size of the pipeline and of each case of the node (s).
+        with_node: measure the node too, not only the pipeline.
     """
 
     agents: tuple[int, ...] = (8, 16, 32, 64, 128, 256, 512)
@@ -145,77 +171,67 @@ class GrowthPlan:
     seconds: float = 10.0
     with_node: bool = True
 
-    def node_cases(self) -> list[Case]:
-        """The node against the agents: seldom enough that even the largest scene has its time."""
-        return [Case(n, self.graph, rate=1.0, duration_s=self.seconds) for n in self.agents]
+    def node_cases(self) -> list[NodeCase]:
+        """Return the cases over the agents, at 1 Hz, slow enough for the largest scene."""
+        return [NodeCase(n, self.graph, rate=1.0, duration_s=self.seconds) for n in self.agents]
 
-    def input_cases(self) -> list[Case]:
-        """The node's input alone."""
+    def input_cases(self) -> list[NodeCase]:
+        """Return the cases over the input rates, practically without predictions."""
         return [
-            Case(self.input_agents, self.graph, SELDOM_HZ, rate, self.seconds)
+            NodeCase(self.input_agents, self.graph, IDLE_RATE_HZ, rate, self.seconds)
             for rate in self.input_rates
         ]
 
-    def marker_cases(self) -> list[Case]:
-        """The same load, markers unheard and heard."""
-        quiet = Case(64, self.graph, duration_s=self.seconds)
-        return [quiet, dataclasses.replace(quiet, markers=True)]
+    def marker_cases(self) -> list[NodeCase]:
+        """Return two cases of the same load, markers without and with a subscriber."""
+        without = NodeCase(64, self.graph, duration_s=self.seconds)
+        return [without, dataclasses.replace(without, markers=True)]
 
 
 def print_growth(
     plan: GrowthPlan, model: str, command: str, output: Path | None
 ) -> dict[str, object]:
-    """Measure, print the tables, write them.
+    """Measure everything in the plan, print the tables and write them.
+
+    Args:
+        plan: what is measured.
+        model: name or file of the model.
+        command: command that repeats the measurement.
+        output: JSON file, or None.
+
+    Returns:
+        What is written to the JSON file, without the machine.
 
     Raises:
-        MtpgoError: no ROS, no such model, a file that cannot be written, or a failed process.
+        MtpgoError: ROS is missing, there is no such model, the file cannot be written, or one of
+            the processes failed.
     """
     if plan.with_node:
-        check_able(output)
-    print(heading(command))
+        require_node_tools()
+    print_heading(command, output)
     with model_file(model) as path:
-        found = [stages(path, n, plan.graph, plan.seconds) for n in plan.agents]
-    print(f"The way of a prediction without ROS, graph {plan.graph}, one thread:\n")
-    print(stages_table(found))
+        stages = [stage_times(path, n, plan.graph, plan.seconds) for n in plan.agents]
+    print(f"Stages of a prediction without ROS, graph {plan.graph}, one thread:\n")
+    print(table(stages, _STAGE_COLUMNS))
     result: dict[str, object] = {
         "command": command,
         "model": model,
-        "pipeline": [dataclasses.asdict(row) for row in found],
+        "pipeline": [dataclasses.asdict(row) for row in stages],
     }
     if plan.with_node:
         print("\nThe whole node, one prediction a second:\n")
-        result["node"] = _node(plan.node_cases(), model)
+        result["node"] = _printed(run_cases(plan.node_cases(), model))
         print("\nIts input alone (one prediction in ten seconds):\n")
-        result["input"] = _node(plan.input_cases(), model)
-        print("\nMarkers not listened to, listened to, and not in `output` at all:\n")
-        unheard, heard = plan.marker_cases()
-        without = run_cases([unheard], model, ["output:=[pointcloud2]"])
-        rows = [*run_cases([unheard, heard], model), *without]
-        print(node_table(rows))
-        result["markers"] = [dataclasses.asdict(row) for row in rows]
-    if output is not None:
-        write_json(output, result)
+        result["input"] = _printed(run_cases(plan.input_cases(), model))
+        print("\nMarkers without a subscriber, with one, and not in `output`:\n")
+        cases = plan.marker_cases()
+        without_output = run_cases(cases[:1], model, ["output:=[pointcloud2]"])
+        result["markers"] = _printed([*run_cases(cases, model), *without_output])
+    write_json(output, result)
     return result
 
 
-def _node(cases: Sequence[Case], model: str) -> list[dict[str, object]]:
-    rows = run_cases(cases, model)
+def _printed(rows: Sequence[NodeRow]) -> list[dict[str, object]]:
+    """Print the table and return the rows as plain data."""
     print(node_table(rows))
     return [dataclasses.asdict(row) for row in rows]
-
-
-def stages_table(rows: Sequence[Stages]) -> str:
-    """The rows in Markdown."""
-    head = ["agents", "graphs", "observe ms", "predict ms", "of it per agent ms", "encode ms"]
-    cells = [
-        [
-            str(row.agents),
-            str(row.graphs),
-            f"{row.observe_ms:.2f}",
-            f"{row.predict_ms:.1f}",
-            f"{row.predict_ms / row.agents:.2f}",
-            f"{row.encode_ms:.2f}",
-        ]
-        for row in rows
-    ]
-    return markdown(head, cells)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""On what, and by which command, a figure was measured: stands above every table."""
+"""What every benchmark prints and writes: machine, command, tables, JSON."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import json
 import os
 import platform
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from mtpgo_training.atomic_files import write_text
+from mtpgo_training.atomic_files import require_writable, write_text
 
 _CPU_INFO = Path("/proc/cpuinfo")
 
 
 def machine() -> dict[str, object]:
-    """Processor, cores and versions, as far as the system tells."""
+    """Return processor, number of cores, load and versions."""
     return {
         "processor": _processor(),
         "cpu_capability": _capability(),
@@ -32,7 +32,7 @@ def machine() -> dict[str, object]:
 
 
 def heading(command: str) -> str:
-    """Lines that stand above a table: the command, and the machine in words."""
+    """Return the lines printed above a table: the command and a description of the machine."""
     found = machine()
     return (
         f"$ {command}\n"
@@ -42,12 +42,23 @@ def heading(command: str) -> str:
     )
 
 
+def print_heading(command: str, output: Path | None) -> None:
+    """Check that the JSON file can be written, if there is to be one, and print the heading.
+
+    Raises:
+        ConfigurationError: the file cannot be written.
+    """
+    if output is not None:
+        require_writable(output)
+    print(heading(command))
+
+
 def command_line(kind: str, arguments: Mapping[str, Any]) -> str:
-    """The command that repeats a measurement.
+    """Return the command that repeats a measurement.
 
     Args:
-        kind: of ``mtpgo benchmark``.
-        arguments: option (without dashes) -> value; None, False and empty ones are left out.
+        kind: subcommand of ``mtpgo benchmark``.
+        arguments: option (without dashes) -> value; None, False and empty lists are left out.
     """
     words = ["mtpgo", "benchmark", kind]
     for name, value in arguments.items():
@@ -59,25 +70,42 @@ def command_line(kind: str, arguments: Mapping[str, Any]) -> str:
     return shlex.join(words)
 
 
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """The content with the machine before it, whole or not at all; NaN becomes null.
+def write_json(path: Path | None, content: Mapping[str, Any]) -> None:
+    """Write the machine and the content to a file, atomically; NaN becomes null.
+
+    Args:
+        path: JSON file; None writes nothing.
+        content: plain data.
 
     Raises:
         ConfigurationError: the file cannot be written.
     """
+    if path is None:
+        return
     text = json.dumps({"machine": machine(), **content})
-    plain = json.loads(text, parse_constant=lambda _: None)  # JSON knows no NaN
+    plain = json.loads(text, parse_constant=lambda _: None)  # JSON has no NaN
     write_text(path, json.dumps(plain, indent=2) + "\n")
 
 
+def table(rows: Sequence[object], columns: Mapping[str, str]) -> str:
+    """Return rows as a Markdown table.
+
+    Args:
+        rows: one object per line.
+        columns: heading -> format of the cell, for example ``"{.p99_ms:.1f}"``; NaN becomes "-".
+    """
+    cells = [[form.format(row) for form in columns.values()] for row in rows]
+    return markdown(list(columns), [["-" if c == "nan" else c for c in row] for row in cells])
+
+
 def markdown(head: list[str], rows: list[list[str]]) -> str:
-    """A table of right-aligned columns."""
+    """Return a Markdown table with right-aligned columns."""
     lines = ["| " + " | ".join(head) + " |", "|" + "---:|" * len(head)]
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
 
 
 def _processor() -> str:
-    """Name and family, as /proc tells; elsewhere what Python knows."""
+    """Return model name and family from /proc/cpuinfo; without that file, what Python reports."""
     if not _CPU_INFO.is_file():
         return platform.processor() or platform.machine()
     facts: dict[str, str] = {}
@@ -89,7 +117,7 @@ def _processor() -> str:
 
 
 def _capability() -> str:
-    import torch  # a second: only here
+    import torch  # imported late: loading it takes about a second
 
     return str(torch.backends.cpu.get_cpu_capability())
 

@@ -1,11 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo benchmark node``: the real node, from a message published to its prediction received."""
+"""``mtpgo benchmark node``: latency of the real node, message to prediction."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,32 +12,52 @@ from tempfile import TemporaryDirectory
 
 from tqdm import tqdm
 
-from mtpgo_training.atomic_files import require_writable
 from mtpgo_training.benchmark.benchmark_model import model_file
-from mtpgo_training.benchmark.machine import heading, markdown, write_json
-from mtpgo_training.benchmark.node_case import Case, NodeRow
+from mtpgo_training.benchmark.machine import print_heading, table, write_json
+from mtpgo_training.benchmark.node_case import NodeCase, NodeRow
 from mtpgo_training.benchmark.node_measurement import measure
-from mtpgo_training.benchmark.process_usage import check_proc
-from mtpgo_training.demo.recording_session import check_ros
+from mtpgo_training.benchmark.process_usage import require_linux
+from mtpgo_training.demo.node_session import require_ros
 
 RESIDENT_MB = 450.0
+"""Most resident memory allowed to the node (10^6 bytes); measured: 376 to 401."""
+
 FIRST_INPUT_S = 1.5
+"""Longest time from the first observation that the node can receive to its first prediction
+(s); measured: 0.02 to 0.16."""
+
+_COLUMNS = {
+    "agents": "{.agents}",
+    "graph": "{.graph_label}",
+    "Hz": "{.rate:g}",
+    "input Hz": "{.input_rate:g}",
+    "cycles": "{.cycles}",
+    "misses": "{.misses}",
+    "by CV": "{.by_constant_velocity}",
+    "p50 ms": "{.p50_ms:.1f}",
+    "p99 ms": "{.p99_ms:.1f}",
+    "max ms": "{.max_ms:.1f}",
+    "core": "{.cpu_share:.0%}",
+    "MB": "{.resident_mb:.0f}",
+    "start s": "{.start_s:.1f}",
+    "first s": "{.first_input_s:.2f}",
+}
 
 
 @dataclass(frozen=True)
-class Bar:
-    """What must hold.
+class Requirement:
+    """What must hold in one measurement, besides ``RESIDENT_MB`` and ``FIRST_INPUT_S``.
 
     Attributes:
-        case: when.
-        p99_ms: the 99th percentile at most, None where only no miss is asked for.
+        case: settings of the measurement.
+        p99_ms: largest 99th percentile of the latency (ms), None without a limit.
     """
 
-    case: Case
+    case: NodeCase
     p99_ms: float | None = None
 
-    def failures(self, row: NodeRow) -> list[str]:
-        """What does not hold, in words."""
+    def violations(self, row: NodeRow) -> list[str]:
+        """Return a phrase for each limit that the result exceeds."""
         found = []
         if not row.holds:
             found.append(f"{row.misses} misses, {row.by_constant_velocity} by constant velocity")
@@ -51,90 +70,85 @@ class Bar:
         return found
 
 
-BARS = (
-    Bar(Case(64, "scene"), p99_ms=90.0),
-    Bar(Case(32, "scene"), p99_ms=40.0),
-    Bar(Case(32, "scene", rate=10.0)),
-    Bar(Case(128, "cover")),
-    Bar(Case(32, "each", neighbours=8)),
+REQUIREMENTS = (
+    Requirement(NodeCase(64, "scene"), p99_ms=90.0),
+    Requirement(NodeCase(32, "scene"), p99_ms=40.0),
+    Requirement(NodeCase(32, "scene", rate=10.0)),
+    Requirement(NodeCase(128, "cover")),
+    Requirement(NodeCase(32, "each", neighbours=8)),
 )
-"""Asked of the node with the model ``reference`` on one core."""
+"""Required of the node with the model ``reference`` on one core; docs/performance.md
+has the measured values."""
 
 
-def check_able(output: Path | None) -> None:
-    """That a measurement can be made here and its result written.
+def require_node_tools() -> None:
+    """Check that the node can be started and measured on this machine.
 
     Raises:
         ConfigurationError: it cannot.
     """
-    check_ros("the benchmark")
-    check_proc()
-    if output is not None:
-        require_writable(output)
+    require_ros("the benchmark")
+    require_linux()
 
 
 def run_cases(
-    cases: Sequence[Case], model: str, parameters: Sequence[str] = (), logs: Path | None = None
+    cases: Sequence[NodeCase], model: str, parameters: Sequence[str] = ()
 ) -> list[NodeRow]:
     """Measure one case after the other.
 
     Args:
-        cases: the cases.
+        cases: settings of each measurement.
         model: name or file of the model.
-        parameters: further ones of the node, ``name:=value``.
-        logs: folder for what the processes print; by default a temporary one.
+        parameters: further parameters of the node, ``name:=value``.
 
     Raises:
-        MtpgoError: no such model, or one of the processes failed.
+        MtpgoError: there is no such model, or one of the processes failed.
     """
-    rows = []
     with model_file(model) as path, TemporaryDirectory() as folder:
-        for case in tqdm(cases, unit="case", disable=None):
-            rows.append(measure(case, path, logs or Path(folder), parameters))
-    return rows
+        return [
+            measure(case, path, Path(folder), parameters)
+            for case in tqdm(cases, unit="case", disable=None)
+        ]
 
 
 def print_node(
-    cases: Sequence[Case],
+    cases: Sequence[NodeCase],
     model: str,
     command: str,
     output: Path | None,
     parameters: Sequence[str] = (),
 ) -> list[NodeRow]:
-    """Measure, print the table, write it."""
-    check_able(output)
-    print(heading(command))
+    """Measure some cases, print the table and write it."""
+    require_node_tools()
+    print_heading(command, output)
     rows = run_cases(cases, model, parameters)
-    print(node_table(rows))
-    if output is not None:
-        write_json(output, content(rows, model, command))
+    _report(rows, model, command, output)
     return rows
 
 
-def print_bars(duration_s: float, model: str, command: str, output: Path | None) -> bool:
-    """Measure what is asked of the node; whether all of it holds."""
-    check_able(output)
-    print(heading(command))
-    bars = [
-        dataclasses.replace(bar, case=dataclasses.replace(bar.case, duration_s=duration_s))
-        for bar in BARS
-    ]
-    rows = run_cases([bar.case for bar in bars], model)
-    print(node_table(rows))
-    failures = [(row, bar.failures(row)) for bar, row in zip(bars, rows, strict=True)]
-    for row, found in failures:
-        for what in found:
-            print(f"{row.agents} agents, {row.graph}, {row.rate:g} Hz: {what}")
-    if output is not None:
-        write_json(output, content(rows, model, command))
-    holds = not any(found for _, found in failures)
+def print_requirements(duration_s: float, model: str, command: str, output: Path | None) -> bool:
+    """Measure every case of ``REQUIREMENTS``, print and write the result.
+
+    Returns:
+        Whether all requirements hold.
+    """
+    require_node_tools()
+    print_heading(command, output)
+    cases = [dataclasses.replace(each.case, duration_s=duration_s) for each in REQUIREMENTS]
+    rows = run_cases(cases, model)
+    _report(rows, model, command, output)
+    holds = True
+    for requirement, row in zip(REQUIREMENTS, rows, strict=True):
+        for violation in requirement.violations(row):
+            holds = False
+            print(f"{row.agents} agents, {row.graph}, {row.rate:g} Hz: {violation}")
     print("All that is asked for holds." if holds else "Not all that is asked for holds.")
     return holds
 
 
 def print_largest(
     graphs: Sequence[str],
-    case: Case,
+    case: NodeCase,
     model: str,
     command: str,
     output: Path | None,
@@ -142,23 +156,32 @@ def print_largest(
     step: int,
     most: int,
 ) -> list[NodeRow]:
-    """For each policy, the largest scene that holds, and the next one, which does not."""
-    check_able(output)
-    print(heading(command))
+    """Search the largest scene of each policy in which every prediction is in time.
+
+    Args:
+        graphs: graph policies.
+        case: the other settings.
+        model: name or file of the model.
+        command: command that repeats the measurement.
+        output: JSON file, or None.
+        step: the sizes tried are multiples of this number of agents.
+        most: largest size tried.
+
+    Returns:
+        The result of the largest scene of each policy, without policies that have none.
+    """
+    require_node_tools()
+    print_heading(command, output)
     rows: list[NodeRow] = []
     with model_file(model) as path, TemporaryDirectory() as folder:
         for graph in graphs:
-
-            def attempt(agents: int, graph: str = graph) -> NodeRow:
-                tried = dataclasses.replace(case, agents=agents, graph=graph)
-                print(f"  trying {agents} agents, {graph}", flush=True)
-                return measure(tried, path, Path(folder))
-
             low, high = 0, most // step + 1  # in steps: the largest that holds, the next to try
             best: NodeRow | None = None
             while high - low > 1:
                 middle = (low + high) // 2
-                row = attempt(middle * step)
+                print(f"  trying {middle * step} agents, {graph}", flush=True)
+                tried = dataclasses.replace(case, agents=middle * step, graph=graph)
+                row = measure(tried, path, Path(folder))
                 if row.holds:
                     low, best = middle, row
                 else:
@@ -167,58 +190,16 @@ def print_largest(
                 rows.append(best)
             else:
                 print(f"  no scene of {step} agents or more holds with {graph}")
-    print(node_table(rows))
-    if output is not None:
-        write_json(output, content(rows, model, command))
+    _report(rows, model, command, output)
     return rows
 
 
-def content(rows: Sequence[NodeRow], model: str, command: str) -> dict[str, object]:
-    """What the JSON file holds beside the machine."""
-    return {
-        "command": command,
-        "model": model,
-        "rows": [dataclasses.asdict(row) for row in rows],
-    }
-
-
 def node_table(rows: Sequence[NodeRow]) -> str:
-    """The rows in Markdown."""
-    head = [
-        "agents",
-        "graph",
-        "Hz",
-        "input Hz",
-        "cycles",
-        "misses",
-        "by CV",
-        "p50 ms",
-        "p99 ms",
-        "max ms",
-        "core",
-        "MB",
-        "start s",
-        "first s",
-    ]
-    return markdown(head, [_cells(row) for row in rows])
+    """Return the results as a Markdown table."""
+    return table(rows, _COLUMNS)
 
 
-def _cells(row: NodeRow) -> list[str]:
-    graph = row.graph if row.neighbours is None else f"{row.graph} ({row.neighbours})"
-    return [
-        str(row.agents),
-        graph + (", markers" if row.markers else ""),
-        f"{row.rate:g}",
-        f"{row.input_rate:g}",
-        str(row.cycles),
-        str(row.misses),
-        str(row.by_constant_velocity),
-        *(
-            "-" if math.isnan(value) else f"{value:.1f}"
-            for value in (row.p50_ms, row.p99_ms, row.max_ms)
-        ),
-        f"{row.cpu_share:.0%}",
-        f"{row.resident_mb:.0f}",
-        f"{row.start_s:.1f}",
-        f"{row.first_input_s:.2f}",
-    ]
+def _report(rows: Sequence[NodeRow], model: str, command: str, output: Path | None) -> None:
+    print(node_table(rows))
+    plain = [dataclasses.asdict(row) for row in rows]
+    write_json(output, {"command": command, "model": model, "rows": plain})

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What is asked of the node in one measurement, and what was found, from the raw times."""
+"""One measurement of the node: its settings, and its result computed from the recorded times."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from mtpgo_training.demo.publication_timing import missed_cycles
 
 
 @dataclass(frozen=True)
-class Case:
-    """One measurement.
+class NodeCase:
+    """Settings of one measurement.
 
     Attributes:
         agents: road users in each observation.
-        graph: policy.
+        graph: graph policy.
         rate: predictions per second (Hz).
         input_rate: observations per second (Hz).
-        duration_s: how long is measured (s).
-        neighbours: agents of a graph beside its centre, None as the model was trained.
-        markers: somebody listens to the markers.
-        warm_up_s: time after the first prediction that is not measured (s).
+        duration_s: measured time (s).
+        neighbours: most agents of a graph besides its centre, None as the model was trained.
+        markers: the markers have a subscriber.
+        warm_up_s: time after the first prediction that is not measured (s); the histories, 3 s
+            long, fill in it.
     """
 
     agents: int
@@ -40,31 +41,35 @@ class Case:
 
     @property
     def period_ms(self) -> float:
-        """Between two predictions, and the deadline of each (ms)."""
+        """Time between two predictions, and the deadline of each (ms)."""
         return 1e3 / self.rate
 
 
 @dataclass(frozen=True)
 class NodeRow:
-    """One line of the table.
+    """Result of one measurement, one row of the table.
 
-    Latencies run from an observation's publication in one process, through the node in another,
-    to the receipt of its prediction in the first.
+    Latency is the time from the publication of an observation by the load generator to the receipt
+    of its prediction by the same process.
 
     Attributes:
-        agents: road users.
-        graph: policy.
-        neighbours: most in a graph beside its centre, None as the model was trained.
-        rate, input_rate: Hz.
-        markers: somebody listened to the markers.
+        agents: road users in each observation.
+        graph: graph policy.
+        neighbours: most agents of a graph besides its centre, None as the model was trained.
+        rate: predictions per second (Hz).
+        input_rate: observations per second (Hz).
+        markers: the markers had a subscriber.
         cycles: predictions that were due.
-        misses: of these, those that did not come within a period.
-        by_constant_velocity: of those that came, those with an agent that the model did not serve.
-        p50_ms, p99_ms, max_ms: latency; NaN without a prediction.
-        cpu_share: processor time of the node per time, 1 for a whole core.
-        resident_mb: the most memory that it held (10^6 bytes).
-        start_s: from the start of its process to the first prediction (s).
-        first_input_s: from the first observation that it could hear to the first prediction (s).
+        misses: due predictions that were not received within one period.
+        by_constant_velocity: received predictions in which at least one agent was predicted by
+            constant velocity instead of the model.
+        p50_ms, p99_ms, max_ms: median, 99th percentile and maximum of the latency (ms); NaN
+            without a prediction.
+        cpu_share: processor time of the node per elapsed time, 1 for one whole core.
+        resident_mb: largest resident memory of the node (10^6 bytes).
+        start_s: time from the start of the node's process to the first prediction (s).
+        first_input_s: time from the first observation that the node could receive to the first
+            prediction (s).
     """
 
     agents: int
@@ -86,22 +91,28 @@ class NodeRow:
 
     @property
     def holds(self) -> bool:
-        """Every due prediction came in time, and from the model."""
+        """Whether every due prediction was received in time and computed by the model."""
         return self.cycles > 0 and self.misses == 0 and self.by_constant_velocity == 0
+
+    @property
+    def graph_label(self) -> str:
+        """Graph policy with its number of neighbours and markers, as the table shows it."""
+        graph = self.graph if self.neighbours is None else f"{self.graph} ({self.neighbours})"
+        return graph + (", markers" if self.markers else "")
 
 
 def evaluate(
-    case: Case, raw: Mapping[str, Any], usages: Sequence[Usage], started_ns: int
+    case: NodeCase, raw: Mapping[str, Any], usages: Sequence[Usage], started_ns: int
 ) -> NodeRow:
-    """What was found.
+    """Return the result of one measurement.
 
     Args:
-        case: what was asked.
-        raw: what the load generator noted: ``published`` [stamp, time], ``received`` [stamp, time,
-            agents, of these by constant velocity], ``heard_from_stamp``, ``measured_from`` and
-            ``measured_until``; all times in ns of the monotonic clock.
-        usages: of the node's process.
-        started_ns: when that was started.
+        case: its settings.
+        raw: output of the load generator: ``published`` [stamp, time], ``received`` [stamp, time,
+            agents, number of these by constant velocity], ``heard_from_stamp``, ``measured_from``
+            and ``measured_until``; all times in ns of the monotonic clock.
+        usages: samples of the node's process.
+        started_ns: start of that process (ns, monotonic clock).
     """
     published = {int(stamp): int(when) for stamp, when in raw["published"]}
     received = {int(entry[0]): entry for entry in raw["received"]}
@@ -110,7 +121,7 @@ def evaluate(
 
     inside = np.array([s for s, when in published.items() if begin <= when <= end], dtype=np.int64)
     predicted = np.array(sorted(s for s in received if s in published), dtype=np.int64)
-    # Cycles count from the last prediction before the measurement, which gives them their phase.
+    # The last prediction before the measurement sets the phase of the cycles.
     before = predicted[predicted < inside.min(initial=np.iinfo(np.int64).max)][-1:]
     measured = predicted[np.isin(predicted, inside)]
     missed = missed_cycles(

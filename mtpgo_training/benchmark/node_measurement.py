@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The node and a load generator as processes of their own, each on its own cores."""
+"""Measures the node: starts it and a load generator as two processes on separate cores."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import os
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from mtpgo_training.benchmark.node_case import Case, NodeRow, evaluate
-from mtpgo_training.benchmark.process_usage import ProcessWatch
-from mtpgo_training.demo.node_processes import Child, isolated
-from mtpgo_training.demo.recording_session import READY_S
+from mtpgo_training.benchmark.node_case import NodeCase, NodeRow, evaluate
+from mtpgo_training.benchmark.process_usage import ProcessMonitor
+from mtpgo_training.demo.child_process import ChildProcess, isolated
+from mtpgo_training.demo.node_session import READY_S
 
 
 def cores() -> tuple[set[int], set[int]]:
-    """The node's core, and those of everything else; one core serves both if there is no other."""
+    """Return the node's core and the cores of all other processes; on one core both share it."""
     usable = sorted(os.sched_getaffinity(0))
     return {usable[-1]}, set(usable[:-1]) or {usable[-1]}
 
 
-def parameters_of(case: Case, model: Path) -> list[str]:
-    """The node's parameters for a case, each ``name:=value``."""
+def parameters_of(case: NodeCase, model: Path) -> list[str]:
+    """Return the node's parameters for a case, each ``name:=value``."""
     return [
         f"model:={model}",
         f"rate:={case.rate}",
@@ -33,17 +33,17 @@ def parameters_of(case: Case, model: Path) -> list[str]:
     ]
 
 
-def measure(case: Case, model: Path, logs: Path, parameters: Sequence[str] = ()) -> NodeRow:
-    """Start both processes, wait for the end of the measurement and evaluate it.
+def measure(case: NodeCase, model: Path, logs: Path, parameters: Sequence[str] = ()) -> NodeRow:
+    """Start both processes, wait for the end of the measurement and return its result.
 
-    The load generator publishes before the node starts, so that the node's start is measured as a
-    robot sees it.
+    The load generator publishes before the node starts, so that the node's start is measured while
+    observations arrive, as on a robot.
 
     Args:
-        case: what to measure.
-        model: file of the model.
-        logs: folder for what the processes print.
-        parameters: further ones of the node, ``name:=value``; they win.
+        case: settings of the measurement.
+        model: model file.
+        logs: folder for the output of the processes.
+        parameters: further parameters of the node, ``name:=value``; they override the case's.
 
     Raises:
         ProcessError: one of the processes failed.
@@ -57,21 +57,21 @@ def measure(case: Case, model: Path, logs: Path, parameters: Sequence[str] = ())
         load.wait_for("ready", READY_S)
         arguments = ["--ros-args", *options]
         log = logs / "predictor.log"
-        with Child("predictor", arguments, log, environment, cores=one) as node:
-            watch = ProcessWatch(node.pid)
+        with ChildProcess("predictor", arguments, log, environment, cores=one) as node:
+            monitor = ProcessMonitor(node.pid)
 
             def meanwhile() -> None:
                 node.check()
-                watch.look()
+                monitor.sample()
 
             load.wait(READY_S + case.warm_up_s + case.duration_s + READY_S, meanwhile)
             started_ns = node.started_ns
-    return evaluate(case, json.loads(output.read_text()), watch.usages, started_ns)
+    return evaluate(case, json.loads(output.read_text()), monitor.usages, started_ns)
 
 
 def _load(
-    case: Case, output: Path, logs: Path, environment: dict[str, str], on: Collection[int]
-) -> Child:
+    case: NodeCase, output: Path, logs: Path, environment: dict[str, str], on: Collection[int]
+) -> ChildProcess:
     arguments = [
         *("-o", str(output)),
         *("--agents", str(case.agents)),
@@ -82,4 +82,4 @@ def _load(
     ]
     if case.markers:
         arguments.append("--markers")
-    return Child("load_generator", arguments, logs / "load.log", environment, cores=on)
+    return ChildProcess("load_generator", arguments, logs / "load.log", environment, cores=on)

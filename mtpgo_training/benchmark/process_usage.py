@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Processor time and memory of another process, as Linux tells them under /proc."""
+"""Processor time and memory of another process, sampled while it runs."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
+import psutil
 
 from mtpgo_core.errors import ConfigurationError
 
-_BETWEEN_NS = 100_000_000
+SAMPLE_PERIOD_S = 0.1
+"""Least time between two samples (s). Chosen: 600 samples in a measurement of 60 s."""
 
 
 @dataclass(frozen=True)
 class Usage:
-    """What a process had used at a moment.
+    """Resources that a process had used at one time.
 
     Attributes:
-        time_ns: the moment (monotonic clock).
-        cpu_s: processor time of all its threads (s).
-        resident_mb: memory that it holds, shared libraries included (10^6 bytes).
+        time_ns: time of the sample (ns, monotonic clock).
+        cpu_s: processor time of all threads since the process started (s).
+        resident_mb: resident memory, shared libraries included (10^6 bytes).
     """
 
     time_ns: int
@@ -32,34 +33,36 @@ class Usage:
     resident_mb: float
 
 
-def check_proc() -> None:
-    """That processes can be watched and bound to a core here.
+def require_linux() -> None:
+    """Check that this system can bind processes to a core and report their peak memory.
 
     Raises:
-        ConfigurationError: they cannot.
+        ConfigurationError: it cannot.
     """
-    if not Path("/proc/self/stat").is_file() or not hasattr(os, "sched_setaffinity"):
+    if not Path("/proc/self/status").is_file() or not hasattr(os, "sched_setaffinity"):
         raise ConfigurationError(
             "the benchmark reads /proc and binds processes to a core, which this system does not "
             "offer; expected Linux"
         )
 
 
-class ProcessWatch:
-    """Collects the usage of a process; call :meth:`look` as often as you like.
+class ProcessMonitor:
+    """Samples the usage of a process each time :meth:`sample` is called.
 
     Args:
-        pid: number of the process.
+        pid: process ID.
+
+    Attributes:
+        usages: the samples, in order of time.
     """
 
     def __init__(self, pid: int) -> None:
         self._pid = pid
         self.usages: list[Usage] = []
 
-    def look(self) -> None:
-        """Note the usage, ten times a second at most."""
-        now_ns = time.monotonic_ns()
-        if self.usages and now_ns - self.usages[-1].time_ns < _BETWEEN_NS:
+    def sample(self) -> None:
+        """Record the usage, unless the last sample is younger than ``SAMPLE_PERIOD_S``."""
+        if self.usages and time.monotonic_ns() < self.usages[-1].time_ns + 1e9 * SAMPLE_PERIOD_S:
             return
         usage = read_usage(self._pid)
         if usage is not None:
@@ -67,33 +70,38 @@ class ProcessWatch:
 
 
 def read_usage(pid: int) -> Usage | None:
-    """The usage of a process now, None if it has ended."""
+    """Return the current usage of a process, None if it has ended."""
     try:
-        # The name in parentheses may hold anything; fields count from behind it.
-        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-    except OSError:
+        process = psutil.Process(pid)
+        with process.oneshot():
+            cpu, memory = process.cpu_times(), process.memory_info()
+    except psutil.NoSuchProcess:
         return None
-    ticks = int(fields[11]) + int(fields[12])
-    pages = int(fields[21])
-    return Usage(
-        time_ns=time.monotonic_ns(),
-        cpu_s=ticks / os.sysconf("SC_CLK_TCK"),
-        resident_mb=pages * os.sysconf("SC_PAGE_SIZE") / 1e6,
-    )
+    return Usage(time.monotonic_ns(), cpu.user + cpu.system, memory.rss / 1e6)
 
 
 def read_peak_mb(pid: int) -> float:
-    """The most memory that a process has held since it began (10^6 bytes), 0 if it has ended."""
+    """Return the peak resident memory of a process (10^6 bytes), 0 if it has ended."""
+    # From /proc, since psutil reports the peak on Windows only.
     try:
         lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
     except OSError:
         return 0.0
-    peak = [line.split()[1] for line in lines if line.startswith("VmHWM:")]
-    return int(peak[0]) * 1024 / 1e6 if peak else 0.0
+    peak_kib = [int(line.split()[1]) for line in lines if line.startswith("VmHWM:")]
+    return peak_kib[0] * 1024 / 1e6 if peak_kib else 0.0
 
 
 def cpu_share(usages: Sequence[Usage], begin_ns: int, end_ns: int) -> float:
-    """Processor time per time between two moments, NaN where fewer than two usages lie there."""
+    """Return processor time per elapsed time between two times, 1 for one whole core.
+
+    Args:
+        usages: samples, in order of time.
+        begin_ns: start of the interval (ns, monotonic clock).
+        end_ns: end of the interval (ns, monotonic clock).
+
+    Returns:
+        The share; NaN if fewer than two samples are in the interval.
+    """
     inside = [usage for usage in usages if begin_ns <= usage.time_ns <= end_ns]
     if len(inside) < 2:
         return float("nan")
@@ -102,5 +110,5 @@ def cpu_share(usages: Sequence[Usage], begin_ns: int, end_ns: int) -> float:
 
 
 def largest_mb(usages: Sequence[Usage]) -> float:
-    """The most memory that was seen (10^6 bytes)."""
-    return float(np.max([usage.resident_mb for usage in usages], initial=0.0))
+    """Return the largest resident memory among the samples (10^6 bytes), 0 without samples."""
+    return max((usage.resident_mb for usage in usages), default=0.0)

@@ -1,26 +1,26 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The command line of ``mtpgo benchmark``."""
+"""``mtpgo benchmark``: measure the speed of model, node and tools."""
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.benchmark.benchmark_model import REFERENCE
+from mtpgo_training.benchmark.growth_benchmark import GrowthPlan, print_growth
 from mtpgo_training.benchmark.machine import command_line
+from mtpgo_training.commands.argument_types import positive_integer, positive_number
 
 Add = Callable[..., Any]
 
 
 def add_parser(subparsers: Any) -> None:
-    """Register ``mtpgo benchmark``."""
+    """Add ``mtpgo benchmark`` to the command line."""
     parser = subparsers.add_parser("benchmark", help="measure the speed of model, node and tools")
     kinds = parser.add_subparsers(dest="kind", metavar="KIND", required=True)
     for name, (text, description, arguments, run) in _KINDS.items():
@@ -31,26 +31,21 @@ def add_parser(subparsers: Any) -> None:
 
 
 def _command(args: argparse.Namespace) -> str:
-    """The command line that was given, less what does not matter for the figures."""
+    """Return the given command line without the options that do not affect the result."""
     given = {k: v for k, v in vars(args).items() if k not in ("command", "kind", "run", "json")}
     return command_line(args.kind, given)
 
 
 def _latency_arguments(add: Add) -> None:
-    add("--agents", nargs="+", type=_count, default=[2, 8, 16, 32, 64, 128], metavar="N")
-    add("--threads", nargs="+", type=_count, default=[1], metavar="N")
-    add("--seconds", type=float, default=12.0, help="time per row (12)")
+    count = partial(add, type=positive_integer, metavar="N")
+    count("--agents", nargs="+", default=[2, 8, 16, 32, 64, 128])
+    count("--threads", nargs="+", default=[1])
+    add("--seconds", type=positive_number, default=12.0, help="time per row (12)")
 
 
 def run_latency(args: argparse.Namespace) -> int:
-    """Run ``mtpgo benchmark latency``.
-
-    Raises:
-        ConfigurationError: a duration that is not positive.
-    """
-    if not args.seconds > 0.0:
-        raise ConfigurationError(f"--seconds is {args.seconds}, expected a positive number")
-    # Only here, and likewise below: torch takes a second to load.
+    """Run ``mtpgo benchmark latency``."""
+    # Imported late, here and below: loading torch takes about a second.
     from mtpgo_training.benchmark.latency_benchmark import print_latency
 
     print_latency(args.agents, args.threads, args.seconds, args.json, _command(args))
@@ -58,34 +53,35 @@ def run_latency(args: argparse.Namespace) -> int:
 
 
 def _node_arguments(add: Add) -> None:
-    add("--agents", nargs="+", type=_count, default=[64], metavar="N", help="road users (64)")
+    count, rate = partial(add, type=positive_integer), partial(add, type=positive_number)
+    count("--agents", nargs="+", default=[64], metavar="N", help="road users (64)")
     add("--graph", choices=GRAPH_POLICIES, default="scene", help="policy (scene)")
-    add("--neighbours", type=_count, metavar="K", help="of a graph's centre; as trained")
-    add("--rate", type=_positive, default=5.0, metavar="HZ", help="predictions (5)")
-    add("--input-rate", type=_positive, default=25.0, metavar="HZ", help="observations (25)")
+    count("--neighbours", metavar="K", help="most besides a graph's centre; as trained")
+    rate("--rate", default=5.0, metavar="HZ", help="predictions (5)")
+    rate("--input-rate", default=25.0, metavar="HZ", help="observations (25)")
     _duration(add, 60.0)
-    add("--markers", action="store_true", help="somebody listens to the markers, too")
+    add("--markers", action="store_true", help="also subscribe to the markers")
     _model(add)
     add("-p", "--parameters", nargs="+", default=[], metavar="NAME:=VALUE", help="of the node")
     add(
         "--bars",
         action="store_true",
-        help="measure all that is asked for instead, status 1 if something does not hold; only "
-        "--duration, --model and --json count then",
+        help="measure every requirement instead, status 1 if one does not hold; of the other "
+        "options only --duration, --model and --json apply",
     )
 
 
 def run_node(args: argparse.Namespace) -> int:
-    """Run ``mtpgo benchmark node``; 1 if ``--bars`` finds one that does not hold."""
+    """Run ``mtpgo benchmark node``; with ``--bars`` return 1 if a requirement does not hold."""
     from mtpgo_training.benchmark import node_benchmark as node
-    from mtpgo_training.benchmark.node_case import Case
+    from mtpgo_training.benchmark.node_case import NodeCase
 
     if args.bars:
-        wanted = {"bars": True, "duration": args.duration, "model": args.model}
-        command = command_line(args.kind, wanted)
-        return 0 if node.print_bars(args.duration, args.model, command, args.json) else 1
+        given = {"bars": True, "duration": args.duration, "model": args.model}
+        command = command_line(args.kind, given)
+        return 0 if node.print_requirements(args.duration, args.model, command, args.json) else 1
     cases = [
-        Case(
+        NodeCase(
             agents,
             args.graph,
             args.rate,
@@ -101,22 +97,23 @@ def run_node(args: argparse.Namespace) -> int:
 
 
 def _largest_arguments(add: Add) -> None:
+    count = partial(add, type=positive_integer)
     policies = [policy for policy in GRAPH_POLICIES if policy != "ego"]
     add("--graph", nargs="+", choices=GRAPH_POLICIES, default=policies, help="policies")
-    add("--neighbours", type=_count, metavar="K", help="of a graph's centre; as trained")
-    add("--rate", type=_positive, default=5.0, metavar="HZ", help="predictions (5)")
+    count("--neighbours", metavar="K", help="most besides a graph's centre; as trained")
+    add("--rate", type=positive_number, default=5.0, metavar="HZ", help="predictions (5)")
     _duration(add, 20.0)
-    add("--step", type=_count, default=8, metavar="N", help="sizes are multiples of this (8)")
-    add("--most", type=_count, default=512, metavar="N", help="the largest size tried (512)")
+    count("--step", default=8, metavar="N", help="sizes are multiples of this (8)")
+    count("--most", default=512, metavar="N", help="the largest size tried (512)")
     _model(add)
 
 
 def run_largest(args: argparse.Namespace) -> int:
     """Run ``mtpgo benchmark largest``."""
     from mtpgo_training.benchmark.node_benchmark import print_largest
-    from mtpgo_training.benchmark.node_case import Case
+    from mtpgo_training.benchmark.node_case import NodeCase
 
-    case = Case(0, rate=args.rate, duration_s=args.duration, neighbours=args.neighbours)
+    case = NodeCase(0, rate=args.rate, duration_s=args.duration, neighbours=args.neighbours)
     print_largest(
         args.graph, case, args.model, _command(args), args.json, step=args.step, most=args.most
     )
@@ -124,27 +121,21 @@ def run_largest(args: argparse.Namespace) -> int:
 
 
 def _growth_arguments(add: Add) -> None:
-    add("--agents", nargs="+", type=_count, default=[8, 16, 32, 64, 128, 256, 512], metavar="N")
-    add("--graph", choices=GRAPH_POLICIES, default="cover", help="policy (cover)")
-    add("--input-agents", type=_count, default=128, metavar="N", help="of the input table (128)")
-    add(
-        "--input-rates",
-        nargs="+",
-        type=_positive,
-        default=[5.0, 10.0, 25.0, 50.0, 100.0],
-        metavar="HZ",
-    )
-    _duration(add, 10.0)
+    plan = GrowthPlan()
+    count = partial(add, type=positive_integer, metavar="N")
+    rate = partial(add, type=positive_number, metavar="HZ")
+    count("--agents", nargs="+", default=list(plan.agents))
+    add("--graph", choices=GRAPH_POLICIES, default=plan.graph, help="policy (cover)")
+    count("--input-agents", default=plan.input_agents, help="objects in each input message (128)")
+    rate("--input-rates", nargs="+", default=list(plan.input_rates))
+    _duration(add, plan.seconds)
     _model(add)
-    add("--without-node", action="store_true", help="only what needs no ROS")
+    add("--without-node", action="store_true", help="measure only what needs no ROS")
 
 
 def run_growth(args: argparse.Namespace) -> int:
     """Run ``mtpgo benchmark growth``."""
-    from mtpgo_training.benchmark.growth_benchmark import GrowthPlan, print_growth
-
-    plan = dataclasses.replace(
-        GrowthPlan(),
+    plan = GrowthPlan(
         agents=tuple(args.agents),
         graph=args.graph,
         input_rates=tuple(args.input_rates),
@@ -157,26 +148,29 @@ def run_growth(args: argparse.Namespace) -> int:
 
 
 def _conversion_arguments(add: Add) -> None:
+    minutes = partial(add, type=positive_number, metavar="MIN")
     add("--data", type=Path, metavar="DIR", help="recordings; by default one is simulated")
-    add("--layout", default="highd", help="of --data (highd)")
-    add("--minutes", type=_positive, default=20.0, metavar="MIN", help="to be simulated (20)")
+    add("--layout", default="highd", help="layout of --data (highd)")
+    minutes("--minutes", default=20.0, help="length of the simulated recording (20)")
 
 
 def run_conversion(args: argparse.Namespace) -> int:
     """Run ``mtpgo benchmark conversion``."""
     from mtpgo_training.benchmark.conversion_benchmark import print_conversion
 
-    made = {"minutes": args.minutes}
-    given = made if args.data is None else {"data": args.data, "layout": args.layout}
+    given = {"data": args.data, "layout": args.layout}
+    if args.data is None:
+        given = {"minutes": args.minutes}
     command = command_line(args.kind, given)
     print_conversion(args.data, args.layout, args.minutes, command, args.json)
     return 0
 
 
 def _training_arguments(add: Add) -> None:
-    add("--scenes", type=_count, default=128, metavar="N", help="graphs in a batch (128)")
-    add("--threads", type=_count, default=2, metavar="N", help="in all (2)")
-    add("--rounds", type=_count, default=7, metavar="N", help="steps of each (7)")
+    count = partial(add, type=positive_integer, metavar="N")
+    count("--scenes", default=128, help="graphs in a batch (128)")
+    count("--threads", default=2, help="threads in total (2)")
+    count("--rounds", default=7, help="steps of each implementation (7)")
 
 
 def run_training(args: argparse.Namespace) -> int:
@@ -189,35 +183,15 @@ def run_training(args: argparse.Namespace) -> int:
 
 def _duration(add: Add, default: float) -> None:
     text = f"time of each measurement ({default:g})"
-    add("--duration", type=_positive, default=default, metavar="S", help=text)
+    add("--duration", type=positive_number, default=default, metavar="S", help=text)
 
 
 def _model(add: Add) -> None:
     text = (
-        "name or file of a model; 'reference' is the default architecture (hidden 64, RK4), not "
-        "trained (reference)"
+        "name or file of a model; 'reference' is the default architecture (hidden 64, RK4), "
+        "untrained (reference)"
     )
     add("--model", default=REFERENCE, metavar="NAME|FILE", help=text)
-
-
-def _count(text: str) -> int:
-    try:
-        number = int(text)
-    except ValueError:
-        number = 0
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{text} is given, expected at least 1")
-    return number
-
-
-def _positive(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not 0.0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is given, expected a number above 0")
-    return number
 
 
 _Kind = tuple[str, str, Callable[[Add], None], Callable[[argparse.Namespace], int]]
@@ -225,46 +199,46 @@ _Kind = tuple[str, str, Callable[[Add], None], Callable[[argparse.Namespace], in
 _KINDS: dict[str, _Kind] = {
     "latency": (
         "one prediction against the number of agents",
-        "Time the exported model on one complete graph, in turns with a straightforward "
+        "Time the exported model on one complete graph, alternating with a straightforward "
         "implementation of the same equations on the same weights.",
         _latency_arguments,
         run_latency,
     ),
     "node": (
         "the real node on one core, from message to message",
-        "Start the predictor, bound to one core, and a load generator, and measure from the "
-        "publication of an observation to the receipt of its prediction. Traffic drives on a ring "
-        "road at the density of a busy motorway.",
+        "Start the predictor, bound to one core, and a load generator, and measure the time from "
+        "the publication of an observation to the receipt of its prediction. Traffic drives on a "
+        "ring road at the density of a busy motorway.",
         _node_arguments,
         run_node,
     ),
     "largest": (
-        "the largest scene that the node carries",
-        "Search for the largest scene in which no prediction is late or left to constant "
-        "velocity, for each graph policy.",
+        "the largest scene that the node can handle",
+        "Search, for each graph policy, the largest scene in which no prediction is late or by "
+        "constant velocity.",
         _largest_arguments,
         run_largest,
     ),
     "growth": (
         "time against the number of agents and the input's rate",
-        "Measure how time grows with the road users, without ROS and through the node, what the "
-        "input costs at several rates, and what markers cost.",
+        "Measure how the time grows with the number of road users, without ROS and through the "
+        "node, and the cost of the input at several rates and of markers.",
         _growth_arguments,
         run_growth,
     ),
     "training": (
-        "a step of training",
-        "Time training steps in turns with a straightforward implementation of the same "
+        "a training step",
+        "Time training steps, alternating with a straightforward implementation of the same "
         "equations on the same weights, and compare the memory they need.",
         _training_arguments,
         run_training,
     ),
     "conversion": (
-        "recordings into bags and into the training's cache",
-        "Measure on one core how many times faster than real time recordings are converted and "
-        "made ready for training.",
+        "converting recordings into bags and into the training cache",
+        "Measure how many times faster than real time recordings are converted, and prepared for "
+        "training, on one core.",
         _conversion_arguments,
         run_conversion,
     ),
 }
-"""Name, help, description, arguments and function of every kind."""
+"""Name -> help, description, function that adds the arguments, and function that runs it."""

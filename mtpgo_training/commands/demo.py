@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo demo``: a recording through the real node, and what its predictions were worth."""
+"""``mtpgo demo``: play recordings through the real node and score its predictions."""
 
 from __future__ import annotations
 
@@ -14,17 +14,15 @@ DESCRIPTION = (
     "the recording that ships with the package is played."
 )
 
-RATE_HZ = 5.0
-
 
 def add_parser(subparsers: Any) -> None:
-    """Register ``mtpgo demo``."""
+    """Add ``mtpgo demo`` to the command line."""
     parser = subparsers.add_parser("demo", help=DESCRIPTION.split(",")[0], description=DESCRIPTION)
     add = parser.add_argument
     add("data", nargs="?", type=Path, metavar="DIR", help="folder of recordings")
     add("--layout", help="layout of the recordings in DIR, for instance highd, ind, round, exid")
     add("--recordings", nargs="+", metavar="NAME", help="play only these")
-    add("--all", action="store_true", help="play those too that the model was trained on")
+    add("--all", action="store_true", help="also play recordings that the model was trained on")
     add("--model", default="default", help="name or file of the model (default)")
     add(
         "--parameter",
@@ -46,16 +44,12 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the demo.
-
-    Returns:
-        0; bad input raises :class:`~mtpgo_core.errors.MtpgoError`.
-    """
-    # Only here: the other commands need neither matplotlib nor torch.
-    from mtpgo_training.demo.demo_chain import Options, run_demo
+    """Run ``mtpgo demo``."""
+    # Imported late: matplotlib and torch take seconds, which ``--help`` does not need.
+    from mtpgo_training.demo.demo_pipeline import DemoOptions, run_demo
 
     run_demo(
-        Options(
+        DemoOptions(
             data=args.data,
             layout=args.layout,
             recordings=args.recordings,
@@ -63,7 +57,6 @@ def run(args: argparse.Namespace) -> int:
             model=args.model,
             parameters=tuple(args.parameter),
             output=args.output,
-            rate_hz=RATE_HZ,
         )
     )
     return 0

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's result as a table for the terminal and as ``summary.json``."""
+"""Result of the demo as ``summary.json`` and as the table printed to the terminal."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ import numpy as np
 
 from mtpgo_core.schema import Source
 from mtpgo_core.task.task_description import TaskDescription
-from mtpgo_training.demo.capture import Capture, Received
 from mtpgo_training.demo.publication_timing import PublicationTiming
+from mtpgo_training.demo.recorded_messages import ReceivedPrediction, RecordedMessages
 from mtpgo_training.evaluation.scorebook import ScoreTable
 
 MODEL, PROTOCOL = "mtpgo", "all"
-"""Name of the predictions in the score tables, and the protocol under which all of them stand."""
+"""Name of the model in the score tables, and the protocol that averages over all agents."""
 
 _BASELINES = ("cv", "ca")
 
@@ -43,27 +43,23 @@ _PACKAGES = ("mtpgo_ros", "torch", "numpy", "rosbags", "ros-rclpy")
 
 
 @dataclass(frozen=True)
-class Result:
-    """One recording, or all of them together.
+class DemoResult:
+    """Result of one recording, or of all of them together.
 
     Attributes:
-        name: of the recording.
-        predictions: as received.
-        timing: see :class:`PublicationTiming`.
-        scores: of the predictions and the baselines.
+        name: name of the recording, "all" for all of them.
+        predictions: the received predictions.
+        timing: their punctuality and completeness.
+        scores: scores of the predictions and of the baselines.
     """
 
     name: str
-    predictions: Sequence[Received]
+    predictions: Sequence[ReceivedPrediction]
     timing: PublicationTiming
     scores: ScoreTable
 
     def row(self) -> dict[str, Any]:
-        """Plain data; what is not defined is None.
-
-        ``scenes`` counts the published messages, ``predictions_published`` the predicted road
-        users in them.
-        """
+        """Return the values of ``summary.json``, explained in docs/demo.md; undefined is None."""
         timing = self.timing
         row: dict[str, Any] = {
             "predictions_published": sum(len(r.prediction) for r in self.predictions),
@@ -95,14 +91,24 @@ class Result:
 
 
 def summary(
-    total: Result, parts: Sequence[Result], task: TaskDescription, capture: Capture
+    total: DemoResult,
+    parts: Sequence[DemoResult],
+    task: TaskDescription,
+    recorded: RecordedMessages,
 ) -> dict[str, Any]:
-    """The content of ``summary.json``."""
-    timing = capture.diagnostics.get("predictor: timing", {})
+    """Return the content of ``summary.json``.
+
+    Args:
+        total: result of all recordings together.
+        parts: result of each recording.
+        task: description of the model.
+        recorded: the recorded messages.
+    """
+    timing = recorded.diagnostics.get("predictor: timing", {})
     return total.row() | {
         "node_deadline_misses": int(timing.get("deadline_misses", 0)),
-        "node_processing_ms_p50": _percentile(np.array(capture.processing_ms), 50.0),
-        "node_processing_ms_p99": _percentile(np.array(capture.processing_ms), 99.0),
+        "node_processing_ms_p50": _percentile(np.array(recorded.processing_ms), 50.0),
+        "node_processing_ms_p99": _percentile(np.array(recorded.processing_ms), 99.0),
         "recordings": {part.name: part.row() for part in parts},
         "model": {
             "name": task.name,
@@ -114,12 +120,12 @@ def summary(
 
 
 def to_json(content: Mapping[str, Any]) -> str:
-    """The text of ``summary.json``."""
+    """Return the text of ``summary.json``."""
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
-def table(content: Mapping[str, Any]) -> str:
-    """The table that the demo prints, from the content of ``summary.json``."""
+def terminal_table(content: Mapping[str, Any]) -> str:
+    """Return the table that the demo prints, from the content of ``summary.json``."""
     left = ["recording", "scenes", "agents", "ADE m", "FDE m", "MR", "NLL", "in 95 %"]
     rows = [[*left, "|", "CV ADE", "CV FDE", "CV MR", "CV NLL"]]
     parts = dict(content["recordings"])
@@ -144,25 +150,30 @@ def table(content: Mapping[str, Any]) -> str:
 
 
 def sentences(content: Mapping[str, Any], rate: float) -> list[str]:
-    """What the table does not say, in words."""
+    """Return sentences about completeness and latency, which are not in the table.
+
+    Args:
+        content: content of ``summary.json``.
+        rate: configured predictions per second (Hz).
+    """
     answered = content["cycles"] - content["missed_cycles"]
     lines = [
         f"{answered} of {content['cycles']} cycles answered at {rate:g} Hz, "
         f"{content['late_predictions']} late; {content['predictions_published']} predictions of "
         f"single road users, {content['missing_predictions']} missing, "
-        f"{content['fallback_predictions']} by constant velocity in the model's place.",
+        f"{content['fallback_predictions']} by constant velocity instead of the model.",
     ]
     if content["latency_ms_p50"] is not None:
         lines.append(
-            f"Latency from the observation to the prediction, both as received by a third "
-            f"process: {content['latency_ms_p50']:.1f} ms median, "
+            f"Latency from observation to prediction, both as received by a third process: "
+            f"{content['latency_ms_p50']:.1f} ms median, "
             f"{content['latency_ms_p99']:.1f} ms p99."
         )
     return lines
 
 
 def versions() -> dict[str, str]:
-    """What was used, for whoever reads the figures later."""
+    """Return the versions of Python and of the packages that affect the result."""
     found = {"python": platform.python_version(), "machine": platform.machine()}
     for name in _PACKAGES:
         try:

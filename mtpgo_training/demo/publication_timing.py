@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Was every prediction there, whole and in time? Judged by what was recorded, not by the node."""
+"""Counts late, missing and incomplete predictions from the recorded messages."""
 
 from __future__ import annotations
 
@@ -10,24 +10,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.history.track_index import NameArray
+
 Int64Array = NDArray[np.int64]
 
 STAMP_SLACK_NS = 1_000
-"""Stamps closer than this are the same time: bags and messages round differently (ns)."""
+"""Stamps closer than this count as equal (ns): bags and messages round differently."""
 
 
 @dataclass(frozen=True)
 class PublicationTiming:
-    """How punctual and how complete the predictions of one recording were.
+    """Punctuality and completeness of the predictions of one recording.
 
     Attributes:
-        cycles: predictions that the rate asks for.
-        published: predictions that came.
+        cycles: predictions that were due at the configured rate.
+        published: predictions that were received.
         missed: cycles without a prediction.
-        late: predictions later than one period after their observation.
+        late: predictions received more than one period after their observation.
         agents_max: most road users in one observation.
-        missing_agents: road users observed at a predicted instant but not in its prediction.
-        latency_ms: receipt of each prediction after receipt of its observation (ms).
+        missing_agents: road users observed at a predicted time but not in its prediction.
+        latency_ms: [published] time from the receipt of an observation to the receipt of its
+            prediction (ms).
     """
 
     cycles: int
@@ -40,12 +43,12 @@ class PublicationTiming:
 
     @property
     def deadline_misses(self) -> int:
-        """Cycles whose prediction was late or never came."""
+        """Cycles whose prediction was late or missing."""
         return self.missed + self.late
 
 
-def joined(timings: Sequence[PublicationTiming]) -> PublicationTiming:
-    """The timing of several recordings, at least one, together."""
+def merge_timings(timings: Sequence[PublicationTiming]) -> PublicationTiming:
+    """Return the timing of several recordings, at least one, taken together."""
     return PublicationTiming(
         cycles=sum(t.cycles for t in timings),
         published=sum(t.published for t in timings),
@@ -58,16 +61,16 @@ def joined(timings: Sequence[PublicationTiming]) -> PublicationTiming:
 
 
 def missed_cycles(observed: Int64Array, predicted: Int64Array, period_ns: int) -> int:
-    """Cycles at which an observation was there and no prediction came.
+    """Return the number of cycles with an observation and without a prediction.
 
-    Between two predictions of times a and b every multiple a + k period that lies clearly before b
-    was due, if there was an observation within half a period of it. Before the first prediction
-    the multiples are counted from the first observation, which was due itself.
+    Between two predictions at times a and b, each time a + k * period that is at least half a
+    period before b was due if there was an observation within half a period of it. Before the
+    first prediction the cycles are counted from the first observation, which was due itself.
 
     Args:
         observed: [o] stamps of the observations, ascending (ns).
         predicted: [p] stamps of the predictions, ascending, each one of ``observed`` (ns).
-        period_ns: wanted time between two predictions (ns).
+        period_ns: configured time between two predictions (ns).
     """
     if observed.size == 0:
         return 0
@@ -87,18 +90,20 @@ def missed_cycles(observed: Int64Array, predicted: Int64Array, period_ns: int) -
 
 
 def timing(
-    observed: Mapping[int, set[bytes]],
+    observed: Mapping[int, NameArray],
     received: Mapping[int, int],
-    predicted: Sequence[tuple[int, int, set[bytes]]],
+    predicted: Sequence[tuple[int, int, NameArray]],
     rate: float,
 ) -> PublicationTiming:
-    """PublicationTiming of one recording.
+    """Return the timing of one recording.
 
     Args:
-        observed: stamp of each observation that was played (ns) -> keys of its road users.
-        received: stamp of each observation -> wall clock of its receipt (ns).
-        predicted: stamp, wall clock of receipt (ns) and keys of each prediction, in order.
-        rate: wanted predictions per second (Hz).
+        observed: stamp of each observation that was played (ns) -> [n] names of its road users,
+            see :func:`~mtpgo_core.history.track_index.names_of`.
+        received: stamp of each observation (ns) -> time of its receipt (ns, wall clock).
+        predicted: stamp (ns), time of receipt (ns, wall clock) and [m] names of the road users of
+            each prediction, in order of receipt.
+        rate: configured predictions per second (Hz).
     """
     period_ns = round(1e9 / rate)
     done = np.unique(np.array([stamp for stamp, _, _ in predicted], dtype=np.int64))
@@ -112,6 +117,10 @@ def timing(
         missed=missed,
         late=int((latency > period_ns * 1e-6).sum()),
         agents_max=max(map(len, observed.values()), default=0),
-        missing_agents=sum(len(observed.get(stamp, set()) - keys) for stamp, _, keys in predicted),
+        missing_agents=sum(
+            int(np.isin(observed[stamp], names, invert=True).sum())
+            for stamp, _, names in predicted
+            if stamp in observed
+        ),
         latency_ms=latency,
     )

@@ -1,16 +1,16 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What is made of the raw times: latencies, misses and shares with known answers."""
+"""Latencies, misses and requirements computed from recorded times, against known answers."""
 
 import math
 import os
 
 import pytest
 
-from mtpgo_training.benchmark.node_benchmark import Bar
-from mtpgo_training.benchmark.node_case import Case, evaluate
+from mtpgo_training.benchmark.node_benchmark import Requirement
+from mtpgo_training.benchmark.node_case import NodeCase, evaluate
 from mtpgo_training.benchmark.process_usage import (
-    ProcessWatch,
+    ProcessMonitor,
     Usage,
     cpu_share,
     largest_mb,
@@ -41,7 +41,7 @@ def made(latency_ms, *, lost=(), fallback=(), seconds=3.0, measured=(1.0, 3.0)):
 
 
 def test_a_perfect_run():
-    row = evaluate(Case(4), made(lambda n: 10.0 + n), [], started_ns=-2_000 * MS)
+    row = evaluate(NodeCase(4), made(lambda n: 10.0 + n), [], started_ns=-2_000 * MS)
     assert (row.cycles, row.misses, row.by_constant_velocity) == (10, 0, 0)
     assert row.holds
     # Cycles 5 to 14 are measured.
@@ -54,19 +54,19 @@ def test_a_perfect_run():
 
 @pytest.mark.parametrize("lost", [{5}, {9}, {14}])
 def test_a_cycle_that_never_comes_is_a_miss_wherever_it_stands(lost):
-    row = evaluate(Case(4), made(lambda n: 10.0, lost=lost), [], 0)
+    row = evaluate(NodeCase(4), made(lambda n: 10.0, lost=lost), [], 0)
     assert (row.cycles, row.misses) == (10, 1)
     assert not row.holds
 
 
-def test_late_is_a_miss_too_and_constant_velocity_is_told_apart():
+def test_late_is_a_miss_too_and_constant_velocity_is_counted_separately():
     late = made(lambda n: 201.0 if n == 7 else 199.0, fallback={8, 2})
-    row = evaluate(Case(4), late, [], 0)
+    row = evaluate(NodeCase(4), late, [], 0)
     assert (row.cycles, row.misses, row.by_constant_velocity) == (10, 1, 1)
 
 
 def test_no_prediction_at_all_in_the_measured_time():
-    row = evaluate(Case(4), made(lambda n: 1.0, lost=set(range(5, 15))), [], 0)
+    row = evaluate(NodeCase(4), made(lambda n: 1.0, lost=set(range(5, 15))), [], 0)
     assert row.misses == row.cycles == 10
     assert math.isnan(row.p99_ms)
 
@@ -79,18 +79,27 @@ def test_the_share_of_a_core_counts_inside_the_measurement_only():
 
 
 def test_a_process_can_be_watched():
-    watch = ProcessWatch(os.getpid())
-    watch.look()
-    watch.look()  # too soon for another
-    assert len(watch.usages) == 1
-    assert watch.usages[0].cpu_s > 0.1
-    assert 20.0 < watch.usages[0].resident_mb <= read_peak_mb(os.getpid()) * 1.1
+    monitor = ProcessMonitor(os.getpid())
+    monitor.sample()
+    monitor.sample()  # too soon for another
+    assert len(monitor.usages) == 1
+    assert monitor.usages[0].cpu_s > 0.1
+    assert 20.0 < monitor.usages[0].resident_mb <= read_peak_mb(os.getpid()) * 1.1
     assert read_usage(2**30) is None
     assert read_peak_mb(2**30) == 0.0
 
 
 def test_a_bar_says_what_does_not_hold():
-    row = evaluate(Case(4), made(lambda n: 50.0, lost={9}), [Usage(1, 0.0, 500.0)], 0)
-    told = Bar(Case(4), p99_ms=40.0).failures(row)
-    assert [sentence.split(",")[0] for sentence in told] == ["1 misses", "p99 50 ms", "500 MB"]
-    assert Bar(Case(4), 60.0).failures(evaluate(Case(4), made(lambda n: 50.0), [], 0)) == []
+    row = evaluate(NodeCase(4), made(lambda n: 50.0, lost={9}), [Usage(1, 0.0, 500.0)], 0)
+    violations = Requirement(NodeCase(4), p99_ms=40.0).violations(row)
+    assert [sentence.split(",")[0] for sentence in violations] == [
+        "1 misses",
+        "p99 50 ms",
+        "500 MB",
+    ]
+    assert (
+        Requirement(NodeCase(4), 60.0).violations(
+            evaluate(NodeCase(4), made(lambda n: 50.0), [], 0)
+        )
+        == []
+    )

@@ -12,7 +12,7 @@ from mtpgo_training.benchmark import conversion_benchmark as conversion
 from mtpgo_training.benchmark import growth_benchmark as growth
 from mtpgo_training.benchmark import node_benchmark as node
 from mtpgo_training.benchmark.machine import command_line, machine, write_json
-from mtpgo_training.benchmark.node_case import Case
+from mtpgo_training.benchmark.node_case import NodeCase
 from mtpgo_training.cli import main
 
 HIGHWAY = Path(__file__).resolve().parents[3] / "resource" / "recordings" / "highway"
@@ -133,11 +133,11 @@ def test_wrong_arguments(arguments, words, capsys):
 
 
 def test_what_is_asked_for_covers_every_policy_and_both_rates():
-    asked = {(bar.case.agents, bar.case.graph, bar.case.rate) for bar in node.BARS}
+    asked = {(each.case.agents, each.case.graph, each.case.rate) for each in node.REQUIREMENTS}
     assert (64, "scene", 5.0) in asked
     assert (32, "scene", 10.0) in asked
     assert {graph for _, graph, _ in asked} == {"scene", "cover", "each"}
-    assert all(bar.case.duration_s == 60.0 for bar in node.BARS)
+    assert all(each.case.duration_s == 60.0 for each in node.REQUIREMENTS)
 
 
 def test_the_largest_scene_is_found_by_halving(monkeypatch, capsys):
@@ -149,8 +149,8 @@ def test_the_largest_scene_is_found_by_halving(monkeypatch, capsys):
         return base if case.agents <= 72 else node.dataclasses.replace(base, misses=1)
 
     monkeypatch.setattr(node, "measure", pretended)
-    monkeypatch.setattr(node, "check_able", lambda output: None)
-    rows = node.print_largest(["cover"], Case(0), "default", "x", None, step=8, most=512)
+    monkeypatch.setattr(node, "require_node_tools", lambda: None)
+    rows = node.print_largest(["cover"], NodeCase(0), "default", "x", None, step=8, most=512)
     assert [row.agents for row in rows] == [72]
     assert len(tried) <= 7
     assert "| 72 | cover |" in capsys.readouterr().out

@@ -12,10 +12,10 @@ from demo_traffic import make_recording, perfect_prediction
 
 from mtpgo_core.schema import Source
 from mtpgo_core.task.task_description import TaskDescription
-from mtpgo_training.demo.capture import Capture, Received
-from mtpgo_training.demo.demo_chain import _results
-from mtpgo_training.demo.demo_plan import make_plan
-from mtpgo_training.demo.demo_report import sentences, summary, table, to_json
+from mtpgo_training.demo.demo_pipeline import score_recordings
+from mtpgo_training.demo.demo_report import sentences, summary, terminal_table, to_json
+from mtpgo_training.demo.playback_plan import make_plan
+from mtpgo_training.demo.recorded_messages import ReceivedPrediction, RecordedMessages
 
 REQUIRED = {
     "predictions_published",
@@ -34,14 +34,14 @@ REQUIRED = {
 
 def captured(plan, drop=None):
     """Perfect predictions of every second frame, 20 ms after the observation."""
-    capture = Capture()
+    capture = RecordedMessages()
     for index, recording in enumerate(plan.recordings):
         for frame in recording.frames.tolist():
             stamp_ns = recording.stamp_ns(frame)
             capture.observed[stamp_ns] = stamp_ns + 1
             if frame % 2 == 0 and (index, frame) != drop:
                 prediction = perfect_prediction(recording, frame)
-                capture.predictions.append(Received(prediction, stamp_ns + 20_000_001))
+                capture.predictions.append(ReceivedPrediction(prediction, stamp_ns + 20_000_001))
     capture.processing_ms = [12.0, 14.0]
     capture.diagnostics = {"predictor: timing": {"deadline_misses": "3"}}
     return capture
@@ -49,7 +49,7 @@ def captured(plan, drop=None):
 
 def content_of(plan, capture):
     task = TaskDescription(name="made", weights_sha256="ff")
-    total, parts = _results(plan, capture, task, 5.0)
+    total, parts = score_recordings(plan, capture, task, 5.0)
     return summary(total, parts, task, capture)
 
 
@@ -102,7 +102,7 @@ def test_counts_are_those_of_the_messages(content):
 
 
 def test_the_table_has_a_line_for_each_recording_and_one_for_all(content):
-    lines = table(content).splitlines()
+    lines = terminal_table(content).splitlines()
     assert [line.split()[0] for line in lines if not line.startswith("-")] == [
         "recording",
         "a",
@@ -130,8 +130,8 @@ def test_the_fallback_and_a_missing_road_user_show():
         },
         source=np.array([Source.CONSTANT_VELOCITY], dtype=np.uint8),
     )
-    capture.predictions[0] = Received(first, capture.predictions[0].received_ns)
+    capture.predictions[0] = ReceivedPrediction(first, capture.predictions[0].received_ns)
     content = content_of(plan, capture)
     assert content["fallback_predictions"] == 1
     assert content["missing_predictions"] == 1
-    assert len(table(content).splitlines()) == 3
+    assert len(terminal_table(content).splitlines()) == 3

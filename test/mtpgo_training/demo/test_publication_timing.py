@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from mtpgo_training.demo.publication_timing import joined, missed_cycles, timing
+from mtpgo_training.demo.publication_timing import merge_timings, missed_cycles, timing
 
 MS = 1_000_000
 START = 1_500_000_000 * 10**9
@@ -12,6 +12,10 @@ START = 1_500_000_000 * 10**9
 
 def stamps(*times_ms):
     return START + np.array(times_ms, dtype=np.int64) * MS
+
+
+def names(*text):
+    return np.array(text, dtype="S16")
 
 
 def ticks(step_ms, end_ms):
@@ -49,12 +53,12 @@ def test_an_empty_recording_misses_nothing():
 
 def test_lateness_and_missing_road_users_are_counted():
     first, second, third = ticks(200, 400).tolist()
-    observed = {first: {b"a"}, second: {b"a", b"b"}, third: {b"b"}}
+    observed = {first: names("a"), second: names("a", "b"), third: names("b")}
     received = {first: 10 * MS, second: 210 * MS, third: 410 * MS}
     predicted = [
-        (first, 15 * MS, {b"a"}),
-        (second, 217 * MS, {b"b"}),
-        (third, 610 * MS + 1, {b"b"}),
+        (first, 15 * MS, names("a")),
+        (second, 217 * MS, names("b")),
+        (third, 610 * MS + 1, names("b")),
     ]
     result = timing(observed, received, predicted, rate=5.0)
     assert (result.cycles, result.published, result.missed, result.late) == (3, 3, 0, 1)
@@ -65,8 +69,8 @@ def test_lateness_and_missing_road_users_are_counted():
 
 
 def test_recordings_join():
-    one = timing({0: {b"a"}}, {0: 0}, [(0, 5 * MS, {b"a"})], rate=5.0)
-    none = timing({0: {b"a", b"b"}}, {0: 0}, [], rate=5.0)
-    both = joined([one, none])
+    one = timing({0: names("a")}, {0: 0}, [(0, 5 * MS, names("a"))], rate=5.0)
+    none = timing({0: names("a", "b")}, {0: 0}, [], rate=5.0)
+    both = merge_timings([one, none])
     assert (both.cycles, both.published, both.missed, both.agents_max) == (2, 1, 1, 2)
     assert both.latency_ms.tolist() == [5.0]

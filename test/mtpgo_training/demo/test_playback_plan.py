@@ -6,7 +6,7 @@ import pytest
 from demo_traffic import make_recording
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.demo.demo_plan import PAUSE_S, make_plan, span_ns
+from mtpgo_training.demo.playback_plan import PAUSE_S, make_plan, span_ns
 
 TRAINING = {
     "recordings": [

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which recordings the demo plays, and at which times of the common clock."""
+"""Selects the recordings that the demo plays and lays them out on one time axis."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from mtpgo_training.data.recording import DEFAULT_START_NS, Recording
 from mtpgo_training.evaluation.training_overlap import seen_hashes
 
 PAUSE_S = 60.0
-"""Time of the observations' clock between two recordings (s): no history reaches over it."""
+"""Gap between the stamps of two recordings (s). Chosen: far longer than a history (3 s)."""
 
 
 @dataclass(frozen=True)
-class DemoPlan:
-    """The recordings to play, one after the other, on one rising clock.
+class PlaybackPlan:
+    """The recordings to play one after the other, with increasing stamps.
 
     Attributes:
-        recordings: in order, ``start_time_ns`` set so that their stamps never fall.
-        left_out: names of those that the model was trained on and that are not played.
+        recordings: in the order of playback, with ``start_time_ns`` set so that stamps increase.
+        left_out: names of the recordings not played because the model was trained on them.
     """
 
     recordings: tuple[Recording, ...]
@@ -31,11 +31,11 @@ class DemoPlan:
 
     @property
     def duration_s(self) -> float:
-        """Time that playing takes at real time, without the pauses (s)."""
+        """Duration of all recordings, without the gaps between their stamps (s)."""
         return sum(recording.duration_s for recording in self.recordings)
 
     def at(self, stamp_ns: int) -> int | None:
-        """Index of the recording that an observation of this time belongs to."""
+        """Return the index of the recording that has this stamp (ns), None if there is none."""
         for index, recording in enumerate(self.recordings):
             first, last = span_ns(recording)
             if first <= stamp_ns <= last:
@@ -44,23 +44,23 @@ class DemoPlan:
 
 
 def span_ns(recording: Recording) -> tuple[int, int]:
-    """Stamps of the first and last frame (ns)."""
+    """Return the stamps of the first and last frame (ns)."""
     frames = recording.frames
     return recording.stamp_ns(int(frames[0])), recording.stamp_ns(int(frames[-1]))
 
 
 def make_plan(
     recordings: Sequence[Recording], training: Mapping[str, Any], *, play_all: bool
-) -> DemoPlan:
-    """The recordings that the model has not seen, laid out in time.
+) -> PlaybackPlan:
+    """Return the recordings that the model was not trained on, laid out in time.
 
     Args:
-        recordings: all that were asked for.
-        training: the model's own account of its training, ``TaskDescription.training``.
-        play_all: play those too that it was trained on.
+        recordings: the recordings given.
+        training: description of the model's training, ``TaskDescription.training``.
+        play_all: also play recordings that the model was trained on.
 
     Raises:
-        RecordingError: nothing is left to play.
+        RecordingError: no recording is left to play.
     """
     seen = seen_hashes(training)
     played = [r for r in recordings if len(r) and (play_all or r.sha256 not in seen)]
@@ -68,7 +68,7 @@ def make_plan(
     if not played:
         raise RecordingError(
             f"the model was trained on all {len(left_out)} recordings given, expected one that "
-            "it has not seen, or --all to play them nevertheless"
+            "it was not trained on, or --all to play them anyway"
             if left_out
             else "the recordings given are empty, expected at least one road user"
         )
@@ -78,4 +78,4 @@ def make_plan(
         recording = dataclasses.replace(recording, start_time_ns=start_ns - offset_ns)
         placed.append(recording)
         start_ns = span_ns(recording)[1] + round(PAUSE_S * 1e9)
-    return DemoPlan(tuple(placed), tuple(left_out))
+    return PlaybackPlan(tuple(placed), tuple(left_out))

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The real thing: predictor, record and replay, each its own process, at real time."""
+"""Plays bags through the real node: predictor, record and replay as three processes."""
 
 from __future__ import annotations
 
@@ -13,34 +13,36 @@ from pathlib import Path
 from tqdm import tqdm
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.demo.capture import TOPICS
-from mtpgo_training.demo.node_processes import Child, isolated
+from mtpgo_training.demo.child_process import ChildProcess, isolated
+from mtpgo_training.demo.recorded_messages import TOPICS
 
 READY_S = 120.0
-"""A cold start on a busy machine loads torch and ROS within this (s)."""
+"""Longest wait for a process to become ready (s). Chosen: on a busy machine a cold
+start, which loads torch and ROS, takes long."""
 
 SUBSCRIBERS = 2
-"""Who must listen to the objects before the first is played: the predictor and the recorder."""
+"""Subscribers of the objects before the first is played: the predictor and the recorder."""
 
 LAST_ANSWER_S = 0.5
-"""What is not answered so long after the last observation counts as missed (s)."""
+"""Wait after the last observation (s); a later prediction counts as missed. Chosen: more than two
+periods of 0.2 s."""
 
 LAST_REPORT_S = 1.5
-"""The node reports its diagnostics once a second; the last report is waited for (s)."""
+"""Wait for the last diagnostics (s): the node publishes them once a second."""
 
 
-def check_ros(who: str = "the demo") -> None:
-    """That there is a ROS 2 to start the node with.
+def require_ros(purpose: str = "the demo") -> None:
+    """Check that ROS 2 is installed, which starting the node needs.
 
     Args:
-        who: starts it, for the sentence.
+        purpose: what starts the node, for the error message.
 
     Raises:
-        ConfigurationError: there is none.
+        ConfigurationError: it is not installed.
     """
     if importlib.util.find_spec("rclpy") is None:
         raise ConfigurationError(
-            f"{who} starts the ROS 2 node, but rclpy is not installed for this Python: source "
+            f"{purpose} starts the ROS 2 node, but rclpy is not installed for this Python: source "
             "ROS 2 Jazzy, or install this package with its extra `ros`"
         )
 
@@ -56,11 +58,11 @@ def run_session(
     """Play the bags through one predictor and record what it publishes.
 
     Args:
-        bags: one bag a recording.
-        durations_s: how long each of them is (s).
-        recorded: the bag of the predictions, which must not exist yet.
-        logs: folder for what the processes print.
-        parameters: the node's parameters, each ``name:=value``.
+        bags: one bag per recording.
+        durations_s: duration of each bag (s).
+        recorded: bag to write the predictions to, which must not exist yet.
+        logs: folder for the output of the processes.
+        parameters: parameters of the node, each ``name:=value``.
 
     Raises:
         ProcessError: one of the processes failed.
@@ -68,10 +70,10 @@ def run_session(
     environment = isolated()
     options = [x for parameter in parameters for x in ("-p", parameter)]
     arguments = ["--ros-args", *options] if options else []
-    with Child("predictor", arguments, logs / "predictor.log", environment) as predictor:
+    with ChildProcess("predictor", arguments, logs / "predictor.log", environment) as predictor:
         predictor.wait_for("ready", READY_S)
         writing = ["-o", str(recorded), "--topics", *TOPICS]
-        with Child("record", writing, logs / "record.log", environment) as recorder:
+        with ChildProcess("record", writing, logs / "record.log", environment) as recorder:
             recorder.wait_for("ready", READY_S)
             predictor.wait_for("heard by", READY_S)
             with _Progress(sum(durations_s)) as progress:
@@ -84,19 +86,21 @@ def run_session(
             time.sleep(LAST_REPORT_S)
 
 
-def _player(bag: Path, logs: Path, environment: dict[str, str]) -> Child:
-    """``replay`` of one bag, waiting for its start.
+def _player(bag: Path, logs: Path, environment: dict[str, str]) -> ChildProcess:
+    """Start ``replay`` of one bag, paused before the first message.
 
-    It waits for its subscribers, but discovery may end later on their side; what the best-effort
-    subscription of the predictor does not hear by then would be lost. So it starts paused.
+    ``replay`` waits for its subscribers, but discovery may complete later on their side, and the
+    best-effort subscription of the predictor would lose the messages until then.
     """
     arguments = [str(bag), "--wait-for-subscribers", str(SUBSCRIBERS), "--start-paused"]
     log = logs / f"replay_{bag.stem}.log"
-    return Child("replay", [*arguments, "--no-progress"], log, environment)
+    return ChildProcess("replay", [*arguments, "--no-progress"], log, environment)
 
 
-def _watch(replay: Child, duration_s: float, progress: _Progress, others: Sequence[Child]) -> None:
-    """Follow one playing to its end and to the last answer."""
+def _watch(
+    replay: ChildProcess, duration_s: float, progress: _Progress, others: Sequence[ChildProcess]
+) -> None:
+    """Wait for the end of one playback and for the last prediction."""
 
     def meanwhile() -> None:
         progress.advance(duration_s)
@@ -110,7 +114,7 @@ def _watch(replay: Child, duration_s: float, progress: _Progress, others: Sequen
 
 
 class _Progress:
-    """A bar over the seconds of all recordings."""
+    """A progress bar over the seconds of all recordings."""
 
     def __init__(self, total_s: float) -> None:
         form = "  {percentage:3.0f} %|{bar}| {n:.0f} of {total:.0f} s{postfix}"
@@ -127,15 +131,15 @@ class _Progress:
         self._bar.close()
 
     def begin(self) -> None:
-        """A recording begins."""
+        """Mark the start of a recording."""
         self._began_s = time.monotonic()
 
     def advance(self, duration_s: float) -> None:
-        """Show how far the present recording must be by now."""
+        """Show the time since the start of the current recording, at most its duration (s)."""
         self._show(self._done_s + min(duration_s, time.monotonic() - self._began_s))
 
     def end(self, duration_s: float) -> None:
-        """A recording of this length has been played."""
+        """Mark the end of a recording of some duration (s)."""
         self._done_s += duration_s
         self._show(self._done_s)
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What ``record`` wrote: observations, predictions and diagnostics, each with its receipt."""
+"""Reads the bag that ``record`` wrote: observations, predictions and diagnostics."""
 
 from __future__ import annotations
 
@@ -17,40 +17,45 @@ PREDICTIONS = "/predictor/predictions"
 PROCESSING, DIAGNOSTICS = "/predictor/debug/processing_time_ms", "/diagnostics"
 
 TOPICS = (OBJECTS_TOPIC, PREDICTIONS, PROCESSING, DIAGNOSTICS)
-"""All that the demo has recorded."""
+"""The topics that the demo records."""
 
 
 @dataclass(frozen=True)
-class Received:
-    """A prediction and the wall clock at its receipt (ns)."""
+class ReceivedPrediction:
+    """A prediction and when it was received.
+
+    Attributes:
+        prediction: content of the message.
+        received_ns: time of receipt by ``record`` (ns, wall clock).
+    """
 
     prediction: Prediction
     received_ns: int
 
 
 @dataclass
-class Capture:
+class RecordedMessages:
     """The content of the recorded bag.
 
     Attributes:
-        observed: stamp of each observation -> wall clock of its receipt (ns).
-        predictions: in the order of their receipt.
-        processing_ms: what the node itself measured, from receipt to publication (ms).
-        diagnostics: last value of each key, by the status' name.
+        observed: stamp of each observation (ns) -> time of its receipt (ns, wall clock).
+        predictions: predictions in the order of their receipt.
+        processing_ms: the node's own measurements, from receipt to publication (ms).
+        diagnostics: name of a status -> key -> last value.
     """
 
     observed: dict[int, int] = field(default_factory=dict)
-    predictions: list[Received] = field(default_factory=list)
+    predictions: list[ReceivedPrediction] = field(default_factory=list)
     processing_ms: list[float] = field(default_factory=list)
     diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)
 
-    def take(self, topic: str, received_ns: int, message: Any) -> None:
-        """Take one message in."""
+    def add(self, topic: str, received_ns: int, message: Any) -> None:
+        """Add one message of one of ``TOPICS``."""
         if topic == OBJECTS_TOPIC:
             self.observed[stamp_to_ns(message.header.stamp)] = received_ns
         elif topic == PREDICTIONS:
             prediction = prediction_from_pointcloud2(message)
-            self.predictions.append(Received(prediction, received_ns))
+            self.predictions.append(ReceivedPrediction(prediction, received_ns))
         elif topic == PROCESSING:
             self.processing_ms.append(float(message.data))
         elif topic == DIAGNOSTICS:
@@ -59,16 +64,16 @@ class Capture:
                 self.diagnostics.setdefault(status.name, {}).update(values)
 
 
-def read_capture(bag: Path) -> Capture:
-    """The content of a bag that ``record`` wrote.
+def read_messages(bag: Path) -> RecordedMessages:
+    """Return the content of a bag that ``record`` wrote.
 
     Raises:
         RecordingError: the bag cannot be read.
     """
-    capture = Capture()
+    recorded = RecordedMessages()
     with open_bag(bag) as reader:
         wanted = [c for c in reader.connections if c.topic in TOPICS]
         for connection, received_ns, data in reader.messages(connections=wanted):
             message = reader.deserialize(data, connection.msgtype)
-            capture.take(connection.topic, received_ns, message)
-    return capture
+            recorded.add(connection.topic, received_ns, message)
+    return recorded

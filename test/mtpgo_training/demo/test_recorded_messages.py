@@ -8,7 +8,7 @@ from demo_traffic import perfect_prediction
 from msg_adapters.predictions import prediction_to_pointcloud2
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.recording_bag import create_bag
-from mtpgo_training.demo.capture import read_capture
+from mtpgo_training.demo.recorded_messages import read_messages
 
 
 def test_a_recorded_bag_comes_back(recording, tmp_path):
@@ -41,7 +41,7 @@ def test_a_recorded_bag_comes_back(recording, tmp_path):
         for entry in status:
             array = make("diagnostic_msgs/msg/DiagnosticArray", status=[entry])
             bag.write("/diagnostics", 25, array)
-    capture = read_capture(tmp_path / "bag")
+    capture = read_messages(tmp_path / "bag")
     assert capture.observed == {prediction.stamp_ns: 11}
     (received,) = capture.predictions
     assert received.received_ns == 22
@@ -52,4 +52,4 @@ def test_a_recorded_bag_comes_back(recording, tmp_path):
 
 def test_a_missing_bag_is_one_sentence(tmp_path):
     with pytest.raises(RecordingError, match="does not exist"):
-        read_capture(tmp_path / "none")
+        read_messages(tmp_path / "none")

@@ -5,11 +5,11 @@ import time
 
 import pytest
 
-from mtpgo_training.demo.node_processes import Child, ProcessError, wait_until
+from mtpgo_training.demo.child_process import ChildProcess, ProcessError, wait_until
 
 
 def test_a_program_that_fails_is_quoted(tmp_path):
-    child = Child("replay", [str(tmp_path / "none.mcap")], tmp_path / "replay.log", {})
+    child = ChildProcess("replay", [str(tmp_path / "none.mcap")], tmp_path / "replay.log", {})
     with pytest.raises(ProcessError, match=r"replay ended with status 2: .*none\.mcap") as caught:
         child.wait(60.0)
     assert "\n" not in str(caught.value)
@@ -19,14 +19,17 @@ def test_a_program_that_fails_is_quoted(tmp_path):
 
 def test_a_program_ends_when_told_to_and_is_killed_after_an_error(tmp_path):
     arguments = ["-o", str(tmp_path / "bag")]
-    with Child("record", arguments, tmp_path / "record.log", {}) as child:
+    with ChildProcess("record", arguments, tmp_path / "record.log", {}) as child:
         child.wait_for("ready", 60.0)
         child.check()
         with pytest.raises(ProcessError, match="was not ready within 0 s"):
             child.wait_for("never said", 0.0)
     assert not child.running
     assert "recorded" in child.text()
-    with pytest.raises(KeyError), Child("record", arguments, tmp_path / "again.log", {}) as child:
+    with (
+        pytest.raises(KeyError),
+        ChildProcess("record", arguments, tmp_path / "again.log", {}) as child,
+    ):
         raise KeyError
     assert not child.running
 

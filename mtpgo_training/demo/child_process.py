@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The node and its companions as processes of their own, each with its log in a file."""
+"""Starts the executables of ``mtpgo_ros`` as child processes, each with a log file."""
 
 from __future__ import annotations
 
@@ -17,37 +17,39 @@ from types import TracebackType
 from mtpgo_core.errors import MtpgoError
 
 POLL_S = 0.02
-"""How often a condition is looked at (s)."""
+"""Time between two checks of a condition (s). Chosen: short against a process start, 1 s."""
 
 
 class ProcessError(MtpgoError):
-    """A child process that ended early, never got ready or would not end."""
+    """A child process that ended early, did not become ready or did not end."""
 
 
 def isolated() -> dict[str, str]:
-    """Environment of processes that hear nobody else's topics, and whom nobody else hears."""
+    """Return environment variables that isolate a group of processes from all other ROS nodes."""
     return {
-        # Domains up to 101 are safe on every system.
+        # Domain IDs up to 101 need no ephemeral ports on any system.
         "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }
 
 
-class Child:
-    """One executable of this package, run by the same interpreter.
+class ChildProcess:
+    """One executable of ``mtpgo_ros``, run by the same interpreter.
 
-    Use it as a context: at the end it is told to end and waited for.
+    As a context manager it stops the process at the end, or kills it after an exception.
 
     Args:
-        name: module within ``mtpgo_ros`` and name of the log.
+        name: module within ``mtpgo_ros``.
         arguments: its command line.
-        log: file that takes what it prints on both streams.
-        environment: variables to set beside the inherited ones.
-        patience_s: time it gets to end when told to (s).
-        cores: the only ones it may use, where they are named.
+        log: file for its standard output and standard error.
+        environment: variables to set in addition to the inherited ones.
+        stop_timeout_s: time it has to end after the stop signal (s).
+        cores: cores that it may use, all if empty.
 
     Attributes:
-        started_ns: when it was started (ns of the monotonic clock).
+        name: see above.
+        log: see above.
+        started_ns: time of its start (ns, monotonic clock).
     """
 
     def __init__(
@@ -56,14 +58,14 @@ class Child:
         arguments: Sequence[str],
         log: Path,
         environment: Mapping[str, str],
-        patience_s: float = 15.0,
+        stop_timeout_s: float = 15.0,
         cores: Collection[int] = (),
     ) -> None:
         self.name = name
         self.log = log
-        self._patience_s = patience_s
-        # Only the same interpreter may be started: the ROS wheels leave a mark in the environment
-        # by which a child of another one would load this one's libraries.
+        self._stop_timeout_s = stop_timeout_s
+        # The same interpreter: the ROS wheels set an environment variable by which a child with
+        # another interpreter would load this interpreter's libraries.
         command = [sys.executable, "-m", f"mtpgo_ros.{name}", *arguments]
         log.parent.mkdir(parents=True, exist_ok=True)
         self.started_ns = time.monotonic_ns()
@@ -77,10 +79,10 @@ class Child:
                 start_new_session=True,
             )
         if cores:
-            # Before the interpreter is up; all its threads will take over the restriction.
+            # Before the interpreter has started, so that all its threads inherit the affinity.
             os.sched_setaffinity(self._process.pid, cores)
 
-    def __enter__(self) -> Child:
+    def __enter__(self) -> ChildProcess:
         return self
 
     def __exit__(
@@ -96,7 +98,7 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Number of the process."""
+        """Process ID."""
         return self._process.pid
 
     @property
@@ -105,20 +107,24 @@ class Child:
         return self._process.poll() is None
 
     def text(self) -> str:
-        """All that it has printed."""
+        """Return what it has printed so far."""
         return self.log.read_text(encoding="utf-8", errors="replace")
 
     def press_enter(self) -> None:
         """Send a line to its standard input."""
         assert self._process.stdin is not None
-        with contextlib.suppress(
-            BrokenPipeError
-        ):  # it has ended; whoever waits for it will say so
+        # A process that has ended is reported by the next wait.
+        with contextlib.suppress(BrokenPipeError):
             self._process.stdin.write(b"\n")
             self._process.stdin.flush()
 
     def wait_for(self, word: str, timeout_s: float, times: int = 1) -> None:
-        """Wait until it has printed ``word``, as many ``times``.
+        """Wait until it has printed a word.
+
+        Args:
+            word: part of its output.
+            timeout_s: longest wait (s).
+            times: number of occurrences to wait for.
 
         Raises:
             ProcessError: it ended before, or the time is over.
@@ -129,11 +135,15 @@ class Child:
         if not self.running:
             raise self._ended_early()
         raise ProcessError(
-            f"{self.name} was not ready within {timeout_s:.0f} s, see {self.log} for what it said"
+            f"{self.name} was not ready within {timeout_s:.0f} s, see {self.log} for its output"
         )
 
     def wait(self, timeout_s: float, meanwhile: Callable[[], None] = lambda: None) -> None:
-        """Wait until it has ended by itself, calling ``meanwhile`` now and then.
+        """Wait until it has ended by itself.
+
+        Args:
+            timeout_s: longest wait (s).
+            meanwhile: called every ``POLL_S``.
 
         Raises:
             ProcessError: it failed, or the time is over.
@@ -149,7 +159,7 @@ class Child:
             raise self._ended_early()
 
     def check(self) -> None:
-        """That it is still running.
+        """Check that it is still running.
 
         Raises:
             ProcessError: it has ended.
@@ -158,39 +168,39 @@ class Child:
             raise self._ended_early()
 
     def stop(self) -> None:
-        """Tell it to end, as Ctrl-C would, and wait for that.
+        """Send the signal of Ctrl-C and wait for the end.
 
         Raises:
             ProcessError: it failed, or had to be killed.
         """
         if self.running:
             self._process.send_signal(signal.SIGINT)
-        if not wait_until(lambda: not self.running, self._patience_s):
+        if not wait_until(lambda: not self.running, self._stop_timeout_s):
             self.kill()
             raise ProcessError(
-                f"{self.name} did not end within {self._patience_s:.0f} s of being told to and "
+                f"{self.name} did not end within {self._stop_timeout_s:.0f} s after SIGINT and "
                 f"was killed, see {self.log}"
             )
         if self._process.returncode != 0:
             raise self._ended_early()
 
     def kill(self) -> None:
-        """End it at once."""
+        """Kill it and wait for the end."""
         if self.running:
             self._process.kill()
         self._process.wait()
 
     def _ended_early(self) -> ProcessError:
         lines = [line.strip() for line in self.text().splitlines() if line.strip()]
-        said = lines[-1] if lines else "it said nothing"
+        last = lines[-1] if lines else "it printed nothing"
         return ProcessError(
-            f"{self.name} ended with status {self._process.returncode}: {said} (all of it is in "
+            f"{self.name} ended with status {self._process.returncode}: {last} (full output in "
             f"{self.log})"
         )
 
 
 def wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
-    """Whether ``condition`` came true within the time."""
+    """Wait for a condition; return whether it became true within the timeout (s)."""
     end = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > end:

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The demo from end to end: recording, bag, node, recorded predictions, scores, picture."""
+"""Runs the demo: recording, bag, node, recorded predictions, scores, picture."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, MtpgoError, RecordingError
+from mtpgo_core.history.track_index import names_of
 from mtpgo_core.resources import find_resource
 from mtpgo_core.task.model_file import find_model, load_task
 from mtpgo_core.task.task_description import TaskDescription
@@ -18,10 +19,14 @@ from mtpgo_training.data.bag_conversion import convert
 from mtpgo_training.data.readers import LAYOUTS, load_recordings
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.demo import demo_report as report
-from mtpgo_training.demo.capture import Capture, Received, read_capture
-from mtpgo_training.demo.demo_plan import DemoPlan, make_plan
-from mtpgo_training.demo.publication_timing import joined, timing
-from mtpgo_training.demo.recording_session import check_ros, run_session
+from mtpgo_training.demo.node_session import require_ros, run_session
+from mtpgo_training.demo.playback_plan import PlaybackPlan, make_plan
+from mtpgo_training.demo.publication_timing import merge_timings, timing
+from mtpgo_training.demo.recorded_messages import (
+    ReceivedPrediction,
+    RecordedMessages,
+    read_messages,
+)
 from mtpgo_training.evaluation.moments import choose_moments
 from mtpgo_training.evaluation.scorebook import ScoreBook
 from mtpgo_training.evaluation.scorer import add_scores
@@ -31,21 +36,22 @@ SHIPPED, SHIPPED_LAYOUT = "highway", "highd"
 """Folder and layout of the recording that ships with the package."""
 
 PANELS = 3
+"""Most scenes in the picture."""
 
 
 @dataclass(frozen=True)
-class Options:
-    """What to play, through what, and where the results go.
+class DemoOptions:
+    """Settings of the demo.
 
     Attributes:
-        data: folder of recordings; None for the shipped one.
-        layout: their layout; None only with ``data`` None.
-        recordings: names of those to play; None for all.
-        play_all: also those that the model was trained on.
+        data: folder of recordings; None for the shipped recording.
+        layout: layout of the recordings; None only if ``data`` is None.
+        recordings: names of the recordings to play; None for all.
+        play_all: also play recordings that the model was trained on.
         model: name or file of the model.
         parameters: further parameters of the node, ``name:=value``.
-        output: folder of the results.
-        rate_hz: predictions per second (Hz).
+        output: folder for the results.
+        rate_hz: predictions per second (Hz); the default is the node's.
     """
 
     data: Path | None = None
@@ -58,19 +64,19 @@ class Options:
     rate_hz: float = 5.0
 
 
-def run_demo(options: Options) -> None:
+def run_demo(options: DemoOptions) -> None:
     """Run the demo and print its table.
 
     Raises:
         MtpgoError: bad input, or one of the processes failed.
     """
-    check_ros()
+    require_ros()
     model = find_model(options.model)
     task = load_task(model)
     plan = make_plan(_read(options), task.training, play_all=options.play_all)
     output = options.output.resolve()
-    bags, recorded, logs = _clear(output)
-    _introduce(plan, task, model)
+    bags, predictions, logs = _make_folders(output)
+    _print_plan(plan, task, model)
 
     print("  writing the bags", flush=True)
     paths = []
@@ -80,16 +86,16 @@ def run_demo(options: Options) -> None:
     print("  starting predictor and record", flush=True)
     parameters = (f"model:={model}", f"rate:={options.rate_hz}", *options.parameters)
     durations_s = [recording.duration_s for recording in plan.recordings]
-    run_session(paths, durations_s, recorded=recorded, logs=logs, parameters=parameters)
+    run_session(paths, durations_s, recorded=predictions, logs=logs, parameters=parameters)
 
     print("  scoring the recorded predictions", flush=True)
-    capture = read_capture(recorded)
-    if not capture.predictions:
+    recorded = read_messages(predictions)
+    if not recorded.predictions:
         raise MtpgoError(
             f"the predictor published nothing on {sum(durations_s):.0f} s of traffic, see {logs}"
         )
-    total, parts = _results(plan, capture, task, options.rate_hz)
-    content = report.summary(total, parts, task, capture)
+    total, parts = score_recordings(plan, recorded, task, options.rate_hz)
+    content = report.summary(total, parts, task, recorded)
     write_text(output / "summary.json", report.to_json(content))
     print("  drawing", flush=True)
     played = [
@@ -99,14 +105,14 @@ def run_demo(options: Options) -> None:
     moments = choose_moments(played, PANELS)
     if moments:
         draw_picture(moments, output / "prediction.png")
-    _conclude(content, options, output, bool(moments))
+    _print_results(content, options, output, bool(moments))
 
 
-def _read(options: Options) -> list[Recording]:
-    """The recordings asked for.
+def _read(options: DemoOptions) -> list[Recording]:
+    """Return the recordings to play.
 
     Raises:
-        MtpgoError: they cannot be had.
+        MtpgoError: they cannot be read.
     """
     if options.data is None:
         folder, layout = find_resource("recordings", SHIPPED), options.layout or SHIPPED_LAYOUT
@@ -120,8 +126,8 @@ def _read(options: Options) -> list[Recording]:
     return load_recordings(folder, layout, options.recordings)
 
 
-def _clear(output: Path) -> tuple[Path, Path, Path]:
-    """Folders for the bags, the recorded bag and the logs, without what an earlier run left.
+def _make_folders(output: Path) -> tuple[Path, Path, Path]:
+    """Return folders for the bags, the recorded bag and the logs; delete an earlier run's results.
 
     Raises:
         ConfigurationError: the output folder cannot be written.
@@ -143,7 +149,7 @@ def _clear(output: Path) -> tuple[Path, Path, Path]:
     return bags, recorded, logs
 
 
-def _introduce(plan: DemoPlan, task: TaskDescription, model: Path) -> None:
+def _print_plan(plan: PlaybackPlan, task: TaskDescription, model: Path) -> None:
     number = len(plan.recordings)
     names = ", ".join(recording.name for recording in plan.recordings)
     print(
@@ -157,17 +163,30 @@ def _introduce(plan: DemoPlan, task: TaskDescription, model: Path) -> None:
         )
 
 
-def _results(
-    plan: DemoPlan, capture: Capture, task: TaskDescription, rate_hz: float
-) -> tuple[report.Result, list[report.Result]]:
-    """The result of all recordings together, and that of each."""
-    by_recording: list[list[Received]] = [[] for _ in plan.recordings]
-    for received in capture.predictions:
+def score_recordings(
+    plan: PlaybackPlan, recorded: RecordedMessages, task: TaskDescription, rate_hz: float
+) -> tuple[report.DemoResult, list[report.DemoResult]]:
+    """Score the recorded predictions against the recordings.
+
+    Args:
+        plan: the recordings that were played.
+        recorded: what ``record`` wrote.
+        task: description of the model.
+        rate_hz: configured predictions per second (Hz).
+
+    Returns:
+        The result of all recordings together, and the result of each.
+
+    Raises:
+        RecordingError: a prediction has a stamp that is in no recording.
+    """
+    by_recording: list[list[ReceivedPrediction]] = [[] for _ in plan.recordings]
+    for received in recorded.predictions:
         index = plan.at(received.prediction.stamp_ns)
         if index is None:
             raise RecordingError(
                 f"a prediction is stamped {received.prediction.stamp_ns} ns, which no observation "
-                "is, expected the observation's own stamp"
+                "is, expected the stamp of its observation"
             )
         by_recording[index].append(received)
     whole = ScoreBook()
@@ -183,30 +202,28 @@ def _results(
                 name=report.MODEL,
                 protocol=report.PROTOCOL,
             )
-        punctuality = timing(_observed(recording), capture.observed, _keys(predictions), rate_hz)
-        parts.append(report.Result(recording.name, predictions, punctuality, book.table()))
-    together = joined([part.timing for part in parts])
-    return report.Result("all", capture.predictions, together, whole.table()), parts
+        observed = {states.stamp_ns: names_of(states.key) for states in recording.states()}
+        predicted = [
+            (received.prediction.stamp_ns, received.received_ns, names_of(received.prediction.key))
+            for received in predictions
+        ]
+        own = timing(observed, recorded.observed, predicted, rate_hz)
+        parts.append(report.DemoResult(recording.name, predictions, own, book.table()))
+    together = merge_timings([part.timing for part in parts])
+    return report.DemoResult("all", recorded.predictions, together, whole.table()), parts
 
 
-def _observed(recording: Recording) -> dict[int, set[bytes]]:
-    return {s.stamp_ns: {key.tobytes() for key in s.key} for s in recording.states()}
-
-
-def _keys(predictions: Sequence[Received]) -> list[tuple[int, int, set[bytes]]]:
-    return [
-        (r.prediction.stamp_ns, r.received_ns, {key.tobytes() for key in r.prediction.key})
-        for r in predictions
-    ]
-
-
-def _conclude(content: dict[str, object], options: Options, output: Path, drawn: bool) -> None:
+def _print_results(
+    content: dict[str, object], options: DemoOptions, output: Path, drawn: bool
+) -> None:
     print()
-    print(report.table(content))
+    print(report.terminal_table(content))
     print()
     for sentence in report.sentences(content, options.rate_hz):
         print(sentence)
     files = (
-        "summary.json and prediction.png" if drawn else "summary.json (no picture: nobody moves)"
+        "summary.json and prediction.png"
+        if drawn
+        else "summary.json (no picture: no road user moves)"
     )
     print(f"Written to {output}: {files}, the bags and the logs.")

@@ -1,0 +1,54 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Values of command-line options: conversion functions for ``type=`` of argparse."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+
+def positive_integer(text: str) -> int:
+    """Return an integer of at least 1.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is not one.
+    """
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{text} is given, expected at least 1")
+    return number
+
+
+def positive_number(text: str) -> float:
+    """Return a finite number above 0.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is not one.
+    """
+    number = _number(text)
+    if not 0.0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is given, expected a number above 0")
+    return number
+
+
+def share(text: str) -> float:
+    """Return a share from 0 to 0.9, which leaves something for the rest.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is not one.
+    """
+    number = _number(text)
+    if not 0.0 <= number <= 0.9:
+        raise argparse.ArgumentTypeError(f"{text} is given, expected a number from 0 to 0.9")
+    return number
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
