@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are there whole or not at all."""
+"""Atomic writing of files: a file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from mtpgo_core.errors import ConfigurationError
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside ``path`` that takes its place when the block ends without an error.
+    """Yield a temporary path that replaces ``path`` if the block ends without an exception.
 
     Raises:
-        ConfigurationError: the directory cannot be made or written.
+        ConfigurationError: the directory cannot be created or written.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -36,7 +36,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def require_writable(path: Path) -> None:
-    """That ``path`` can be written, found out before long work rather than after it.
+    """Check that a file can be written, before long work rather than after it.
 
     Raises:
         ConfigurationError: it cannot.
@@ -52,7 +52,11 @@ def require_writable(path: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """``text`` into ``path``, atomically."""
+    """Write a text to a file, atomically.
+
+    Raises:
+        ConfigurationError: the file cannot be written.
+    """
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``mtpgo``: everything offline. A subcommand's module is loaded when it is called."""
+"""The command ``mtpgo`` with its subcommands; a subcommand's module is imported when it is called."""
 
 from __future__ import annotations
 
@@ -13,24 +13,28 @@ from collections.abc import Sequence
 from mtpgo_core.errors import MtpgoError
 
 COMMANDS = {
-    "convert": "recordings into rosbag2 MCAP bags",
-    "simulate": "recordings of simulated traffic (Eclipse SUMO)",
+    "convert": "convert recordings into rosbag2 MCAP bags",
+    "simulate": "simulate traffic as recordings (Eclipse SUMO)",
     "train": "train a model on recordings",
     "curve": "draw the learning curves of runs",
     "export": "export a trained model for the node",
     "evaluate": "score a model on recordings",
-    "info": "what a model file says about itself",
+    "info": "print the description of a model file",
     "benchmark": "measure the speed of the model",
     "demo": "play a recording through the node and score it",
 }
-"""The help of every subcommand; the module ``commands.NAME`` defines its ``add_parser``."""
+"""Subcommand -> help; its ``add_parser`` is in the module ``commands.NAME``."""
 
 EXTRA_MODULES = {"jinja2", "lightning", "matplotlib", "pandas", "psutil", "tensorboard", "yaml"}
-"""What the extra ``training`` brings, as it is imported."""
+"""Top-level modules of the packages in the extra ``training``."""
 
 
 def build_parser(command: str | None = None) -> argparse.ArgumentParser:
-    """The parser; only the module of ``command`` is loaded, the others are listed by name."""
+    """Return the parser.
+
+    Args:
+        command: subcommand whose module is imported; the others are listed by name only.
+    """
     parser = argparse.ArgumentParser(
         prog="mtpgo", description="Multimodal trajectory prediction for traffic, offline."
     )
@@ -44,20 +48,23 @@ def build_parser(command: str | None = None) -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line; the exit status.
+    """Run a command line and return the exit status.
 
-    Bad input gives one line on stderr and 2, an interrupt 130, an output that nobody reads to its
-    end 141 and no word, as the shell has it.
+    The status is 2 and one line on stderr for bad input, 130 after an interrupt, and 141 without a
+    message if the reader of the output closed it, as for a process ended by SIGPIPE.
+
+    Args:
+        argv: arguments, by default those of the process.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     command = next((word for word in arguments if not word.startswith("-")), None)
     try:
         args = build_parser(command if command in COMMANDS else None).parse_args(arguments)
         status = int(args.run(args) or 0)
-        sys.stdout.flush()  # here, where somebody listens to what comes of it
+        sys.stdout.flush()  # here, so that a closed output is caught below
         return status
     except BrokenPipeError:
-        # Whoever read the output has seen enough; Python would complain once more at its end.
+        # Python flushes again at exit, which would report the closed output a second time.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except MtpgoError as error:
@@ -72,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def missing_module(error: ModuleNotFoundError, command: str | None) -> str:
-    """The sentence for a library that this installation lacks."""
+    """Return the error message for a library that is not installed."""
     module = (error.name or str(error)).split(".")[0].split()[0]
     if module not in EXTRA_MODULES:
         return f"{command} needs the Python module {module!r}, which is not installed"

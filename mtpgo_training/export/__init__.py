@@ -1,3 +1,3 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From a checkpoint to a model file."""
+"""Exports checkpoints as model files."""

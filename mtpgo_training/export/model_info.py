@@ -1,14 +1,14 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The description of a model file as text."""
+"""Description of a model file as text."""
 
 from __future__ import annotations
 
 from mtpgo_core.task.task_description import TaskDescription
 
 
-def card(task: TaskDescription) -> str:
-    """The description of a model for the terminal."""
+def model_text(task: TaskDescription) -> str:
+    """Return the description of a model as printed to the terminal."""
     training = task.training
     lines = [
         f"{task.name} (exported by version {task.version or 'unknown'})",
@@ -29,10 +29,10 @@ def card(task: TaskDescription) -> str:
             if r.get("split") == use
         ]
         lines.append(f"{use:<10} {', '.join(names) or '-'}")
-    rivals = training.get("chosen_from", [])
-    if rivals:
-        scores = ", ".join(f"{r['validation_ade_m']:.3f} m (seed {r['seed']})" for r in rivals)
-        lines.append(f"chosen     from {len(rivals)} runs by validation ADE: {scores}")
+    candidates = training.get("chosen_from", [])
+    if candidates:
+        scores = ", ".join(f"{r['validation_ade_m']:.3f} m (seed {r['seed']})" for r in candidates)
+        lines.append(f"chosen     from {len(candidates)} runs by validation ADE: {scores}")
     for key in ("licence", "attribution"):
         if training.get(key):
             lines.append(f"{key:<10} {training[key]}")

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Of several runs the one that predicts its validation recordings best."""
+"""Selects the best of several training runs by its validation ADE."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Candidate:
     """A run that may be exported.
 
     Attributes:
-        path: checkpoint or run folder, as it was given.
-        checkpoint: what was read there.
+        path: checkpoint or run folder, as given.
+        checkpoint: its content.
     """
 
     path: Path
@@ -26,17 +26,17 @@ class Candidate:
 
     @property
     def ade_m(self) -> float:
-        """ADE of all agents on the validation recordings (m)."""
+        """ADE over all agents of the validation recordings (m)."""
         return float(self.checkpoint["metrics"]["model"]["all"]["ade"])
 
     @property
     def seed(self) -> int:
-        """Of its training."""
+        """Seed of its training."""
         return int(self.checkpoint["config"]["seed"])
 
     @property
-    def judged_on(self) -> set[tuple[str, str]]:
-        """Names and SHA-256 of the recordings, or their parts, that judged it."""
+    def validated_on(self) -> set[tuple[str, str]]:
+        """Names and SHA-256 of its validation recordings, or parts of recordings."""
         return {
             (split["name"], split["sha256"])
             for split in self.checkpoint["splits"]
@@ -44,12 +44,15 @@ class Candidate:
         }
 
 
-def choose(paths: Sequence[Path]) -> tuple[Candidate, list[Candidate]]:
-    """The candidate with the smallest validation ADE, and all of them in the order given.
+def select_run(paths: Sequence[Path]) -> tuple[Candidate, list[Candidate]]:
+    """Return the run with the smallest validation ADE, and all runs in the order given.
+
+    Args:
+        paths: checkpoints or run folders.
 
     Raises:
-        ConfigurationError: one cannot be read, or of several one has no validation yet or was
-            judged on other recordings than the first.
+        ConfigurationError: a checkpoint cannot be read; or, of several runs, one has not been
+            validated yet or was validated on other recordings than the first.
     """
     candidates = [Candidate(path, load_checkpoint(path)) for path in paths]
     first = candidates[0]
@@ -61,7 +64,7 @@ def choose(paths: Sequence[Path]) -> tuple[Candidate, list[Candidate]]:
                 f"{other.path} has not been validated yet, expected runs with a whole epoch to "
                 "choose between them"
             )
-        if other.judged_on != first.judged_on:
+        if other.validated_on != first.validated_on:
             raise ConfigurationError(
                 f"{other.path} was validated on {_listed(other)} and {first.path} on "
                 f"{_listed(first)}, expected the same recordings to choose between them"
@@ -70,4 +73,4 @@ def choose(paths: Sequence[Path]) -> tuple[Candidate, list[Candidate]]:
 
 
 def _listed(candidate: Candidate) -> str:
-    return ", ".join(sorted(name for name, _ in candidate.judged_on)) or "nothing"
+    return ", ".join(sorted(name for name, _ in candidate.validated_on)) or "nothing"

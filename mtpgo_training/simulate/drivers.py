@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Vehicles and their drivers, no two kinds alike."""
+"""Draws vehicle types with their drivers, and departure times."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Generator = np.random.Generator
 def draw_types(
     generator: Generator, shares: dict[str, float], count: int, *, desired_spread: float
 ) -> tuple[list[VehicleType], Float64Array]:
-    """Kinds of vehicles, and how often each is to be met.
+    """Draw vehicle types and their probabilities.
 
     Args:
-        generator: source of chance.
-        shares: class label -> part of the traffic.
-        count: kinds per label.
-        desired_spread: standard deviation of the desired speed as a part of the limit.
+        generator: random numbers.
+        shares: class label -> share of the traffic.
+        count: number of types per label.
+        desired_spread: standard deviation of a car's desired speed, as a share of the speed limit.
 
     Returns:
-        The kinds, and [kinds] probabilities.
+        The types, and the [types] probability of each.
     """
     types, probability = [], []
     for label, share in shares.items():
@@ -41,12 +41,12 @@ def draw_types(
 
 @dataclass(frozen=True)
 class Departure:
-    """A vehicle that sets out.
+    """A vehicle that enters the simulation.
 
     Attributes:
-        number: counted from 0.
-        time_s: since the simulation's start (s).
-        kind: what it is.
+        number: number of the vehicle, from 0.
+        time_s: time of entry since the start of the simulation (s).
+        kind: its type.
     """
 
     number: int
@@ -61,16 +61,17 @@ def departures(
     types: Sequence[VehicleType],
     probability: Float64Array,
 ) -> Iterator[Departure]:
-    """The vehicles of one demand at random times, until nothing more is seen.
+    """Yield vehicles with exponentially distributed gaps until the end of the simulation.
 
-    Each is drawn when it is asked for, so what else the caller draws for it comes in between.
+    Each is drawn when it is asked for, so that the caller can draw further properties of a vehicle
+    in between from the same generator.
 
     Args:
-        config: how long.
-        generator: source of chance.
-        per_hour: vehicles an hour.
-        types: kinds of vehicles.
-        probability: [kinds] of each.
+        config: length of the simulation.
+        generator: random numbers.
+        per_hour: demand (vehicles/h).
+        types: vehicle types.
+        probability: [types] probability of each type.
     """
     time_s, number = 0.0, 0
     while time_s < config.warm_up_s + config.seconds + EXTRA_S:
@@ -85,7 +86,7 @@ def _between(generator: Generator, low: float, high: float) -> float:
 
 
 def _steering(generator: Generator) -> dict[str, str]:
-    """Lateral behaviour in SUMO's sublane model; a high lcSublane returns to the lane's middle."""
+    """Return attributes of SUMO's sublane model; a high lcSublane returns to the lane's centre."""
     return {
         "laneChangeModel": "SL2015",
         "latAlignment": "center",
@@ -96,7 +97,7 @@ def _steering(generator: Generator) -> dict[str, str]:
         "lcAssertive": f"{_between(generator, 1.0, 1.6):.2f}",
         "maxSpeedLat": f"{_between(generator, 0.7, 1.5):.2f}",
         "lcAccelLat": f"{_between(generator, 0.5, 1.0):.2f}",
-        # Nobody moves sideways at rest, nor at an angle that no steering gives.
+        # No lateral motion at rest, and none at an angle that steering cannot reach.
         "lcMaxSpeedLatStanding": "0",
         "lcMaxSpeedLatFactor": "0.3",
     }

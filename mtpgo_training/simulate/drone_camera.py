@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a drone would have recorded of a simulation."""
+"""Makes a recording of a simulation as a drone would have made it."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import numpy as np
 from mtpgo_core.schema import AgentClass, BoolArray, Float64Array
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate.simulation_config import SimulationConfig
-from mtpgo_training.simulate.sumo import Floating, SimulationError, VehicleType
-from mtpgo_training.simulate.vehicle_motion import MotionConfig, centres
+from mtpgo_training.simulate.sumo import FloatingCarData, SimulationError, VehicleType
+from mtpgo_training.simulate.vehicle_motion import MotionConfig, centre_motion
 
 InView = Callable[[Float64Array, Float64Array], BoolArray]
-"""[rows, 2] centres and [rows, 2] sizes (m) -> [rows] whether they are in the picture."""
+"""[rows, 2] centres and [rows, 2] sizes (m) -> [rows] whether the vehicle is in the image."""
 
 
 FIRST_NUMBER = {"highd": 1, "ind": 0}
-"""Where a layout begins to count recordings, frames and tracks."""
+"""Layout -> first number of its recordings, frames and tracks."""
 
 
-def record(
-    seen: Floating,
+def make_recording(
+    seen: FloatingCarData,
     types: Sequence[VehicleType],
     in_view: InView,
     config: SimulationConfig,
@@ -32,25 +32,25 @@ def record(
     layout: str,
     lanes: tuple[Float64Array, ...] = (),
 ) -> Recording:
-    """The recording of all vehicles in view, numbered in the order of their appearance.
+    """Return the recording of all vehicles in view, numbered in order of appearance.
 
     Args:
         seen: front bumpers from SUMO.
-        types: all kinds of vehicles.
-        in_view: what the picture shows.
+        types: all vehicle types.
+        in_view: which vehicles the image shows.
         config: length, frame rate, and seed of the wander.
-        name: of the recording.
-        layout: whose numbering and classes it follows.
-        lanes: lane markings (m).
+        name: name of the recording.
+        layout: layout whose numbering it follows.
+        lanes: lane markings, each [points, 2] (m).
 
     Raises:
-        SimulationError: nobody was in view.
+        SimulationError: no vehicle was in view.
     """
     kinds = {kind.name: kind for kind in types}
     own = [kinds[type_name] for type_name in seen.types]
     size = np.array([[kind.length, kind.width] for kind in own])
     frame_rate, first_number = config.frame_rate, FIRST_NUMBER[layout]
-    moved = centres(seen, size[:, 0], frame_rate, MotionConfig(), config.seed)
+    moved = centre_motion(seen, size[:, 0], frame_rate, MotionConfig(), config.seed)
     vehicle, step = seen.vehicle[moved.rows], seen.step[moved.rows]
     filmed = (step >= 0) & (step < round(config.seconds * frame_rate))
     rows = np.flatnonzero(filmed & in_view(moved.position, size[vehicle]))

@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A straight motorway without ramps, two carriageways, 420 m of it seen, as in highD.
+"""Simulates a straight motorway without ramps: two carriageways, 420 m in view, as in highD.
 
-Demand, speeds and traffic state are drawn from the seed unless they are given. Congestion comes
-from speed signs behind the section seen: their waves travel back through it.
+Demand, speeds and traffic state are drawn from the seed unless they are given. Speed
+signs downstream of the section in view cause congestion, which travels upstream through it.
 """
 
 from __future__ import annotations
@@ -18,21 +18,24 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate import drivers, sumo
-from mtpgo_training.simulate.drone_camera import record
+from mtpgo_training.simulate.drone_camera import make_recording
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 
-STATES = ("free", "dense", "congested", "stop-and-go")
+TRAFFIC_STATES = ("free", "dense", "congested", "stop-and-go")
 """Traffic states, from empty to full."""
 
+# Lengths along the road (m). The section in view has the length of highD's; the others are chosen.
 _SEEN_M = 420.0
-_MARGIN_M = 60.0  # seen by SUMO on either side, so that smoothing has no edges in the section
-_BEFORE_M = 1000.0
-_BEHIND_M = 60.0
-_SIGNS_M = 500.0
+_MARGIN_M = 60.0  # observed by SUMO on either side, so that smoothing has no edges in the section
+_BEFORE_M = 1000.0  # upstream, where vehicles enter
+_BEHIND_M = 60.0  # downstream, without speed signs
+_SIGNS_M = 500.0  # further downstream, with speed signs
+
+# Across the road (m), chosen: upper edge of the image to the first lane, and the median.
 _TOP_M = 8.0
 _MEDIAN_M = 4.6
 
-# State -> range of demand per lane (vehicles/h) and of the part of trucks.
+# Traffic state -> range of demand per lane (vehicles/h). Chosen.
 _DEMAND = {
     "free": (500.0, 1100.0),
     "dense": (1200.0, 1800.0),
@@ -43,22 +46,22 @@ _DEMAND = {
 
 @dataclass(frozen=True)
 class HighwayConfig(SimulationConfig):
-    """What is simulated; ``None`` is drawn from the seed.
+    """What is simulated; None is drawn from the seed.
 
-    The demand and ``lanes`` are those of each direction.
+    Demand and ``lanes`` are per direction.
 
     Attributes:
-        traffic: one of ``STATES``, for both directions.
-        speed_limit_mps: what a driver of average haste wants to drive (m/s).
+        traffic: one of ``TRAFFIC_STATES``, for both directions.
+        speed_limit_mps: desired speed of an average driver (m/s).
     """
 
     traffic: str | None = None
     speed_limit_mps: float | None = None
 
     def __post_init__(self) -> None:
-        if self.traffic is not None and self.traffic not in STATES:
+        if self.traffic is not None and self.traffic not in TRAFFIC_STATES:
             raise ConfigurationError(
-                f"traffic is {self.traffic!r}, expected one of {', '.join(STATES)}"
+                f"traffic is {self.traffic!r}, expected one of {', '.join(TRAFFIC_STATES)}"
             )
         if self.lanes is not None and not 2 <= self.lanes <= 4:
             raise ConfigurationError(f"lanes is {self.lanes}, expected 2 to 4")
@@ -66,7 +69,7 @@ class HighwayConfig(SimulationConfig):
 
 @dataclass(frozen=True)
 class _Direction:
-    """One carriageway, all drawn."""
+    """One carriageway, with all values drawn."""
 
     name: str
     traffic: str
@@ -75,10 +78,10 @@ class _Direction:
 
 
 def simulate_highway(config: HighwayConfig, name: str = "01") -> Recording:
-    """One recording of the motorway.
+    """Return one recording of the motorway.
 
     Raises:
-        SimulationError: SUMO is missing or refuses to run.
+        SimulationError: SUMO is missing or fails.
     """
     generator = np.random.default_rng(config.seed)
     lanes = config.lanes or int(generator.integers(2, 4))
@@ -97,7 +100,7 @@ def simulate_highway(config: HighwayConfig, name: str = "01") -> Recording:
         network = _build(Path(folder), directions, lanes, lane_width)
         demand = [kind.xml() for kind in types]
         demand += _demand(config, generator, directions, lanes, types, probability)
-        seen = sumo.drive(
+        seen = sumo.run_simulation(
             Path(folder),
             network,
             demand,
@@ -105,7 +108,7 @@ def simulate_highway(config: HighwayConfig, name: str = "01") -> Recording:
             observed_edges=["east_seen", "west_seen"],
             additional=_signs(config, generator, directions, lanes),
         )
-    return record(
+    return make_recording(
         seen,
         types,
         _whole_vehicle_seen,
@@ -117,7 +120,7 @@ def simulate_highway(config: HighwayConfig, name: str = "01") -> Recording:
 
 
 def _whole_vehicle_seen(position: Float64Array, size: Float64Array) -> BoolArray:
-    """[rows] the vehicle is within the section from bumper to bumper."""
+    """Return [rows] whether the whole vehicle is within the section."""
     reach = np.abs(position[:, 0] - _SEEN_M / 2) + size[:, 0] / 2
     seen: BoolArray = reach <= _SEEN_M / 2
     return seen
@@ -126,7 +129,7 @@ def _whole_vehicle_seen(position: Float64Array, size: Float64Array) -> BoolArray
 def _draw_direction(
     config: HighwayConfig, generator: np.random.Generator, name: str, lanes: int
 ) -> _Direction:
-    traffic = config.traffic or str(generator.choice(STATES, p=[0.35, 0.3, 0.2, 0.15]))
+    traffic = config.traffic or str(generator.choice(TRAFFIC_STATES, p=[0.35, 0.3, 0.2, 0.15]))
     per_hour = float(generator.uniform(*_DEMAND[traffic])) * lanes
     limit = float(generator.choice([27.8, 33.3, 36.1, 38.9], p=[0.2, 0.3, 0.3, 0.2]))
     return _Direction(
@@ -138,7 +141,7 @@ def _draw_direction(
 
 
 def _build(folder: Path, directions: list[_Direction], lanes: int, lane_width: float) -> Path:
-    """East drives along +x on the lower side, west along -x on the upper one."""
+    """Build the network: east drives along +x on the lower side, west along -x on the upper."""
     lengths = (_BEFORE_M, _SEEN_M + 2 * _MARGIN_M, _BEHIND_M, _SIGNS_M)
     nodes, edges = [], []
     for direction in directions:
@@ -159,7 +162,7 @@ def _build(folder: Path, directions: list[_Direction], lanes: int, lane_width: f
 
 
 def _inner_line(direction: str, lanes: int, lane_width: float) -> float:
-    """Y of the marking next to the median (m), internal frame."""
+    """Return y of the marking next to the median (m), internal frame."""
     upper = -(_TOP_M + lanes * lane_width)
     return upper if direction == "west" else upper - _MEDIAN_M
 
@@ -172,7 +175,7 @@ def _demand(
     types: list[sumo.VehicleType],
     probability: Float64Array,
 ) -> list[str]:
-    """Routes and vehicles, sorted by departure."""
+    """Return XML elements of routes and vehicles, vehicles sorted by departure."""
     routes, vehicles = [], []
     for direction in directions:
         parts = " ".join(f"{direction.name}_{p}" for p in ("before", "seen", "behind", "signs"))
@@ -198,7 +201,7 @@ def _signs(
     directions: list[_Direction],
     lanes: int,
 ) -> list[str]:
-    """Speed signs behind the section: slow for congestion, slow and fast by turns for waves."""
+    """Return speed signs downstream: slow for congestion, alternately slow and fast for waves."""
     signs = []
     for direction in directions:
         if direction.traffic not in ("congested", "stop-and-go"):
@@ -224,7 +227,7 @@ def _signs(
 
 
 def _markings(lanes: int, lane_width: float) -> tuple[Float64Array, ...]:
-    """The lane lines from top to bottom, each along its direction of travel."""
+    """Return the lane markings from top to bottom, each [2, 2] in the direction of travel (m)."""
     out = []
     for direction, (start, end) in (("west", (_SEEN_M, 0.0)), ("east", (0.0, _SEEN_M))):
         inner = _inner_line(direction, lanes, lane_width)

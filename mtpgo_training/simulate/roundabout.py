@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A roundabout with four arms, one or two lanes, and traffic that yields at the entries.
+"""Simulates a roundabout with four arms and one or two lanes; entering traffic yields.
 
-Size, lanes, demand and turns are drawn from the seed unless they are given. The written layout is
-that of inD: y up, the origin in the upper left corner of the picture.
+Size, lanes, demand and turns are drawn from the seed unless they are given. Recordings are in inD
+layout: y up, the origin in the upper left corner of the image.
 """
 
 from __future__ import annotations
@@ -19,27 +19,28 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate import drivers, sumo
-from mtpgo_training.simulate.drone_camera import record
+from mtpgo_training.simulate.drone_camera import make_recording
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 
 CENTRE = (60.0, -60.0)
 """Centre of the roundabout in the recording (m)."""
 
-_VIEW_M = 58.0
-_ARM_M = 160.0
-_LANE_M = 3.6
+# All chosen.
+_VIEW_M = 58.0  # half the edge of the square image (m)
+_ARM_M = 160.0  # from the centre to the outer end of an arm (m)
+_LANE_M = 3.6  # width of a lane (m)
 _ARMS = 4
-_LATERAL_MPS2 = 2.6  # what a driver bears in the ring
+_LATERAL_MPS2 = 2.6  # comfortable lateral acceleration in the ring (m/s^2)
 
 
 @dataclass(frozen=True)
 class RoundaboutConfig(SimulationConfig):
-    """What is simulated; ``None`` is drawn from the seed.
+    """What is simulated; None is drawn from the seed.
 
-    The demand is that of all arms together, ``lanes`` those of the ring and of the arms.
+    The demand is the total of all arms; ``lanes`` applies to the ring and to the arms.
 
     Attributes:
-        bicycle_share: part of bicycles in the demand.
+        bicycle_share: share of bicycles in the demand, 0 to 1.
     """
 
     bicycle_share: float = 0.03
@@ -51,10 +52,10 @@ class RoundaboutConfig(SimulationConfig):
 
 
 def simulate_roundabout(config: RoundaboutConfig, name: str = "00") -> Recording:
-    """One recording of the roundabout.
+    """Return one recording of the roundabout.
 
     Raises:
-        SimulationError: SUMO is missing or refuses to run.
+        SimulationError: SUMO is missing or fails.
     """
     generator = np.random.default_rng(config.seed)
     lanes = config.lanes or int(generator.choice([1, 2], p=[0.6, 0.4]))
@@ -76,27 +77,15 @@ def simulate_roundabout(config: RoundaboutConfig, name: str = "00") -> Recording
     )
     per_hour = config.vehicles_per_hour
     if per_hour is None:
-        # More gridlocks the ring, as nobody gives way there.
+        # Chosen: a higher demand blocks the ring, where vehicles do not give way.
         per_hour = float(generator.uniform(1000.0, 1900.0))
     with tempfile.TemporaryDirectory(prefix="mtpgo_sumo_") as folder:
         network = sumo.build_network(Path(folder), *_road(radius, lanes))
         demand = [kind.xml() for kind in types]
         demand += _routes()
         demand += _vehicles(config, generator, per_hour, types, probability)
-        seen = sumo.drive(
-            Path(folder),
-            network,
-            demand,
-            config,
-        )
-    return record(
-        seen,
-        types,
-        _in_view,
-        config,
-        name=name,
-        layout="ind",
-    )
+        seen = sumo.run_simulation(Path(folder), network, demand, config)
+    return make_recording(seen, types, _in_view, config, name=name, layout="ind")
 
 
 def _in_view(position: Float64Array, size: Float64Array) -> BoolArray:
@@ -118,11 +107,12 @@ def _arc(radius: float, start: float, end: float) -> list[tuple[float, float]]:
 
 
 def _road(radius: float, lanes: int) -> tuple[list[str], list[str]]:
-    """Nodes and edges. The ring runs counter-clockwise; at each arm the exit leaves first.
+    """Return XML elements of nodes and edges.
 
-    The ring's edges are drawn along their left, inner side, so ``radius`` is that of the island.
+    The ring runs counter-clockwise; at each arm the exit comes before the entry. The ring's edges
+    are drawn along their left, inner side, so ``radius`` is that of the island (m).
     """
-    half = (lanes * _LANE_M + 1.5) / radius  # angle between an arm's axis and its mouths
+    half = (lanes * _LANE_M + 1.5) / radius  # angle between an arm's axis and its two ends (rad)
     speed = float(np.sqrt(_LATERAL_MPS2 * (radius + lanes * _LANE_M / 2)))
     nodes, edges, ring_edges, ring_nodes = [], [], [], []
 
@@ -144,7 +134,7 @@ def _road(radius: float, lanes: int) -> tuple[list[str], list[str]]:
         outside = np.array([np.cos(angle), np.sin(angle)])
         side = np.array([-outside[1], outside[0]])
 
-        def beside(
+        def along_arm(
             distance: float, offset: float, o: Float64Array = outside, s: Float64Array = side
         ) -> tuple[float, float]:
             x, y = np.array(CENTRE) + distance * o + offset * s
@@ -153,13 +143,18 @@ def _road(radius: float, lanes: int) -> tuple[list[str], list[str]]:
         mouth_in, mouth_out = _point(radius, angle + half), _point(radius, angle - half)
         node(f"enter{arm}", mouth_in)
         node(f"leave{arm}", mouth_out)
-        node(f"from{arm}", beside(_ARM_M, 0.5))
-        node(f"to{arm}", beside(_ARM_M, -0.5))
+        node(f"from{arm}", along_arm(_ARM_M, 0.5))
+        node(f"to{arm}", along_arm(_ARM_M, -0.5))
         # The arms widen towards the ring around a splitter island.
         wide = radius + lanes * _LANE_M + 14.0
         narrow = radius + lanes * _LANE_M + 3.0
-        approach = [beside(_ARM_M, 0.5), beside(wide, 0.5), beside(narrow, 1.8), mouth_in]
-        departure = [mouth_out, beside(narrow, -1.8), beside(wide, -0.5), beside(_ARM_M, -0.5)]
+        approach = [along_arm(_ARM_M, 0.5), along_arm(wide, 0.5), along_arm(narrow, 1.8), mouth_in]
+        departure = [
+            mouth_out,
+            along_arm(narrow, -1.8),
+            along_arm(wide, -0.5),
+            along_arm(_ARM_M, -0.5),
+        ]
         edge(f"in{arm}", (f"from{arm}", f"enter{arm}"), approach, ring=False)
         edge(f"out{arm}", (f"leave{arm}", f"to{arm}"), departure, ring=False)
         edge(
@@ -181,7 +176,7 @@ def _road(radius: float, lanes: int) -> tuple[list[str], list[str]]:
 
 
 def _routes() -> list[str]:
-    """From every arm to every other; a full turn back is rare enough to be left out."""
+    """Return XML elements of routes from every arm to every other, without U-turns (rare)."""
     routes = []
     for start in range(_ARMS):
         for turn in range(1, _ARMS):

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the simulation of every site is told."""
+"""Settings common to all simulated sites."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SimulationConfig:
-    """What is simulated; ``None`` is drawn from the seed.
+    """What is simulated; None is drawn from the seed.
 
     Attributes:
         seconds: length of the recording (s).
-        seed: of everything drawn.
+        seed: seed of all random numbers.
         frame_rate: frames per second (Hz).
-        vehicles_per_hour: demand.
-        lanes: lanes.
-        truck_share: part of trucks in the demand.
-        warm_up_s: simulated before the first frame (s).
+        vehicles_per_hour: demand (vehicles/h).
+        lanes: number of lanes.
+        truck_share: share of trucks in the demand, 0 to 1.
+        warm_up_s: simulated time before the first frame (s).
     """
 
     seconds: float = 60.0

@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A city street through two junctions with traffic lights: queues, their discharge, turns.
+"""Simulates a city street with two signalised junctions: queues, their discharge, turns.
 
-Lanes, speeds, signal cycles, demand and turns are drawn from the seed unless they are given. The
-written layout is that of inD: y up, the origin in the upper left corner of the picture.
+Lanes, speeds, signal cycles, demand and turns are drawn from the seed unless they are given.
+Recordings are in inD layout: y up, the origin in the upper left corner of the image.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate import drivers, street_network, sumo
-from mtpgo_training.simulate.drone_camera import record
+from mtpgo_training.simulate.drone_camera import make_recording
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 from mtpgo_training.simulate.street_network import MAIN_ENDS, SIDE_ENDS, entry, exit_at
 
@@ -26,19 +26,19 @@ MIDDLE = (170.0, -90.0)
 """Point of the street halfway between its junctions, in the recording (m)."""
 
 VIEW_M = (165.0, 85.0)
-"""Half the picture's length along the street and across it (m)."""
+"""Half the length of the image along the street and across it (m)."""
 
 
 @dataclass(frozen=True)
 class StreetConfig(SimulationConfig):
-    """What is simulated; ``None`` is drawn from the seed.
+    """What is simulated; None is drawn from the seed.
 
-    The demand is that of all ends together, ``lanes`` those of the street per direction; junctions
-    add one for those that turn left.
+    The demand is the total of all ends; ``lanes`` is per direction of the street, without the
+    left-turn lanes at the junctions.
 
     Attributes:
-        bicycle_share: part of bicycles in the demand.
-        speed_limit_mps: of the street; on the roads that cross it people drive slower.
+        bicycle_share: share of bicycles in the demand, 0 to 1.
+        speed_limit_mps: speed limit of the street (m/s); lower on the crossing roads.
     """
 
     bicycle_share: float = 0.01
@@ -50,10 +50,10 @@ class StreetConfig(SimulationConfig):
 
 
 def simulate_street(config: StreetConfig, name: str = "00") -> Recording:
-    """One recording of the street.
+    """Return one recording of the street.
 
     Raises:
-        SimulationError: SUMO is missing or refuses to run.
+        SimulationError: SUMO is missing or fails.
     """
     generator = np.random.default_rng(config.seed)
     lanes = config.lanes or int(generator.choice([1, 2, 3], p=[0.2, 0.5, 0.3]))
@@ -85,20 +85,8 @@ def simulate_street(config: StreetConfig, name: str = "00") -> Recording:
         )
         demand = [kind.xml() for kind in types]
         demand += _trips(config, generator, per_hour, types, probability)
-        seen = sumo.drive(
-            Path(folder),
-            network,
-            demand,
-            config,
-        )
-    return record(
-        seen,
-        types,
-        _in_view,
-        config,
-        name=name,
-        layout="ind",
-    )
+        seen = sumo.run_simulation(Path(folder), network, demand, config)
+    return make_recording(seen, types, _in_view, config, name=name, layout="ind")
 
 
 def _in_view(position: Float64Array, size: Float64Array) -> BoolArray:
@@ -114,11 +102,11 @@ def _trips(
     types: list[sumo.VehicleType],
     probability: Float64Array,
 ) -> list[str]:
-    """Most people come along the street and stay on it."""
+    """Return XML elements of trips; most vehicles enter along the street and stay on it."""
     ends = [*MAIN_ENDS, *SIDE_ENDS]
     busy = np.array([6.0] * len(MAIN_ENDS) + [1.5] * len(SIDE_ENDS))
     start_share = generator.dirichlet(2 * busy)
-    # Nobody turns back.
+    # No U-turns.
     goal_share = np.stack([generator.dirichlet(2 * busy) for _ in ends])
     np.fill_diagonal(goal_share, 0.0)
     goal_share /= goal_share.sum(axis=1, keepdims=True)

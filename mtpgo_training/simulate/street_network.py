@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The roads of a simulated street: carriageways, turning lanes, and who may go where at lights.
+"""Road network of the simulated street: carriageways, turn lanes, connections at the lights.
 
 The street runs along x through two junctions, at each of which a road along y crosses it.
 """
@@ -16,10 +16,10 @@ from mtpgo_core.schema import Float64Array
 from mtpgo_training.simulate import sumo
 
 MAIN_ENDS = ("west", "east")
-"""Where the street begins and ends."""
+"""Ends of the street."""
 
 SIDE_ENDS = ("left_north", "left_south", "right_north", "right_south")
-"""Where the roads that cross it do."""
+"""Ends of the crossing roads."""
 
 _JUNCTION = {
     "west": "left",
@@ -31,21 +31,22 @@ _JUNCTION = {
 }
 _JUNCTIONS = ("left", "right")
 
-_MAIN_M = 420.0  # from the street's middle to its ends
-_SIDE_M = 260.0
-_LANE_M = 3.5
-_MEDIAN_M = 4.0  # room for the lane that opens before the lights
-_TURN_LANE_M = 45.0
-_SIDE_LIMIT_MPS = 11.2
+# All chosen.
+_MAIN_M = 420.0  # from the middle of the street to its ends (m)
+_SIDE_M = 260.0  # from the street to the ends of the crossing roads (m)
+_LANE_M = 3.5  # width of a lane (m)
+_MEDIAN_M = 4.0  # width of the median, which the left-turn lane uses before the lights (m)
+_TURN_LANE_M = 45.0  # length of the left-turn lane (m)
+_SIDE_LIMIT_MPS = 11.2  # speed limit of the crossing roads (m/s), 25 mph
 
 
 def entry(end: str) -> str:
-    """Name of the edge on which traffic comes in at an end."""
+    """Return the name of the edge on which traffic enters at an end."""
     return f"{end}.{_JUNCTION[end]}"
 
 
 def exit_at(end: str) -> str:
-    """Name of the edge on which traffic leaves at an end."""
+    """Return the name of the edge on which traffic leaves at an end."""
     return f"{_JUNCTION[end]}.{end}"
 
 
@@ -57,18 +58,18 @@ def build(
     lanes: int,
     speed_limit_mps: float | None,
 ) -> Path:
-    """The network, as SUMO's file.
+    """Build the network and return SUMO's file of it.
 
     Args:
-        folder: where SUMO's files go.
-        generator: of the junctions' distance, the crossing roads' lanes, the lights' cycle, and
-            the speed limit where none is given.
-        middle: halfway between the junctions (m).
-        lanes: of the street, per direction.
-        speed_limit_mps: of the street; slower on the roads that cross it.
+        folder: folder for SUMO's files.
+        generator: random numbers for the distance of the junctions, the lanes of the crossing
+            roads, the cycle of the lights, and the speed limit if none is given.
+        middle: point halfway between the junctions (m).
+        lanes: lanes of the street, per direction.
+        speed_limit_mps: speed limit of the street (m/s); lower on the crossing roads.
 
     Raises:
-        SimulationError: SUMO is missing or refuses the network.
+        SimulationError: SUMO is missing or rejects the network.
     """
     half = float(generator.uniform(70.0, 110.0))
     limit = speed_limit_mps or float(generator.choice([11.2, 13.4, 15.6, 17.9]))
@@ -84,7 +85,7 @@ def build(
     ]
     nodes = [_node(name, place, lights=name in _JUNCTIONS) for name, place in at.items()]
     options = ["--tls.cycle.time", str(int(generator.integers(50, 101))), "--tls.yellow.time", "3"]
-    # How the second junction's lights follow the first one's.
+    # Offset of the second junction's lights from the first one's, as a share of the cycle.
     lag = str(generator.choice(["none", "quarter", "half"]))
     if lag != "none":
         options += [f"--tls.{lag}-offset", "right"]
@@ -99,15 +100,15 @@ def build(
 
 @dataclass(frozen=True)
 class _Carriageway:
-    """One direction of a road, from one place to another.
+    """One direction of a road, from one junction or end to another.
 
     Attributes:
-        start, end: names of the places.
-        line: [2, 2] the line that its leftmost lane follows on its left side (m).
+        start, end: names of the junctions or ends.
+        line: [2, 2] left edge of its leftmost lane, start and end point (m).
         ahead: [2] unit vector along it.
-        lanes: their number.
-        speed: limit (m/s).
-        lights: it ends at traffic lights, before which a lane opens for those who turn left.
+        lanes: number of lanes.
+        speed: speed limit (m/s).
+        lights: it ends at traffic lights, before which a left-turn lane opens.
     """
 
     start: str
@@ -120,20 +121,20 @@ class _Carriageway:
 
     @property
     def first(self) -> str:
-        """Name of the edge that leaves the start."""
+        """Name of the edge at the start."""
         return f"{self.start}.{self.end}"
 
     @property
     def last(self) -> str:
-        """Name of the edge that reaches the end."""
+        """Name of the edge at the end."""
         return f"{self.first}.turn" if self.lights else self.first
 
     def nodes(self) -> list[str]:
-        """Where the lane opens."""
+        """Return the node where the left-turn lane opens, if there is one."""
         return [_node(f"{self.first}.open", self._opening())] if self.lights else []
 
     def edges(self) -> list[str]:
-        """One edge, or two where a lane opens."""
+        """Return one edge, or two if a left-turn lane opens."""
         start, end = self.line
         if not self.lights:
             return [self._edge(self.first, (self.start, self.end), [start, end], self.lanes)]
@@ -152,7 +153,7 @@ class _Carriageway:
         ]
 
     def openings(self) -> list[str]:
-        """Connections at the place where the lane opens; it is reached from the leftmost one."""
+        """Return the connections where the left-turn lane opens from the leftmost lane."""
         if not self.lights:
             return []
         pairs = [*((lane, lane) for lane in range(self.lanes)), (self.lanes - 1, self.lanes)]
@@ -174,7 +175,7 @@ class _Carriageway:
 
 
 def _places(middle: tuple[float, float], half: float) -> dict[str, Float64Array]:
-    """Junctions and ends (m)."""
+    """Return the positions of junctions and ends, each [2] (m)."""
     places = {"left": (-half, 0.0), "right": (half, 0.0)}
     places |= {"west": (-_MAIN_M, 0.0), "east": (_MAIN_M, 0.0)}
     for junction in _JUNCTIONS:
@@ -201,7 +202,7 @@ def _carriageway(
 
 
 def _crossings(ways: list[_Carriageway]) -> list[str]:
-    """Who may go where at the lights: right from the right lane, left from the one that opened."""
+    """Return the connections at the lights, where left turns have a separate lane."""
     connections = []
     for way in ways:
         for other in ways:

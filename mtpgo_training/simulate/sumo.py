@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Eclipse SUMO as two programs: ``netconvert`` makes the road, ``sumo`` lets traffic drive on it.
+"""Runs Eclipse SUMO's programs: ``netconvert`` builds the network, ``sumo`` simulates the traffic.
 
 The programs come with the package ``eclipse-sumo`` (extra ``simulation``) or from an installation
 that ``SUMO_HOME`` or ``PATH`` points to.
@@ -25,24 +25,27 @@ from mtpgo_core.schema import Float64Array
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 
 EXTRA_S = 1.5
-"""Time seen before and after the recording (s), for smoothing without edges."""
+"""Observed time before and after the recording (s), so that smoothing has no edges in it. Chosen:
+five standard deviations of the smoothing, ``MotionConfig.smoothing_s``."""
 
 MAX_STEP_S = 0.04
-"""Longest simulation step: car following and sublane steering get rough above it (s)."""
+"""Longest simulation step (s). Chosen: above it car following and lateral
+motion are not smooth."""
 
 
 class SimulationError(MtpgoError):
-    """SUMO is not installed or refuses to run."""
+    """SUMO is not installed or fails."""
 
 
 @dataclass(frozen=True)
 class VehicleType:
-    """One kind of vehicle and driver.
+    """One type of vehicle and driver.
 
     Attributes:
         name: identifier, unique in a simulation.
-        label: class as the data sets name it (car, van, truck, bus, bicycle, motorcycle).
-        length, width: box (m).
+        label: class as in the data sets (car, van, truck, bus, bicycle, motorcycle).
+        length: length of the vehicle (m).
+        width: width of the vehicle (m).
         attributes: further attributes of SUMO's ``vType``.
     """
 
@@ -53,23 +56,23 @@ class VehicleType:
     attributes: dict[str, str]
 
     def xml(self) -> str:
-        """The ``vType`` element."""
+        """Return the ``vType`` element."""
         extra = " ".join(f'{key}="{value}"' for key, value in self.attributes.items())
         box = f'length="{self.length:.2f}" width="{self.width:.2f}"'
         return f'<vType id="{self.name}" {box} {extra}/>'
 
 
 @dataclass(frozen=True)
-class Floating:
-    """Vehicles as SUMO saw them, rows sorted by vehicle and time.
+class FloatingCarData:
+    """Output of SUMO, rows sorted by vehicle and time.
 
     Attributes:
         vehicle: [rows] index into ``names``.
-        step: [rows] frame number at the recording's frame rate, from 0 at the end of the warm-up;
-            some frames before and after the recording are given for the smoothing.
+        step: [rows] frame number at the recording's frame rate, 0 at the end of the warm-up;
+            includes ``EXTRA_S`` before and after the recording.
         front: [rows, 2] middle of the front bumper, x east, y north (m).
-        speed: [rows] (m/s).
-        heading: [rows] (rad), counter-clockwise from x.
+        speed: [rows] speed (m/s).
+        heading: [rows] heading, counter-clockwise from x (rad).
         names: [vehicles] SUMO's names.
         types: [vehicles] names of their types.
     """
@@ -84,7 +87,7 @@ class Floating:
 
 
 def program(name: str) -> Path:
-    """The path of one of SUMO's programs.
+    """Return the path of one of SUMO's programs.
 
     Raises:
         SimulationError: it is not installed.
@@ -113,17 +116,17 @@ def build_network(
     *,
     options: Sequence[str] = (),
 ) -> Path:
-    """The road network of plain node, edge and connection elements.
+    """Build a road network and return SUMO's file of it.
 
     Args:
-        folder: where SUMO's files go.
-        nodes: XML elements.
-        edges: likewise.
-        connections: likewise.
+        folder: folder for SUMO's files.
+        nodes: XML elements of the nodes.
+        edges: XML elements of the edges.
+        connections: XML elements of the connections.
         options: further arguments of ``netconvert``.
 
     Raises:
-        SimulationError: SUMO is missing or refuses the network.
+        SimulationError: SUMO is missing or rejects the network.
     """
     plain = {"nod": ("nodes", nodes), "edg": ("edges", edges), "con": ("connections", connections)}
     for ending, (root, elements) in plain.items():
@@ -144,7 +147,7 @@ def build_network(
     return target
 
 
-def drive(
+def run_simulation(
     folder: Path,
     network: Path,
     demand: Iterable[str],
@@ -152,20 +155,20 @@ def drive(
     *,
     observed_edges: Sequence[str] = (),
     additional: Iterable[str] = (),
-) -> Floating:
-    """Simulate and return what is seen on the observed edges after the warm-up.
+) -> FloatingCarData:
+    """Simulate and return the vehicles on the observed edges after the warm-up.
 
     Args:
-        folder: where SUMO's files go.
-        network: from :func:`build_network`.
-        demand: elements of the route file: types, routes and vehicles.
+        folder: folder for SUMO's files.
+        network: file from :func:`build_network`.
+        demand: XML elements of the route file: types, routes and vehicles.
         config: times, with a warm-up of at least ``EXTRA_S``, frame rate, and seed of SUMO's
             random numbers.
-        observed_edges: edges whose vehicles are kept, everything by default.
-        additional: elements of the additional file, such as speed signs.
+        observed_edges: edges whose vehicles are returned, all edges by default.
+        additional: XML elements of the additional file, such as speed signs.
 
     Raises:
-        SimulationError: SUMO is missing or refuses to run.
+        SimulationError: SUMO is missing or fails.
     """
     _write_xml(folder / "traffic.rou.xml", "routes", demand)
     _write_xml(folder / "signs.add.xml", "additional", additional)
@@ -174,7 +177,7 @@ def drive(
     seen = folder / "seen.csv"
     warm_up_s, frame_rate = config.warm_up_s, config.frame_rate
     steps_per_frame = max(1, math.ceil(1.0 / (frame_rate * MAX_STEP_S) - 1e-9))
-    # SUMO counts in milliseconds; other frame rates are put on their grid afterwards.
+    # SUMO's time step is a multiple of 1 ms; _load selects the steps nearest to the frames.
     step_s = max(1, round(1000.0 / (frame_rate * steps_per_frame))) / 1000.0
     _run(
         "sumo",
@@ -199,7 +202,7 @@ def drive(
     return _load(seen, warm_up_s, frame_rate, step_s)
 
 
-def _load(path: Path, warm_up_s: float, frame_rate: float, step_s: float) -> Floating:
+def _load(path: Path, warm_up_s: float, frame_rate: float, step_s: float) -> FloatingCarData:
     table = pd.read_csv(path, sep=";", low_memory=False)
     table.columns = [name.split("_", 1)[1] for name in table.columns]
     # Without any vehicle the file has no column for them.
@@ -210,14 +213,14 @@ def _load(path: Path, warm_up_s: float, frame_rate: float, step_s: float) -> Flo
         )
     time = table["time"].to_numpy(np.float64) - warm_up_s
     frame = np.round(time * frame_rate).astype(np.int64)
-    # The simulated instants nearest to the frames; off by at most half a millisecond per frame.
+    # The simulation steps nearest to the frames.
     kept = np.abs(time - frame / frame_rate) < step_s / 2
     table, frame = table[kept], frame[kept]
     vehicle, names = pd.factorize(table["id"])
     order = np.lexsort((frame, vehicle))
     table, frame, vehicle = table.iloc[order], frame[order], vehicle[order]
     first = np.unique(vehicle, return_index=True)[1]
-    return Floating(
+    return FloatingCarData(
         vehicle=vehicle.astype(np.int64),
         step=frame,
         front=table[["x", "y"]].to_numpy(np.float64),
@@ -245,5 +248,5 @@ def _run(name: str, *arguments: str | Path) -> None:
         check=False,
     )
     if done.returncode != 0:
-        said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
-        raise SimulationError(f"Eclipse SUMO's {name} failed: {' '.join(said) or done.stderr}")
+        errors = [line for line in done.stderr.splitlines() if line.startswith("Error")]
+        raise SimulationError(f"Eclipse SUMO's {name} failed: {' '.join(errors) or done.stderr}")

@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From SUMO's front bumpers to the motion of vehicles' centres.
+"""Converts SUMO's front bumper positions into the motion of vehicle centres.
 
-SUMO moves the front bumper along lane centres joined by corners, changes lanes at constant lateral
-speed and never wanders. Here every path is smoothed, given a small filtered wander to the side,
-and driven by a vehicle whose rear axle trails the front bumper, so that position, velocity,
-acceleration and heading of the centre belong together.
+SUMO moves the front bumper along lane centres with sharp corners, changes lanes at constant
+lateral speed and keeps the lane exactly. Here every path is smoothed, given a small filtered
+random wander, and followed by a vehicle whose rear axle trails the front bumper, so that position,
+velocity, acceleration and heading of the centre are consistent.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.schema import Float64Array
-from mtpgo_training.simulate.sumo import Floating
+from mtpgo_training.simulate.sumo import FloatingCarData
 
 REAR_AXLE = 0.8
-"""Distance from the front bumper to the rear axle, as a part of the length."""
+"""Distance from the front bumper to the rear axle, as a share of the length. Chosen."""
 
 
 @dataclass(frozen=True)
 class MotionConfig:
-    """How the paths are made smooth and alive.
+    """Smoothing and random wander of the paths; all values are chosen.
 
     Attributes:
-        smoothing_s: standard deviation of the Gaussian over time (s).
-        wander_m: standard deviation of the wander to the side (m).
-        surge_m: likewise along the path: nobody holds a speed exactly (m).
-        wander_time_s: how slowly both go: time constant of the filter, twice in a row (s).
+        smoothing_s: standard deviation of the Gaussian filter over time (s).
+        wander_m: standard deviation of the lateral wander (m).
+        surge_m: standard deviation of the longitudinal wander (m), which varies the speed.
+        wander_time_s: time constant of each of the two low-pass filters of the wander (s).
         wander_speed_mps: below this speed the wander slows down with the vehicle (m/s).
     """
 
@@ -43,13 +43,15 @@ class MotionConfig:
 
 
 @dataclass(frozen=True)
-class Motion:
-    """Centres of vehicles; rows as in :class:`Floating`, with some at the ends left out.
+class CentreMotion:
+    """Motion of vehicle centres; rows as in :class:`FloatingCarData` without some at the ends.
 
     Attributes:
-        rows: [rows] which rows of the input these are.
-        position: [rows, 2] (m). velocity: [rows, 2] (m/s). acceleration: [rows, 2] (m/s^2).
-        yaw: [rows] (rad), not wrapped.
+        rows: [rows] index into the rows of the input.
+        position: [rows, 2] position (m).
+        velocity: [rows, 2] velocity (m/s).
+        acceleration: [rows, 2] acceleration (m/s^2).
+        yaw: [rows] heading, not wrapped (rad).
     """
 
     rows: np.ndarray
@@ -59,17 +61,17 @@ class Motion:
     yaw: Float64Array
 
 
-def centres(
-    seen: Floating, length: Float64Array, frame_rate: float, config: MotionConfig, seed: int
-) -> Motion:
-    """The motion of the centres.
+def centre_motion(
+    seen: FloatingCarData, length: Float64Array, frame_rate: float, config: MotionConfig, seed: int
+) -> CentreMotion:
+    """Return the motion of the centres.
 
     Args:
-        seen: the front bumpers.
-        length: [vehicles] (m).
+        seen: front bumpers.
+        length: [vehicles] lengths (m).
         frame_rate: frames per second (Hz).
         config: smoothing and wander.
-        seed: of the wander.
+        seed: seed of the wander.
     """
     generator = np.random.default_rng(seed)
     dt = 1.0 / frame_rate
@@ -94,7 +96,7 @@ def centres(
         position = front - own_length / 2 * ahead
         velocity = np.gradient(position, dt, axis=0)
         acceleration = np.gradient(velocity, dt, axis=0)
-        # The outermost differences are one-sided; leave them out.
+        # Without the outermost samples, whose differences are one-sided.
         inner = slice(2, -2)
         pieces.append(
             (
@@ -107,12 +109,12 @@ def centres(
         )
     if not pieces:
         empty = np.empty((0, 2))
-        return Motion(np.empty(0, dtype=np.int64), empty, empty, empty, np.empty(0))
-    return Motion(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
+        return CentreMotion(np.empty(0, dtype=np.int64), empty, empty, empty, np.empty(0))
+    return CentreMotion(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
 
 
 def _smooth(path: Float64Array, sigma: float) -> Float64Array:
-    """[n, k] path under a Gaussian of ``sigma`` samples, point-mirrored beyond its ends."""
+    """Return an [n, k] path after a Gaussian of ``sigma`` samples, point-mirrored at its ends."""
     reach = min(int(np.ceil(3 * sigma)), len(path) - 1)
     if reach < 1:
         return path
@@ -128,9 +130,12 @@ def _smooth(path: Float64Array, sigma: float) -> Float64Array:
 def _wander(
     speed: Float64Array, dt: float, config: MotionConfig, generator: np.random.Generator
 ) -> Float64Array:
-    """[n] offset of unit variance: white noise through two low passes, slower when slow."""
+    """Return an [n] offset of unit variance: white noise through two low-pass filters.
+
+    Below ``config.wander_speed_mps`` the filters slow down with the vehicle.
+    """
     own_time = np.minimum(speed / config.wander_speed_mps, 1.0) * dt
-    # The two equal low passes of unit white noise have the variance 1 / (4 time constant).
+    # Unit white noise after the two equal low-pass filters has the variance 1 / (4 tau).
     tau = config.wander_time_s
     scale = np.sqrt(4 * tau)
     noise = generator.standard_normal(len(speed))
@@ -147,7 +152,7 @@ def _wander(
 
 
 def _trail(front: Float64Array, wheelbase: float, heading: float) -> Float64Array:
-    """[n] heading of a vehicle whose rear axle trails its front at a fixed distance (rad)."""
+    """Return the [n] heading (rad) of a vehicle whose rear axle trails its front at a distance."""
     yaw = np.empty(len(front))
     x = front[0, 0] - wheelbase * np.cos(heading)
     y = front[0, 1] - wheelbase * np.sin(heading)

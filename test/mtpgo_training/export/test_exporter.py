@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From a checkpoint to the file on the robot, and back through the node's own runner."""
+"""Export of checkpoints, and the exported file in the node's runner."""
 
 import argparse
 import dataclasses
@@ -45,7 +45,7 @@ RECORDINGS = [
 def model():
     torch.manual_seed(4)
     network = MTPGO(ModelConfig(**OPTIONS))
-    with torch.no_grad():  # away from constant velocity, where every mistake would look the same
+    with torch.no_grad():  # away from constant velocity, where errors would not show
         for value in network.parameters():
             value.add_(0.05 * torch.randn_like(value))
     return network.eval()
@@ -78,7 +78,7 @@ def model_file(run_folder, tmp_path_factory):
     return path
 
 
-def test_the_file_says_everything_about_itself(model_file, model):
+def test_the_file_contains_the_task_description(model_file, model):
     task = load_task(model_file)
     assert task.name == "tiny"
     assert task.scene == CONFIG.scene
@@ -115,7 +115,7 @@ def test_the_runner_computes_what_the_eager_model_computes(model_file, model):
         np.testing.assert_allclose(prediction.covariance[row], spread, atol=1e-4, rtol=1e-3)
 
 
-def test_the_card_names_data_terms_and_metrics(model_file, capsys):
+def test_info_shows_data_licence_and_metrics(model_file, capsys):
     assert info_command.run(argparse.Namespace(model=str(model_file))) == 0
     text = capsys.readouterr().out
     for expected in ("tiny", "cars/01", "cars/02", "nobody", "free", "ade 0.500", "cos_yaw"):
@@ -123,13 +123,13 @@ def test_the_card_names_data_terms_and_metrics(model_file, capsys):
     assert "fnll" not in text
 
 
-def other_run(run_folder, path, seed, ade, judge):
-    """The run's checkpoint as another seed might have made it."""
+def other_run(run_folder, path, seed, ade, validation):
+    """Write the run's checkpoint with another seed, validation ADE and validation recording."""
     checkpoint = torch.load(run_folder.best, weights_only=True)
     checkpoint["config"]["seed"] = seed
     checkpoint["metrics"]["model"]["all"]["ade"] = ade
-    judge = {"name": judge, "source": "cars", "layout": "ind", "sha256": judge * 2}
-    checkpoint["splits"] = [*RECORDINGS, {**judge, "split": "validation"}]
+    entry = {"name": validation, "source": "cars", "layout": "ind", "sha256": validation * 2}
+    checkpoint["splits"] = [*RECORDINGS, {**entry, "split": "validation"}]
     folder = RunFolder(path)
     folder.save(checkpoint, best=True)
     return str(folder.path)
@@ -154,7 +154,7 @@ def test_of_several_runs_the_best_by_validation_is_exported(run_folder, tmp_path
     ]
 
 
-def test_runs_judged_on_different_recordings_are_not_compared(run_folder, tmp_path, capsys):
+def test_runs_validated_on_different_recordings_are_not_compared(run_folder, tmp_path, capsys):
     one = other_run(run_folder, tmp_path / "one", 1, 0.5, "03")
     two = other_run(run_folder, tmp_path / "two", 1, 0.4, "04")
     assert cli.main(["export", one, two, "-o", str(tmp_path / "x.pt")]) == 2
@@ -172,7 +172,7 @@ def test_a_run_without_a_validation_is_not_compared(run_folder, tmp_path, capsys
     assert not (tmp_path / "x.pt").exists()
 
 
-def test_a_checkpoint_of_another_architecture_is_one_sentence(run_folder, tmp_path):
+def test_a_checkpoint_of_another_architecture_gives_a_one_line_error(run_folder, tmp_path):
     checkpoint = torch.load(run_folder.best, weights_only=True)
     checkpoint["model_config"]["hidden"] = 16
     with pytest.raises(ConfigurationError, match="does not fit") as caught:
@@ -180,7 +180,7 @@ def test_a_checkpoint_of_another_architecture_is_one_sentence(run_folder, tmp_pa
     assert "\n" not in str(caught.value)
 
 
-def test_a_model_that_exports_to_something_else_is_not_written(model, tmp_path, monkeypatch):
+def test_an_export_that_differs_from_the_eager_model_is_not_written(model, tmp_path, monkeypatch):
     path = tmp_path / "m.pt"
     monkeypatch.setattr(export, "LARGEST_DIFFERENCE_M", -1.0)
     with pytest.raises(ModelFileError, match="differs from the eager one"):
@@ -188,7 +188,7 @@ def test_a_model_that_exports_to_something_else_is_not_written(model, tmp_path, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_evaluate_scores_the_online_path_with_baselines_beside(model_file, tmp_path):
+def test_evaluate_scores_the_online_path_and_the_baselines(model_file, tmp_path):
     recording = braking_cars(seconds=5.0, tracks=6)
     runner = ModelRunner.load(model_file)
     table = evaluate({"tiny": runner}, [recording], stride_s=1.0)

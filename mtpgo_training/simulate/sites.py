@@ -1,0 +1,111 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated sites by name, and the recordings that are made of one."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.writers.highd_writer import write_highd
+from mtpgo_training.data.writers.ind_writer import write_ind
+from mtpgo_training.simulate.drone_camera import FIRST_NUMBER
+from mtpgo_training.simulate.highway import HighwayConfig, simulate_highway
+from mtpgo_training.simulate.roundabout import RoundaboutConfig, simulate_roundabout
+from mtpgo_training.simulate.simulation_config import SimulationConfig
+from mtpgo_training.simulate.street import StreetConfig, simulate_street
+
+WRITERS: dict[str, Callable[[Recording, Path], list[Path]]] = {
+    "highd": write_highd,
+    "ind": write_ind,
+}
+"""Layout -> function that writes a recording into a directory."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """A site that can be simulated.
+
+    Attributes:
+        config: class of its configuration.
+        simulate: configuration and name -> recording.
+        layout: layout in which its recordings are written.
+    """
+
+    config: type[SimulationConfig]
+    simulate: Callable[[Any, str], Recording]
+    layout: str
+
+
+SITES = {
+    "highway": Site(HighwayConfig, simulate_highway, "highd"),
+    "roundabout": Site(RoundaboutConfig, simulate_roundabout, "ind"),
+    "street": Site(StreetConfig, simulate_street, "ind"),
+}
+
+
+@dataclass(frozen=True)
+class SimulatedRecording:
+    """A recording that was written.
+
+    Attributes:
+        recording: the recording.
+        seed: seed of its simulation.
+        took_s: time that simulating and writing it took (s).
+    """
+
+    recording: Recording
+    seed: int
+    took_s: float
+
+
+def site_config(site: str, options: Mapping[str, Any]) -> SimulationConfig:
+    """Return the configuration of a site.
+
+    Args:
+        site: name in ``SITES``.
+        options: field -> value; None means drawn from the seed and is allowed for fields that the
+            site does not have.
+
+    Raises:
+        ConfigurationError: a value is out of range, or the site does not have the field.
+    """
+    config = SITES[site].config
+    fields = {field.name for field in dataclasses.fields(config)}
+    for name, value in options.items():
+        if name not in fields and value is not None:
+            option = name.removesuffix("_mps").replace("_", "-")
+            raise ConfigurationError(
+                f"--{option} is given for a {site}, which has no such option: see mtpgo simulate "
+                "--help"
+            )
+    return config(**{name: value for name, value in options.items() if name in fields})
+
+
+def write_recordings(
+    site: str, config: SimulationConfig, count: int, output: Path
+) -> Iterator[SimulatedRecording]:
+    """Simulate and write recordings, one each time the next is asked for.
+
+    Args:
+        site: name in ``SITES``.
+        config: configuration of the first recording; each further one has the next seed.
+        count: number of recordings.
+        output: directory to write to.
+
+    Raises:
+        SimulationError: SUMO is missing or fails.
+    """
+    simulate, layout = SITES[site].simulate, SITES[site].layout
+    for number in range(count):
+        begin = time.monotonic()
+        numbered = dataclasses.replace(config, seed=config.seed + number)
+        recording = simulate(numbered, f"{FIRST_NUMBER[layout] + number:02d}")
+        WRITERS[layout](recording, output)
+        yield SimulatedRecording(recording, numbered.seed, time.monotonic() - begin)
