@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``mtpgo`` with its subcommands; a subcommand's module is imported when it is called."""
+"""The command ``mtpgo``; the module of a subcommand is imported when it is called."""
 
 from __future__ import annotations
 

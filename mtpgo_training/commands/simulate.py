@@ -16,7 +16,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     """Add ``mtpgo simulate`` to the command line."""
     parser = subparsers.add_parser(
         "simulate",
-        help="recordings of simulated traffic (Eclipse SUMO)",
+        help="simulate traffic as recordings (Eclipse SUMO)",
         description="Simulate traffic with Eclipse SUMO (extra 'simulation') and write it as "
         "recordings: a highway in highD layout, a roundabout or a street with traffic lights in "
         "inD layout. Options that are not given are drawn from the seed, so that recordings "
