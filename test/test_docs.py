@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Links, make targets and the index of the documentation refer to things that exist."""
+"""Links, file names, make targets and the index of the pages refer to things that exist."""
 
 import re
 from pathlib import Path
@@ -28,6 +28,24 @@ def test_links_have_a_target(page):
         assert other.exists(), f"{page.name} links to {target}"
         if anchor:
             assert anchor in anchors(other), f"{page.name} links to {target}"
+
+
+FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir() and path.name[0] != "."}
+PATH = re.compile(r"`((?:[\w.-]+/)+[\w.-]*)`")
+CURRENT = [page for page in PAGES if page.name != "CHANGELOG.md"]
+
+
+@pytest.mark.parametrize("page", CURRENT, ids=lambda page: page.name)
+def test_files_named_in_the_pages_exist(page):
+    """Every path in backticks that starts with a folder of the repository."""
+    for path in PATH.findall(page.read_text(encoding="utf-8")):
+        if path.split("/")[0] in FOLDERS - {"build", "dist", "install", "log", "runs"}:
+            assert (ROOT / path).exists(), f"{page.name} names {path}"
+
+
+def test_a_file_name_in_a_page_is_recognised():
+    text = "See `models/ekf.py`, `docs/`, `lib/mtpgo_ros/` and `a / b`."
+    assert PATH.findall(text) == ["models/ekf.py", "docs/", "lib/mtpgo_ros/"]
 
 
 def test_the_index_lists_every_page():

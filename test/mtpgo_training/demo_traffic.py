@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A small piece of traffic and perfect predictions of it."""
+"""A short recording and perfect predictions of it."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ RATE_HZ = 10.0
 
 
 def make_recording(name="made", duration_s=12.0, location="site", sha256="", start_frame=0):
-    """Car 7 straight on at 10 m/s, car 8 at 10 m/s on a circle to the left from 4 s on."""
+    """Return two vehicles at 10 m/s: 7 straight on, 8 on a circle to the left after 4 s."""
     steps = round(duration_s * RATE_HZ) + 1
     time = np.arange(steps) / RATE_HZ
     straight = np.stack([10.0 * time, np.full(steps, -10.0)], axis=1)
@@ -43,7 +43,7 @@ def make_recording(name="made", duration_s=12.0, location="site", sha256="", sta
 
 
 def perfect_prediction(recording, frame, modes=2, horizon=25, dt_s=0.2):
-    """What the recording shows as mode 0, and the same one metre to the left as mode 1."""
+    """Return the recorded future as mode 0, and the same one metre to the left as mode 1."""
     states = recording.states_at(frame)
     n = len(states)
     ahead = np.arange(1, horizon + 1) * round(dt_s * recording.frame_rate)

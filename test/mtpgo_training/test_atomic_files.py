@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are there whole or not at all."""
+"""Atomic writing of files."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import replacing, require_writable, write_text
 
 
-def test_a_failed_write_leaves_the_old_file_and_nothing_beside_it(tmp_path):
+def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path):
     path = tmp_path / "sub" / "a.txt"
     write_text(path, "old")
     with pytest.raises(ZeroDivisionError), replacing(path) as temporary:
@@ -24,12 +24,12 @@ def test_the_file_is_readable_like_any_other(tmp_path):
 
 
 @pytest.mark.parametrize("check", [require_writable, lambda path: write_text(path, "")])
-def test_an_unwritable_place_is_named(tmp_path, check):
+def test_an_unwritable_path_is_named(tmp_path, check):
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigurationError, match=r"file/below.txt cannot be written"):
         check(tmp_path / "file" / "below.txt")
 
 
-def test_a_directory_is_no_file_to_write(tmp_path):
+def test_a_directory_is_not_a_file_to_write(tmp_path):
     with pytest.raises(ConfigurationError, match="is a directory"):
         require_writable(tmp_path)

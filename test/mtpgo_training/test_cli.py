@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: one sentence and status 2 for bad input, and nothing loaded in vain."""
+"""The command line: one line and status 2 for bad input, and no needless imports."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import drone_files
 
 
-def test_convert_writes_the_file_it_says(
+def test_convert_writes_the_file_it_prints(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source = drone_files.write_highd(tmp_path / "highd")
@@ -101,7 +101,7 @@ def test_help_loads_no_heavy_library() -> None:
         assert text.split()[0] in done.stdout
 
 
-def test_an_output_that_nobody_reads_to_its_end_is_no_error() -> None:
+def test_an_output_that_is_closed_early_is_no_error() -> None:
     reader, writer = os.pipe()
     os.close(reader)
     try:

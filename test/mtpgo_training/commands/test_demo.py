@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The whole chain with the real processes, on a recording and a model made here."""
+"""The demo with the real processes, on a generated recording and an untrained model."""
 
 import importlib.util
 import json
@@ -35,7 +35,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def model(folder, tmp_path_factory):
-    """An untrained model, constant velocity in effect, that says it was trained on "01"."""
+    """An untrained model, in effect constant velocity, that was "trained" on recording "01"."""
     torch.manual_seed(0)
     (seen,) = load_recordings(folder, "ind", ["01"])
     training = {"recordings": [{"name": "01", "sha256": seen.sha256, "split": "train"}]}
@@ -58,7 +58,7 @@ def demo(*arguments: str, cwd: Path) -> subprocess.CompletedProcess:
 
 
 @pytest.mark.timeout(300)
-def test_the_node_answers_every_cycle_for_everybody(folder, model, tmp_path):
+def test_the_node_predicts_all_road_users_in_every_cycle(folder, model, tmp_path):
     done = demo(str(folder), "--layout", "ind", "--model", str(model), "--all", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     output = tmp_path / "demo_output"
@@ -77,7 +77,7 @@ def test_the_node_answers_every_cycle_for_everybody(folder, model, tmp_path):
     assert done.stdout.count("\n01 ") == done.stdout.count("\n02 ") == 1
 
 
-def test_bad_input_is_one_sentence_and_status_2(folder, model, tmp_path, capsys, monkeypatch):
+def test_bad_input_gives_one_line_and_status_2(folder, model, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").write_text("a file")
     data = (str(folder), "--layout", "ind", "--model", str(model))
@@ -95,7 +95,7 @@ def test_bad_input_is_one_sentence_and_status_2(folder, model, tmp_path, capsys,
     assert not (tmp_path / "demo_output" / "summary.json").exists()
 
 
-def test_without_ros_it_says_so(monkeypatch, capsys):
+def test_without_ros_the_error_names_rclpy(monkeypatch, capsys):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert main(["demo"]) == 2
     assert "rclpy is not installed" in capsys.readouterr().err

@@ -1,15 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the helper module beside this file importable and hands out its recording."""
-
-import sys
-from pathlib import Path
-
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
+"""The recording of the demo's tests."""
 
 import demo_traffic
+import pytest
 
 
 @pytest.fixture

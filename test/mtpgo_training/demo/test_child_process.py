@@ -8,7 +8,7 @@ import pytest
 from mtpgo_training.demo.child_process import ChildProcess, ProcessError, wait_until
 
 
-def test_a_program_that_fails_is_quoted(tmp_path):
+def test_a_failing_process_is_quoted(tmp_path):
     child = ChildProcess("replay", [str(tmp_path / "none.mcap")], tmp_path / "replay.log", {})
     with pytest.raises(ProcessError, match=r"replay ended with status 2: .*none\.mcap") as caught:
         child.wait(60.0)
@@ -17,7 +17,7 @@ def test_a_program_that_fails_is_quoted(tmp_path):
         child.wait_for("ready", 1.0)
 
 
-def test_a_program_ends_when_told_to_and_is_killed_after_an_error(tmp_path):
+def test_a_process_is_stopped_at_the_end_and_killed_after_an_exception(tmp_path):
     arguments = ["-o", str(tmp_path / "bag")]
     with ChildProcess("record", arguments, tmp_path / "record.log", {}) as child:
         child.wait_for("ready", 60.0)
@@ -34,7 +34,7 @@ def test_a_program_ends_when_told_to_and_is_killed_after_an_error(tmp_path):
     assert not child.running
 
 
-def test_waiting_ends_when_the_condition_holds_or_the_time_is_over():
+def test_waiting_ends_with_the_condition_or_the_timeout():
     begin = time.monotonic()
     assert wait_until(lambda: True, 10.0)
     assert not wait_until(lambda: False, 0.05)

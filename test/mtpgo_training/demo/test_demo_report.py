@@ -32,41 +32,41 @@ REQUIRED = {
 }
 
 
-def captured(plan, drop=None):
+def recorded_messages(plan, drop=None):
     """Perfect predictions of every second frame, 20 ms after the observation."""
-    capture = RecordedMessages()
+    recorded = RecordedMessages()
     for index, recording in enumerate(plan.recordings):
         for frame in recording.frames.tolist():
             stamp_ns = recording.stamp_ns(frame)
-            capture.observed[stamp_ns] = stamp_ns + 1
+            recorded.observed[stamp_ns] = stamp_ns + 1
             if frame % 2 == 0 and (index, frame) != drop:
                 prediction = perfect_prediction(recording, frame)
-                capture.predictions.append(ReceivedPrediction(prediction, stamp_ns + 20_000_001))
-    capture.processing_ms = [12.0, 14.0]
-    capture.diagnostics = {"predictor: timing": {"deadline_misses": "3"}}
-    return capture
+                recorded.predictions.append(ReceivedPrediction(prediction, stamp_ns + 20_000_001))
+    recorded.processing_ms = [12.0, 14.0]
+    recorded.diagnostics = {"predictor: timing": {"deadline_misses": "3"}}
+    return recorded
 
 
-def content_of(plan, capture):
+def content_of(plan, recorded):
     task = TaskDescription(name="made", weights_sha256="ff")
-    total, parts = score_recordings(plan, capture, task, 5.0)
-    return summary(total, parts, task, capture)
+    total, parts = score_recordings(plan, recorded, task, 5.0)
+    return summary(total, parts, task, recorded)
 
 
 @pytest.fixture(scope="module")
 def content():
     plan = make_plan([make_recording("a"), make_recording("b", 6.0)], {}, play_all=False)
-    return content_of(plan, captured(plan, drop=(1, 20)))
+    return content_of(plan, recorded_messages(plan, drop=(1, 20)))
 
 
-def test_the_summary_has_what_was_promised(content):
+def test_the_summary_has_the_required_keys(content):
     assert set(content) >= REQUIRED
     back = json.loads(to_json(content))
     assert back["model"] == {"name": "made", "version": "", "weights_sha256": "ff"}
     assert back["versions"]["torch"].startswith("2.")
 
 
-def test_every_key_is_explained(content):
+def test_every_key_is_documented(content):
     page = (Path(__file__).parents[3] / "docs" / "demo.md").read_text(encoding="utf-8")
     named = set(re.findall(r"`([a-z_0-9]+)(?:_\*)?`", page))
     for key in [*content, *content["recordings"]["a"]]:
@@ -117,8 +117,8 @@ def test_the_table_has_a_line_for_each_recording_and_one_for_all(content):
 
 def test_the_fallback_and_a_missing_road_user_show():
     plan = make_plan([make_recording("a")], {}, play_all=False)
-    capture = captured(plan)
-    first = capture.predictions[0].prediction
+    recorded = recorded_messages(plan)
+    first = recorded.predictions[0].prediction
     first = dataclasses.replace(
         first,
         **{
@@ -130,8 +130,8 @@ def test_the_fallback_and_a_missing_road_user_show():
         },
         source=np.array([Source.CONSTANT_VELOCITY], dtype=np.uint8),
     )
-    capture.predictions[0] = ReceivedPrediction(first, capture.predictions[0].received_ns)
-    content = content_of(plan, capture)
+    recorded.predictions[0] = ReceivedPrediction(first, recorded.predictions[0].received_ns)
+    content = content_of(plan, recorded)
     assert content["fallback_predictions"] == 1
     assert content["missing_predictions"] == 1
     assert len(terminal_table(content).splitlines()) == 3

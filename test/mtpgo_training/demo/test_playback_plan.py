@@ -21,24 +21,24 @@ def four():
     return [make_recording(name, 2.0, sha256=2 * name) for name in ("a", "b", "c", "d")]
 
 
-def test_what_the_model_has_seen_is_left_out():
+def test_recordings_that_the_model_was_trained_on_are_left_out():
     plan = make_plan(four(), TRAINING, play_all=False)
     assert [r.name for r in plan.recordings] == ["c", "d"]
     assert plan.left_out == ("a", "b")
     assert plan.duration_s == pytest.approx(4.0)
 
 
-def test_all_are_played_when_asked_for():
+def test_all_are_played_on_request():
     plan = make_plan(four(), TRAINING, play_all=True)
     assert len(plan.recordings) == 4
     assert plan.left_out == ()
 
 
-def test_a_model_without_an_account_of_its_training_leaves_out_nothing():
+def test_without_a_description_of_the_training_nothing_is_left_out():
     assert len(make_plan(four(), {}, play_all=False).recordings) == 4
 
 
-def test_nothing_left_is_one_sentence():
+def test_nothing_left_to_play_is_an_error():
     with pytest.raises(RecordingError, match="trained on all 2 recordings given"):
         make_plan(four()[:2], TRAINING, play_all=False)
     empty = make_recording().select_rows(np.zeros(242, dtype=bool))
@@ -46,7 +46,7 @@ def test_nothing_left_is_one_sentence():
         make_plan([empty], {}, play_all=False)
 
 
-def test_stamps_rise_with_a_pause_whatever_the_first_frame():
+def test_stamps_increase_with_a_pause_for_any_first_frame():
     recordings = [make_recording("a", 2.0, start_frame=500), make_recording("b", 3.0)]
     plan = make_plan(recordings, {}, play_all=False)
     (first, end), (begin, last) = map(span_ns, plan.recordings)

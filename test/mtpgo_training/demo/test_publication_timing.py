@@ -37,7 +37,7 @@ def test_each_cycle_without_a_prediction_is_missed(predicted_ms, missed):
     assert missed_cycles(ticks(100, 1000), stamps(*predicted_ms), 200 * MS) == missed
 
 
-def test_of_an_odd_rate_the_nearest_observations_count():
+def test_at_a_rate_that_does_not_divide_the_nearest_observations_count():
     # 12.5 Hz against 5 Hz: the observations nearest to 0, 200, 400, 600, 800 ms.
     assert missed_cycles(ticks(80, 800), stamps(0, 160, 400, 560, 800), 200 * MS) == 0
 
@@ -51,7 +51,7 @@ def test_an_empty_recording_misses_nothing():
     assert missed_cycles(stamps(), stamps(), 200 * MS) == 0
 
 
-def test_lateness_and_missing_road_users_are_counted():
+def test_late_predictions_and_missing_road_users_are_counted():
     first, second, third = ticks(200, 400).tolist()
     observed = {first: names("a"), second: names("a", "b"), third: names("b")}
     received = {first: 10 * MS, second: 210 * MS, third: 410 * MS}
@@ -68,7 +68,7 @@ def test_lateness_and_missing_road_users_are_counted():
     np.testing.assert_allclose(result.latency_ms, [5.0, 7.0, 200.000001])
 
 
-def test_recordings_join():
+def test_timings_of_recordings_are_merged():
     one = timing({0: names("a")}, {0: 0}, [(0, 5 * MS, names("a"))], rate=5.0)
     none = timing({0: names("a", "b")}, {0: 0}, [], rate=5.0)
     both = merge_timings([one, none])

@@ -11,7 +11,7 @@ from mtpgo_training.data.recording_bag import create_bag
 from mtpgo_training.demo.recorded_messages import read_messages
 
 
-def test_a_recorded_bag_comes_back(recording, tmp_path):
+def test_a_recorded_bag_is_read(recording, tmp_path):
     prediction = perfect_prediction(recording, 10)
     with create_bag(tmp_path / "bag") as bag:
         cloud = prediction_to_pointcloud2(prediction, bag.types)
@@ -41,15 +41,15 @@ def test_a_recorded_bag_comes_back(recording, tmp_path):
         for entry in status:
             array = make("diagnostic_msgs/msg/DiagnosticArray", status=[entry])
             bag.write("/diagnostics", 25, array)
-    capture = read_messages(tmp_path / "bag")
-    assert capture.observed == {prediction.stamp_ns: 11}
-    (received,) = capture.predictions
+    recorded = read_messages(tmp_path / "bag")
+    assert recorded.observed == {prediction.stamp_ns: 11}
+    (received,) = recorded.predictions
     assert received.received_ns == 22
     np.testing.assert_allclose(received.prediction.mean, prediction.mean, rtol=1e-6, atol=1e-6)
-    assert capture.processing_ms == [7.5]
-    assert capture.diagnostics == {"predictor: timing": {"deadline_misses": "2"}}
+    assert recorded.processing_ms == [7.5]
+    assert recorded.diagnostics == {"predictor: timing": {"deadline_misses": "2"}}
 
 
-def test_a_missing_bag_is_one_sentence(tmp_path):
+def test_a_missing_bag_is_reported(tmp_path):
     with pytest.raises(RecordingError, match="does not exist"):
         read_messages(tmp_path / "none")
