@@ -62,11 +62,11 @@ class Requirement:
         if not row.holds:
             found.append(f"{row.misses} misses, {row.by_constant_velocity} by constant velocity")
         if self.p99_ms is not None and not row.p99_ms <= self.p99_ms:
-            found.append(f"p99 {row.p99_ms:.0f} ms, asked for {self.p99_ms:.0f}")
+            found.append(f"p99 {row.p99_ms:.0f} ms, required: {self.p99_ms:.0f}")
         if not row.resident_mb <= RESIDENT_MB:
-            found.append(f"{row.resident_mb:.0f} MB, asked for {RESIDENT_MB:.0f}")
+            found.append(f"{row.resident_mb:.0f} MB, required: {RESIDENT_MB:.0f}")
         if not row.first_input_s <= FIRST_INPUT_S:
-            found.append(f"first after {row.first_input_s:.1f} s, asked for {FIRST_INPUT_S}")
+            found.append(f"first after {row.first_input_s:.1f} s, required: {FIRST_INPUT_S}")
         return found
 
 
@@ -142,7 +142,7 @@ def print_requirements(duration_s: float, model: str, command: str, output: Path
         for violation in requirement.violations(row):
             holds = False
             print(f"{row.agents} agents, {row.graph}, {row.rate:g} Hz: {violation}")
-    print("All that is asked for holds." if holds else "Not all that is asked for holds.")
+    print("All requirements hold." if holds else "Not all requirements hold.")
     return holds
 
 

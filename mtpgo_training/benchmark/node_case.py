@@ -131,7 +131,7 @@ def evaluate(
     )
     latency = np.array([(int(received[s][1]) - published[s]) * 1e-6 for s in measured.tolist()])
     first_ns = min((int(entry[1]) for entry in raw["received"]), default=0)
-    heard = raw["heard_from_stamp"]
+    first_stamp = raw["heard_from_stamp"]
     p50, p99 = np.percentile(latency, (50, 99)) if len(latency) else (np.nan, np.nan)
     return NodeRow(
         agents=case.agents,
@@ -149,5 +149,7 @@ def evaluate(
         cpu_share=cpu_share(usages, begin, end),
         resident_mb=largest_mb(usages),
         start_s=(first_ns - started_ns) * 1e-9,
-        first_input_s=(first_ns - published[int(heard)]) * 1e-9 if heard else float("nan"),
+        first_input_s=(first_ns - published[int(first_stamp)]) * 1e-9
+        if first_stamp
+        else float("nan"),
     )

@@ -26,7 +26,9 @@ def add_parser(subparsers: Any) -> None:
     for name, (text, description, arguments, run) in _KINDS.items():
         kind = kinds.add_parser(name, help=text, description=description)
         arguments(kind.add_argument)
-        kind.add_argument("--json", type=Path, metavar="OUT", help="write the figures there")
+        kind.add_argument(
+            "--json", type=Path, metavar="OUT", help="also write the values to this file"
+        )
         kind.set_defaults(run=run)
 
 

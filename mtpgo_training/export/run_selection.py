@@ -61,7 +61,7 @@ def select_run(paths: Sequence[Path]) -> tuple[Candidate, list[Candidate]]:
     for other in candidates:
         if not other.checkpoint["metrics"]:
             raise ConfigurationError(
-                f"{other.path} has not been validated yet, expected runs with a whole epoch to "
+                f"{other.path} has not been validated yet, expected runs with a complete epoch to "
                 "choose between them"
             )
         if other.validated_on != first.validated_on:
