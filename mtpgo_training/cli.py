@@ -20,7 +20,7 @@ COMMANDS = {
     "export": "export a trained model for the node",
     "evaluate": "score a model on recordings",
     "info": "print the description of a model file",
-    "benchmark": "measure the speed of the model",
+    "benchmark": "measure the speed of model, node and tools",
     "demo": "play a recording through the node and score it",
 }
 """Subcommand -> help; its ``add_parser`` is in the module ``commands.NAME``."""

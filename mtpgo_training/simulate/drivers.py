@@ -1,6 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Draws vehicle types with their drivers, and departure times."""
+"""Draws vehicle types with their drivers, and departure times.
+
+The ranges are chosen so that drivers differ. Units are SUMO's: m, s, m/s and m/s^2.
+"""
 
 from __future__ import annotations
 

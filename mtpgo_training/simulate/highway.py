@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import option
 from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate import drivers, sumo
@@ -55,16 +55,9 @@ class HighwayConfig(SimulationConfig):
         speed_limit_mps: desired speed of an average driver (m/s).
     """
 
-    traffic: str | None = None
+    lanes: int | None = option(None, low=2, high=4)
+    traffic: str | None = option(None, choices=TRAFFIC_STATES)
     speed_limit_mps: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.traffic is not None and self.traffic not in TRAFFIC_STATES:
-            raise ConfigurationError(
-                f"traffic is {self.traffic!r}, expected one of {', '.join(TRAFFIC_STATES)}"
-            )
-        if self.lanes is not None and not 2 <= self.lanes <= 4:
-            raise ConfigurationError(f"lanes is {self.lanes}, expected 2 to 4")
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import option
 from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate import drivers, sumo
@@ -43,12 +43,9 @@ class RoundaboutConfig(SimulationConfig):
         bicycle_share: share of bicycles in the demand, 0 to 1.
     """
 
+    lanes: int | None = option(None, low=1, high=2)
     bicycle_share: float = 0.03
     warm_up_s: float = 60.0
-
-    def __post_init__(self) -> None:
-        if self.lanes is not None and self.lanes not in (1, 2):
-            raise ConfigurationError(f"lanes is {self.lanes}, expected 1 or 2 for a roundabout")
 
 
 def simulate_roundabout(config: RoundaboutConfig, name: str = "00") -> Recording:

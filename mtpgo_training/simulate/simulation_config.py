@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mtpgo_core.options import check_options
+
 
 @dataclass(frozen=True)
 class SimulationConfig:
@@ -28,3 +30,6 @@ class SimulationConfig:
     lanes: int | None = None
     truck_share: float | None = None
     warm_up_s: float = 120.0
+
+    def __post_init__(self) -> None:
+        check_options(self)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import option
 from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate import drivers, street_network, sumo
@@ -41,12 +41,9 @@ class StreetConfig(SimulationConfig):
         speed_limit_mps: speed limit of the street (m/s); lower on the crossing roads.
     """
 
+    lanes: int | None = option(None, low=1, high=3)
     bicycle_share: float = 0.01
     speed_limit_mps: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.lanes is not None and not 1 <= self.lanes <= 3:
-            raise ConfigurationError(f"lanes is {self.lanes}, expected 1 to 3 for a street")
 
 
 def simulate_street(config: StreetConfig, name: str = "00") -> Recording:

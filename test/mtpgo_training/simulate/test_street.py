@@ -21,5 +21,5 @@ def test_the_same_seed_gives_the_same_recording() -> None:
 
 
 def test_four_lanes_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="lanes is 4, expected 1 to 3 for a street"):
+    with pytest.raises(ConfigurationError, match="lanes is 4, expected 1 to 3"):
         StreetConfig(lanes=4)
