@@ -8,9 +8,7 @@ signs downstream of the section in view cause congestion, which travels upstream
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -89,18 +87,14 @@ def simulate_highway(config: HighwayConfig, name: str = "01") -> Recording:
         desired_spread=0.11,
     )
     directions = [_draw_direction(config, generator, side, lanes) for side in ("east", "west")]
-    with tempfile.TemporaryDirectory(prefix="mtpgo_sumo_") as folder:
-        network = _build(Path(folder), directions, lanes, lane_width)
-        demand = [kind.xml() for kind in types]
-        demand += _demand(config, generator, directions, lanes, types, probability)
-        seen = sumo.run_simulation(
-            Path(folder),
-            network,
-            demand,
-            config,
-            observed_edges=["east_seen", "west_seen"],
-            additional=_signs(config, generator, directions, lanes),
-        )
+    seen = sumo.run_simulation(
+        _network(directions, lanes, lane_width),
+        types,
+        _demand(config, generator, directions, lanes, types, probability),
+        config,
+        observed_edges=["east_seen", "west_seen"],
+        additional=_signs(config, generator, directions, lanes),
+    )
     return make_recording(
         seen,
         types,
@@ -133,8 +127,8 @@ def _draw_direction(
     )
 
 
-def _build(folder: Path, directions: list[_Direction], lanes: int, lane_width: float) -> Path:
-    """Build the network: east drives along +x on the lower side, west along -x on the upper."""
+def _network(directions: list[_Direction], lanes: int, lane_width: float) -> sumo.RoadNetwork:
+    """Return the network: east drives along +x on the lower side, west along -x on the upper."""
     lengths = (_BEFORE_M, _SEEN_M + 2 * _MARGIN_M, _BEHIND_M, _SIGNS_M)
     nodes, edges = [], []
     for direction in directions:
@@ -151,7 +145,7 @@ def _build(folder: Path, directions: list[_Direction], lanes: int, lane_width: f
                 f'to="{direction.name}{i + 1}" numLanes="{lanes}" width="{lane_width:.3f}" '
                 f'speed="{direction.limit_mps:.2f}" spreadType="right"/>'
             )
-    return sumo.build_network(folder, nodes, edges)
+    return sumo.RoadNetwork(nodes, edges)
 
 
 def _inner_line(direction: str, lanes: int, lane_width: float) -> float:

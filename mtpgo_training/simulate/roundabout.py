@@ -8,10 +8,8 @@ layout: y up, the origin in the upper left corner of the image.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -76,12 +74,8 @@ def simulate_roundabout(config: RoundaboutConfig, name: str = "00") -> Recording
     if per_hour is None:
         # Chosen: a higher demand blocks the ring, where vehicles do not give way.
         per_hour = float(generator.uniform(1000.0, 1900.0))
-    with tempfile.TemporaryDirectory(prefix="mtpgo_sumo_") as folder:
-        network = sumo.build_network(Path(folder), *_road(radius, lanes))
-        demand = [kind.xml() for kind in types]
-        demand += _routes()
-        demand += _vehicles(config, generator, per_hour, types, probability)
-        seen = sumo.run_simulation(Path(folder), network, demand, config)
+    vehicles = _vehicles(config, generator, per_hour, types, probability)
+    seen = sumo.run_simulation(_network(radius, lanes), types, [*_routes(), *vehicles], config)
     return make_recording(seen, types, _in_view, config, name=name, layout="ind")
 
 
@@ -103,8 +97,8 @@ def _arc(radius: float, start: float, end: float) -> list[tuple[float, float]]:
     return [_point(radius, angle) for angle in np.linspace(start, end, count)]
 
 
-def _road(radius: float, lanes: int) -> tuple[list[str], list[str]]:
-    """Return XML elements of nodes and edges.
+def _network(radius: float, lanes: int) -> sumo.RoadNetwork:
+    """Return the network.
 
     The ring runs counter-clockwise; at each arm the exit comes before the entry. The ring's edges
     are drawn along their left, inner side, so ``radius`` is that of the island (m).
@@ -169,7 +163,7 @@ def _road(radius: float, lanes: int) -> tuple[list[str], list[str]]:
         ring_nodes += [f"leave{arm}", f"enter{arm}"]
         ring_edges += [f"mouth{arm}", f"ring{arm}"]
     edges.append(f'<roundabout nodes="{" ".join(ring_nodes)}" edges="{" ".join(ring_edges)}"/>')
-    return nodes, edges
+    return sumo.RoadNetwork(nodes, edges)
 
 
 def _routes() -> list[str]:

@@ -8,19 +8,23 @@ Recordings are in inD layout: y up, the origin in the upper left corner of the i
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from mtpgo_core.options import option
 from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.simulate import drivers, street_network, sumo
+from mtpgo_training.simulate import drivers, sumo
 from mtpgo_training.simulate.drone_camera import make_recording
 from mtpgo_training.simulate.simulation_config import SimulationConfig
-from mtpgo_training.simulate.street_network import MAIN_ENDS, SIDE_ENDS, entry, exit_at
+from mtpgo_training.simulate.street_network import (
+    MAIN_ENDS,
+    SIDE_ENDS,
+    entry,
+    exit_at,
+    make_network,
+)
 
 MIDDLE = (170.0, -90.0)
 """Point of the street halfway between its junctions, in the recording (m)."""
@@ -72,17 +76,11 @@ def simulate_street(config: StreetConfig, name: str = "00") -> Recording:
     per_hour = config.vehicles_per_hour
     if per_hour is None:
         per_hour = float(generator.uniform(500.0, 1200.0)) * (lanes + 1)
-    with tempfile.TemporaryDirectory(prefix="mtpgo_sumo_") as folder:
-        network = street_network.build(
-            Path(folder),
-            generator,
-            middle=MIDDLE,
-            lanes=lanes,
-            speed_limit_mps=config.speed_limit_mps,
-        )
-        demand = [kind.xml() for kind in types]
-        demand += _trips(config, generator, per_hour, types, probability)
-        seen = sumo.run_simulation(Path(folder), network, demand, config)
+    network = make_network(
+        generator, middle=MIDDLE, lanes=lanes, speed_limit_mps=config.speed_limit_mps
+    )
+    trips = _trips(config, generator, per_hour, types, probability)
+    seen = sumo.run_simulation(network, types, trips, config)
     return make_recording(seen, types, _in_view, config, name=name, layout="ind")
 
 

@@ -8,7 +8,6 @@ The street runs along x through two junctions, at each of which a road along y c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -50,26 +49,21 @@ def exit_at(end: str) -> str:
     return f"{_JUNCTION[end]}.{end}"
 
 
-def build(
-    folder: Path,
+def make_network(
     generator: np.random.Generator,
     *,
     middle: tuple[float, float],
     lanes: int,
     speed_limit_mps: float | None,
-) -> Path:
-    """Build the network and return SUMO's file of it.
+) -> sumo.RoadNetwork:
+    """Return the network.
 
     Args:
-        folder: folder for SUMO's files.
         generator: random numbers for the distance of the junctions, the lanes of the crossing
             roads, the cycle of the lights, and the speed limit if none is given.
         middle: point halfway between the junctions (m).
         lanes: lanes of the street, per direction.
         speed_limit_mps: speed limit of the street (m/s); lower on the crossing roads.
-
-    Raises:
-        SimulationError: SUMO is missing or rejects the network.
     """
     half = float(generator.uniform(70.0, 110.0))
     limit = speed_limit_mps or float(generator.choice([11.2, 13.4, 15.6, 17.9]))
@@ -89,12 +83,11 @@ def build(
     lag = str(generator.choice(["none", "quarter", "half"]))
     if lag != "none":
         options += [f"--tls.{lag}-offset", "right"]
-    return sumo.build_network(
-        folder,
+    return sumo.RoadNetwork(
         [*nodes, *(node for way in ways for node in way.nodes())],
         [edge for way in ways for edge in way.edges()],
         [*(c for way in ways for c in way.openings()), *_crossings(ways)],
-        options=options,
+        options,
     )
 
 

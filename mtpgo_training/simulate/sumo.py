@@ -13,6 +13,7 @@ import math
 import os
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,6 +64,23 @@ class VehicleType:
 
 
 @dataclass(frozen=True)
+class RoadNetwork:
+    """A road network as the input of ``netconvert``.
+
+    Attributes:
+        nodes: XML elements of the nodes.
+        edges: XML elements of the edges.
+        connections: XML elements of the connections; all that fit the lanes by default.
+        options: further arguments of ``netconvert``.
+    """
+
+    nodes: Sequence[str]
+    edges: Sequence[str]
+    connections: Sequence[str] = ()
+    options: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
 class FloatingCarData:
     """Output of SUMO, rows sorted by vehicle and time.
 
@@ -108,48 +126,9 @@ def program(name: str) -> Path:
     return Path(found)
 
 
-def build_network(
-    folder: Path,
-    nodes: Iterable[str],
-    edges: Iterable[str],
-    connections: Iterable[str] = (),
-    *,
-    options: Sequence[str] = (),
-) -> Path:
-    """Build a road network and return SUMO's file of it.
-
-    Args:
-        folder: folder for SUMO's files.
-        nodes: XML elements of the nodes.
-        edges: XML elements of the edges.
-        connections: XML elements of the connections.
-        options: further arguments of ``netconvert``.
-
-    Raises:
-        SimulationError: SUMO is missing or rejects the network.
-    """
-    plain = {"nod": ("nodes", nodes), "edg": ("edges", edges), "con": ("connections", connections)}
-    for ending, (root, elements) in plain.items():
-        _write_xml(folder / f"plain.{ending}.xml", root, elements)
-    target = folder / "road.net.xml"
-    _run(
-        "netconvert",
-        *("--node-files", folder / "plain.nod.xml"),
-        *("--edge-files", folder / "plain.edg.xml"),
-        *("--connection-files", folder / "plain.con.xml"),
-        *("--output-file", target),
-        *("--precision", "4"),
-        *("--junctions.internal-link-detail", "20"),
-        "--no-turnarounds",
-        "--offset.disable-normalization",
-        *options,
-    )
-    return target
-
-
 def run_simulation(
-    folder: Path,
-    network: Path,
+    network: RoadNetwork,
+    types: Iterable[VehicleType],
     demand: Iterable[str],
     config: SimulationConfig,
     *,
@@ -159,9 +138,9 @@ def run_simulation(
     """Simulate and return the vehicles on the observed edges after the warm-up.
 
     Args:
-        folder: folder for SUMO's files.
-        network: file from :func:`build_network`.
-        demand: XML elements of the route file: types, routes and vehicles.
+        network: road network.
+        types: vehicle types.
+        demand: XML elements of the routes and vehicles, or of the trips.
         config: times, with a warm-up of at least ``EXTRA_S``, frame rate, and seed of SUMO's
             random numbers.
         observed_edges: edges whose vehicles are returned, all edges by default.
@@ -170,8 +149,35 @@ def run_simulation(
     Raises:
         SimulationError: SUMO is missing or fails.
     """
-    _write_xml(folder / "traffic.rou.xml", "routes", demand)
-    _write_xml(folder / "signs.add.xml", "additional", additional)
+    with tempfile.TemporaryDirectory(prefix="mtpgo_sumo_") as name:
+        folder = Path(name)
+        _build_network(network, folder)
+        _write_xml(folder / "traffic.rou.xml", "routes", [*(t.xml() for t in types), *demand])
+        _write_xml(folder / "signs.add.xml", "additional", additional)
+        return _simulate(folder, config, observed_edges)
+
+
+def _build_network(network: RoadNetwork, folder: Path) -> None:
+    _write_xml(folder / "plain.nod.xml", "nodes", network.nodes)
+    _write_xml(folder / "plain.edg.xml", "edges", network.edges)
+    _write_xml(folder / "plain.con.xml", "connections", network.connections)
+    _run(
+        "netconvert",
+        *("--node-files", folder / "plain.nod.xml"),
+        *("--edge-files", folder / "plain.edg.xml"),
+        *("--connection-files", folder / "plain.con.xml"),
+        *("--output-file", folder / "road.net.xml"),
+        *("--precision", "4"),
+        *("--junctions.internal-link-detail", "20"),
+        "--no-turnarounds",
+        "--offset.disable-normalization",
+        *network.options,
+    )
+
+
+def _simulate(
+    folder: Path, config: SimulationConfig, observed_edges: Sequence[str]
+) -> FloatingCarData:
     observed = folder / "observed.txt"
     observed.write_text("".join(f"edge:{edge}\n" for edge in observed_edges))
     seen = folder / "seen.csv"
@@ -181,7 +187,7 @@ def run_simulation(
     step_s = max(1, round(1000.0 / (frame_rate * steps_per_frame))) / 1000.0
     _run(
         "sumo",
-        *("--net-file", network),
+        *("--net-file", folder / "road.net.xml"),
         *("--route-files", folder / "traffic.rou.xml"),
         *("--additional-files", folder / "signs.add.xml"),
         *("--step-length", f"{step_s:g}"),
