@@ -2,22 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """MTP-GO: graph GRU encoder and decoder, neural ODE, Kalman covariance, mixture output."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import torch
 from torch import Tensor
 
-from models.agent_frames import Start, states_to_own, states_to_scene
-from models.ekf import (
-    DirectCovariance,
-    EkfCovariance,
-    initial_in_own_frame,
-    rotate_blocks,
-)
-from models.encoder_decoder import Decoder, Encoder
+from models.decoder import Decoder
+from models.direct_covariance import DirectCovariance
+from models.direct_states import DirectStates
+from models.ekf import EkfCovariance
+from models.encoder import Encoder
 from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead
 from models.mtp_go_config import ModelConfig
-from models.neural_ode import DirectStates, NeuralODE
+from models.neural_ode import NeuralODE
+from models.own_frame.agent_frames import Start, states_to_own, states_to_scene
+from models.own_frame.covariance_frames import initial_in_own_frame, rotate_blocks
 from models.temporal_attention import presence_bias
 from models.trajectory_predictor import TrajectoryPredictor
 
@@ -27,21 +26,38 @@ class MTPGO(TrajectoryPredictor):
 
     Args:
         config: see :class:`models.mtp_go_config.ModelConfig`.
+
+    Attributes:
+        ode: the decoder commands the ``motion``; otherwise it gives the states.
+        ekf: a ``filter`` propagates the covariances; otherwise the decoder gives them.
     """
 
+    # Final, so that TorchScript compiles only the branch that is taken.
+    ode: Final[bool]
+    ekf: Final[bool]
     if TYPE_CHECKING:  # TorchScript would compile an annotation that it can see
         config: ModelConfig
 
     def __init__(self, config: ModelConfig):
         super().__init__(config)
         self.order = config.order
+        self.ode = config.ode
+        self.ekf = config.ekf
         self.encoder = Encoder(config, self.condition.input_size)
         self.decoder = Decoder(config)
-        self.motion = NeuralODE(config) if config.ode else DirectStates(config)
-        self.control = ControlHead(config.hidden, config.modes, self.motion.controls)
+        if config.ode:
+            self.motion = NeuralODE(config)
+            controls = self.motion.controls
+        else:
+            self.direct_states = DirectStates(config)
+            controls = self.direct_states.controls
+        self.control = ControlHead(config.hidden, config.modes, controls)
         self.noise = NoiseHead(config.hidden, config.modes)
         self.initial_covariance = InitialCovariance(config)
-        self.covariance = EkfCovariance(config) if config.ekf else DirectCovariance(config)
+        if config.ekf:
+            self.filter = EkfCovariance(config)
+        else:
+            self.direct_covariance = DirectCovariance(config)
         self.mixture = MixtureHead(config.hidden, config.modes)
 
     def roll_out(
@@ -68,22 +84,27 @@ class MTPGO(TrajectoryPredictor):
         # Decode and move, step by step.
         edges = self.decoder.prepare(position[:, :, -1], valid[:, :, -1])
         bias = presence_bias(valid)
-        field = self.motion.prepare(static, start)
         h = last + self.decoder.initial
         state = self.first_state(start)
-        lead = None if teacher is None else states_to_own(torch.nan_to_num(teacher), start)
+        teacher_own = None if teacher is None else states_to_own(torch.nan_to_num(teacher), start)
         states: list[Tensor] = []
         slopes: list[list[Tensor]] = []
         hidden: list[Tensor] = []
+        if self.ode:
+            network = self.motion.prepare(static)
         for k in range(self.horizon_steps):
-            seen = self.seen(state, lead, teacher_valid, k)
+            seen = self.seen(state, teacher_own, teacher_valid, k)
             h = self.decoder(
                 h, self.condition.scale_states(seen, start, k), encoded, bias, edges
             )  # [B, N, D]
-            control = self.control(h)  # [B, N, M, 2]
-            state, slope = self.motion.move(state, control, k, start, field, with_covariance)
+            control = self.control(h)  # [B, N, M, controls]
+            if self.ode:
+                u = self.motion.command(control, start.velocity)
+                state, slope = self.motion(state, u, network, with_covariance and self.ekf)
+                slopes.append(slope)
+            else:
+                state = self.direct_states(control, start, k + 1)
             states.append(state)  # [B, N, M, S]
-            slopes.append(slope)
             hidden.append(h)
         mean = states_to_scene(torch.stack(states), start).permute(1, 2, 3, 0, 4).contiguous()
 
@@ -91,17 +112,18 @@ class MTPGO(TrajectoryPredictor):
         if not with_covariance:
             return log_weight, mean, torch.empty(0, dtype=mean.dtype, device=mean.device)
         noise = self.noise(torch.stack(hidden))  # [2, 2, H, B, N, M]
-        first = self.initial_covariance(last)  # [S, S, B, N]
-        if initial_covariance is not None:
-            first = initial_in_own_frame(initial_covariance, first, start.direction)
-        of_q, of_position = self.motion.jacobian(
-            slopes, list(state.shape[:3])
-        )  # [2, 2, H, B, N, M]
-        blocks = self.covariance(first, of_q, of_position, noise)
+        if self.ekf:
+            first = self.initial_covariance(last)  # [S, S, B, N]
+            if initial_covariance is not None:
+                first = initial_in_own_frame(initial_covariance, first, start.direction)
+            of_q, of_position = self.motion.jacobian(slopes, list(state.shape[:3]))
+            blocks = self.filter(first, of_q, of_position, noise)  # [2, 2, H, B, N, M] each
+        else:
+            blocks = self.direct_covariance(noise)
         return log_weight, mean, self.observed(rotate_blocks(blocks, start.direction))
 
     def first_state(self, start: Start) -> Tensor:
-        """[B, N, M, S] the state at t, the same for all modes."""
+        """Return [B, N, M, S] the state at t, the same for all modes."""
         state = start.position
         if self.order == 2:
             state = torch.cat((state, start.velocity), dim=-1)

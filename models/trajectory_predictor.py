@@ -5,8 +5,8 @@
 import torch
 from torch import Tensor, nn
 
-from models.conditioning import Conditioning
 from models.network_config import NetworkConfig
+from models.own_frame.conditioning import Conditioning
 
 
 class TrajectoryPredictor(nn.Module):

@@ -56,7 +56,15 @@ WITHOUT_TORCH = (
 
 
 ROOMS = {
-    "models": ("kernels", "", "baselines", "inference"),
+    "models": (
+        "kernels",
+        "gnn_layers",
+        "network_config",
+        "own_frame",
+        "",
+        "baselines",
+        "inference",
+    ),
     "mtpgo_core": ("", "task", "history", "scene", "prediction"),
     "msg_adapters": (
         "types",

@@ -7,8 +7,8 @@ from torch import Tensor, nn
 from models.baselines.baseline_config import GraphConfig
 from models.baselines.interaction import Interaction
 from models.baselines.recurrent_predictor import RecurrentPredictor
-from models.graph_gru import EdgeList, GraphNetwork
-from models.interaction_graph import complete_graph, squared_distances
+from models.gnn_layers.graph_network import EdgeList, GraphNetwork
+from models.gnn_layers.interaction_graph import complete_graph, squared_distances
 
 
 class GraphInteraction(Interaction):

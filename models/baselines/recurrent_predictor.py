@@ -12,11 +12,12 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import leaky_relu
 
-from models.agent_frames import Start, states_to_own, states_to_scene
 from models.baselines.baseline_config import RecurrentConfig
 from models.baselines.interaction import Interaction
-from models.ekf import DirectCovariance, rotate_blocks
+from models.direct_covariance import DirectCovariance
 from models.heads import ControlHead, MixtureHead, NoiseHead
+from models.own_frame.agent_frames import Start, states_to_own, states_to_scene
+from models.own_frame.covariance_frames import rotate_blocks
 from models.trajectory_predictor import TrajectoryPredictor
 
 
@@ -110,7 +111,7 @@ class RecurrentPredictor(TrajectoryPredictor):
         if not with_covariance:
             return log_weight, mean, torch.empty(0, dtype=mean.dtype, device=mean.device)
         noise = self.noise(torch.stack(hidden))  # [2, 2, H, B, N, M]
-        blocks = self.covariance(noise, noise, noise, noise)
+        blocks = self.covariance(noise)
         return log_weight, mean, self.observed(rotate_blocks(blocks, start.direction))
 
     def encode(

@@ -5,8 +5,8 @@
 import torch
 from torch import Tensor, nn
 
-from models.agent_frames import to_own
 from models.baselines.baseline_config import GridConfig
+from models.own_frame.agent_frames import to_own
 
 
 class Grid(nn.Module):

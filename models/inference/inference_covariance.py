@@ -5,14 +5,15 @@
 import torch
 from torch import Tensor, nn
 
-from models.ekf import INFLATION, EkfCovariance, symmetric
+from models.ekf import INFLATION, EkfCovariance
+from models.kernels.block_product import symmetric
 
 
 class FastCovariance(nn.Module):
     """As :class:`models.ekf.EkfCovariance` of second order.
 
-    With F = [[I, B], [0, D]] and W = [B; D] stacked, F P is W times P's lower half plus P's upper
-    half in the upper rows, and (F P) F^T likewise with the columns.
+    With F = [[I, B], [0, D]] and W = [B; D] stacked, F P is W times P's lower half plus, in the
+    upper rows, P's upper half; (F P) F^T is the same product on the columns.
     """
 
     inflation: Tensor
@@ -28,7 +29,7 @@ class FastCovariance(nn.Module):
     def forward(
         self, initial: Tensor, of_q: Tensor, of_position: Tensor, noise: Tensor
     ) -> list[Tensor]:
-        """The blocks A, C, V of P, [2, 2, H, B, N, M] each; arguments as in the other class."""
+        """Return the blocks of P, [2, 2, H, B, N, M] each; arguments as in the other class."""
         steps, rest = noise.size(2), noise.size(3) * noise.size(4) * noise.size(5)
         p = initial.unsqueeze(-1).expand(-1, -1, -1, -1, noise.size(5)).reshape(4, 4, rest)
         flat = noise.reshape(1, 2, 1, 2, steps, rest)

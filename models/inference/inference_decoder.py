@@ -5,18 +5,18 @@
 import torch
 from torch import Tensor, nn
 
-from models.conditioning import Conditioning
-from models.encoder_decoder import Decoder
-from models.inference.inference_encoder import gru_update
+from models.decoder import Decoder
+from models.inference.inference_encoder import gru_step
 from models.inference.packed_attention import PackedAttention
+from models.own_frame.conditioning import Conditioning
 
 
 class FastDecoder(nn.Module):
-    """As :class:`models.encoder_decoder.Decoder`, with the scaling of its states.
+    """As :class:`models.decoder.Decoder`, with the scaling of its states.
 
-    The embedding E x + e only ever enters other linear maps, so it is multiplied into the
+    The embedding W_x x + b_x only enters other linear maps, so it is multiplied into the
     temporal attention's scores and into W_f; W_f's half for the summary acts on the encoded
-    states beforehand, because a weighted sum and a linear map may change places. Both GNNs, of
+    states beforehand, because a weighted sum and a linear map commute. Both GNNs, of
     the input f and of the state h, run as one on stacked [f; h].
     """
 
@@ -47,7 +47,7 @@ class FastDecoder(nn.Module):
         self.register_buffer("initial", decoder.initial.detach().clone())
 
     def prepare(self, encoded: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
-        """[B N, T, D] W_f's part of each encoder state, and [B N, T + D] constants.
+        """Return [B N, T, D] W_f's part of each encoder state, and [B N, T + D] constants.
 
         Args:
             encoded: [B, N, T, D] encoder states.
@@ -68,16 +68,16 @@ class FastDecoder(nn.Module):
         fixed: Tensor,
         scratch: Tensor,
     ) -> Tensor:
-        """The next state [B N, D].
+        """Return the next state [B N, D].
 
         Args:
             h: [B N, D] the state before.
             deviation: [B N, M S] of the agent states from uniform motion.
-            summaries: of :meth:`prepare`.
-            constant: of :meth:`prepare`.
-            edge: [2, B, N, N] of the GNNs' ``prepare``.
-            fixed: likewise.
-            scratch: of :func:`models.inference.packed_attention.make_scratch`.
+            summaries: result of :meth:`prepare`.
+            constant: result of :meth:`prepare`.
+            edge: [2, B, N, N] edge weights of both GNNs, see :meth:`PackedAttention.prepare`.
+            fixed: [2, B, N, N] scores from the graph alone, see there.
+            scratch: see :func:`models.inference.packed_attention.make_scratch`.
         """
         score, rest = torch.addmm(constant, deviation, self.embed).split(
             [self.steps, self.hidden], dim=1
@@ -87,4 +87,4 @@ class FastDecoder(nn.Module):
         f = nn.functional.leaky_relu(f, 0.2, inplace=True)
         kappa, xi = self.gnn(torch.stack((f, h)), edge, fixed, scratch).flatten(1, 2).unbind(0)
         split = kappa.split([2 * self.hidden, self.hidden], dim=1)
-        return gru_update(split, xi, h, self.hidden)
+        return gru_step(split, xi, h, self.hidden)

@@ -1,18 +1,18 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The encoder for inference: all that does not wait for the recurrent state is done at once."""
+"""The encoder for inference: one call for all steps where the recurrent state is not needed."""
 
 import torch
 from torch import Tensor, nn
 
-from models.encoder_decoder import Encoder
+from models.encoder import Encoder
+from models.gnn_layers.interaction_graph import complete_graph, squared_distances
 from models.graph_gru import GraphGRU
 from models.inference.packed_attention import PackedAttention
-from models.interaction_graph import complete_graph, squared_distances
 
 
-def gru_update(kappa: list[Tensor], xi: Tensor, h: Tensor, hidden: int) -> Tensor:
-    """The next state [B, N, D] (eq. full_gru_update).
+def gru_step(kappa: list[Tensor], xi: Tensor, h: Tensor, hidden: int) -> Tensor:
+    """Return the next state [B, N, D] (GRU update, eq. 6).
 
     Args:
         kappa: [B, N, 2D] and [B, N, D] of the input, the bias included.
@@ -27,7 +27,7 @@ def gru_update(kappa: list[Tensor], xi: Tensor, h: Tensor, hidden: int) -> Tenso
 
 
 def attentions(cell: GraphGRU) -> tuple[PackedAttention, PackedAttention]:
-    """The packed attention of the input, with the GRU's bias, and that of the state."""
+    """Return the packed attention of the input, with the GRU's bias, and that of the state."""
     return (
         PackedAttention([cell.gnn_f], cell.bias),
         PackedAttention([cell.gnn_h], torch.zeros_like(cell.bias)),
@@ -35,7 +35,7 @@ def attentions(cell: GraphGRU) -> tuple[PackedAttention, PackedAttention]:
 
 
 class FastEncoder(nn.Module):
-    """As :class:`models.encoder_decoder.Encoder`."""
+    """As :class:`models.encoder.Encoder`."""
 
     initial: Tensor
 
@@ -46,7 +46,7 @@ class FastEncoder(nn.Module):
         self.of_input, self.of_state = attentions(encoder.cell)
 
     def forward(self, inputs: Tensor, position: Tensor, valid: Tensor, scratch: Tensor) -> Tensor:
-        """States [B, N, T, D] of inputs [B, N, T, .], positions [B, N, T, 2] and presence."""
+        """Return the states [B, N, T, D]; arguments as in the other class, and ``make_scratch``'s."""
         scenes, agents, steps = valid.size(0), valid.size(1), valid.size(2)
         present = valid.permute(2, 0, 1)  # [T, B, N]
         distance = squared_distances(position.permute(2, 0, 1, 3))
@@ -62,14 +62,14 @@ class FastEncoder(nn.Module):
         edge, fixed = self.of_state.prepare(graphs[0], graphs[1])
         edges = edge.view(1, steps, scenes, agents, agents).unbind(1)
         fixeds = fixed.view(1, steps, scenes, agents, agents).unbind(1)
-        everybody = bool(valid.all())
+        all_present = bool(valid.all())
         here = present.unsqueeze(-1).unbind(0)
         h = self.initial.repeat(scenes, agents, 1)
         states: list[Tensor] = []
         for i, gate in enumerate(gates):
             flat = h.view(1, scenes * agents, self.hidden)
             xi = self.of_state(flat, edges[i], fixeds[i], scratch)
-            following = gru_update([gate, candidates[i]], xi[0], h, self.hidden)
-            h = following if everybody else torch.where(here[i], following, h)
+            following = gru_step([gate, candidates[i]], xi[0], h, self.hidden)
+            h = following if all_present else torch.where(here[i], following, h)
             states.append(h)
         return torch.stack(states, dim=2)

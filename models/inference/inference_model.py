@@ -2,27 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole of MTP-GO for inference, built from a trained model."""
 
-from typing import cast
-
 import torch
 from torch import Tensor, nn
 
-from models.agent_frames import Start
-from models.ekf import EkfCovariance, initial_in_own_frame, rotate_blocks
+from models.gnn_layers.interaction_graph import complete_graph, squared_distances
 from models.inference.inference_covariance import FastCovariance
 from models.inference.inference_decoder import FastDecoder
 from models.inference.inference_encoder import FastEncoder
 from models.inference.inference_motion import FastMotion
 from models.inference.packed_attention import make_scratch
-from models.interaction_graph import complete_graph, squared_distances
 from models.mtp_go import MTPGO
 from models.mtp_go_config import ModelConfig
-from models.neural_ode import NeuralODE
+from models.own_frame.agent_frames import Start
+from models.own_frame.covariance_frames import initial_in_own_frame, rotate_blocks
 from models.temporal_attention import presence_bias
 
 
 def is_covered(config: ModelConfig) -> bool:
-    """Whether :class:`FastMTPGO` can compute this model: the default and what lies near it."""
+    """Return whether :class:`FastMTPGO` can compute this model: the default and similar ones."""
     return (
         config.layer in ("gat", "gat+")
         and (config.heads, config.gnn_layers, config.ode_layers, config.order) == (1, 1, 1, 2)
@@ -34,7 +31,7 @@ def is_covered(config: ModelConfig) -> bool:
 
 
 def deployable(model: MTPGO) -> nn.Module:
-    """The form of a model that is exported: fast where there is one, else the model itself."""
+    """Return what is exported of a model: its fast form where there is one, else itself."""
     return FastMTPGO(model) if is_covered(model.config) else model
 
 
@@ -62,8 +59,8 @@ class FastMTPGO(nn.Module):
         self.initial_covariance = model.initial_covariance
         self.encoder = FastEncoder(model.encoder)
         self.decoder = FastDecoder(model.decoder, model.condition, model.modes)
-        self.motion = FastMotion(cast(NeuralODE, model.motion), model.modes)
-        self.covariance = FastCovariance(cast(EkfCovariance, model.covariance))
+        self.motion = FastMotion(model.motion, model.modes)
+        self.covariance = FastCovariance(model.filter)
         self.control = model.control
         self.register_buffer("observation", model.observation)
         time = model.config.dt_s * torch.arange(1, self.horizon_steps + 1, dtype=torch.float64)
@@ -120,7 +117,7 @@ class FastMTPGO(nn.Module):
         return log_weight, mean, self.covariance_scale * spread
 
     def to_scene(self, deviations: Tensor, start: Start) -> Tensor:
-        """[B, N, M, H, S] states in the scene frame, from [H, B N M, S] in the agents' frames."""
+        """Return [B, N, M, H, S] states in the scene frame from [H, B N M, S] deviations."""
         scenes, agents = start.origin.size(0), start.origin.size(1)
         cos, sin = start.direction.unbind(-1)
         # A row vector times the transposed rotation, for position and velocity at once.

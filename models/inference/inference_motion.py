@@ -16,7 +16,7 @@ What is linear in u, d and w, the next state's part included, comes out of one p
 import torch
 from torch import Tensor, nn
 
-from models.ekf import block_product
+from models.kernels.block_product import block_product
 from models.neural_ode import NeuralODE
 
 
@@ -42,12 +42,10 @@ class FastMotion(nn.Module):
     def __init__(self, motion: NeuralODE, modes: int):
         super().__init__()
         self.modes = modes
-        self.nodes = list(motion.nodes)
-        self.weights = list(motion.weights)
-        self.carried = list(motion.carried)
-        self.dt_s = motion.dt_s
+        method = motion.method
+        self.nodes, self.weights, self.carried = method.nodes, method.weights, method.carried
+        self.dt_s = dt = method.dt_s
         self.static_size = motion.static_size
-        dt = motion.dt_s
         first, last = motion.first.detach().double(), motion.last.detach().double()
         width = 2 * first.size(1)
         self.width = width
@@ -83,7 +81,7 @@ class FastMotion(nn.Module):
         self.register_buffer("of_static", first[:, :, 3:].flatten(0, 1).t().contiguous())
 
     def prepare(self, static: Tensor, velocity: Tensor) -> Tensor:
-        """[B N M, columns] constants of the product, from classes and v_0 [B, N, 2]."""
+        """Return [B N M, columns] constants of the product, from classes and v_0 [B, N, 2]."""
         own = torch.matmul(velocity.flatten(0, 1), self.of_q)
         if self.static_size > 0:
             own = own + torch.matmul(static.flatten(0, 1), self.of_static)
@@ -92,12 +90,12 @@ class FastMotion(nn.Module):
         return whole.flatten(0, 1)
 
     def forward(self, state: Tensor, control: Tensor, constant: Tensor) -> tuple[Tensor, Tensor]:
-        """Deviations [R, 4] one step later, and the stages' units [R, stages 2W].
+        """Return deviations [R, 4] one step later, and the stages' units [R, stages 2W].
 
         Args:
             state: [R, 4] with R = B N M.
             control: [R, 2] of the decoder.
-            constant: of :meth:`prepare`.
+            constant: result of :meth:`prepare`.
         """
         width = self.width
         linear = torch.addmm(constant, torch.cat((control, state), dim=1), self.product)
@@ -116,7 +114,7 @@ class FastMotion(nn.Module):
         return torch.addmm(free, joined, self.output.t()), joined
 
     def jacobian(self, units: Tensor) -> tuple[Tensor, Tensor]:
-        """[2, 2, R] derivatives by q of the next q and of the next position, from units [R, .].
+        """Return [2, 2, R] derivatives of the next q and position by q, from units [R, .].
 
         ELU's derivative is min(elu, 0) + 1. The units are overwritten.
         """

@@ -7,16 +7,17 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-from models.gnn_layers import GAT, GATPlus
-from models.graph_gru import GraphNetwork
-from models.interaction_graph import GaussianKernel
+from models.gnn_layers.gat import GAT
+from models.gnn_layers.gat_plus import GATPlus
+from models.gnn_layers.graph_network import GraphNetwork
+from models.gnn_layers.interaction_graph import GaussianKernel
 
 BLOCK = 196608
-"""Numbers of the [N, N, C] intermediate worked on at a time: 0.8 MB, within a core's cache."""
+"""Numbers of the [N, N, C] intermediate in work at a time: 0.8 MB (chosen: in a core's cache)."""
 
 
 def make_scratch(x: Tensor, agents: int, channels: int, block: int = BLOCK) -> Tensor:
-    """Room for :func:`add_energy` with numbers like those of ``x``."""
+    """Return memory for :func:`add_energy`, of the type and device of ``x``."""
     return torch.empty(max(block, agents * channels), dtype=x.dtype, device=x.device)
 
 
@@ -43,8 +44,8 @@ def add_energy(
         edge: [K, B, N, N] weights.
         slope: [K, C] how the edge weight enters each channel.
         weight: [K, C].
-        scratch: [at least N C] room for the intermediate, of :func:`make_scratch`: memory that was
-            just written is far quicker than what the allocator gives.
+        scratch: [at least N C] memory for the intermediate, see :func:`make_scratch`: reused
+            memory is in the cache, newly allocated memory is not.
     """
     kinds, scenes, agents, channels = query.size(0), query.size(1), query.size(2), query.size(3)
     pairs = agents * agents
@@ -136,7 +137,7 @@ class PackedAttention(nn.Module):
         self.register_buffer("sharpness", -sharp.view(-1, 1, 1, 1))
 
     def prepare(self, squared_distance: Tensor, absent: Tensor) -> tuple[Tensor, Tensor]:
-        """[K, B, N, N] edge weights, and what the graph alone adds to the scores.
+        """Return [K, B, N, N] edge weights, and what the graph alone adds to the scores.
 
         Args:
             squared_distance: [B, N, N] (m^2).
@@ -146,7 +147,7 @@ class PackedAttention(nn.Module):
         return edge, (edge * self.along).masked_fill_(absent, float("-inf"))
 
     def forward(self, x: Tensor, edge: Tensor, fixed: Tensor, scratch: Tensor) -> Tensor:
-        """[K, B, N, C] of inputs [K, B * N, in] on prepared graphs, see :func:`make_scratch`."""
+        """Return [K, B, N, C] of inputs [K, B * N, in], prepared graphs and ``make_scratch``'s."""
         scenes, agents, size = edge.size(1), edge.size(2), self.size
         if self.kinds == 1:
             packed = torch.addmm(self.bias[0], x[0], self.product[0])

@@ -1,11 +1,14 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The costly inner product of GATv2 attention over complete graphs, in blocks that stay in cache.
+"""Energy of the graph attention (GATv2) between all pairs of agents, in blocks that fit the cache.
 
-With slope 0.2, leaky_relu(z) = 0.6 z + 0.4 |z|. The linear half is separable and cheap; what is
-left is sum_c a_c |q_ic + k_jc + e_ij w_c|, whose [N, N, C] intermediate is never held as a whole,
-neither forward nor backward. Forward, |z| = 2 max(k + e w, -q) + q - (k + e w), where again all
-but the maximum is separable, takes three passes over the intermediate.
+With slope 0.2, leaky_relu(z) = 0.6 z + 0.4 |z|. The linear half separates into a number for each
+agent and is cheap; what is left is sum_c a_c |q_ic + k_jc + e_ij w_c|.
+
+Why it is written out: its [N, N, C] intermediate is the largest array of the network and the
+attention a quarter to a third of a training step (docs/performance.md). Here it is held one block
+at a time, forward and backward. Forward, |z| = 2 max(k + e w, -q) + q - (k + e w), where again all
+but the maximum separates, takes three passes over the intermediate.
 """
 
 import functools
@@ -15,38 +18,48 @@ import torch
 from torch import Tensor
 
 BLOCK = 1 << 20
-"""Numbers of the intermediate that are worked on at a time: 4 MB of float32."""
+"""Numbers of the intermediate in work at a time: 4 MB of float32 (chosen: stays in the cache)."""
+
+
+def plain_absolute_sum(
+    query: Tensor, key: Tensor, edge: Tensor, slope: Tensor, score: Tensor
+) -> Tensor:
+    """Return [L, N, N, heads] sum_c a_c |q_ic + k_jc + e_ij w_c| (in the energy of eq. 10).
+
+    Args:
+        query: [L, N, C] q of the receiving agent i.
+        key: [L, N, C] k of the neighbour j.
+        edge: [L, N, N] edge weights e.
+        slope: [C] w, how the edge weight enters each channel.
+        score: [C, heads] a.
+    """
+    z = query.unsqueeze(2) + key.unsqueeze(1) + edge.unsqueeze(-1) * slope
+    return torch.matmul(z.abs(), score)
 
 
 def blocks(agents: int, channels: int, block: int = BLOCK) -> tuple[int, int]:
-    """Graphs and rows of a block."""
+    """Return the graphs and the rows of a block."""
     rows = max(1, min(agents, block // (agents * channels)))
     graphs = max(1, block // (agents * agents * channels)) if rows == agents else 1
     return graphs, rows
 
 
 def make_scratch(x: Tensor, graphs: int, rows: int) -> Tensor:
-    """Room for a block: memory just written is quicker than what the allocator gives.
+    """Return memory for a block; reused memory is in the cache, newly allocated memory is not.
 
     Args:
-        x: [L, N, C] of the numbers' kind.
-        graphs: of a block.
-        rows: likewise.
+        x: [L, N, C] of the type and device that is needed.
+        graphs: graphs of a block.
+        rows: rows of a block.
     """
     most = min(graphs, x.size(0)) * rows * x.size(1) * x.size(2)
     return torch.empty(most, dtype=x.dtype, device=x.device)
 
 
-def absolute_sum(query: Tensor, key: Tensor, edge: Tensor, slope: Tensor, score: Tensor) -> Tensor:
-    """[L, N, N, heads] of sum_c score_c |query_ic + key_jc + edge_ij slope_c|, without gradient.
-
-    Args:
-        query: [L, N, C] of the target i.
-        key: [L, N, C] of the neighbour j.
-        edge: [L, N, N] weights.
-        slope: [C] how the edge weight enters each channel.
-        score: [C, heads].
-    """
+def absolute_sum_in_blocks(
+    query: Tensor, key: Tensor, edge: Tensor, slope: Tensor, score: Tensor
+) -> Tensor:
+    """Return :func:`plain_absolute_sum`, block by block and without a gradient."""
     length, agents, channels = query.size(0), query.size(1), query.size(2)
     graphs, rows = blocks(agents, channels)
     out = torch.empty(
@@ -71,26 +84,26 @@ def absolute_sum(query: Tensor, key: Tensor, edge: Tensor, slope: Tensor, score:
 
 
 class AbsoluteSum(torch.autograd.Function):
-    """:func:`absolute_sum` with a gradient that recomputes the intermediate block by block."""
+    """:func:`plain_absolute_sum` with a gradient that recomputes the intermediate by blocks."""
 
     @staticmethod
     def forward(
         ctx: Any, query: Tensor, key: Tensor, edge: Tensor, slope: Tensor, score: Tensor
     ) -> Tensor:
-        """See :func:`absolute_sum`. Under autocast too in the widest of the arguments' types."""
+        """See :func:`plain_absolute_sum`; in the widest of the arguments' types, also in autocast."""
         given = (query, key, edge, slope, score)
         wide = functools.reduce(torch.promote_types, (x.dtype for x in given))
         query, key, edge, slope, score = (x.to(wide) for x in given)
         ctx.save_for_backward(query, key, edge, slope, score)
         device = query.device.type
         if not torch.amp.is_autocast_available(device):
-            return absolute_sum(query, key, edge, slope, score)
+            return absolute_sum_in_blocks(query, key, edge, slope, score)
         with torch.autocast(device, enabled=False):
-            return absolute_sum(query, key, edge, slope, score)
+            return absolute_sum_in_blocks(query, key, edge, slope, score)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-        """Gradients of all five arguments."""
+        """Return the gradients of all five arguments."""
         query, key, edge, slope, score = ctx.saved_tensors
         grad = grads[0].contiguous()
         length, agents, channels = query.shape
@@ -109,7 +122,7 @@ class AbsoluteSum(torch.autograd.Function):
                 torch.addcmul(key[some].unsqueeze(1), e.unsqueeze(-1), slope, out=z)
                 z.add_(query[some, part].unsqueeze(2))
                 if one:
-                    # The gradient of z less the factor score, which joins the sums below.
+                    # The gradient of z without the factor score, which joins the sums below.
                     z.sign_().mul_(g)
                     g_edge[some, part] = torch.matmul(z, along)
                 else:
@@ -128,3 +141,13 @@ class AbsoluteSum(torch.autograd.Function):
             weight = score[:, 0]
             g_query, g_key, g_slope = g_query * weight, g_key * weight, g_slope * weight
         return g_query, g_key, g_edge, g_slope, g_score
+
+
+def absolute_sum(query: Tensor, key: Tensor, edge: Tensor, slope: Tensor, score: Tensor) -> Tensor:
+    """Return :func:`plain_absolute_sum` in blocks, with a gradient where autograd runs."""
+    if torch.jit.is_scripting():
+        return absolute_sum_in_blocks(query, key, edge, slope, score)
+    # Autocast narrows products of nodes and not the edge weights; the gradient, which runs outside
+    # of autocast, needs one type.
+    one = [x.to(edge.dtype) for x in (query, key, edge, slope, score)]
+    return AbsoluteSum.apply(*one)

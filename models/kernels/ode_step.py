@@ -1,27 +1,28 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""One step of the neural ODE with its gradient written out, for training.
+"""One Runge-Kutta step of the neural ODE.
 
-What :meth:`models.neural_ode.NeuralODE.move` computes for networks of one hidden layer, with the
-states in columns: products with two long rows are five times as fast as those with two short
-columns, and e = exp(min(a, 0)) is at once what ELU and its derivative need: elu(a) is
-max(a, 0) + e - 1 and elu'(a) is e. Autograd would keep more and take four times as many operators.
+Why the gradient is written out: with the states in columns, a product with two rows takes a fifth
+of the time of one with two columns, and e = exp(min(a, 0)) gives both ELU, elu(a) = max(a, 0) +
+e - 1, and its derivative, elu'(a) = e. Autograd keeps more memory and takes four times as many
+operators; the step takes a third of its time (docs/performance.md, "A step of training").
 """
 
 from typing import Any, NamedTuple
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 
-class Scheme(NamedTuple):
-    """A Runge-Kutta method as :data:`models.neural_ode.TABLEAUS` has it.
+class RungeKutta(NamedTuple):
+    """An explicit Runge-Kutta method whose stage i needs stage i - 1 alone.
 
     Attributes:
         dt_s: step (s).
-        nodes: a_i.
-        weights: b_i.
-        carried: b_{i+1} a_{i+1}, how k_i enters the position of a second-order model.
+        nodes: a_i: k_i = f(q + dt a_i k_{i-1}).
+        weights: b_i: q' = q + dt sum_i b_i k_i.
+        carried: b_{i+1} a_{i+1}: p' = p + dt q + dt^2 sum_i b_{i+1} a_{i+1} k_i, the position of a
+            second-order model when the same method integrates the whole state.
     """
 
     dt_s: float
@@ -30,10 +31,109 @@ class Scheme(NamedTuple):
     carried: list[float]
 
 
-class OdeStep(torch.autograd.Function):
-    """The state one step later, and for each stage the derivative of the field by q.
+class OdeNetwork(NamedTuple):
+    """Both networks f_1 and f_2 as one, W being 2 x ``ode_hidden`` units; weights in rows.
 
-    The field is k = u + out^T elu(of_q^T q + of_u^T u + rest) + out_bias.
+    Attributes:
+        state_weight: [2, W] first layer, of the states q.
+        input_weight: [2, W] first layer, of the inputs u, each into its own network.
+        first_bias: [W] or [B, N, 1, W] first layer, the class's contribution included.
+        inner_weights: [W, W] of each further hidden layer.
+        inner_biases: [W] of each further hidden layer.
+        output_weight: [W, 2].
+        output_bias: [2].
+        unit_slope: [4, W] derivative of the output (first index of the four) by q (second) through
+            each unit of the first layer where the unit has slope 1, if it is the only one.
+        full_slope: [4, 1] sum of ``unit_slope`` over the units.
+    """
+
+    state_weight: Tensor
+    input_weight: Tensor
+    first_bias: Tensor
+    inner_weights: list[Tensor]
+    inner_biases: list[Tensor]
+    output_weight: Tensor
+    output_bias: Tensor
+    unit_slope: Tensor
+    full_slope: Tensor
+
+
+def rate(
+    q: Tensor, u: Tensor, of_input: Tensor, network: OdeNetwork, with_slope: bool
+) -> tuple[Tensor, Tensor]:
+    """Return [..., 2] dq/dt = u + f(q, u) and, where asked for, its derivative by q, else nothing.
+
+    The derivative is [4, R] with R the number of states: of the first, of the second component,
+    each by both. That of ELU is exp(min(a, 0)), which is min(elu(a), 0) + 1.
+
+    Args:
+        q: [..., 2].
+        u: [..., 2].
+        of_input: [..., W] the part of the first layer that does not depend on q.
+        network: f.
+        with_slope: whether the derivative is needed.
+    """
+    hidden = nn.functional.elu(torch.matmul(q, network.state_weight) + of_input)
+    slope = hidden[:0]
+    if len(network.inner_weights) == 0:
+        if with_slope:
+            drop = hidden.clamp(max=0.0).view(-1, hidden.size(-1))
+            slope = torch.addmm(network.full_slope, network.unit_slope, drop.t())
+    else:
+        gain = hidden.clamp(max=0.0) + 1.0
+        tangent = network.state_weight * gain.unsqueeze(-2)  # [..., 2, W]
+        for i, weight in enumerate(network.inner_weights):
+            hidden = nn.functional.elu(torch.matmul(hidden, weight) + network.inner_biases[i])
+            if with_slope:
+                gain = (hidden.clamp(max=0.0) + 1.0).unsqueeze(-2)
+                tangent = torch.matmul(tangent, weight) * gain
+        if with_slope:
+            slope = torch.matmul(tangent, network.output_weight).view(-1, 2, 2)  # [R, by, of]
+            slope = slope.permute(2, 1, 0).reshape(4, -1)
+    return u + torch.matmul(hidden, network.output_weight) + network.output_bias, slope
+
+
+def plain_ode_step(
+    state: Tensor, u: Tensor, network: OdeNetwork, method: RungeKutta, with_slopes: bool
+) -> tuple[Tensor, list[Tensor]]:
+    """Return the state [B, N, M, S] one step later, and the derivative [4, B N M] of each stage.
+
+    Integrates the motion model: eq. (18) for S = 2 with q = (x, y), eq. (19) for S = 4 with
+    q = (vx, vy).
+
+    Args:
+        state: [B, N, M, S] before the step; the last two components are q.
+        u: [B, N, M, 2] the input.
+        network: f.
+        method: how to integrate.
+        with_slopes: whether the derivatives of the stages' rates by q are needed.
+    """
+    dt_s = method.dt_s
+    of_input = torch.matmul(u, network.input_weight) + network.first_bias
+    # Split, not indexed: the gradient of an index fills the whole array with zeros.
+    parts = state.split(2, dim=-1)
+    q = parts[-1]
+    k, slope = rate(q, u, of_input, network, with_slopes)
+    slopes = [slope]
+    total = method.weights[0] * k
+    moved = method.carried[0] * k
+    for i in range(1, len(method.nodes)):
+        reached = q + (dt_s * method.nodes[i]) * k
+        k, slope = rate(reached, u, of_input, network, with_slopes)
+        slopes.append(slope)
+        total = total + method.weights[i] * k
+        moved = moved + method.carried[i] * k
+    following = q + dt_s * total
+    if len(parts) == 1:
+        return following, slopes
+    position = parts[0] + dt_s * q + (dt_s * dt_s) * moved
+    return torch.cat((position, following), dim=-1), slopes
+
+
+class OdeStep(torch.autograd.Function):
+    """:func:`plain_ode_step` of networks with one hidden layer, with its gradient.
+
+    In columns, the rate is k = u + out^T elu(of_q^T q + of_u^T u + rest) + out_bias.
     """
 
     @staticmethod
@@ -47,23 +147,23 @@ class OdeStep(torch.autograd.Function):
         out: Tensor,
         out_bias: Tensor,
         through: Tensor,
-        scheme: Scheme,
+        scheme: RungeKutta,
         with_slopes: bool,
     ) -> tuple[Tensor, ...]:
-        """State [B, N, M, S], and where asked for [4, B N M] for each stage.
+        """Return the state [B, N, M, S] and, where asked for, [4, B N M] for each stage.
 
         Args:
-            ctx: of autograd.
-            state: [B, N, M, S] before the step; the last two are q.
+            ctx: autograd's.
+            state: [B, N, M, S] before the step; the last two components are q.
             u: [B, N, M, 2] the input.
-            of_q: [2, W], see :class:`models.neural_ode.Field`, as for the next five.
-            of_u: [2, W].
-            rest: [W] or [B, N, 1, W].
-            out: [W, 2].
-            out_bias: [2].
-            through: [4, W].
-            scheme: the method.
-            with_slopes: whether the derivatives are wanted.
+            of_q: ``state_weight`` of :class:`OdeNetwork`.
+            of_u: ``input_weight``.
+            rest: ``first_bias``.
+            out: ``output_weight``.
+            out_bias: ``output_bias``.
+            through: ``unit_slope``.
+            scheme: how to integrate.
+            with_slopes: whether the derivatives are needed.
         """
         columns, inputs = _columns(state), _columns(u)
         q = columns[-2:]
@@ -103,9 +203,9 @@ class OdeStep(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor | None) -> tuple[Tensor | None, ...]:
-        """Gradients of the eight tensors."""
+        """Return the gradients of the eight tensors."""
         of_q, of_u, rest, out, through, inputs, *kept = ctx.saved_tensors
-        scheme: Scheme = ctx.scheme
+        scheme: RungeKutta = ctx.scheme
         reached, gains, units = kept[::3], kept[1::3], kept[2::3]
         of_slopes = grads[1:]
         dt = scheme.dt_s
@@ -162,5 +262,36 @@ class OdeStep(torch.autograd.Function):
 
 
 def _columns(x: Tensor) -> Tensor:
-    """[S, B N M] of [B, N, M, S]; no copy of what this module gave."""
+    """Return [S, B N M] of [B, N, M, S], without a copy where this module made it."""
     return x.reshape(-1, x.size(-1)).t().contiguous()
+
+
+def ode_step(
+    state: Tensor, u: Tensor, network: OdeNetwork, method: RungeKutta, with_slopes: bool
+) -> tuple[Tensor, list[Tensor]]:
+    """Return :func:`plain_ode_step`, by the kernel where it has that network's form."""
+    if torch.jit.is_scripting() or not kernel_covers(state, u, network):
+        return plain_ode_step(state, u, network, method, with_slopes)
+    following, *slopes = OdeStep.apply(
+        state,
+        u,
+        network.state_weight,
+        network.input_weight,
+        network.first_bias,
+        network.output_weight,
+        network.output_bias,
+        network.unit_slope,
+        method,
+        with_slopes,
+    )
+    return following, slopes
+
+
+@torch.jit.unused
+def kernel_covers(state: Tensor, u: Tensor, network: OdeNetwork) -> bool:
+    """Return whether :class:`OdeStep` applies: one hidden layer, one type, no autocast."""
+    device = state.device.type
+    if torch.amp.is_autocast_available(device) and torch.is_autocast_enabled(device):
+        return False
+    types = {x.dtype for x in (state, u, network.state_weight, network.first_bias)}
+    return not network.inner_weights and len(types) == 1

@@ -6,7 +6,7 @@ import pytest
 import torch
 from made import make_model, make_scene
 
-from models.agent_frames import heading, last_seen, to_own, to_scene
+from models.own_frame.agent_frames import heading, last_seen, to_own, to_scene
 
 
 def test_turning_there_and_back():

@@ -10,7 +10,7 @@ from torch_geometric.utils import to_dense_batch
 
 from models.gnn_layers import GAT, GCN, GATPlus, NodeOnly, make_layer
 from models.gnn_layers import GraphConv as DenseGraphConv
-from models.interaction_graph import GaussianKernel, complete_graph, squared_distances
+from models.gnn_layers.interaction_graph import GaussianKernel, complete_graph, squared_distances
 
 SIZE_IN, SIZE_OUT = 5, 7
 

@@ -9,7 +9,7 @@ import torch
 from reference import Reference
 
 from models import ModelConfig
-from models.agent_frames import Start
+from models.own_frame.agent_frames import Start
 from models.neural_ode import DirectStates, NeuralODE
 
 H, B, N, M = 4, 2, 3, 5

@@ -5,8 +5,8 @@
 import torch
 from torch import Tensor, nn
 
-from models.agent_frames import Start, heading, last_seen, to_own
 from models.network_config import NetworkConfig
+from models.own_frame.agent_frames import Start, heading, last_seen, to_own
 
 OWN_STD = (3.0, 1.0, 10.0, 2.0, 2.0, 1.0, 1.0, 1.0, 0.2, 0.2)
 """First scales of the ten own-frame inputs, see :meth:`Conditioning.own_inputs`."""
