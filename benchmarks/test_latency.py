@@ -6,14 +6,14 @@ import pytest
 import torch
 
 from mtpgo_training.benchmark.latency_benchmark import exported, make_model, make_scene
-from mtpgo_training.benchmark.reference_mtp_go import PlainMTPGO
+from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 
 
 @pytest.mark.parametrize(("agents", "least"), [(8, 15.0), (16, 11.0), (32, 8.0), (64, 7.0)])
 def test_one_prediction_keeps_its_ratio(in_turns, agents: int, least: float) -> None:
     model = make_model()
     scene = make_scene(agents, model.config)
-    ours, plain = exported(model), PlainMTPGO(model).eval()
+    ours, plain = exported(model), ReferenceMTPGO(model.config, model.state_dict())
 
     def fast() -> None:
         with torch.inference_mode(), torch.jit.optimized_execution(False):

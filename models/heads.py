@@ -1,9 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Read-outs of the recurrent states, initialised for constant velocity (design D16).
+"""Output layers on the recurrent states, initialised for constant velocity.
 
-Output weights begin a hundred times smaller than usual: the untrained model hardly depends on its
-input, and yet gradients reach everything behind the heads from the first step on.
+Their weights begin a hundred times smaller than usual (docs/design.md, decision 16): the untrained
+model hardly depends on its input, but gradients reach everything before the heads from the first
+step on.
 """
 
 import math
@@ -14,25 +15,35 @@ from torch import Tensor, nn
 from models.mtp_go_config import ModelConfig
 
 SMALL = 0.01
-"""Factor on the first weights of output layers."""
+"""Factor on the initial weights of output layers (chosen: see above)."""
 
 SPREAD = 0.1
-"""Radius on which the modes' commands begin (m/s in first, m/s^2 in second order)."""
+"""Radius of the circle on which the modes' commands begin (m/s in first, m/s^2 in second order).
+
+Chosen: large enough for winner-takes-all to tell the modes apart.
+"""
 
 SIGMA_FLOOR = 0.01
-"""Least process noise (m/s or m/s^2) and least initial deviation (m, m/s)."""
+"""Least process noise (m/s or m/s^2) and least initial deviation (m, m/s).
+
+Chosen: far below any tracker's accuracy, and not zero, so that covariances stay definite.
+"""
 
 RHO_LIMIT = 0.999
-"""Factor on softsign that keeps Q definite in float32."""
+"""Factor on softsign (chosen: keeps Q definite in float32)."""
+
+
+FIRST_MODE = 0.2
+"""Initial log weight of the first mode, the others having 0 (chosen: likeliest by a little)."""
 
 
 def inverse_softplus(value: float) -> float:
-    """The number whose softplus is ``value``."""
+    """Return the number whose softplus is ``value``."""
     return value + math.log(-math.expm1(-value))
 
 
-def _quiet(size_in: int, size_out: int, bias: float = 0.0) -> nn.Linear:
-    """A linear layer that begins near its bias."""
+def _small_linear(size_in: int, size_out: int, bias: float = 0.0) -> nn.Linear:
+    """Return a linear layer whose initial output is nearly its bias."""
     layer = nn.Linear(size_in, size_out)
     with torch.no_grad():
         layer.weight.mul_(SMALL)
@@ -43,8 +54,8 @@ def _quiet(size_in: int, size_out: int, bias: float = 0.0) -> nn.Linear:
 class ControlHead(nn.Module):
     """The motion model's inputs for all modes.
 
-    The first mode begins at nothing commanded, the others on a small circle around it: modes that
-    were equal would get equal gradients, and no loss could tell them apart.
+    The first mode begins with a command of zero, the others on a small circle around it: equal
+    modes would get equal gradients, and no loss could separate them.
 
     Args:
         hidden: D.
@@ -57,20 +68,20 @@ class ControlHead(nn.Module):
         self.modes = modes
         self.controls = controls
         self.body = nn.Linear(hidden, hidden)
-        self.out = _quiet(hidden, modes * controls)
+        self.out = _small_linear(hidden, modes * controls)
         angle = torch.arange(modes - 1) * (2.0 * math.pi / max(modes - 1, 1))
         circle = SPREAD * torch.stack((angle.cos(), angle.sin()), dim=-1)
         with torch.no_grad():
             self.out.bias.view(modes, controls)[1:, :2] = circle
 
     def forward(self, h: Tensor) -> Tensor:
-        """[B, N, M, controls] of the decoder's state [B, N, D]."""
+        """Return [B, N, M, controls] of the decoder's state [B, N, D]."""
         out = self.out(nn.functional.elu(self.body(h)))
         return out.view(h.size(0), h.size(1), self.modes, self.controls)
 
 
 class NoiseHead(nn.Module):
-    """Process noise Q from three heads: softplus, softplus, softsign."""
+    """Process noise Q (eq. 23) from three heads: softplus, softplus, softsign."""
 
     def __init__(self, hidden: int, modes: int):
         super().__init__()
@@ -78,12 +89,12 @@ class NoiseHead(nn.Module):
         self.limit = RHO_LIMIT
         self.body = nn.Linear(hidden, hidden)
         start = inverse_softplus(1.0 - SIGMA_FLOOR)
-        self.sigma_1 = _quiet(hidden, modes, start)
-        self.sigma_2 = _quiet(hidden, modes, start)
-        self.rho = _quiet(hidden, modes)
+        self.sigma_1 = _small_linear(hidden, modes, start)
+        self.sigma_2 = _small_linear(hidden, modes, start)
+        self.rho = _small_linear(hidden, modes)
 
     def forward(self, h: Tensor) -> Tensor:
-        """[2, 2, H, B, N, M] of the decoder's states [H, B, N, D]."""
+        """Return Q [2, 2, H, B, N, M] of the decoder's states [H, B, N, D]."""
         body = nn.functional.elu(self.body(h))
         s1 = nn.functional.softplus(self.sigma_1(body)) + self.floor
         s2 = nn.functional.softplus(self.sigma_2(body)) + self.floor
@@ -92,9 +103,9 @@ class NoiseHead(nn.Module):
 
 
 class InitialCovariance(nn.Module):
-    """Diagonal P_0 in the agent's frame: from the last encoder state, or two numbers for all.
+    """Diagonal P_0 in the agent's frame: from the last encoder state, or configured.
 
-    Learning it per agent lets one that was seen for a moment begin less certain than others.
+    If it is learned, an agent that was seen only briefly can begin less certain than others.
     """
 
     std: Tensor
@@ -109,14 +120,14 @@ class InitialCovariance(nn.Module):
         self.learned = config.initial_covariance == "learned" and config.ekf
         self.head: nn.Module = nn.Identity()
         if self.learned:
-            head = _quiet(config.hidden, config.state_size)
-            first = [inverse_softplus(max(s - SIGMA_FLOOR, 1e-4)) for s in std]
+            head = _small_linear(config.hidden, config.state_size)
+            first = [inverse_softplus(max(s - SIGMA_FLOOR, 1e-4)) for s in std]  # above zero
             with torch.no_grad():
                 head.bias.copy_(torch.tensor(first))
             self.head = head
 
     def forward(self, h: Tensor) -> Tensor:
-        """[S, S, B, N] of the last encoder states [B, N, D] (m, m/s)."""
+        """Return P_0 [S, S, B, N] of the last encoder states [B, N, D] (m, m/s)."""
         if self.learned:
             std = nn.functional.softplus(self.head(h)) + self.floor
         else:
@@ -125,17 +136,18 @@ class InitialCovariance(nn.Module):
 
 
 class MixtureHead(nn.Module):
-    """Log mixture weights from the last encoder state, constant over the horizon (design D10).
+    """Log mixture weights from the last encoder state, constant over the horizon (eq. 26).
 
-    The first mode, which begins at constant velocity, begins as the likeliest.
+    The first mode, which begins at constant velocity, begins as the likeliest (docs/design.md,
+    decisions 10 and 16).
     """
 
     def __init__(self, hidden: int, modes: int):
         super().__init__()
-        self.out = _quiet(hidden, modes)
+        self.out = _small_linear(hidden, modes)
         with torch.no_grad():
-            self.out.bias[0] = 0.2
+            self.out.bias[0] = FIRST_MODE
 
     def forward(self, h: Tensor) -> Tensor:
-        """[B, N, M] of [B, N, D]."""
+        """Return [B, N, M] of [B, N, D]."""
         return torch.log_softmax(self.out(nn.functional.elu(h)), dim=-1)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The mixture's likelihood in closed form (eq. gmm, seq_loss)."""
+"""Likelihood of the Gaussian mixture (eq. 26 and 27), in closed form."""
 
 import math
 
@@ -8,15 +8,18 @@ import torch
 from torch import Tensor
 
 PIVOT = 1e-7
-"""Least share of a variance that may be left after conditioning on the states before it."""
+"""Least share of a variance that is left after conditioning on the components before it.
+
+Chosen: float32's rounding, below which a Cholesky pivot could become negative.
+"""
 
 
 def gaussian_log_prob(mean: Tensor, covariance: Tensor, target: Tensor) -> Tensor:
-    """[...] log density of Gaussians, by a Cholesky factorisation written out over the batch.
+    """Return [...] the log density of Gaussians, by a Cholesky factorisation over the batch.
 
     Args:
         mean: [..., S].
-        covariance: [..., S, S], the lower triangle is read.
+        covariance: [..., S, S]; only the lower triangle is read.
         target: [..., S], broadcast against the mean.
     """
     size = mean.size(-1)
@@ -50,18 +53,20 @@ def gaussian_log_prob(mean: Tensor, covariance: Tensor, target: Tensor) -> Tenso
 def mixture_nll(
     log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
 ) -> Tensor:
-    """[B, N, H] negative log-likelihood of each future state, zero where masked.
+    """Return [B, N, H] the negative log-likelihood of each future state, zero where masked.
+
+    The summands of the NLL loss, eq. 27: -log sum_j pi_j N(x_k | x_k^j, P_k^j).
 
     Args:
         log_weight: [B, N, M] log mixture weights.
         mean: [B, N, M, H, S].
         covariance: [B, N, M, H, S, S].
-        target: [B, N, H, S] (or more columns, the first S count); anything where masked.
+        target: [B, N, H, S] (or more columns, the first S count); any value where masked.
         mask: [B, N, H] true where the target is known.
     """
     target = target[..., : mean.size(-1)]
     target = torch.where(mask.unsqueeze(-1), target, torch.zeros_like(target)).unsqueeze(2)
-    # Where the truth is unknown the mean stands in for it, so that no gradient can overflow.
+    # Where the truth is unknown the mean replaces it, so that no gradient can overflow.
     target = torch.where(mask[:, :, None, :, None], target, mean.detach())
     log_prob = log_weight.unsqueeze(-1) + gaussian_log_prob(mean, covariance, target)
     nll = -torch.logsumexp(log_prob, dim=2)
@@ -71,5 +76,5 @@ def mixture_nll(
 def position_nll(
     log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
 ) -> Tensor:
-    """[B, N, H] :func:`mixture_nll` of the position alone (nats, densities per m^2)."""
+    """Return [B, N, H] :func:`mixture_nll` of the position alone (nats, densities per m^2)."""
     return mixture_nll(log_weight, mean[..., :2], covariance[..., :2, :2], target[..., :2], mask)

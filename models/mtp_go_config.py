@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""MTP-GO's configuration: what is fixed when the weights are made."""
+"""MTP-GO's options, which are fixed when its weights are created."""
 
 from dataclasses import dataclass
 
@@ -21,28 +21,28 @@ INITIAL_COVARIANCES = ("learned", "configured")
 
 @dataclass(frozen=True)
 class ModelConfig(NetworkConfig):
-    """All choices that shape MTP-GO; the defaults are the model we ship.
+    """All options of MTP-GO.
 
     Attributes:
         layer: GNN layer, one of ``LAYERS`` (paper, "GNN Layers").
         heads: attention heads of gat and gat+, averaged.
         gnn_layers: layers per GNN, ELU between them.
         tied: attention's neighbour key and value share one matrix (as in GATv2's published code).
-        bandwidth_m: first value of the learned edge bandwidth (m, eq. edge_weight).
-        order: 1: states x, y; 2: states x, y, vx, vy (paper, "Motion Model").
+        bandwidth_m: first value of the learned edge bandwidth (m, eq. 13).
+        order: 1: states x, y (eq. 18); 2: states x, y, vx, vy (eq. 19).
         integrator: step of the neural ODE, one of ``INTEGRATORS``.
         ode_hidden: units of each hidden layer of f_1 and of f_2.
         ode_layers: hidden layers of f_1 and of f_2.
         noise_input: how process noise enters a second-order state: ``velocity``: Ts [0; I] as in
-            the paper; ``integrated``: [Ts^2/2; Ts], so that the position is uncertain from the
-            first step on. A first-order model has Ts I either way.
+            the paper (eq. 25); ``integrated``: [Ts^2/2; Ts], so that the position is uncertain
+            from the first step on. A first-order model has Ts I in both cases.
         initial_covariance: ``learned``: diagonal P_0 of each agent from its last encoder state;
-            ``configured``: the two values below for everybody.
+            ``configured``: the two values below for all agents.
         initial_std_m: configured, or first value of the learned, position deviation (m).
-        initial_std_mps: likewise of the velocity (m/s).
+        initial_std_mps: configured, or first value of the learned, velocity deviation (m/s).
         observation_std_mps: as ``observation_std_m``, of the velocity (m/s).
         encoder_gnn: false removes all edges from the encoder's graphs (ablation).
-        decoder_gnn: likewise in the decoder.
+        decoder_gnn: false removes all edges from the decoder's graph (ablation).
         ekf: false lets the decoder give the position's covariance directly (ablation).
         ode: false lets the decoder give the states directly; needs ``ekf=False`` (ablation).
     """
@@ -88,6 +88,6 @@ class ModelConfig(NetworkConfig):
 
     @property
     def observation_std(self) -> list[float]:
-        """[S] deviation of an observed state around the true one (m, m/s)."""
+        """Deviation [S] of an observed state around the true one (m, m/s)."""
         both = [self.observation_std_m] * 2 + [self.observation_std_mps] * 2
         return both[: self.state_size]

@@ -1,35 +1,36 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Options that every network has, MTP-GO and the baselines, and how options are checked."""
+"""Options that all networks have, MTP-GO and the baselines, and the checks of options."""
 
 import dataclasses
 from dataclasses import dataclass
 from typing import Any, Self, cast
 
 BASE_FEATURES = 8
-"""x, y, vx, vy, ax, ay, cos_yaw, sin_yaw: the feature columns every input begins with."""
+"""Columns that all inputs begin with: x, y, vx, vy, ax, ay, cos_yaw, sin_yaw."""
 
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """What is fixed when the weights of any network are made.
+    """Options that are fixed when the weights of a network are created.
 
     Attributes:
         feature_size: F, the base columns x, y, vx, vy, ax, ay, cos_yaw, sin_yaw and context.
         static_size: C, length of the one-hot agent class.
-        history_steps: T, the present sample included (design D1).
+        history_steps: T, the present sample included (docs/design.md, decision 1).
         horizon_steps: H.
         dt_s: step of history and horizon (s).
         modes: M, components of the mixture.
         hidden: D, size of the recurrent state.
-        observation_std_m: deviation of an observed position around the true one (m). Predicted
-            are observed states, so its square is added to every position's variance. With 0 as in
-            the paper; above it, agents whose motion is nearly certain, the standing ones above
-            all, do not drown the others in the likelihood.
-        covariance_scale: factor on all covariances in the output, 1 in training; a calibration
-            fitted afterwards on recordings that did not train sets it.
-        static_features: the agent class is an input too (as in the -S models of the paper).
-        agent_frame: states and part of the input live in each agent's own frame (design D16).
+        observation_std_m: deviation of an observed position around the true one (m). The network
+            predicts observed states, so its square is added to every position's variance. The
+            paper has 0; above 0, agents whose motion is nearly certain, stationary ones in
+            particular, do not dominate the likelihood.
+        covariance_scale: factor on all covariances in the output, 1 in training; set by a
+            calibration that is fitted afterwards on recordings that were not used for training.
+        static_features: the agent class is also an input (as in the paper's -S models).
+        agent_frame: states and part of the input are in each agent's own frame (docs/design.md,
+            decision 16).
     """
 
     feature_size: int = BASE_FEATURES
@@ -56,26 +57,26 @@ class NetworkConfig:
 
     @property
     def state_size(self) -> int:
-        """S, 2: a network predicts x, y unless it says otherwise."""
+        """S, 2: x, y, unless a subclass predicts more."""
         return 2
 
     @property
     def observation_std(self) -> list[float]:
-        """[S] deviation of an observed state around the true one (m, m/s)."""
+        """Deviation [S] of an observed state around the true one (m, m/s)."""
         return [self.observation_std_m] * 2
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data, for JSON and YAML."""
+        """Return plain data, for JSON and YAML."""
         return dataclasses.asdict(self)
 
     @classmethod
     def names(cls) -> list[str]:
-        """All options."""
+        """Return the names of all options."""
         return [field.name for field in dataclasses.fields(cls)]
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Self:
-        """The configuration that :meth:`to_dict` gave.
+        """Return the configuration of which :meth:`to_dict` returned ``data``.
 
         Raises:
             ValueError: an unknown field or a value outside of what is allowed.
@@ -90,7 +91,7 @@ class NetworkConfig:
 
 
 def check_types(config: NetworkConfig) -> None:
-    """That every value has its field's type; an integer serves where a number is wanted."""
+    """Check that every value has its field's type; an integer is accepted for a float."""
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)
         kinds = (int, float) if field.type is float else (cast(type, field.type),)
@@ -100,7 +101,7 @@ def check_types(config: NetworkConfig) -> None:
 
 
 def check_one_of(config: NetworkConfig, valid: tuple[object, ...], *names: str) -> None:
-    """That the options ``names`` have one of the ``valid`` values."""
+    """Check that the options ``names`` have one of the ``valid`` values."""
     for name in names:
         if getattr(config, name) not in valid:
             raise ValueError(
@@ -110,21 +111,21 @@ def check_one_of(config: NetworkConfig, valid: tuple[object, ...], *names: str) 
 
 
 def check_at_least(config: NetworkConfig, least: int, *names: str) -> None:
-    """That the options ``names`` are ``least`` or more."""
+    """Check that the options ``names`` are ``least`` or more."""
     for name in names:
         if getattr(config, name) < least:
             raise ValueError(f"{name} is {getattr(config, name)!r}, expected at least {least}")
 
 
 def check_positive(config: NetworkConfig, *names: str) -> None:
-    """That the options ``names`` are finite and above zero."""
+    """Check that the options ``names`` are finite and above zero."""
     for name in names:
         if not 0.0 < getattr(config, name) < float("inf"):
             raise ValueError(f"{name} is {getattr(config, name)!r}, expected a positive number")
 
 
 def check_not_negative(config: NetworkConfig, *names: str) -> None:
-    """That the options ``names`` are finite and not below zero."""
+    """Check that the options ``names`` are finite and not below zero."""
     for name in names:
         if not 0.0 <= getattr(config, name) < float("inf"):
             raise ValueError(f"{name} is {getattr(config, name)!r}, expected at least 0")

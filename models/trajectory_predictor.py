@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What all networks have in common: their interface, and how their input is scaled."""
+"""The interface of all networks, and what their inputs and outputs have in common."""
 
 import torch
 from torch import Tensor, nn
@@ -10,15 +10,15 @@ from models.own_frame.conditioning import Conditioning
 
 
 class TrajectoryPredictor(nn.Module):
-    """A network that gives multimodal Gaussian trajectories of all agents of B scenes.
+    """Base of all networks: multimodal Gaussian trajectories of all agents of B scenes.
 
-    Subclasses write :meth:`roll_out`. Training, export and the node know no more than this class.
+    Subclasses implement :meth:`roll_out`. Training and export use this interface alone.
 
     Args:
         config: the network's options.
 
     Attributes:
-        config: as above.
+        config: the network's options.
         condition: scales of the inputs, kept in buffers.
         observation: [S, S] covariance of an observed state around the true one.
     """
@@ -45,17 +45,17 @@ class TrajectoryPredictor(nn.Module):
         """Predict every agent, in the scene frame.
 
         Args:
-            features: [B, N, T, F], columns as in the task's scene configuration; what stands where
-                ``valid`` is false does not matter.
+            features: [B, N, T, F], columns as in the task's scene configuration; any value where
+                ``valid`` is false.
             valid: [B, N, T] presence; an agent absent at t gets finite numbers without meaning.
             static: [B, N, C] one-hot class.
             initial_covariance: [B, N, S, S] P_0 in the scene frame, for instance the tracker's;
                 an agent whose entries are not all finite takes the model's own. A network without
-                a filter does not use it.
+                a Kalman filter ignores it.
 
         Returns:
-            log mixture weights [B, N, M], means [B, N, M, H, S] and covariances
-            [B, N, M, H, S, S] of x, y (m) and, where S is 4, vx, vy (m/s).
+            Log mixture weights [B, N, M], means [B, N, M, H, S] and covariances
+            [B, N, M, H, S, S] of x, y (m) and, where S is 4, vx, vy (m/s) (output, eq. 26).
         """
         return self.roll_out(features, valid, static, initial_covariance, True, None, None)
 
@@ -72,13 +72,13 @@ class TrajectoryPredictor(nn.Module):
         """:meth:`forward` with the options of training.
 
         Args:
-            features: as in :meth:`forward`, and so the next three.
-            valid: see there.
-            static: see there.
-            initial_covariance: see there.
-            with_covariance: false saves the covariances, which come back empty.
+            features: see :meth:`forward`.
+            valid: see :meth:`forward`.
+            static: see :meth:`forward`.
+            initial_covariance: see :meth:`forward`.
+            with_covariance: false skips the covariances, which come back empty.
             teacher: [B, N, H, S] true future states in the scene frame. Where given and valid, the
-                decoder sees them instead of its own last prediction; the motion model never does.
+                decoder sees them instead of its last prediction; the motion model never does.
             teacher_valid: [B, N, H].
 
         Returns:
@@ -86,22 +86,24 @@ class TrajectoryPredictor(nn.Module):
         """
         raise NotImplementedError
 
-    def seen(self, state: Tensor, lead: Tensor | None, told: Tensor | None, step: int) -> Tensor:
-        """[B, N, M, S] the state that the decoder is fed: its own, or the teacher's.
+    def seen(
+        self, state: Tensor, teacher: Tensor | None, teacher_valid: Tensor | None, step: int
+    ) -> Tensor:
+        """Return [B, N, M, S] the state that the decoder sees: its own, or the teacher's.
 
         Args:
             state: [B, N, M, S] the last prediction, in the agents' frames.
-            lead: [B, N, H, S] the teacher's states in the agents' frames.
-            told: [B, N, H] where they are valid.
-            step: counted from 0; there is nothing to be told before the first.
+            teacher: [B, N, H, S] true states in the agents' frames (teacher forcing).
+            teacher_valid: [B, N, H] where they are known.
+            step: counted from 0; at the first the decoder sees the state at t.
         """
-        if step == 0 or lead is None or told is None:
+        if step == 0 or teacher is None or teacher_valid is None:
             return state
-        known = told[:, :, step - 1, None, None]
-        return torch.where(known, lead[:, :, step - 1].unsqueeze(2), state)
+        known = teacher_valid[:, :, step - 1, None, None]
+        return torch.where(known, teacher[:, :, step - 1].unsqueeze(2), state)
 
     def observed(self, covariance: Tensor) -> Tensor:
-        """[B, N, M, H, S, S] covariances of observed states, calibrated, from those of states."""
+        """Return [B, N, M, H, S, S] calibrated covariances of observed states."""
         return self.covariance_scale * (covariance + self.observation)
 
     def set_statistics(

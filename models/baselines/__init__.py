@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Published recurrent predictors to compare MTP-GO with, on its inputs and with its outputs.
 
-All four share one skeleton (:mod:`models.baselines.recurrent_predictor`): an LSTM reads each
-agent's history, another rolls the future out, and a mixture of Gaussian trajectories is read off
-it. They differ in what an agent learns of its neighbours:
+All four share one structure (:mod:`models.baselines.recurrent_predictor`): an LSTM encodes each
+agent's history, another decodes its future, and heads give a mixture of Gaussian trajectories.
+They differ in what an agent receives from its neighbours:
 
 * ``Seq2Seq``: nothing.
 * ``SocialLSTM``: a grid around it into which the neighbours' states are summed, at every step
   (Alahi et al., "Social LSTM: Human Trajectory Prediction in Crowded Spaces", CVPR 2016).
-* ``ConvolutionalSocialLSTM``: the same grid at the present, seen through convolutions (Deo and
+* ``ConvolutionalSocialLSTM``: the same grid at the present, as input of convolutions (Deo and
   Trivedi, "Convolutional Social Pooling for Vehicle Trajectory Prediction", CVPR Workshops 2018).
 * ``GraphRNN``: a graph network over the encoded histories (Mo, Xing and Lv, "Graph and Recurrent
   Neural Network-based Vehicle Trajectory Prediction For Highway Driving", ITSC 2021).

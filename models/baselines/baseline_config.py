@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Options of the baselines, beside those that every network has."""
+"""Options of the baselines, in addition to those that all networks have."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,10 @@ from models.network_config import NetworkConfig, check_at_least, check_one_of, c
 
 @dataclass(frozen=True)
 class RecurrentConfig(NetworkConfig):
-    """Options of all baselines, and all there are for Seq2Seq.
+    """Options of all baselines; Seq2Seq has no others.
 
     Attributes:
-        embedding: channels to which inputs, fed-back states and what comes from the neighbours
-            are brought before the LSTM sees them.
+        embedding: channels of the embedded inputs, fed-back states and neighbour features.
     """
 
     embedding: int = 32
@@ -26,15 +25,15 @@ class RecurrentConfig(NetworkConfig):
 
 @dataclass(frozen=True)
 class GridConfig(RecurrentConfig):
-    """Options of the two social poolings: the grid that each agent carries with it.
+    """Options of the two social poolings: the grid around each agent.
 
-    The agent stands in the middle, the rows follow one another along its heading at t.
+    The agent is in the middle; rows follow one another along its heading at t.
 
     Attributes:
         rows: cells along the heading.
-        columns: cells across it.
-        cell_length_m: of a cell, along the heading (m).
-        cell_width_m: of a cell, across it (m).
+        columns: cells across the heading.
+        cell_length_m: length of a cell, along the heading (m).
+        cell_width_m: width of a cell, across the heading (m).
     """
 
     rows: int = 9
@@ -44,7 +43,7 @@ class GridConfig(RecurrentConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_at_least(self, 5, "rows")  # what two convolutions of three cells leave something of
+        check_at_least(self, 5, "rows")  # two convolutions of three cells need at least five
         check_at_least(self, 3, "columns")
         check_positive(self, "cell_length_m", "cell_width_m")
 
@@ -57,7 +56,7 @@ class GraphConfig(RecurrentConfig):
         layer: GNN layer, one of ``LAYERS`` of :mod:`models.mtp_go_config`.
         heads: attention heads of gat and gat+, averaged.
         gnn_layers: layers, ELU after each.
-        bandwidth_m: first value of the learned edge bandwidth (m, eq. edge_weight).
+        bandwidth_m: first value of the learned edge bandwidth (m, eq. 13).
     """
 
     layer: str = "gat"

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""CS-LSTM: the grid of the neighbours' encoded histories, seen through convolutions."""
+"""CS-LSTM: convolutions over the grid of the neighbours' encoded histories."""
 
 import torch
 from torch import Tensor, nn
@@ -12,13 +12,13 @@ from models.baselines.recurrent_predictor import RecurrentPredictor
 from models.baselines.social_grid import Grid
 
 CHANNELS = 16
-"""Of the second convolution, as published; the first has D."""
+"""Channels of the second convolution, as published; the first has D."""
 
 
 class ConvolutionalPooling(Interaction):
     """Two convolutions and a maximum over the social tensor.
 
-    A 3 x 3 convolution, one of three rows, the maximum over pairs of rows. Two agents in a cell
+    A 3 x 3 convolution, one of three rows, the maximum over pairs of rows. Agents in the same cell
     are summed.
 
     Args:
@@ -35,12 +35,12 @@ class ConvolutionalPooling(Interaction):
         self.pool = nn.MaxPool2d((2, 1), ceil_mode=True)
 
     def prepare(self, position: Tensor, direction: Tensor, present: Tensor) -> Tensor:
-        """[B, N, N] the row of all agents' tensors to which agent j adds; a last one is unused."""
+        """Return [B, N, N] the row of all tensors to which agent j adds; the last is unused."""
         cell = self.grid(position, direction, present)
         return self.grid.rows_of(cell, owner=True)
 
     def tensor(self, h: Tensor, links: Tensor) -> Tensor:
-        """[B N, D, rows, columns] the social tensor of each agent."""
+        """Return [B N, D, rows, columns] the social tensor of each agent."""
         agents, hidden = links.size(0) * links.size(1), h.size(2)
         states = h.unsqueeze(1).expand(-1, h.size(1), -1, -1).flatten(0, 2)  # [B N N, D]
         rows = torch.zeros(agents * self.grid.cells + 1, hidden, dtype=h.dtype, device=h.device)
@@ -49,7 +49,7 @@ class ConvolutionalPooling(Interaction):
         return grid.permute(0, 3, 1, 2)
 
     def forward(self, h: Tensor, links: Tensor) -> Tensor:
-        """[B, N, size] of states [B, N, D] and the rows of :meth:`prepare`."""
+        """Return [B, N, size] of states [B, N, D] and the rows of :meth:`prepare`."""
         seen = leaky_relu(self.wide(self.tensor(h, links)), 0.1)
         seen = self.pool(leaky_relu(self.tall(seen), 0.1))
         return seen.flatten(1).view(h.size(0), h.size(1), -1)

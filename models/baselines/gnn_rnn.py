@@ -26,11 +26,11 @@ class GraphInteraction(Interaction):
         self.gnn = GraphNetwork(sizes, config.layer, config.heads, True, config.bandwidth_m)
 
     def prepare(self, position: Tensor, direction: Tensor, present: Tensor) -> EdgeList:
-        """The edges of each layer."""
+        """Return the edges of each layer."""
         return self.gnn.prepare(squared_distances(position), complete_graph(present))
 
     def forward(self, h: Tensor, links: EdgeList) -> Tensor:
-        """[B, N, size] of states [B, N, D] and the edges of :meth:`prepare`."""
+        """Return [B, N, size] of states [B, N, D] and the edges of :meth:`prepare`."""
         return nn.functional.elu(self.gnn(h, links))
 
 

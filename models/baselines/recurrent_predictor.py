@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The skeleton of the baselines: LSTM encoder and decoder with a hole for the interaction.
+"""The structure of the baselines: LSTM encoder and decoder around an interaction.
 
-What is MTP-GO's too is taken from there, so that a comparison is about the networks alone: inputs
-and their scales, each agent's own frame, presence, the start at constant velocity, the read-out of
-modes, weights and covariances. The published forms differ in these, see the "Baselines" section of
-the training page.
+Everything else is shared with MTP-GO, so that a comparison is about the networks alone: inputs
+and their scales, each agent's own frame, presence, the start at constant velocity, the heads for
+modes, weights and covariances. The published forms differ in these, see "Baselines" in
+docs/training.md.
 """
 
 import torch
@@ -34,7 +34,7 @@ class AgentLSTM(nn.Module):
         self.cell = nn.LSTMCell(size_in, hidden)
 
     def forward(self, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
-        """The next h and c, [B, N, D] each, of the input [B, N, size_in] and the last two."""
+        """Return the next h and c, [B, N, D] each, from the input [B, N, size_in] and the last."""
         next_h, next_c = self.cell(x.flatten(0, 1), (h.flatten(0, 1), c.flatten(0, 1)))
         return next_h.view(h.shape), next_c.view(c.shape)
 
@@ -47,7 +47,7 @@ class RecurrentPredictor(TrajectoryPredictor):
 
     Args:
         config: the network's options.
-        interaction: what an agent learns of its neighbours.
+        interaction: the neighbour features.
     """
 
     def __init__(self, config: RecurrentConfig, interaction: Interaction):
@@ -78,7 +78,7 @@ class RecurrentPredictor(TrajectoryPredictor):
         teacher: Tensor | None,
         teacher_valid: Tensor | None,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """See :meth:`TrajectoryPredictor.roll_out`; P_0 is not used."""
+        """See :meth:`TrajectoryPredictor.roll_out`; P_0 is ignored."""
         features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
         start = self.condition.start(features, valid)
         inputs = self.condition(features, valid, start)  # [B, N, T, .]
@@ -90,20 +90,20 @@ class RecurrentPredictor(TrajectoryPredictor):
 
         present = valid[:, :, -1]
         links = self.interaction.prepare(position[:, :, -1], start.direction, present)
-        heard = self.interaction(h, links)  # [B, N, size]
-        log_weight = self.mixture(torch.cat((h, heard), dim=-1))  # [B, N, M]
+        neighbours = self.interaction(h, links)  # [B, N, size]
+        log_weight = self.mixture(torch.cat((h, neighbours), dim=-1))  # [B, N, M]
 
         state = start.position.unsqueeze(2).expand(-1, -1, self.modes, -1)
         uniform = start.velocity.unsqueeze(2)
-        lead = None if teacher is None else states_to_own(torch.nan_to_num(teacher), start)
+        teacher_own = None if teacher is None else states_to_own(torch.nan_to_num(teacher), start)
         states: list[Tensor] = []
         hidden: list[Tensor] = []
         for k in range(self.horizon_steps):
-            seen = self.seen(state, lead, teacher_valid, k)
+            seen = self.seen(state, teacher_own, teacher_valid, k)
             if k > 0 and self.each_step:
-                heard = self.interaction(h, links)
+                neighbours = self.interaction(h, links)
             x = leaky_relu(self.embed_states(self.condition.scale_states(seen, start, k)), 0.1)
-            h, c = self.decoder(torch.cat((x, heard), dim=-1), h, c)
+            h, c = self.decoder(torch.cat((x, neighbours), dim=-1), h, c)
             state = state + self.dt_s * (uniform + self.control(h))  # [B, N, M, 2]
             states.append(state)
             hidden.append(h)
@@ -117,10 +117,10 @@ class RecurrentPredictor(TrajectoryPredictor):
     def encode(
         self, inputs: Tensor, position: Tensor, valid: Tensor, start: Start
     ) -> tuple[Tensor, Tensor]:
-        """The LSTM's h and c at t, [B, N, D] each.
+        """Return the LSTM's h and c at t, [B, N, D] each.
 
-        They stay the learned first ones until the agent is seen, and keep their value while it is
-        absent (design D2).
+        They keep the learned initial values until the agent is seen, and their last values while
+        it is absent (docs/design.md, decision 2).
 
         Args:
             inputs: [B, N, T, .] scaled.

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Seq2Seq: every agent for itself."""
+"""Seq2Seq: every agent is predicted alone."""
 
 from models.baselines.baseline_config import RecurrentConfig
 from models.baselines.interaction import NoInteraction

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The grid of the social poolings: in which cell around an agent does each neighbour stand?"""
+"""The grid of the social poolings: in which cell around an agent each neighbour is."""
 
 import torch
 from torch import Tensor, nn
@@ -28,9 +28,9 @@ class Grid(nn.Module):
         self.width_m = config.cell_width_m
 
     def forward(self, position: Tensor, direction: Tensor, present: Tensor) -> Tensor:
-        """[B, N, N] the cell of agent j (last) around agent i, ``cells`` where it is in none.
+        """Return [B, N, N] the cell of agent j (last) around agent i, ``cells`` if it is in none.
 
-        Cell (row, column) has the number row * columns + column; row 0 is the hindmost, column 0
+        Cell (row, column) has the number row * columns + column; row 0 is the rearmost, column 0
         the rightmost. No agent is in a cell of its own grid, and absent ones are in none.
 
         Args:
@@ -49,9 +49,9 @@ class Grid(nn.Module):
         return torch.where(inside, cell, torch.full_like(cell, float(self.cells))).long()
 
     def rows_of(self, cell: Tensor, owner: bool) -> Tensor:
-        """[B, N, N] where (agent, cell) stands in a table of B N agents times ``cells`` rows.
+        """Return [B, N, N] the row of (agent, cell) in a table of B N agents times ``cells`` rows.
 
-        What is in no cell gets the number after the last row's.
+        An agent in no cell gets the number after the last row.
 
         Args:
             cell: [B, N, N] of :meth:`forward`.

@@ -147,7 +147,7 @@ class PackedAttention(nn.Module):
         return edge, (edge * self.along).masked_fill_(absent, float("-inf"))
 
     def forward(self, x: Tensor, edge: Tensor, fixed: Tensor, scratch: Tensor) -> Tensor:
-        """Return [K, B, N, C] of inputs [K, B * N, in], prepared graphs and ``make_scratch``'s."""
+        """Return [K, B, N, C] of inputs [K, B * N, in], prepared graphs and scratch memory."""
         scenes, agents, size = edge.size(1), edge.size(2), self.size
         if self.kinds == 1:
             packed = torch.addmm(self.bias[0], x[0], self.product[0])

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where each agent's states live: in its own frame at t, or in the scene's (design D16)."""
+"""Each agent's own frame at t, and rotations between it and the scene frame."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from torch import Tensor
 
 
 class Start(NamedTuple):
-    """What the roll-out starts from, for every agent.
+    """Frame and state of all agents at t, from which the roll-out starts.
 
     Attributes:
         origin: [B, N, 2] origin of the agent's frame in the scene frame (m).
@@ -25,21 +25,21 @@ class Start(NamedTuple):
 
 
 def to_own(vector: Tensor, direction: Tensor) -> Tensor:
-    """[..., 2] scene vectors along the axes of frames with (cos, sin) ``direction`` [..., 2]."""
+    """Return [..., 2] scene vectors in frames with (cos, sin) ``direction`` [..., 2]."""
     x, y = vector.unbind(-1)
     cos, sin = direction.unbind(-1)
     return torch.stack((cos * x + sin * y, cos * y - sin * x), dim=-1)
 
 
 def to_scene(vector: Tensor, direction: Tensor) -> Tensor:
-    """The inverse of :func:`to_own`."""
+    """Return [..., 2] vectors in the scene frame; the inverse of :func:`to_own`."""
     x, y = vector.unbind(-1)
     cos, sin = direction.unbind(-1)
     return torch.stack((cos * x - sin * y, sin * x + cos * y), dim=-1)
 
 
 def states_to_scene(states: Tensor, start: Start) -> Tensor:
-    """[H, B, N, M, S] states in the scene frame, from the agents' frames."""
+    """Return [H, B, N, M, S] states in the scene frame, from the agents' frames."""
     shape = [states.size(0), -1, -1, states.size(3), -1]
     direction = start.direction.unsqueeze(2).unsqueeze(0).expand(shape)
     # Split, not indexed: the gradient of an index fills the whole array with zeros.
@@ -51,7 +51,7 @@ def states_to_scene(states: Tensor, start: Start) -> Tensor:
 
 
 def states_to_own(states: Tensor, start: Start) -> Tensor:
-    """[B, N, H, S] states in the agents' frames, from the scene frame."""
+    """Return [B, N, H, S] states in the agents' frames, from the scene frame."""
     direction = start.direction.unsqueeze(2).expand(-1, -1, states.size(2), -1)
     position = to_own(states[..., :2] - start.origin.unsqueeze(2), direction)
     if states.size(-1) == 2:
@@ -60,10 +60,12 @@ def states_to_own(states: Tensor, start: Start) -> Tensor:
 
 
 def heading(velocity: Tensor, yaw: Tensor) -> Tensor:
-    """[..., 2] unit direction of motion, the yaw's where the agent hardly moves.
+    """Return [..., 2] unit direction of motion, or the yaw's where the agent hardly moves.
+
+    The limits on the speed are chosen: a velocity estimated below them has no usable direction.
 
     Args:
-        velocity: [..., 2] (m/s); counts alone from 1 m/s on, not at all below 0.5 m/s.
+        velocity: [..., 2] (m/s); alone from 1 m/s on, without effect below 0.5 m/s.
         yaw: [..., 2] cosine and sine of the box heading, zero where unknown.
     """
     speed = torch.linalg.vector_norm(velocity, dim=-1, keepdim=True)
@@ -77,14 +79,14 @@ def heading(velocity: Tensor, yaw: Tensor) -> Tensor:
 
 
 def last_seen(features: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
-    """The last valid sample of each agent.
+    """Return the last valid sample of each agent.
 
     Args:
         features: [B, N, T, F].
         valid: [B, N, T].
 
     Returns:
-        [B, N, F] the sample (the first, where there is none) and [B, N] its index.
+        The sample [B, N, F] (the first one where none is valid) and its index [B, N].
     """
     steps = torch.arange(valid.size(2), device=valid.device)
     index = (steps * valid).amax(dim=-1)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From features to what the network sees: own-frame quantities joined, everything scaled (D16)."""
+"""Inputs of the network: features and motion in the agent's own frame, scaled."""
 
 import torch
 from torch import Tensor, nn
@@ -9,16 +9,31 @@ from models.network_config import NetworkConfig
 from models.own_frame.agent_frames import Start, heading, last_seen, to_own
 
 OWN_STD = (3.0, 1.0, 10.0, 2.0, 2.0, 1.0, 1.0, 1.0, 0.2, 0.2)
-"""First scales of the ten own-frame inputs, see :meth:`Conditioning.own_inputs`."""
+"""Scales of the ten own-frame inputs before statistics are set (m, m/s, m/s^2, 1; chosen).
+
+In the order of :meth:`Conditioning.own_inputs`.
+"""
 
 FEATURE_STD = (30.0, 10.0, 10.0, 5.0, 1.0, 1.0, 1.0, 1.0)
-"""First scales of the base features (m, m/s, m/s^2, 1); context features begin with 1."""
+"""Scales of the base features before statistics are set (m, m/s, m/s^2, 1; chosen).
+
+Context features begin with 1.
+"""
+
+DEVIATION_STD = (5.0, 2.0, 3.0, 1.0)
+"""Scales of the decoder's states as deviations from uniform motion (m, m/s; chosen)."""
+
+STATE_STD = (30.0, 10.0, 10.0, 5.0)
+"""Scales of the decoder's states in the scene frame before statistics are set (m, m/s; chosen)."""
+
+LEAST_STD = 0.02
+"""Least scale of an input: a constant feature is not amplified (chosen)."""
 
 
 class Conditioning(nn.Module):
-    """Scaled inputs of the encoder and of the decoder, and the start of the roll-out.
+    """Scaled inputs of encoder and decoder, and the start of the roll-out (decision 16).
 
-    The scales are buffers, so an exported model carries them.
+    The scales are buffers, so an exported model contains them.
 
     Attributes:
         input_mean: [input_size] of the encoder's inputs.
@@ -39,8 +54,8 @@ class Conditioning(nn.Module):
         self.order = config.state_size // 2
         context = (1.0,) * (config.feature_size - len(FEATURE_STD))
         std = FEATURE_STD + context + (OWN_STD if config.agent_frame else ())
-        # In the agent's frame the decoder sees how far a state is from uniform motion.
-        state = (5.0, 2.0, 3.0, 1.0) if config.agent_frame else (30.0, 10.0, 10.0, 5.0)
+        # In the agent's frame the decoder sees the deviation from uniform motion.
+        state = DEVIATION_STD if config.agent_frame else STATE_STD
         self.register_buffer("input_mean", torch.zeros(len(std)))
         self.register_buffer("input_std", torch.tensor(std))
         self.register_buffer("state_mean", torch.zeros(config.state_size))
@@ -48,11 +63,11 @@ class Conditioning(nn.Module):
 
     @property
     def input_size(self) -> int:
-        """Channels of the encoder's input."""
+        """Number of channels of the encoder's input."""
         return int(self.input_std.numel())
 
     def start(self, features: Tensor, valid: Tensor) -> Start:
-        """The roll-out's start from features [B, N, T, F], zero where not valid.
+        """Return the roll-out's start from features [B, N, T, F], zero where not valid.
 
         An agent that is absent at t starts from its last sample; its prediction is not used.
         """
@@ -68,11 +83,11 @@ class Conditioning(nn.Module):
         return Start(torch.zeros_like(position), direction, position, velocity)
 
     def own_inputs(self, features: Tensor, valid: Tensor, start: Start) -> Tensor:
-        """[B, N, T, 10] each agent's motion in its own frame.
+        """Return [B, N, T, 10] each agent's motion in its own frame.
 
-        Position less uniform motion through the last sample (2), velocity (2), velocity less the
-        last (2), acceleration (2), cosine and sine of the yaw (2). The differences keep a slow
-        drift visible beside ninety metres of travel.
+        Position minus uniform motion through the last sample (2), velocity (2), velocity minus the
+        last velocity (2), acceleration (2), cosine and sine of the yaw (2). The differences keep a
+        slow drift visible next to ninety metres of travel.
         """
         _, index = last_seen(features, valid)
         steps = torch.arange(features.size(2), device=features.device)
@@ -91,18 +106,18 @@ class Conditioning(nn.Module):
         return torch.cat(parts, dim=-1)
 
     def inputs(self, features: Tensor, valid: Tensor, start: Start) -> Tensor:
-        """[B, N, T, input_size] unscaled inputs of the encoder, of use where valid."""
+        """Return [B, N, T, input_size] unscaled inputs of the encoder, meaningful where valid."""
         if self.agent_frame:
             return torch.cat((features, self.own_inputs(features, valid, start)), dim=-1)
         return features
 
     def forward(self, features: Tensor, valid: Tensor, start: Start) -> Tensor:
-        """[B, N, T, input_size] scaled inputs of the encoder, zero where not valid."""
+        """Return [B, N, T, input_size] scaled inputs of the encoder, zero where not valid."""
         scaled = (self.inputs(features, valid, start) - self.input_mean) / self.input_std
         return scaled * valid.unsqueeze(-1)
 
     def scale_states(self, states: Tensor, start: Start, step: int) -> Tensor:
-        """[B, N, M * S] scaled states [B, N, M, S], ``step`` steps after t, for the decoder."""
+        """Return [B, N, M * S] the decoder's view of states [B, N, M, S], ``step`` steps after t."""
         if self.agent_frame:
             expected = start.position + start.velocity * (step * self.dt_s)
             if self.order == 2:
@@ -121,12 +136,12 @@ class Conditioning(nn.Module):
         """Fill the scaling buffers: [F] of the features, [10] of the own-frame inputs."""
         count = feature_mean.numel()
         self.input_mean[:count] = feature_mean
-        self.input_std[:count] = feature_std.clamp(min=0.02)
+        self.input_std[:count] = feature_std.clamp(min=LEAST_STD)
         if self.agent_frame:
             if own_mean is not None:
                 self.input_mean[count:] = own_mean
             if own_std is not None:
-                self.input_std[count:] = own_std.clamp(min=0.02)
+                self.input_std[count:] = own_std.clamp(min=LEAST_STD)
             return
         columns = self.state_mean.numel()
         self.state_mean.copy_(self.input_mean[:columns])

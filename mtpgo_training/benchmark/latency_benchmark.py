@@ -9,7 +9,6 @@ import time
 import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 import torch
@@ -19,11 +18,10 @@ from tqdm import tqdm
 
 from models import MTPGO, ModelConfig
 from models.inference import deployable
-from models.neural_ode import NeuralODE
 from mtpgo_core.errors import ModelFileError
 from mtpgo_training.atomic_files import require_writable
 from mtpgo_training.benchmark.machine import heading, write_json
-from mtpgo_training.benchmark.reference_mtp_go import PlainMTPGO
+from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 from mtpgo_training.training.torch_process import prepare_process
 
 Inputs = tuple[Tensor, Tensor, Tensor]
@@ -69,7 +67,7 @@ def make_model(seed: int = 0) -> MTPGO:
     torch.manual_seed(seed)
     model = MTPGO(ModelConfig()).eval().requires_grad_(False)
     with torch.no_grad():
-        cast(NeuralODE, model.motion).last.normal_(0.0, 0.3)
+        model.motion.last.normal_(0.0, 0.3)
         model.control.out.weight.mul_(30.0)
     return model
 
@@ -138,7 +136,7 @@ def measure(agents: int, seconds: float, peak_gflops: float) -> LatencyRow:
     """
     model = make_model()
     scene = make_scene(agents, model.config)
-    ours, plain = exported(model), PlainMTPGO(model).eval()
+    ours, plain = exported(model), ReferenceMTPGO(model.config, model.state_dict())
     fast_s: list[float] = []
     plain_s: list[float] = []
     # As the node calls it; see mtpgo_core.prediction.model_runner.

@@ -1,31 +1,35 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""MTP-GO as one would write it first: the measure that the exported model is compared with.
+"""MTP-GO written straight from the paper's equations: what tests and benchmarks compare with.
 
-Edge lists and torch_geometric's GATv2Conv, a loop over time in both coder halves, Jacobians by
-torch.func, 4 x 4 matrices for the Kalman filter. All is vectorised over agents and modes; nothing
-is slow on purpose. The default configuration only.
+It takes its weights by name from a state dict and shares nothing with ``models`` but the
+configuration. Edge lists and torch_geometric's layers, a loop over time in encoder and decoder,
+Jacobians by torch.func, whole matrices for the Kalman filter. All is vectorised over agents and
+modes; nothing is slow on purpose. Equation numbers are the paper's, constants are the model's.
 """
 
-from typing import cast
+from collections.abc import Mapping
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import elu, leaky_relu, softplus, softsign
-from torch_geometric.nn import GATv2Conv
+from torch.nn.functional import elu, leaky_relu, linear, softplus, softsign
+from torch_geometric.nn import GATv2Conv, GCNConv, GraphConv
+from torch_geometric.utils import softmax
 
-from models.agent_frames import to_own, to_scene
-from models.ekf import FLOOR, INFLATION
-from models.gnn_layers import GATPlus
-from models.graph_gru import GraphGRU, GraphNetwork
-from models.heads import RHO_LIMIT, SIGMA_FLOOR
-from models.mtp_go import MTPGO
-from models.neural_ode import NeuralODE
-from models.temporal_attention import presence_bias
+from models.mtp_go_config import ModelConfig
+
+Weights = Mapping[str, Tensor]
+
+TABLEAUS = {
+    "euler": ([0.0], [1.0]),
+    "heun": ([0.0, 1.0], [0.5, 0.5]),
+    "rk4": ([0.0, 0.5, 0.5, 1.0], [1 / 6, 2 / 6, 2 / 6, 1 / 6]),
+}
+"""Nodes and weights of the Runge-Kutta methods."""
 
 
 def edge_list(scene: Tensor, present: Tensor) -> Tensor:
-    """[2, E] sender and receiver: all pairs present in a scene, and everybody with itself.
+    """Return sender and receiver [2, E]: all pairs present in a scene, and each agent's own loop.
 
     Args:
         scene: [N] to which scene each agent belongs, in order.
@@ -41,181 +45,436 @@ def edge_list(scene: Tensor, present: Tensor) -> Tensor:
     return torch.stack((sender, receiver))[:, kept]
 
 
-class PlainGNN(nn.Module):
-    """GAT+ on an edge list, with the weights of one of ours."""
+class ReferenceGNN:
+    """A stack of GNN layers on an edge list (eq. 8 to 12) with Gaussian edge weights (eq. 13).
 
-    def __init__(self, network: GraphNetwork):
-        super().__init__()
-        layer, self.kernel = cast(GATPlus, network.layers[0]), network.kernels[0]
-        size = layer.score.size(1)
-        self.attention = GATv2Conv(
-            layer.packed.in_features, size, add_self_loops=False, edge_dim=1
-        )
-        with torch.no_grad():
-            value, query = layer.packed.weight.chunk(2)
-            of_value, of_query = layer.packed.bias.chunk(2)
-            self.attention.lin_l.weight.copy_(value)
-            self.attention.lin_l.bias.copy_(of_value)
-            self.attention.lin_r.weight.copy_(query)
-            self.attention.lin_r.bias.copy_(of_query)
-            self.attention.lin_edge.weight.copy_(layer.edge.view(-1, 1))
-            self.attention.att.copy_(layer.score.unsqueeze(0))
-            self.attention.bias.copy_(layer.bias)
-        self.centre = layer.centre
-
-    def forward(self, x: Tensor, edges: Tensor, squared_distance: Tensor) -> Tensor:
-        """[N, out] of [N, in], edges [2, E] and their squared lengths [E]."""
-        weight = self.kernel(squared_distance).unsqueeze(1)
-        return self.attention(x, edges, weight) + self.centre(x)
-
-
-class PlainGRU(nn.Module):
-    """Eq. full_gru_update."""
-
-    def __init__(self, cell: GraphGRU):
-        super().__init__()
-        self.gnn_f, self.gnn_h, self.bias = PlainGNN(cell.gnn_f), PlainGNN(cell.gnn_h), cell.bias
-
-    def forward(self, f: Tensor, h: Tensor, edges: Tensor, distance: Tensor) -> Tensor:
-        """The next state [N, D]."""
-        kr, kz, kh = self.gnn_f(f, edges, distance).chunk(3, dim=1)
-        xr, xz, xh = self.gnn_h(h, edges, distance).chunk(3, dim=1)
-        br, bz, bh = self.bias.chunk(3)
-        r, z = torch.sigmoid(kr + xr + br), torch.sigmoid(kz + xz + bz)
-        return (1.0 - z) * torch.tanh(kh + r * xh + bh) + z * h
-
-
-class PlainMTPGO(nn.Module):
-    """The same equations on the weights of a default-configured model.
-
-    Conditioning (frames and scaling of the input) and the linear layers are the model's own.
+    Args:
+        config: the model's options.
+        weights: the model's, by name.
+        name: of the GNN in ``weights``.
+        edges: false: no agent hears of others.
     """
 
-    def __init__(self, model: MTPGO):
-        super().__init__()
-        self.model = model
-        self.config = model.config
-        self.motion = cast(NeuralODE, model.motion)
-        self.encoder, self.decoder = PlainGRU(model.encoder.cell), PlainGRU(model.decoder.cell)
+    def __init__(self, config: ModelConfig, weights: Weights, name: str, edges: bool):
+        self.config, self.w, self.name = config, weights, name
+        self.kind = config.layer if edges else "none"
+        self.layers = [self.make(f"{name}.layers.{k}") for k in range(config.gnn_layers)]
 
-    def rate(self, state: Tensor, u: Tensor) -> Tensor:
-        """[4] time derivative of one state under the command [2]."""
-        motion = self.motion
+    def make(self, name: str) -> nn.Module | None:
+        """Return torch_geometric's layer, without its weights (see :meth:`bind`), or None."""
+        if self.kind == "graphconv":
+            size_out, size_in = self.w[f"{name}.centre.weight"].shape
+            return GraphConv(size_in, size_out, aggr="mean")
+        if self.kind == "gcn":
+            size_out, size_in = self.w[f"{name}.linear.weight"].shape
+            return GCNConv(size_in, size_out)
+        if self.kind == "none" or not self.config.tied:
+            return None
+        heads, size_out = self.w[f"{name}.score"].shape
+        size_in = self.w[f"{name}.packed.weight"].size(1)
+        return GATv2Conv(size_in, size_out, heads, concat=False, add_self_loops=False, edge_dim=1)
+
+    def bind(self) -> None:
+        """Give torch_geometric's layers the current weights, so that gradients reach them."""
+        for k, layer in enumerate(self.layers):
+            own = {
+                key.removeprefix(f"{self.name}.layers.{k}."): value
+                for key, value in self.w.items()
+                if key.startswith(f"{self.name}.layers.{k}.")
+            }
+            if self.kind == "graphconv":
+                names = {
+                    "lin_rel.weight": own["neighbour.weight"],
+                    "lin_rel.bias": own["centre.bias"],
+                    "lin_root.weight": own["centre.weight"],
+                }
+            elif self.kind == "gcn":
+                names = {"lin.weight": own["linear.weight"], "bias": own["linear.bias"]}
+            elif layer is not None:
+                value, query = own["packed.weight"].chunk(2)
+                of_value, of_query = own["packed.bias"].chunk(2)
+                names = {
+                    "lin_l.weight": value,
+                    "lin_l.bias": of_value,
+                    "lin_r.weight": query,
+                    "lin_r.bias": of_query,
+                    "lin_edge.weight": own["edge"].view(-1, 1),
+                    "att": own["score"].unsqueeze(0),
+                    "bias": own["bias"],
+                }
+            else:
+                continue
+            for key, tensor in names.items():
+                path, _, leaf = key.rpartition(".")
+                module = layer.get_submodule(path)  # type: ignore[union-attr]
+                module._parameters.pop(leaf, None)
+                setattr(module, leaf, tensor)
+
+    def __call__(self, x: Tensor, edges: Tensor, squared_distance: Tensor) -> Tensor:
+        """Return [N, out] of [N, in], edges [2, E] and their squared lengths [E] (m^2)."""
+        if self.kind in ("graphconv", "gcn"):  # without own loops, which GCN adds by itself
+            other = edges[0] != edges[1]
+            edges, squared_distance = edges[:, other], squared_distance[other]
+        for k, layer in enumerate(self.layers):
+            name = f"{self.name}.layers.{k}"
+            x = elu(x) if k else x
+            if self.kind == "none":
+                x = linear(x, self.w[f"{name}.linear.weight"], self.w[f"{name}.linear.bias"])
+                continue
+            bandwidth = self.w[f"{self.name}.kernels.{k}.log_bandwidth"].exp()
+            weight = torch.exp(-squared_distance / bandwidth.square())
+            if self.kind in ("graphconv", "gcn"):
+                x = layer(x, edges, weight)  # type: ignore[misc]
+                continue
+            if layer is not None:
+                out = layer(x, edges, weight.unsqueeze(1))
+            else:
+                out = self.untied_attention(name, x, edges, weight)
+            x = out + linear(x, self.w[f"{name}.centre.weight"]) if self.kind == "gat+" else out
+        return x
+
+    def untied_attention(self, name: str, x: Tensor, edges: Tensor, weight: Tensor) -> Tensor:
+        """Return eq. 11 with a matrix for the value and another for the key, by an edge list."""
+        sender, receiver = edges
+        packed = linear(x, self.w[f"{name}.packed.weight"], self.w[f"{name}.packed.bias"])
+        heads, size = self.w[f"{name}.score"].shape
+        value, query, key = packed.view(len(x), 3, heads, size).unbind(1)
+        z = query[receiver] + key[sender] + weight[:, None, None] * self.w[f"{name}.edge"]
+        energy = (leaky_relu(z, 0.2) * self.w[f"{name}.score"]).sum(-1)  # eq. 10
+        alpha = softmax(energy, receiver, num_nodes=len(x)).unsqueeze(-1)
+        out = torch.zeros_like(value).index_add(0, receiver, alpha * value[sender])
+        return out.mean(1) + self.w[f"{name}.bias"]
+
+
+class ReferenceMotion:
+    """The neural ODE of one state of one agent (eq. 17 to 19) and its Runge-Kutta step.
+
+    Args:
+        config: the model's options.
+        weights: the model's, by name.
+    """
+
+    def __init__(self, config: ModelConfig, weights: Weights):
+        self.config, self.w = config, weights
+        self.scales = (50.0, 10.0) if config.order == 1 else (10.0, 1.0)  # of q, of u
+
+    def rate(self, state: Tensor, u: Tensor, static: Tensor) -> Tensor:
+        """Return [S] the time derivative of a state [S] with the input [2] and the class [C]."""
+        w, (q_scale, u_scale) = self.w, self.scales
         rates = []
         for axis in range(2):
-            inputs = torch.cat((state[2:] / motion.q_scale, u[axis : axis + 1] / motion.u_scale))
-            hidden = elu(motion.first[axis] @ inputs + motion.first_bias[axis])
-            rates.append(u[axis] + motion.last[axis] @ hidden + motion.last_bias[axis])
-        return torch.cat((state[2:], torch.stack(rates)))
+            inputs = [state[-2:] / q_scale, u[axis : axis + 1] / u_scale]
+            if self.config.static_features:
+                inputs.append(static)
+            y = elu(w["motion.first"][axis] @ torch.cat(inputs) + w["motion.first_bias"][axis])
+            for k in range(self.config.ode_layers - 1):
+                y = elu(w["motion.inner"][k, axis] @ y + w["motion.inner_bias"][k, axis])
+            rates.append(u[axis] + w["motion.last"][axis] @ y + w["motion.last_bias"][axis])
+        rate = torch.stack(rates)
+        return rate if self.config.order == 1 else torch.cat((state[2:], rate))
 
-    def step(self, state: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
-        """One step of RK4, twice: to be differentiated and to be used."""
-        dt = self.config.dt_s
-        k1 = self.rate(state, u)
-        k2 = self.rate(state + 0.5 * dt * k1, u)
-        k3 = self.rate(state + 0.5 * dt * k2, u)
-        k4 = self.rate(state + dt * k3, u)
-        following = state + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        return following, following
+    def step(self, state: Tensor, u: Tensor, static: Tensor) -> Tensor:
+        """Return [S] the state one step later."""
+        k = total = torch.zeros_like(state)
+        for node, weight in zip(*TABLEAUS[self.config.integrator], strict=True):
+            reached = state + self.config.dt_s * node * k if node else state
+            k = self.rate(reached, u, static)
+            total = total + weight * k
+        return state + self.config.dt_s * total
 
-    def noise(self, h: Tensor) -> Tensor:
-        """[N, M, 2, 2] process noise."""
-        head = self.model.noise
-        body = elu(head.body(h))
-        s1 = softplus(head.sigma_1(body)) + SIGMA_FLOOR
-        s2 = softplus(head.sigma_2(body)) + SIGMA_FLOOR
-        cross = RHO_LIMIT * softsign(head.rho(body)) * s1 * s2
-        return torch.stack((s1 * s1, cross, cross, s2 * s2), dim=-1).unflatten(-1, (2, 2))
+
+class ReferenceMTPGO(nn.Module):
+    """The paper's model on the weights of one of ours.
+
+    Args:
+        config: the model's options.
+        state: the model's state dict; the weights are copied.
+    """
+
+    def __init__(self, config: ModelConfig, state: Weights):
+        super().__init__()
+        self.config = config
+        self.w = {name: nn.Parameter(value.detach().clone()) for name, value in state.items()}
+        for name, parameter in self.w.items():
+            parameter.requires_grad_(not name.startswith(("condition.", "initial_covariance.std")))
+            self.register_parameter(name.replace(".", "/"), parameter)
+        self.motion = ReferenceMotion(config, self.w)
+        self.gnn = {
+            f"{half}.{gnn}": ReferenceGNN(config, self.w, f"{half}.cell.{gnn}", edges)
+            for half, edges in (("encoder", config.encoder_gnn), ("decoder", config.decoder_gnn))
+            for gnn in ("gnn_f", "gnn_h")
+        }
+
+    def linear(self, name: str, x: Tensor) -> Tensor:
+        """Return W x + b of the linear layer with this name."""
+        return linear(x, self.w[f"{name}.weight"], self.w[f"{name}.bias"])
 
     @torch.no_grad()
     def forward(
-        self, features: Tensor, valid: Tensor, static: Tensor
+        self,
+        features: Tensor,
+        valid: Tensor,
+        static: Tensor,
+        initial: Tensor | None = None,
+        teacher: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """As :meth:`MTPGO.forward`, for one scene in which everybody is present throughout."""
-        scene = torch.zeros(features.size(1), dtype=torch.long)
-        log_weight, mean, covariance = self.roll_out(features[0], valid[0], scene, True)
-        return log_weight.unsqueeze(0), mean.unsqueeze(0), covariance.unsqueeze(0)
-
-    def roll_out(
-        self, features: Tensor, valid: Tensor, scene: Tensor, with_covariance: bool
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """As :meth:`MTPGO.roll_out`, for the agents of many scenes in a row.
+        """Return what :meth:`models.MTPGO.forward` does, without a meaning for absent agents.
 
         Args:
-            features: [N, T, F].
-            valid: [N, T].
-            scene: [N] to which scene each agent belongs.
-            with_covariance: false saves the Jacobians and covariances, which come back empty.
+            features: [B, N, T, F].
+            valid: [B, N, T].
+            static: [B, N, C].
+            initial: [B, N, S, S] P_0 in the scene frame.
+            teacher: [B, N, H, S] true states in the scene frame that the decoder sees.
         """
-        model, dt = self.model, self.config.dt_s
-        given = torch.where(valid.unsqueeze(-1), features, 0.0).unsqueeze(0)
-        start = model.condition.start(given, valid.unsqueeze(0))
-        inputs = model.condition(given, valid.unsqueeze(0), start)[0]  # [N, T, .]
-        position = given[0, :, :, :2]
-        agents, modes = inputs.size(0), self.config.modes
-        graphs = [edge_list(scene, here) for here in valid.unbind(1)]
-        lengths = [
-            (position[edges[0], i] - position[edges[1], i]).square().sum(-1)
-            for i, edges in enumerate(graphs)
-        ]
+        batch, agents = valid.shape[:2]
+        scene = torch.arange(batch).repeat_interleave(agents)
+        results = self.roll_out(
+            features.flatten(0, 1),
+            valid.flatten(0, 1),
+            static.flatten(0, 1),
+            scene,
+            True,
+            None if initial is None else initial.flatten(0, 1),
+            None if teacher is None else teacher.flatten(0, 1),
+        )
+        log_weight, mean, covariance = (x.unflatten(0, (batch, agents)) for x in results)
+        return log_weight, mean, covariance
 
-        h = model.encoder.initial.expand(agents, -1)
+    def roll_out(
+        self,
+        features: Tensor,
+        valid: Tensor,
+        static: Tensor,
+        scene: Tensor,
+        with_covariance: bool,
+        initial: Tensor | None = None,
+        teacher: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Return log weights [N, M], means [N, M, H, S] and covariances [N, M, H, S, S].
+
+        Args:
+            features: [N, T, F] of the agents of many scenes in a row.
+            valid: [N, T].
+            static: [N, C].
+            scene: [N] to which scene each agent belongs.
+            with_covariance: false saves Jacobians and covariances, which come back empty.
+            initial: [N, S, S] P_0 in the scene frame.
+            teacher: [N, H, S] true states in the scene frame that the decoder sees.
+        """
+        c = self.config
+        for gnn in self.gnn.values():
+            gnn.bind()
+        features = torch.where(valid.unsqueeze(-1), features, 0.0)
+        origin, turn, start, velocity = self.frames(features, valid)
+        graphs = []
+        for i, present in enumerate(valid.unbind(1)):
+            edges = edge_list(scene, present)
+            offset = features[edges[0], i, :2] - features[edges[1], i, :2]
+            graphs.append((edges, offset.square().sum(-1)))
+
+        # Encoder.
+        inputs = self.encoder_inputs(features, valid, origin, turn, velocity)
+        h = self.w["encoder.initial"].expand(len(valid), -1)
         encoded = []
-        for i, edges in enumerate(graphs):
-            following = self.encoder(inputs[:, i], h, edges, lengths[i])
+        for i, graph in enumerate(graphs):
+            following = self.graph_gru("encoder", inputs[:, i], h, graph)
             h = torch.where(valid[:, i, None], following, h)
             encoded.append(h)
-        memory = torch.stack(encoded, dim=1)  # [N, T, D]
-        log_weight = model.mixture(h)
+        history = torch.stack(encoded, dim=1)  # [N, T, D]
+        log_weight = torch.log_softmax(self.linear("mixture.out", elu(h)), dim=-1)
 
-        origin, direction, velocity = start.origin[0], start.direction[0], start.velocity[0]
-        state = torch.cat((start.position[0], velocity), dim=-1)
-        state = state.unsqueeze(1).expand(-1, modes, -1)
-        std = softplus(model.initial_covariance.head(h)) + SIGMA_FLOOR
-        p = torch.diag_embed(std * std).unsqueeze(1).expand(-1, modes, -1, -1)
-        g = torch.cat((0.5 * dt * dt * torch.eye(2), dt * torch.eye(2)))  # [4, 2]
-        jacobian = torch.func.vmap(torch.func.jacrev(self.step, has_aux=True))
-        move = torch.func.vmap(self.step)
-        decoder = model.decoder
-        bias = presence_bias(valid)
-        h = h + decoder.initial
+        # Decoder, motion model and Kalman filter.
+        state = torch.cat((start, velocity), dim=-1)[:, : c.state_size]
+        state = state.unsqueeze(1).expand(-1, c.modes, -1)  # [N, M, S]
+        p = self.first_covariance(h, turn, initial).unsqueeze(1).expand(-1, c.modes, -1, -1)
+        classes = static.repeat_interleave(c.modes, dim=0)
+        h = h + self.w["decoder.initial"]
         means, covariances = [], []
-        for k in range(self.config.horizon_steps):
-            seen = model.condition.scale_states(state.unsqueeze(0), start, k)[0]
-            embedded = decoder.embed(seen)
-            score = decoder.attention.score(torch.cat((h, embedded), dim=1))
-            alpha = torch.softmax(score + bias, dim=1)
-            summary = torch.einsum("nt,ntd->nd", alpha, memory)
-            f = leaky_relu(decoder.combine(torch.cat((summary, embedded), dim=1)), 0.2)
-            h = self.decoder(f, h, graphs[-1], lengths[-1])
-            u = model.control(h.unsqueeze(0))[0]
-            if not with_covariance:
-                state = move(state.reshape(-1, 4), u.reshape(-1, 2))[0].view(agents, modes, 4)
-                means.append(state)
-                continue
-            jac, following = jacobian(state.reshape(-1, 4), u.reshape(-1, 2))
-            state = following.view(agents, modes, 4)
-            jac = jac.view(agents, modes, 4, 4)
-            p = jac @ p @ jac.transpose(-1, -2) + g @ self.noise(h) @ g.t()
-            p = p + INFLATION * torch.diag_embed(p.diagonal(dim1=-2, dim2=-1))
+        jacobian: Tensor | None = None
+        for k in range(c.horizon_steps):
+            seen = state
+            if k > 0 and teacher is not None:
+                seen = self.into_frames(teacher[:, k - 1], origin, turn).unsqueeze(1)
+                seen = seen.expand_as(state)
+            x = self.decoder_input(h, seen, start, velocity, k, history, valid)
+            h = self.graph_gru("decoder", x, h, graphs[-1])
+            control = self.linear("control.out", elu(self.linear("control.body", h)))
+            control = control.view(len(h), c.modes, -1)
+            if c.ode:
+                u = control + velocity.unsqueeze(1) if c.order == 1 else control
+                state, jacobian = self.move(state, u, classes, with_covariance and c.ekf)
+            else:
+                uniform = torch.cat((start + velocity * (k + 1) * c.dt_s, velocity), dim=-1)
+                state = uniform[:, None, : c.state_size] + control
             means.append(state)
-            covariances.append(p)
-        mean = torch.stack(means, dim=2)
+            if with_covariance:
+                q = self.process_noise(h)
+                p = self.kalman(p, jacobian, q) if c.ekf else self.direct_covariance(q, k + 1)
+                covariances.append(p)
 
-        # To the scene frame.
-        turn = direction[:, None, None].expand(-1, modes, mean.size(2), -1)
-        place = to_scene(mean[..., :2], turn) + origin[:, None, None]
-        mean = torch.cat((place, to_scene(mean[..., 2:], turn)), dim=-1)
+        mean = self.into_scene(torch.stack(means, dim=2), origin, turn)
         if not with_covariance:
             return log_weight, mean, mean.new_empty(0)
-        covariance = torch.stack(covariances, dim=2)
-        axes = to_own(torch.eye(2).expand(agents, 2, 2), direction.unsqueeze(1))
-        whole = torch.zeros(agents, 1, 1, 4, 4)
-        whole[:, 0, 0, :2, :2] = whole[:, 0, 0, 2:, 2:] = axes
-        covariance = whole @ covariance @ whole.transpose(-1, -2)
-        share = covariance.diagonal(dim1=-2, dim2=-1).unflatten(-1, (2, 2)).mean(-1, keepdim=True)
-        covariance = covariance + FLOOR * torch.diag_embed(
-            share.expand(*share.shape[:-1], 2).flatten(-2)
-        )
-        covariance = self.config.covariance_scale * (covariance + model.observation)
-        return log_weight, mean, covariance
+        return log_weight, mean, self.output_covariance(torch.stack(covariances, dim=2), turn)
+
+    # Each agent's own frame.
+
+    def frames(self, features: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Return origin [N, 2], rotation into the scene [N, 2, 2], and start in the frame.
+
+        The start is position and velocity, [N, 2] each, at the last sample of each agent. The
+        frame's heading is the velocity's from 1 m/s on and the yaw below 0.5 m/s.
+        """
+        steps = torch.arange(valid.size(1))
+        last = features[torch.arange(len(valid)), (steps * valid).amax(1)]
+        position, velocity, yaw = last[:, :2], last[:, 2:4], last[:, 6:8]
+        zero = torch.zeros_like(position)
+        if not self.config.agent_frame:
+            turn = torch.eye(2, dtype=features.dtype).expand(len(valid), 2, 2)
+            return zero, turn, position, velocity
+        speed = velocity.norm(dim=-1, keepdim=True)
+        share = (2.0 * speed - 1.0).clamp(0.0, 1.0)
+        heading = share * velocity / speed.clamp(min=0.5) + (1.0 - share) * yaw
+        cos, sin = (heading / heading.norm(dim=-1, keepdim=True)).unbind(-1)
+        turn = torch.stack((cos, -sin, sin, cos), dim=-1).view(-1, 2, 2)
+        return position, turn, zero, torch.einsum("nji,nj->ni", turn, velocity)
+
+    def encoder_inputs(
+        self, features: Tensor, valid: Tensor, origin: Tensor, turn: Tensor, velocity: Tensor
+    ) -> Tensor:
+        """Return [N, T, .] scaled features, with the motion in each agent's own frame."""
+        if self.config.agent_frame:
+            steps = torch.arange(valid.size(1))
+            since = (steps - (steps * valid).amax(1, keepdim=True)).to(features.dtype)
+            own = [
+                torch.einsum("nji,ntj->nti", turn, vector)
+                for vector in (
+                    features[..., :2] - origin.unsqueeze(1),
+                    features[..., 2:4],
+                    features[..., 4:6],
+                    features[..., 6:8],
+                )
+            ]
+            uniform = velocity.unsqueeze(1) * (since * self.config.dt_s).unsqueeze(-1)
+            parts = features, own[0] - uniform, own[1], own[1] - velocity.unsqueeze(1), *own[2:]
+            features = torch.cat(parts, dim=-1)
+        return (features - self.w["condition.input_mean"]) / self.w["condition.input_std"]
+
+    def into_frames(self, state: Tensor, origin: Tensor, turn: Tensor) -> Tensor:
+        """Return [N, S] states of the scene frame in the agents' frames."""
+        position = torch.einsum("nji,nj->ni", turn, state[:, :2] - origin)
+        if self.config.order == 1:
+            return position
+        return torch.cat((position, torch.einsum("nji,nj->ni", turn, state[:, 2:])), dim=-1)
+
+    def into_scene(self, states: Tensor, origin: Tensor, turn: Tensor) -> Tensor:
+        """Return [N, M, H, S] states of the agents' frames in the scene frame."""
+        turned = [torch.einsum("nij,nmhj->nmhi", turn, part) for part in states.split(2, dim=-1)]
+        turned[0] = turned[0] + origin[:, None, None]
+        return torch.cat(turned, dim=-1)
+
+    # Encoder and decoder.
+
+    def graph_gru(self, half: str, f: Tensor, h: Tensor, graph: tuple[Tensor, Tensor]) -> Tensor:
+        """Return the next state [N, D] (eq. 6 and 7)."""
+        kr, kz, kh = self.gnn[f"{half}.gnn_f"](f, *graph).chunk(3, dim=1)
+        xr, xz, xh = self.gnn[f"{half}.gnn_h"](h, *graph).chunk(3, dim=1)
+        br, bz, bh = self.w[f"{half}.cell.bias"].chunk(3)
+        r, z = torch.sigmoid(kr + xr + br), torch.sigmoid(kz + xz + bz)
+        return (1.0 - z) * torch.tanh(kh + r * xh + bh) + z * h
+
+    def decoder_input(
+        self,
+        h: Tensor,
+        states: Tensor,
+        start: Tensor,
+        velocity: Tensor,
+        step: int,
+        history: Tensor,
+        valid: Tensor,
+    ) -> Tensor:
+        """Return f [N, D] from the attended history (eq. 14, 15, 16a)."""
+        if self.config.agent_frame:  # how far each state is from uniform motion
+            uniform = torch.cat((start + velocity * step * self.config.dt_s, velocity), dim=-1)
+            states = states - uniform[:, None, : states.size(-1)]
+        x = (states - self.w["condition.state_mean"]) / self.w["condition.state_std"]
+        embedded = self.linear("decoder.embed", x.flatten(1))
+        score = self.linear("decoder.attention.score", torch.cat((h, embedded), dim=1))
+        alpha = torch.softmax(score.masked_fill(~valid, float("-inf")), dim=1)
+        summary = torch.einsum("nt,ntd->nd", alpha, history)
+        return leaky_relu(self.linear("decoder.combine", torch.cat((summary, embedded), 1)), 0.2)
+
+    # Motion and covariance.
+
+    def move(
+        self, state: Tensor, u: Tensor, classes: Tensor, with_jacobian: bool
+    ) -> tuple[Tensor, Tensor | None]:
+        """Return the next states [N, M, S] (eq. 21a) and F [N, M, S, S] (eq. 22) where asked."""
+        arguments = state.flatten(0, 1), u.flatten(0, 1), classes
+        if not with_jacobian:
+            return torch.func.vmap(self.motion.step)(*arguments).view(state.shape), None
+
+        def twice(*of_one: Tensor) -> tuple[Tensor, Tensor]:
+            """Return a step to be differentiated and to be used."""
+            following = self.motion.step(*of_one)
+            return following, following
+
+        derivative = torch.func.jacrev(twice, has_aux=True)
+        jacobian, following = torch.func.vmap(derivative)(*arguments)
+        return following.view(state.shape), jacobian.unflatten(0, state.shape[:2])
+
+    def process_noise(self, h: Tensor) -> Tensor:
+        """Return Q [N, M, 2, 2] (eq. 23)."""
+        body = elu(self.linear("noise.body", h))
+        s1 = softplus(self.linear("noise.sigma_1", body)) + 0.01
+        s2 = softplus(self.linear("noise.sigma_2", body)) + 0.01
+        cross = 0.999 * softsign(self.linear("noise.rho", body)) * s1 * s2
+        return torch.stack((s1 * s1, cross, cross, s2 * s2), dim=-1).unflatten(-1, (2, 2))
+
+    def first_covariance(self, h: Tensor, turn: Tensor, initial: Tensor | None) -> Tensor:
+        """Return P_0 [N, S, S]: given, learned or configured."""
+        if initial is not None:
+            whole = self.block_diagonal(turn)
+            return whole.transpose(-1, -2) @ initial @ whole
+        if self.config.ekf and self.config.initial_covariance == "learned":
+            std = softplus(self.linear("initial_covariance.head", h)) + 0.01
+        else:
+            std = self.w["initial_covariance.std"].expand(len(h), -1)
+        return torch.diag_embed(std * std)
+
+    def kalman(self, p: Tensor, jacobian: Tensor | None, q: Tensor) -> Tensor:
+        """Return P' = F P F^T + G Q G^T (EKF time update, eq. 21b), variances raised by 1e-5."""
+        assert jacobian is not None
+        dt, eye = self.config.dt_s, torch.eye(2, dtype=p.dtype)
+        g = dt * eye
+        if self.config.order == 2:
+            upper = 0.0 if self.config.noise_input == "velocity" else 0.5 * dt * dt
+            g = torch.cat((upper * eye, g))  # eq. 25
+        p = jacobian @ p @ jacobian.transpose(-1, -2) + g @ q @ g.t()
+        return p + 1e-5 * torch.diag_embed(p.diagonal(dim1=-2, dim2=-1))
+
+    def direct_covariance(self, q: Tensor, steps: int) -> Tensor:
+        """Return the decoder's own covariance [N, M, S, S], ``steps`` ahead (ablation)."""
+        size = self.config.state_size
+        p = q.new_zeros(*q.shape[:2], 4, 4)
+        p[..., :2, :2], p[..., 2:, 2:] = (steps * self.config.dt_s) ** 2 * q, q
+        return p[..., :size, :size]
+
+    def block_diagonal(self, turn: Tensor) -> Tensor:
+        """Return [N, S, S] the rotation of whole states."""
+        whole = turn.new_zeros(len(turn), 4, 4)
+        whole[:, :2, :2] = whole[:, 2:, 2:] = turn
+        return whole[:, : self.config.state_size, : self.config.state_size]
+
+    def output_covariance(self, p: Tensor, turn: Tensor) -> Tensor:
+        """Return [N, M, H, S, S] in the scene frame, of observed states, calibrated.
+
+        Each 2x2 block's diagonal is raised by 1e-6 of its mean variance.
+        """
+        whole = self.block_diagonal(turn)[:, None, None]
+        p = whole @ p @ whole.transpose(-1, -2)
+        share = p.diagonal(dim1=-2, dim2=-1).unflatten(-1, (-1, 2)).mean(-1, keepdim=True)
+        p = p + 1e-6 * torch.diag_embed(share.expand(*share.shape[:-1], 2).flatten(-2))
+        observation = torch.tensor(self.config.observation_std).square().diag().to(p.dtype)
+        return self.config.covariance_scale * (p + observation)

@@ -24,7 +24,7 @@ from models import ModelConfig
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.benchmark.latency_benchmark import make_model
 from mtpgo_training.benchmark.machine import heading, markdown, write_json
-from mtpgo_training.benchmark.reference_mtp_go import PlainMTPGO
+from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 from mtpgo_training.benchmark.step_workers import Step, Team, sum_gradients
 from mtpgo_training.training.batch_loss import batch_loss
 from mtpgo_training.training.losses import ewta, negative_log_likelihood
@@ -112,11 +112,13 @@ def make_batch(scenes: int, config: ModelConfig, seed: int = 0) -> Batch:
     return Batch.from_data_list(graphs)
 
 
-def plain_loss(model: PlainMTPGO, batch: Batch, aim: Objective) -> Tensor:
+def plain_loss(model: ReferenceMTPGO, batch: Batch, aim: Objective) -> Tensor:
     """The loss of ``training.batch_loss``, by the reference implementation."""
     log_weight, mean, covariance = (
         part.unsqueeze(0)
-        for part in model.roll_out(batch.x, batch.valid, batch.batch, aim.nll_weight > 0.0)
+        for part in model.roll_out(
+            batch.x, batch.valid, batch.static, batch.batch, aim.nll_weight > 0.0
+        )
     )
     target, weight = batch.target.unsqueeze(0), batch.weight.unsqueeze(0)
     loss = mean.new_zeros(())
@@ -138,35 +140,20 @@ def gradients(loss: Callable[[], Tensor], model: nn.Module) -> tuple[float, dict
     return float(value.detach()), found
 
 
-def in_our_names(plain: PlainMTPGO, grads: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Gradients of the straightforward implementation under the names of our parameters."""
-    result = {}
-    for name, grad in grads.items():
-        if name.startswith("model."):
-            result[name.removeprefix("model.")] = grad
-    for half in ("encoder", "decoder"):
-        for gnn in ("gnn_f", "gnn_h"):
-            mine, theirs = f"{half}.cell.{gnn}.layers.0", f"{half}.{gnn}.attention"
-            for part in ("weight", "bias"):
-                both = [grads[f"{theirs}.{lin}.{part}"] for lin in ("lin_l", "lin_r")]
-                result[f"{mine}.packed.{part}"] = torch.cat(both)
-            result[f"{mine}.edge"] = grads[f"{theirs}.lin_edge.weight"].view(1, -1)
-            result[f"{mine}.score"] = grads[f"{theirs}.att"].squeeze(0)
-            result[f"{mine}.bias"] = grads[f"{theirs}.bias"]
-    return result
-
-
 def largest_difference(scenes: int, phase: str, seed: int = 0) -> float:
     """Largest difference of the losses and of the gradients, see :class:`TrainingRow`."""
     model, aim = make_model(seed).requires_grad_(True).train(), PHASES[phase]
-    plain, batch = PlainMTPGO(model).train(), make_batch(scenes, model.config, seed)
+    plain = ReferenceMTPGO(model.config, model.state_dict())
+    batch = make_batch(scenes, model.config, seed)
     loss, mine = gradients(lambda: batch_loss(model, batch, aim, huber_delta=1.0), model)
-    other, grads = gradients(lambda: plain_loss(plain, batch, aim), plain)
-    theirs = in_our_names(plain, grads)
+    other, theirs = gradients(lambda: plain_loss(plain, batch, aim), plain)
     worst = abs(loss - other) / abs(other)
     floor = 1e-6 * float(torch.stack([g.norm() for g in mine.values()]).norm())
     for name, grad in mine.items():
-        worst = max(worst, float((grad - theirs[name]).norm() / grad.norm().clamp(min=floor)))
+        worst = max(
+            worst,
+            float((grad - theirs[name.replace(".", "/")]).norm() / grad.norm().clamp(min=floor)),
+        )
     return worst
 
 
@@ -185,7 +172,7 @@ def make_step(name: str, phase: str, scenes: int, rank: int = 0, processes: int 
     mine = share_of(whole.ptr.diff().tolist(), rank, processes)
     batch = Batch.from_data_list(whole.index_select(mine))
     share = float(batch.weight.sum() / whole.weight.sum())
-    plain = PlainMTPGO(model).train()
+    plain = ReferenceMTPGO(model.config, model.state_dict())
     network = model if name == "ours" else plain
     optimiser = torch.optim.AdamW(network.parameters(), lr=1e-4)
 

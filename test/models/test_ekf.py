@@ -4,30 +4,13 @@
 
 import pytest
 import torch
+from motion_samples import definite, matrices_last
 
 from models import ModelConfig
-from models.ekf import (
-    FLOOR,
-    INFLATION,
-    BlockProduct,
-    DirectCovariance,
-    EkfCovariance,
-    block_product,
-    initial_in_own_frame,
-    rotate_blocks,
-)
+from models.ekf import INFLATION, EkfCovariance
+from models.own_frame.covariance_frames import FLOOR, rotate_blocks
 
 H, B, N, M = 25, 2, 3, 4
-
-
-def definite(*shape):
-    root = torch.randn(*shape, shape[-1]).double()
-    return root @ root.transpose(-1, -2) + 0.1 * torch.eye(shape[-1])
-
-
-def matrices_last(blocks):
-    """[2, 2, H, B, N, M] from [H, B, N, M, 2, 2]."""
-    return blocks.permute(4, 5, 0, 1, 2, 3)
 
 
 @pytest.mark.parametrize("noise_input", ["velocity", "integrated"])
@@ -93,18 +76,8 @@ def test_the_papers_noise_input_leaves_the_first_position_alone():
         assert float(a[0, 0]) == pytest.approx(variance, rel=1e-3)
 
 
-@pytest.mark.parametrize("order", [1, 2])
-def test_direct_covariance(order):
-    noise = matrices_last(definite(H, B, N, M, 2))
-    blocks = DirectCovariance(ModelConfig(order=order, ekf=False))(noise, noise, noise, noise)
-    torch.testing.assert_close(blocks[0][:, :, 9], 4.0 * noise[:, :, 9])  # (10 * 0.2 s)^2
-    if order == 2:
-        assert not blocks[1].any()
-        torch.testing.assert_close(blocks[2], noise)
-
-
 def test_definite_in_float32_where_it_is_hardest():
-    """Millimetres beside tens of metres, correlations next to one, any heading, stiff dynamics."""
+    """Millimetres and tens of metres, correlations next to one, any heading, stiff dynamics."""
     torch.manual_seed(1)
     cases = 400
     config = ModelConfig()
@@ -129,21 +102,3 @@ def test_definite_in_float32_where_it_is_hardest():
     _, failed = torch.linalg.cholesky_ex(p)
     assert not failed.any()
     assert (torch.linalg.eigvalsh(p.double()) > 0).all()
-
-
-def test_given_covariance_is_turned_into_the_agents_frame():
-    given = definite(B, N, 4)
-    given[0, 1, 0, 0] = float("inf")
-    learned = torch.eye(4).double().view(4, 4, 1, 1).expand(4, 4, B, N)
-    direction = torch.tensor([0.6, 0.8]).double().expand(B, N, 2)
-    own = initial_in_own_frame(given, learned, direction)
-    turn = torch.block_diag(*[torch.tensor([[0.6, -0.8], [0.8, 0.6]]).double()] * 2)
-    torch.testing.assert_close(own[:, :, 1, 2], turn.t() @ given[1, 2] @ turn)
-    torch.testing.assert_close(own[:, :, 0, 1], torch.eye(4).double())
-
-
-def test_block_product_and_its_gradient():
-    x = torch.randn(2, 2, 3, 1, 2).double().requires_grad_()
-    y = torch.randn(2, 2, 3, 4, 2).double().requires_grad_()
-    torch.testing.assert_close(block_product(x, y), torch.einsum("ik...,kj...->ij...", x, y))
-    assert torch.autograd.gradcheck(BlockProduct.apply, (x, y))

@@ -1,11 +1,12 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The whole model, eager and as exported, against the second implementation."""
+"""The whole model, eager and as exported, against the reference implementation."""
 
 import pytest
 import torch
-from made import frozen, make_model, make_scene, save_and_load
-from reference import Reference
+from model_samples import frozen, make_model, make_scene, save_and_load
+
+from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 
 VARIANTS = {
     "default": {},
@@ -28,26 +29,24 @@ VARIANTS = {
     "no EKF, first order": {"ekf": False, "order": 1},
     "no ODE": {"ekf": False, "ode": False},
     "no ODE, first order": {"ekf": False, "ode": False, "order": 1},
+    "calibrated": {"observation_std_m": 0.2, "observation_std_mps": 0.3, "covariance_scale": 1.3},
 }
 SCRIPTED = ("default", "first order", "gat+, two heads, two layers", "static, deep ODE", "no ODE")
 
 
 @pytest.mark.parametrize("name", VARIANTS)
 @torch.no_grad()
-def test_agrees_with_the_second_implementation(name):
+def test_agrees_with_the_reference(name):
     model = make_model(**VARIANTS[name])
     scene = make_scene(2, 7, steps=6, size=model.config.feature_size)
     results = [model(*scene.inputs())]
     if name in SCRIPTED:
         results.append(frozen(model)(*scene.inputs()))
-    reference = Reference(model.config, model.state_dict())
-    for b in range(2):
-        expected = reference.predict(scene.features[b], scene.valid[b], scene.static[b])
-        assert sorted(expected) == scene.present[b].nonzero().flatten().tolist()
-        for agent, triple in expected.items():
-            for result in results:
-                for got, want in zip(result, triple, strict=True):
-                    torch.testing.assert_close(got[b, agent], want, rtol=1e-9, atol=1e-9)
+    expected = ReferenceMTPGO(model.config, model.state_dict())(*scene.inputs())
+    here = scene.present
+    for result in results:
+        for got, want in zip(result, expected, strict=True):
+            torch.testing.assert_close(got[here], want[here], rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -59,15 +58,12 @@ def test_given_initial_covariance_and_teacher(order):
     root = torch.randn(1, 4, s, s).double()
     initial = root @ root.transpose(-1, -2) + torch.eye(s)
     teacher = 10.0 * torch.randn(1, 4, 5, s).double()
-    reference = Reference(model.config, model.state_dict())
+    reference = ReferenceMTPGO(model.config, model.state_dict())
     known = torch.ones(1, 4, 5, dtype=torch.bool)
     result = model.roll_out(*scene.inputs(), initial, True, teacher, known)
-    expected = reference.predict(
-        scene.features[0], scene.valid[0], scene.static[0], initial[0], teacher[0]
-    )
-    for agent, triple in expected.items():
-        for got, want in zip(result, triple, strict=True):
-            torch.testing.assert_close(got[0, agent], want, rtol=1e-9, atol=1e-9)
+    expected = reference(*scene.inputs(), initial, teacher)
+    for got, want in zip(result, expected, strict=True):
+        torch.testing.assert_close(got, want, rtol=1e-9, atol=1e-9)
 
 
 @torch.no_grad()

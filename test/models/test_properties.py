@@ -4,7 +4,7 @@
 
 import pytest
 import torch
-from made import check_mixed_precision, constant_velocity, make_model, make_scene
+from model_samples import check_mixed_precision, constant_velocity, make_model, make_scene
 
 from models.mixture_likelihood import mixture_nll, position_nll
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 import torch
-from rivals import close
+from baseline_samples import close
 
 from models.baselines.baseline_config import GraphConfig, GridConfig
 from models.baselines.cs_lstm import ConvolutionalPooling

@@ -4,7 +4,7 @@
 
 import pytest
 import torch
-from rivals import ALL, make_rival
+from baseline_samples import ALL, make_baseline
 
 STEPS, HORIZON = 4, 6
 
@@ -36,7 +36,7 @@ def learn(model, inputs, target, steps):
 
 
 def small(name):
-    return make_rival(
+    return make_baseline(
         name, torch.float32, wild=False, history_steps=STEPS, horizon_steps=HORIZON, hidden=12
     )
 

@@ -6,8 +6,8 @@ import warnings
 
 import pytest
 import torch
-from made import check_mixed_precision, constant_velocity, make_scene, save_and_load
-from rivals import ALL, close, make_rival
+from baseline_samples import ALL, close, make_baseline
+from model_samples import check_mixed_precision, constant_velocity, make_scene, save_and_load
 
 from models.mixture_likelihood import mixture_nll
 
@@ -15,7 +15,7 @@ from models.mixture_likelihood import mixture_nll
 @ALL
 @torch.no_grad()
 def test_untrained_is_constant_velocity(name):
-    model = make_rival(name, torch.float32, wild=False, modes=8, horizon_steps=25)
+    model = make_baseline(name, torch.float32, wild=False, modes=8, horizon_steps=25)
     scene = make_scene(4, 7, steps=6, dtype=torch.float32)
     log_weight, mean, covariance = model(*scene.inputs())
     here = scene.present
@@ -32,7 +32,7 @@ def test_untrained_is_constant_velocity(name):
 @ALL
 @torch.no_grad()
 def test_shapes_weights_and_what_is_left_out(name):
-    model = make_rival(name, torch.float32, static_features=True)
+    model = make_baseline(name, torch.float32, static_features=True)
     scene = make_scene(2, 4, steps=6, dtype=torch.float32)
     log_weight, mean, covariance = model(*scene.inputs())
     assert log_weight.shape == (2, 4, 3)
@@ -48,7 +48,7 @@ def test_shapes_weights_and_what_is_left_out(name):
 @ALL
 @torch.no_grad()
 def test_permuting_agents_permutes_the_output(name):
-    model, scene, order = make_rival(name), make_scene(2, 7, steps=6), torch.randperm(7)
+    model, scene, order = make_baseline(name), make_scene(2, 7, steps=6), torch.randperm(7)
     moved = model(*(x[:, order] for x in scene.inputs()))
     close(moved, (x[:, order] for x in model(*scene.inputs())))
 
@@ -56,7 +56,7 @@ def test_permuting_agents_permutes_the_output(name):
 @ALL
 @torch.no_grad()
 def test_padding_and_what_stands_where_nobody_was_seen_change_nothing(name):
-    model, scene = make_rival(name), make_scene(2, 7, steps=6)
+    model, scene = make_baseline(name), make_scene(2, 7, steps=6)
     expected = model(*scene.inputs())
     pad = (torch.full((2, 3, 6, 8), 1e6), torch.zeros(2, 3, 6).bool(), torch.ones(2, 3, 8))
     padded = model(*(torch.cat((x, p), dim=1) for x, p in zip(scene.inputs(), pad, strict=True)))
@@ -71,7 +71,7 @@ def test_padding_and_what_stands_where_nobody_was_seen_change_nothing(name):
 @torch.no_grad()
 def test_a_neighbour_who_was_never_there_is_no_neighbour(name):
     """The others are predicted as if agent 1 did not exist."""
-    model, scene = make_rival(name), make_scene(1, 4, steps=6, odd=False)
+    model, scene = make_baseline(name), make_scene(1, 4, steps=6, odd=False)
     scene.valid[:, 1] = False
     others = [0, 2, 3]
     alone = model(*(x[:, others] for x in scene.inputs()))
@@ -81,7 +81,7 @@ def test_a_neighbour_who_was_never_there_is_no_neighbour(name):
 @ALL
 @torch.no_grad()
 def test_scenes_of_a_batch_do_not_hear_each_other(name):
-    model, scene = make_rival(name), make_scene(3, 5, steps=6)
+    model, scene = make_baseline(name), make_scene(3, 5, steps=6)
     alone = model(*(x[1:2] for x in scene.inputs()))
     close(alone, (x[1:2] for x in model(*scene.inputs())))
 
@@ -91,7 +91,7 @@ def test_scenes_of_a_batch_do_not_hear_each_other(name):
 )
 @torch.no_grad()
 def test_who_hears_a_neighbour(name, hears):
-    model, scene = make_rival(name), make_scene(1, 2, steps=6, odd=False)
+    model, scene = make_baseline(name), make_scene(1, 2, steps=6, odd=False)
     scene.features[0, 1, :, :2] = scene.features[0, 0, :, :2] + 5.0
     before = model(*scene.inputs())
     scene.features[0, 1, :, 2:4] += 3.0  # its past speed
@@ -102,7 +102,7 @@ def test_who_hears_a_neighbour(name, hears):
 @ALL
 @torch.no_grad()
 def test_a_late_agent_is_as_if_the_window_began_with_it(name):
-    model, scene = make_rival(name), make_scene(2, 3, steps=6, odd=False)
+    model, scene = make_baseline(name), make_scene(2, 3, steps=6, odd=False)
     scene.valid[:, :, :4] = False
     short = model(scene.features[:, :, 4:], scene.valid[:, :, 4:], scene.static)
     close(model(*scene.inputs()), short)
@@ -111,7 +111,7 @@ def test_a_late_agent_is_as_if_the_window_began_with_it(name):
 @ALL
 @torch.no_grad()
 def test_an_agent_in_a_gap_keeps_its_memory(name):
-    model, scene = make_rival(name), make_scene(1, 1, steps=6, odd=False)
+    model, scene = make_baseline(name), make_scene(1, 1, steps=6, odd=False)
     scene.valid[:, :, 3] = False
     start = model.condition.start(scene.features, scene.valid)
     inputs = torch.randn(1, 1, 6, model.condition.input_size).double()
@@ -127,7 +127,7 @@ def test_an_agent_in_a_gap_keeps_its_memory(name):
 @ALL
 @torch.no_grad()
 def test_one_agent_with_one_sample_or_none(name):
-    model, scene = make_rival(name), make_scene(1, 1, steps=6)
+    model, scene = make_baseline(name), make_scene(1, 1, steps=6)
     scene.valid[:, :, :-1] = False
     assert all(torch.isfinite(x).all() for x in model(*scene.inputs()))
     scene.valid[:] = False
@@ -137,7 +137,7 @@ def test_one_agent_with_one_sample_or_none(name):
 @ALL
 @torch.no_grad()
 def test_the_teacher_enters_only_where_it_is_told_and_only_later(name):
-    model, scene = make_rival(name), make_scene(1, 3, steps=6, odd=False)
+    model, scene = make_baseline(name), make_scene(1, 3, steps=6, odd=False)
     teacher = scene.features[:, :, -1:, :2] + torch.randn(1, 3, 5, 2).double()
     silent = torch.zeros(1, 3, 5, dtype=torch.bool)
     free = model(*scene.inputs())
@@ -156,7 +156,7 @@ def test_the_teacher_enters_only_where_it_is_told_and_only_later(name):
 @torch.no_grad()
 def test_predictions_turn_with_the_scene_if_only_the_own_frame_is_seen(name):
     """Grids turn with their agents; distances do not change."""
-    model, scene = make_rival(name), make_scene(2, 5, steps=6)
+    model, scene = make_baseline(name), make_scene(2, 5, steps=6)
     model.condition.input_std[:8] = 1e12
     turn = torch.tensor([[0.28, -0.96], [0.96, 0.28]]).double()
     shift = torch.tensor([30.0, -20.0]).double()
@@ -172,8 +172,8 @@ def test_predictions_turn_with_the_scene_if_only_the_own_frame_is_seen(name):
 @ALL
 @torch.no_grad()
 def test_observation_noise_is_added_and_the_scale_multiplies(name):
-    plain = make_rival(name)
-    noisy = make_rival(name, observation_std_m=0.3, covariance_scale=1.7)
+    plain = make_baseline(name)
+    noisy = make_baseline(name, observation_std_m=0.3, covariance_scale=1.7)
     noisy.load_state_dict(plain.state_dict())
     inputs = make_scene(1, 3, steps=6).inputs()
     close(noisy(*inputs)[:2], plain(*inputs)[:2])
@@ -184,7 +184,7 @@ def test_observation_noise_is_added_and_the_scale_multiplies(name):
 @ALL
 @torch.no_grad()
 def test_covariances_stay_definite_for_absurd_input(name):
-    model = make_rival(name, torch.float32, wild=False, horizon_steps=25)
+    model = make_baseline(name, torch.float32, wild=False, horizon_steps=25)
     for parameter in model.noise.parameters():
         parameter.normal_(0.0, 30.0)
     scene = make_scene(6, 7, steps=6, dtype=torch.float32)
@@ -198,7 +198,7 @@ def test_covariances_stay_definite_for_absurd_input(name):
 @ALL
 @torch.no_grad()
 def test_the_saved_file_computes_what_the_eager_network_computes(name, tmp_path):
-    model = make_rival(name, torch.float32, static_features=True)
+    model = make_baseline(name, torch.float32, static_features=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         loaded = save_and_load(torch.jit.freeze(torch.jit.script(model)), tmp_path / "model.pt")
@@ -212,7 +212,7 @@ def test_the_saved_file_computes_what_the_eager_network_computes(name, tmp_path)
 @ALL
 @pytest.mark.parametrize("wild", [True, False])
 def test_a_gradient_reaches_every_parameter(name, wild):
-    model = make_rival(name, wild=wild)
+    model = make_baseline(name, wild=wild)
     scene = make_scene(2, 6, steps=6)
     scene.features[..., :2] *= 0.5  # close enough for the grids
     target = constant_velocity(scene, 5) + 0.3
@@ -226,4 +226,4 @@ def test_a_gradient_reaches_every_parameter(name, wild):
 
 @ALL
 def test_mixed_precision_is_near_and_has_gradients(name):
-    check_mixed_precision(make_rival(name, torch.float32, wild=False))
+    check_mixed_precision(make_baseline(name, torch.float32, wild=False))

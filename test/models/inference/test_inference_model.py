@@ -4,7 +4,7 @@
 
 import pytest
 import torch
-from made import frozen, make_model, make_scene
+from model_samples import frozen, make_model, make_scene
 from torch.nn.functional import leaky_relu
 
 from models.inference import FastMTPGO, deployable

@@ -1,12 +1,12 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The blocked inner product of GATv2, forward and backward, at every way of cutting it up."""
+"""The energy of GATv2 in blocks of every size, forward and backward."""
 
 import pytest
 import torch
 
 import models.kernels.attention_energy as module
-from models.kernels.attention_energy import AbsoluteSum, blocks
+from models.kernels.attention_energy import AbsoluteSum, blocks, plain_absolute_sum
 
 
 def make(length, agents, channels, heads):
@@ -20,16 +20,11 @@ def make(length, agents, channels, heads):
     return [torch.randn(*shape).double().requires_grad_() for shape in shapes]
 
 
-def plain(query, key, edge, slope, score):
-    z = query.unsqueeze(2) + key.unsqueeze(1) + edge.unsqueeze(-1) * slope
-    return z.abs() @ score
-
-
 @pytest.mark.parametrize("limit", [1, 40, 150, 500, 10**6])
 def test_value_and_gradient_do_not_depend_on_the_blocks(limit, monkeypatch):
     monkeypatch.setattr(module, "blocks", lambda a, c: blocks(a, c, limit))
     arguments = make(3, 5, 6, 2)
-    got, want = AbsoluteSum.apply(*arguments), plain(*arguments)
+    got, want = AbsoluteSum.apply(*arguments), plain_absolute_sum(*arguments)
     torch.testing.assert_close(got, want)
     weight = torch.randn_like(want)
     ours = torch.autograd.grad((got * weight).sum(), arguments)
@@ -63,3 +58,17 @@ def test_autocast_does_not_narrow_it(heads):
         grads.extend([out.detach(), *(x.grad for x in given)])
     for mine, theirs in zip(found, expected, strict=True):
         torch.testing.assert_close(mine, theirs.to(mine.dtype), rtol=1e-2, atol=1e-3)
+
+
+@pytest.mark.parametrize("heads", [1, 2])
+def test_gradient_is_the_numerical_one(heads):
+    assert torch.autograd.gradcheck(AbsoluteSum.apply, make(2, 3, 4, heads))
+
+
+def test_the_sum_pair_by_pair():
+    query, key, edge, slope, score = make(2, 3, 4, 2)
+    got = plain_absolute_sum(query, key, edge, slope, score)
+    for i in range(3):
+        for j in range(3):
+            z = query[1, i] + key[1, j] + edge[1, i, j] * slope
+            torch.testing.assert_close(got[1, i, j], z.abs() @ score)

@@ -9,7 +9,7 @@ import torch
 
 from models.ekf import INFLATION
 from mtpgo_training.benchmark import latency_benchmark as latency
-from mtpgo_training.benchmark.reference_mtp_go import PlainMTPGO
+from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 from mtpgo_training.cli import main
 
 
@@ -19,7 +19,7 @@ def test_the_two_implementations_agree(agents):
     scene = latency.make_scene(agents, model.config, seed=agents)
     with torch.inference_mode():
         mine = latency.exported(model)(*scene)
-    theirs = PlainMTPGO(model)(*scene)
+    theirs = ReferenceMTPGO(model.config, model.state_dict())(*scene)
     assert latency.largest_difference_m(mine, theirs) < 1e-4
     torch.testing.assert_close(mine[0], theirs[0], rtol=0, atol=1e-5)
     torch.testing.assert_close(mine[1], theirs[1], rtol=0, atol=1e-4)
@@ -54,13 +54,13 @@ def test_command(tmp_path, capsys):
 
 
 def test_a_disagreement_is_an_error_and_no_result(monkeypatch):
-    real = PlainMTPGO.forward
+    real = ReferenceMTPGO.forward
 
     def shifted(self, *scene):
         log_weight, mean, covariance = real(self, *scene)
         return log_weight, mean + 1.0, covariance
 
-    monkeypatch.setattr(PlainMTPGO, "forward", shifted)
+    monkeypatch.setattr(ReferenceMTPGO, "forward", shifted)
     with pytest.raises(Exception, match="differ by"):
         latency.measure(2, 0.01, 100.0)
 

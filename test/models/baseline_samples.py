@@ -25,7 +25,7 @@ ALL = pytest.mark.parametrize("name", KINDS)
 SMALL = {"history_steps": 6, "horizon_steps": 5, "modes": 3, "hidden": 8, "embedding": 6}
 
 
-def make_rival(name, dtype=torch.float64, wild=True, **choices):
+def make_baseline(name, dtype=torch.float64, wild=True, **choices):
     """A small baseline; ``wild`` gives every weight and scale a random value that matters."""
     network, config = KINDS[name]
     model = network(config.from_dict({**SMALL, **choices})).eval()

@@ -1,8 +1,0 @@
-# Copyright 2026 the mtpgo_ros developers
-# SPDX-License-Identifier: Apache-2.0
-"""The helpers of the baselines' tests."""
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))

@@ -1,0 +1,36 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The choice of the layers, and the gradients of all of them."""
+
+import pytest
+import torch
+from graph_samples import SIZE_IN, SIZE_OUT, Graphs, same
+
+from models.gnn_layers.gnn_layer import NodeOnly
+from models.gnn_layers.graph_network import make_layer
+
+
+def test_without_edges_no_agent_depends_on_others():
+    graphs = Graphs()
+    dense = NodeOnly(SIZE_IN, SIZE_OUT).double()
+    same(graphs.run(dense), dense.linear(graphs.x))
+
+
+@pytest.mark.parametrize("name", ["graphconv", "gcn", "gat", "gat+"])
+def test_gradients_equal_autograd_through_pyg_shaped_loops(name):
+    """The layers' gradients, the attention's own backward among them, by finite differences."""
+    graphs = Graphs(sizes=(3, 2))
+    layer = make_layer(name, SIZE_IN, 3, heads=2).double()
+    parameters = tuple(layer.parameters()) + tuple(graphs.kernel.parameters())
+
+    def run(x, *_):
+        graphs.dense_x = x
+        return graphs.run(layer)
+
+    x = graphs.dense_x.clone().requires_grad_()
+    assert torch.autograd.gradcheck(run, (x, *parameters), atol=1e-6)
+
+
+def test_an_unknown_layer_is_answered_with_the_known_ones():
+    with pytest.raises(ValueError, match=r"'none', 'graphconv', 'gcn', 'gat', 'gat\+'"):
+        make_layer("transformer", 3, 3)
