@@ -90,7 +90,7 @@ class AbsoluteSum(torch.autograd.Function):
     def forward(
         ctx: Any, query: Tensor, key: Tensor, edge: Tensor, slope: Tensor, score: Tensor
     ) -> Tensor:
-        """See :func:`plain_absolute_sum`; in the widest type of the arguments, under autocast too."""
+        """See :func:`plain_absolute_sum`; in the arguments' widest type, under autocast too."""
         given = (query, key, edge, slope, score)
         wide = functools.reduce(torch.promote_types, (x.dtype for x in given))
         query, key, edge, slope, score = (x.to(wide) for x in given)

@@ -117,7 +117,7 @@ class Conditioning(nn.Module):
         return scaled * valid.unsqueeze(-1)
 
     def scale_states(self, states: Tensor, start: Start, step: int) -> Tensor:
-        """Return [B, N, M * S] the decoder's view of states [B, N, M, S], ``step`` steps after t."""
+        """Return [B, N, M * S] the decoder's view of states [B, N, M, S] at ``step`` (0: t)."""
         if self.agent_frame:
             expected = start.position + start.velocity * (step * self.dt_s)
             if self.order == 2:
