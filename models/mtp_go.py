@@ -108,7 +108,7 @@ class MTPGO(TrajectoryPredictor):
             hidden.append(h)
         mean = states_to_scene(torch.stack(states), start).permute(1, 2, 3, 0, 4).contiguous()
 
-        # Covariance, over the whole horizon at once where it can be.
+        # Covariance over the whole horizon.
         if not with_covariance:
             return log_weight, mean, torch.empty(0, dtype=mean.dtype, device=mean.device)
         noise = self.noise(torch.stack(hidden))  # [2, 2, H, B, N, M]

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""GAT+, attention with a matrix of its own for the receiving agent (eq. 12)."""
+"""GAT+, attention and a separate matrix for the receiving agent (eq. 12)."""
 
 from torch import Tensor, nn
 

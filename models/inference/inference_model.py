@@ -38,7 +38,7 @@ def deployable(model: MTPGO) -> nn.Module:
 class FastMTPGO(nn.Module):
     """The same function as :meth:`MTPGO.forward` of the model it is built from.
 
-    It holds its own products of the weights: a model that is trained further needs a new one.
+    It holds products of the weights: after further training it has to be built again.
 
     Args:
         model: a model whose configuration :func:`is_covered`.
@@ -120,7 +120,7 @@ class FastMTPGO(nn.Module):
         """Return [B, N, M, H, S] states in the scene frame from [H, B N M, S] deviations."""
         scenes, agents = start.origin.size(0), start.origin.size(1)
         cos, sin = start.direction.unbind(-1)
-        # A row vector times the transposed rotation, for position and velocity at once.
+        # A row vector times the transposed rotation, for position and velocity together.
         turn = torch.stack((torch.stack((cos, sin), -1), torch.stack((-sin, cos), -1)), -2)
         none = torch.zeros_like(turn)
         both = torch.cat((torch.cat((turn, none), -1), torch.cat((none, turn), -1)), -2)

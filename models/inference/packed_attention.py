@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""GATv2 attention with one head on K kinds of graphs at once, for inference."""
+"""GATv2 attention with one head on K kinds of graphs together, for inference."""
 
 from typing import cast
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The model that speeds are measured with: the default architecture, exported without training."""
+"""The model for speed measurements: the default architecture, exported without training."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from tempfile import TemporaryDirectory
 from mtpgo_core.task.model_file import find_model, load_task
 
 REFERENCE = "reference"
-"""Name under which the commands know it."""
+"""Its name on the command line."""
 
 
 @contextmanager
 def model_file(name: str) -> Iterator[Path]:
-    """File of a model by name or path; ``reference`` is exported into a temporary folder.
+    """Yield the file of a model by name or path; ``reference`` is exported to a temporary folder.
 
     Raises:
         ModelFileError: the file is no model.

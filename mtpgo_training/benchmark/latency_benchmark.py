@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Time of one prediction, the exported model and the straightforward one in turns."""
+"""Time of one prediction: the exported model and the reference implementation in turns."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from mtpgo_training.training.torch_process import prepare_process
 Inputs = tuple[Tensor, Tensor, Tensor]
 
 LARGEST_DIFFERENCE_M = 1e-4
-"""Of the two implementations' means; more is an error, not a result."""
+"""Largest difference of the two implementations' means; more is an error, not a result."""
 
 TURNS = 5
-"""Predictions of the exported model for each one of the other."""
+"""Predictions of the exported model per prediction of the other."""
 
 LEAST_ROUNDS = 5
 
@@ -43,7 +43,7 @@ class LatencyRow:
         agents: N of one complete graph.
         threads: of torch.
         median_ms: of the exported model.
-        p99_ms: likewise.
+        p99_ms: 99th percentile of the exported model.
         baseline_median_ms: of the straightforward implementation.
         ratio: of the medians.
         mflop: of the matrix products in the equations.
@@ -63,7 +63,7 @@ class LatencyRow:
 
 
 def make_model(seed: int = 0) -> MTPGO:
-    """The default model; not trained, but with a motion model that is not linear."""
+    """Return the default model, untrained but with a nonlinear motion model."""
     torch.manual_seed(seed)
     model = MTPGO(ModelConfig()).eval().requires_grad_(False)
     with torch.no_grad():
@@ -73,7 +73,7 @@ def make_model(seed: int = 0) -> MTPGO:
 
 
 def make_scene(agents: int, config: ModelConfig, seed: int = 0) -> Inputs:
-    """Features [1, N, T, F], presence and classes of agents that drive in all directions."""
+    """Return features [1, N, T, F], presence and classes of agents driving in all directions."""
     draw = torch.Generator().manual_seed(seed)
     time_s = config.dt_s * torch.arange(1 - config.history_steps, 1)
     angle = 6.3 * torch.rand(agents, 1, generator=draw) + 0.1 * time_s
@@ -91,7 +91,7 @@ def make_scene(agents: int, config: ModelConfig, seed: int = 0) -> Inputs:
 
 
 def exported(model: MTPGO) -> torch.jit.ScriptModule:
-    """The model after a round trip through a file, as a robot has it."""
+    """Return the model after a round trip through a file, as the node loads it."""
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit as a whole
         path = str(Path(folder, "model.pt"))
@@ -100,14 +100,14 @@ def exported(model: MTPGO) -> torch.jit.ScriptModule:
 
 
 def matrix_mflop(model: MTPGO, scene: Inputs) -> float:
-    """Millions of floating point operations in the matrix products of the model as written."""
+    """Return the millions of floating point operations of the model's matrix products."""
     with torch.no_grad(), FlopCounterMode(display=False) as counter:
         model(*scene)
     return counter.get_total_flops() / 1e6
 
 
 def gemm_gflops(size: int = 768, seconds: float = 0.5) -> float:
-    """The best rate of one large float32 matrix product (GFLOP/s)."""
+    """Return the best rate of one large float32 matrix product (GFLOP/s)."""
     a, b = torch.randn(2, size, size)
     out = torch.empty(size, size)
     best, until = float("inf"), time.perf_counter() + seconds
@@ -119,16 +119,16 @@ def gemm_gflops(size: int = 768, seconds: float = 0.5) -> float:
 
 
 def largest_difference_m(one: tuple[Tensor, ...], other: tuple[Tensor, ...]) -> float:
-    """Between the positions of two predictions (m)."""
+    """Return the largest difference between the positions of two predictions (m)."""
     return float((one[1][..., :2] - other[1][..., :2]).abs().max())
 
 
 def measure(agents: int, seconds: float, peak_gflops: float) -> LatencyRow:
-    """Both implementations in turns.
+    """Measure both implementations in turns.
 
     Args:
         agents: N.
-        seconds: how long; five rounds at least.
+        seconds: how long; at least five rounds.
         peak_gflops: of :func:`gemm_gflops`.
 
     Raises:
@@ -186,7 +186,7 @@ def print_latency(
         threads: numbers of threads.
         seconds: for each row.
         output: JSON file with the machine and ``rows``, or None.
-        command: that repeats it.
+        command: command line that repeats it.
 
     Raises:
         ConfigurationError: the file cannot be written.
@@ -213,7 +213,7 @@ def print_latency(
 
 
 def table(rows: list[LatencyRow]) -> str:
-    """The rows in Markdown."""
+    """Return the rows in Markdown."""
     lines = [
         "| agents | threads | median ms | p99 ms | straightforward ms | ratio | MFLOP | of GEMM |",
         "|---:|---:|---:|---:|---:|---:|---:|---:|",

@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Speed and memory of a training step, ours and the straightforward one in turns.
+"""Speed and memory of a training step: ours and the reference implementation's in turns.
 
-Ours twice: as ``mtpgo train`` works on two cores by default, two processes with a thread each that
-sum their gradients, and one process with two threads.
+Ours is measured twice: as ``mtpgo train`` works on two cores by default, with two processes of one
+thread each that sum their gradients, and with one process of two threads.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from mtpgo_training.training.objective import Objective
 PHASES = {"EWTA": Objective(8, 1.0, 0.0), "NLL": Objective(1, 0.0, 1.0)}
 
 LARGEST_DIFFERENCE = 1e-3
-"""Of losses and gradients, relative; more is an error, not a result."""
+"""Largest relative difference of losses and gradients; more is an error, not a result."""
 
 ROUNDS_BEFORE = 2
-"""Steps that are not counted: memory is taken, threads are started."""
+"""Steps that are not counted, in which memory is allocated and threads are started."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class TrainingRow:
     Attributes:
         phase: EWTA or NLL.
         scenes: graphs in the batch.
-        agents: in all of them.
-        processes: that share a batch, ours.
-        threads: of torch in each of them.
+        agents: agents in all graphs.
+        processes: how many share a batch, ours.
+        threads: of torch in each process.
         samples_per_s: scenes per second, ours.
         plain_samples_per_s: of the straightforward implementation, on as many threads in all.
         ratio: of the two, the median over the rounds.
@@ -75,7 +75,7 @@ class TrainingRow:
 
 
 def make_batch(scenes: int, config: ModelConfig, seed: int = 0) -> Batch:
-    """Graphs of 2 to 16 agents on arcs; some enter late, and some futures end early."""
+    """Return graphs of 2 to 16 agents on arcs; some enter late, and some futures end early."""
     draw = torch.Generator().manual_seed(seed)
     past, ahead = config.history_steps, config.horizon_steps
     time_s = config.dt_s * torch.arange(1 - past, ahead + 1)
@@ -113,7 +113,7 @@ def make_batch(scenes: int, config: ModelConfig, seed: int = 0) -> Batch:
 
 
 def plain_loss(model: ReferenceMTPGO, batch: Batch, aim: Objective) -> Tensor:
-    """The loss of ``training.batch_loss``, by the reference implementation."""
+    """Return the loss of ``training.batch_loss``, by the reference implementation."""
     log_weight, mean, covariance = (
         part.unsqueeze(0)
         for part in model.roll_out(
@@ -131,7 +131,7 @@ def plain_loss(model: ReferenceMTPGO, batch: Batch, aim: Objective) -> Tensor:
 
 
 def gradients(loss: Callable[[], Tensor], model: nn.Module) -> tuple[float, dict[str, Tensor]]:
-    """A loss and the gradients of the parameters that it has."""
+    """Return a loss and the gradients of all parameters that have one."""
     model.zero_grad()
     value = loss()
     value.backward()
@@ -141,7 +141,7 @@ def gradients(loss: Callable[[], Tensor], model: nn.Module) -> tuple[float, dict
 
 
 def largest_difference(scenes: int, phase: str, seed: int = 0) -> float:
-    """Largest difference of the losses and of the gradients, see :class:`TrainingRow`."""
+    """Return the largest difference of losses and gradients, see :class:`TrainingRow`."""
     model, aim = make_model(seed).requires_grad_(True).train(), PHASES[phase]
     plain = ReferenceMTPGO(model.config, model.state_dict())
     batch = make_batch(scenes, model.config, seed)
@@ -158,14 +158,14 @@ def largest_difference(scenes: int, phase: str, seed: int = 0) -> float:
 
 
 def make_step(name: str, phase: str, scenes: int, rank: int = 0, processes: int = 1) -> Step:
-    """One optimisation step of an implementation, ``ours`` or ``plain``.
+    """Return one optimisation step of an implementation.
 
     Args:
-        name: which.
+        name: ``ours`` or ``plain``, the reference implementation.
         phase: one of ``PHASES``.
         scenes: graphs in the whole batch.
         rank: of this process; its share is that of ``mtpgo train``.
-        processes: that share the batch.
+        processes: how many share the batch.
     """
     model, aim = make_model().requires_grad_(True).train(), PHASES[phase]
     whole = make_batch(scenes, model.config)
@@ -192,12 +192,12 @@ def make_step(name: str, phase: str, scenes: int, rank: int = 0, processes: int 
 
 
 def measure(phase: str, scenes: int, threads: int, rounds: int) -> list[TrainingRow]:
-    """One phase of training: a process per thread, and one process.
+    """Measure one phase of training: with a process per thread, and with one process.
 
     Args:
         phase: one of ``PHASES``.
         scenes: graphs in the batch.
-        threads: in all.
+        threads: total number.
         rounds: steps of every implementation, in turns.
 
     Raises:
@@ -256,7 +256,7 @@ def _check(phase: str, what: str, difference: float) -> None:
 
 
 def table(rows: list[TrainingRow]) -> str:
-    """The rows in Markdown."""
+    """Return the rows in Markdown."""
     head = ["phase", "scenes", "agents", "processes", "threads", "samples/s", "straightforward"]
     head += ["ratio", "memory MB", "straightforward MB", "share"]
     lines = [
@@ -285,9 +285,9 @@ def print_training(
 
     Args:
         scenes: graphs in the batch.
-        threads: in all.
+        threads: total number.
         rounds: steps of every implementation, in turns.
-        command: the command line, to stand above the table.
+        command: the command line, printed above the table.
         output: JSON file with the machine and ``rows``, or None.
     """
     above = heading(command)

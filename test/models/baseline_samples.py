@@ -26,7 +26,7 @@ SMALL = {"history_steps": 6, "horizon_steps": 5, "modes": 3, "hidden": 8, "embed
 
 
 def make_baseline(name, dtype=torch.float64, wild=True, **choices):
-    """A small baseline; ``wild`` gives every weight and scale a random value that matters."""
+    """Return a small baseline; ``wild`` gives every weight and scale a random value."""
     network, config = KINDS[name]
     model = network(config.from_dict({**SMALL, **choices})).eval()
     if wild:

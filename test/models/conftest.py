@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the network's tests share: one thread, a fixed seed, and the helpers beside this file."""
+"""Shared by the network's tests: one thread, a fixed seed, and the folder's helper modules."""
 
 import sys
 from pathlib import Path

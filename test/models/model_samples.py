@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes and models for the tests: small, random, and with every kind of presence."""
+"""Small random scenes, with every kind of presence, and models for the tests."""
 
 import math
 import warnings
@@ -46,7 +46,7 @@ def make_scene(
     """Curving agents in [B, N, T, F]; ``odd`` presence: late, gone, one sample, a gap, padding.
 
     The first agent is always there; agent 1 appears late, 2 leaves early, 3 has one sample, 4 is
-    missed for one step, 5 is padding in the first scene, 6 stands still, as far as there are such.
+    missed for one step, 5 is padding in the first scene, 6 is stationary, if there are that many.
     """
     generator = torch.Generator().manual_seed(100 * batch + agents)
     rand = lambda *shape: torch.randn(*shape, generator=generator, dtype=torch.float64)  # noqa: E731
@@ -85,7 +85,7 @@ def make_scene(
 
 
 def make_model(dtype: torch.dtype = torch.float64, wild: bool = True, **choices: object) -> MTPGO:
-    """A small model; ``wild`` gives every weight and every scale a random value that matters."""
+    """Return a small model; ``wild`` gives every weight and scale a random value that matters."""
     model = MTPGO(ModelConfig.from_dict({**SMALL, **choices})).eval()
     if wild:
         with torch.no_grad():
@@ -103,14 +103,14 @@ def make_model(dtype: torch.dtype = torch.float64, wild: bool = True, **choices:
 
 
 def frozen(model: MTPGO) -> torch.jit.ScriptModule:
-    """The model as it is exported."""
+    """Return the model as it is exported."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit is, and is what we export
         return torch.jit.freeze(torch.jit.script(deployable(model.eval())))
 
 
 def save_and_load(model: torch.jit.ScriptModule, path: Path) -> torch.jit.ScriptModule:
-    """The model after a round trip through a file."""
+    """Return the model after a round trip through a file."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         torch.jit.save(model, str(path))
@@ -125,7 +125,7 @@ def constant_velocity(scene: Scene, steps: int, dt_s: float = 0.2) -> Tensor:
 
 
 def check_mixed_precision(model: TrajectoryPredictor) -> None:
-    """That a float32 model computes nearly the same under autocast, and has gradients there."""
+    """Assert that autocast changes a float32 model's result little, and that it has gradients."""
     scene = make_scene(2, 6, steps=6, dtype=torch.float32)
     mean = model(*scene.inputs())[1]
     with torch.autocast("cpu", torch.bfloat16):

@@ -73,7 +73,7 @@ def test_gradients():
     torch.testing.assert_close(*folded)
 
 
-def test_unknown_truth_costs_nothing_and_harms_nothing():
+def test_an_unknown_target_has_no_loss_and_no_gradient():
     log_weight, mean, covariance, target = make(4, torch.float32)
     leaves = [x.requires_grad_() for x in (log_weight, mean, covariance)]
     target[:, :, 2:] = float("nan")

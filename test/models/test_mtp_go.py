@@ -72,10 +72,10 @@ def test_an_unknown_initial_covariance_is_the_models_own():
     scene = make_scene(1, 3, steps=6, odd=False)
     given = torch.eye(4).double().expand(1, 3, 4, 4).clone()
     given[0, 1, 2, 2] = float("nan")
-    own, told = model(*scene.inputs()), model(*scene.inputs(), given)
-    torch.testing.assert_close(told[2][0, 1], own[2][0, 1])
-    assert not torch.allclose(told[2][0, 0], own[2][0, 0])
-    assert not torch.allclose(told[2][0, 2], own[2][0, 2])
+    own, mixed = model(*scene.inputs()), model(*scene.inputs(), given)
+    torch.testing.assert_close(mixed[2][0, 1], own[2][0, 1])
+    assert not torch.allclose(mixed[2][0, 0], own[2][0, 0])
+    assert not torch.allclose(mixed[2][0, 2], own[2][0, 2])
 
 
 @pytest.mark.parametrize("order", [1, 2])

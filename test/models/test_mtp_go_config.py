@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration: round trip, and a wrong choice is answered by the right ones."""
+"""Options of MTP-GO: round trip, and the errors of wrong values."""
 
 import json
 
@@ -44,5 +44,5 @@ def test_static_features_need_classes():
         ModelConfig(static_features=True, static_size=0)
 
 
-def test_an_integer_serves_where_a_number_is_wanted():
+def test_an_integer_is_accepted_for_a_float():
     assert ModelConfig(dt_s=1).dt_s == 1

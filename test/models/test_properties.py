@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What must hold for any weights: masks, permutations, causality, definiteness, the start."""
+"""Properties that hold for any weights: masks, permutations, causality, definiteness, start."""
 
 import pytest
 import torch
@@ -33,7 +33,7 @@ def test_permuting_agents_permutes_the_output(layer):
 
 @LAYERS
 @torch.no_grad()
-def test_padding_changes_nobodys_result(layer):
+def test_padding_changes_no_result(layer):
     model = make_model(layer=layer)
     scene = make_scene(2, 5, steps=6)
     pad = (torch.full((2, 3, 6, 8), 1e6), torch.zeros(2, 3, 6).bool(), torch.ones(2, 3, 8))
@@ -43,7 +43,7 @@ def test_padding_changes_nobodys_result(layer):
 
 
 @torch.no_grad()
-def test_scenes_of_a_batch_do_not_hear_each_other():
+def test_scenes_of_a_batch_are_independent():
     model = make_model()
     scene = make_scene(3, 5, steps=6)
     whole = model(*scene.inputs())
@@ -52,18 +52,18 @@ def test_scenes_of_a_batch_do_not_hear_each_other():
 
 
 @torch.no_grad()
-def test_what_stands_where_nobody_was_seen_does_not_matter():
+def test_invalid_samples_do_not_matter():
     model = make_model()
     scene = make_scene(2, 7, steps=6)
     hole = ~scene.valid.unsqueeze(-1)
-    for rubbish in (1e9, float("nan"), float("inf")):
-        filled = torch.where(hole, rubbish, scene.features)
+    for value in (1e9, float("nan"), float("inf")):
+        filled = torch.where(hole, value, scene.features)
         close(model(filled, scene.valid, scene.static), model(*scene.inputs()))
 
 
 @torch.no_grad()
 def test_a_late_agent_is_as_if_the_window_began_with_it():
-    """Its first state is the learned one whenever it appears, and attention is blind before."""
+    """Its first state is the learned one whenever it appears; attention ignores earlier steps."""
     model = make_model()
     scene = make_scene(1, 1, steps=6, odd=False)
     valid = scene.valid.clone()
@@ -101,21 +101,21 @@ def test_one_agent_with_one_sample(order):
 
 @ORDERS
 @torch.no_grad()
-def test_the_teacher_enters_only_where_it_is_told_and_only_later(order):
+def test_the_teacher_is_seen_only_where_valid_and_only_later(order):
     model = make_model(order=order)
     scene = make_scene(1, 3, steps=6, odd=False)
     teacher = torch.randn(1, 3, 5, 2 * order).double()
     silent = torch.zeros(1, 3, 5, dtype=torch.bool)
     free = model(*scene.inputs())
-    told = lambda t, v: model.roll_out(*scene.inputs(), None, True, t, v)  # noqa: E731
-    close(told(teacher, silent), free)
-    close(told(torch.full_like(teacher, float("nan")), silent), free)
+    forced_by = lambda t, v: model.roll_out(*scene.inputs(), None, True, t, v)  # noqa: E731
+    close(forced_by(teacher, silent), free)
+    close(forced_by(torch.full_like(teacher, float("nan")), silent), free)
     known = ~silent
-    forced = told(teacher, known)
+    forced = forced_by(teacher, known)
     assert not torch.allclose(forced[1], free[1])
     later = teacher.clone()
     later[:, :, 2:] += 5.0  # the truth from the third step on
-    changed = told(later, known)
+    changed = forced_by(later, known)
     close(
         (changed[1][..., :3, :], changed[2][..., :3, :, :]),
         (forced[1][..., :3, :], forced[2][..., :3, :, :]),
@@ -155,13 +155,13 @@ def test_untrained_is_constant_velocity(order, ode):
     apart = torch.cdist(ends, ends) + 1e3 * torch.eye(8)
     assert apart.min() > 0.03
     deviation = covariance[here].diagonal(dim1=-2, dim2=-1).sqrt()
-    assert (deviation[:, :, 1:, 0] > deviation[:, :, :-1, 0]).all()  # ever less certain
+    assert (deviation[:, :, 1:, 0] > deviation[:, :, :-1, 0]).all()  # increasingly uncertain
 
 
 @ORDERS
 @torch.no_grad()
-def test_predictions_turn_with_the_scene_if_only_the_own_frame_is_seen(order):
-    """With the scene-frame inputs silenced, all follows the scene when it turns and shifts."""
+def test_predictions_rotate_with_the_scene_if_only_the_own_frame_is_seen(order):
+    """Without scene-frame inputs, predictions rotate and shift with the scene."""
     model = make_model(order=order, agent_frame=True)
     model.condition.input_std[:8] = 1e12
     scene = make_scene(2, 5, steps=6)
@@ -218,7 +218,7 @@ def test_a_gradient_reaches_every_parameter(choices):
         assert parameter.grad.any(), name
 
 
-def test_the_untrained_model_learns_behind_its_quiet_heads():
+def test_gradients_reach_the_layers_before_the_small_initial_heads():
     model = make_model(torch.float32, wild=False)
     scene = make_scene(2, 4, steps=6, dtype=torch.float32)
     _, mean, _ = model(*scene.inputs())
@@ -228,7 +228,7 @@ def test_the_untrained_model_learns_behind_its_quiet_heads():
 
 @ORDERS
 @torch.no_grad()
-def test_covariances_stay_definite_for_absurd_input(order):
+def test_covariances_stay_definite_for_extreme_input(order):
     model = make_model(torch.float32, wild=False, order=order, horizon_steps=25)
     for parameter in (*model.noise.parameters(), *model.initial_covariance.parameters()):
         parameter.normal_(0.0, 30.0)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Options of the baselines: round trip, and a wrong one is answered by the right ones."""
+"""Options of the baselines: round trip, and the errors of wrong values."""
 
 import json
 

@@ -65,7 +65,7 @@ def test_social_pooling_is_a_layer_on_the_social_tensor():
     pooling.bias.normal_()
     h, *where = crowd()
     tensor = social_tensor(h, *where, GRID)
-    assert (tensor.abs().sum(-1) > 0).sum() > 20  # agents do stand in the grids
+    assert (tensor.abs().sum(-1) > 0).sum() > 20  # the grids are not empty
     weight = pooling.contribution.weight.view(7, 3, 3, 4)  # rows, columns, out, D
     expected = torch.relu(torch.einsum("bnrcd,rcod->bno", tensor, weight) + pooling.bias)
     close((pooling(h, pooling.prepare(*where)),), (expected,))
@@ -78,8 +78,8 @@ def test_convolutional_pooling_sees_the_social_tensor():
     tensor = social_tensor(h, *where, GRID).permute(0, 1, 4, 2, 3).flatten(0, 1)
     links = pooling.prepare(*where)
     close((pooling.tensor(h, links),), (tensor,))
-    heard = pooling(h, links)
-    assert heard.shape == (2, 9, pooling.size)
+    features = pooling(h, links)
+    assert features.shape == (2, 9, pooling.size)
     assert pooling.size == 16 * 2 * 1
 
 
@@ -96,12 +96,13 @@ def test_the_published_grid_gives_the_published_size(rows, columns, size):
 def test_the_graph_is_that_of_the_present_agents():
     interaction = GraphInteraction(GraphConfig(hidden=4, embedding=3, bandwidth_m=10.0)).double()
     h, position, direction, present = crowd()
-    heard = interaction(h, interaction.prepare(position, direction, present))
+    features = interaction(h, interaction.prepare(position, direction, present))
     for b in range(2):
         here = present[b]
         fewer = (position[b : b + 1, here], direction[b : b + 1, here], present[b : b + 1, here])
         close(
-            (heard[b, here],), (interaction(h[b : b + 1, here], interaction.prepare(*fewer))[0],)
+            (features[b, here],),
+            (interaction(h[b : b + 1, here], interaction.prepare(*fewer))[0],),
         )
 
 
@@ -115,7 +116,7 @@ def test_a_near_neighbour_counts_differently_from_a_far_one():
     assert not torch.allclose(near, far)
 
 
-def test_without_interaction_nothing_is_heard():
+def test_without_interaction_there_are_no_features():
     h, *where = crowd()
     interaction = NoInteraction()
     assert interaction(h, interaction.prepare(*where)).shape == (2, 9, 0)

@@ -23,10 +23,10 @@ def test_untrained_is_constant_velocity(name):
     off = (mean - constant_velocity(scene, 25).unsqueeze(2)).norm(dim=-1)[here]  # [agents, M, H]
     assert off[:, 0].max() < 0.15
     assert off.max() < 1.0
-    ends = mean[..., -1, :][here]  # the modes differ, or nothing could tell them apart
+    ends = mean[..., -1, :][here]  # the modes differ, or no loss could separate them
     assert (torch.cdist(ends, ends) + 1e3 * torch.eye(8)).min() > 0.03
     deviation = covariance[here].diagonal(dim1=-2, dim2=-1).sqrt()
-    assert (deviation[:, :, 1:] > deviation[:, :, :-1]).all()  # ever less certain
+    assert (deviation[:, :, 1:] > deviation[:, :, :-1]).all()  # increasingly uncertain
 
 
 @ALL
@@ -55,21 +55,21 @@ def test_permuting_agents_permutes_the_output(name):
 
 @ALL
 @torch.no_grad()
-def test_padding_and_what_stands_where_nobody_was_seen_change_nothing(name):
+def test_padding_and_invalid_samples_change_nothing(name):
     model, scene = make_baseline(name), make_scene(2, 7, steps=6)
     expected = model(*scene.inputs())
     pad = (torch.full((2, 3, 6, 8), 1e6), torch.zeros(2, 3, 6).bool(), torch.ones(2, 3, 8))
     padded = model(*(torch.cat((x, p), dim=1) for x, p in zip(scene.inputs(), pad, strict=True)))
     close((x[:, :7] for x in padded), expected)
     assert all(torch.isfinite(x).all() for x in padded)
-    for rubbish in (1e9, float("nan"), float("inf")):
-        filled = torch.where(scene.valid.unsqueeze(-1), scene.features, rubbish)
+    for value in (1e9, float("nan"), float("inf")):
+        filled = torch.where(scene.valid.unsqueeze(-1), scene.features, value)
         close(model(filled, scene.valid, scene.static), expected)
 
 
 @ALL
 @torch.no_grad()
-def test_a_neighbour_who_was_never_there_is_no_neighbour(name):
+def test_an_agent_that_was_never_present_is_no_neighbour(name):
     """The others are predicted as if agent 1 did not exist."""
     model, scene = make_baseline(name), make_scene(1, 4, steps=6, odd=False)
     scene.valid[:, 1] = False
@@ -80,23 +80,24 @@ def test_a_neighbour_who_was_never_there_is_no_neighbour(name):
 
 @ALL
 @torch.no_grad()
-def test_scenes_of_a_batch_do_not_hear_each_other(name):
+def test_scenes_of_a_batch_are_independent(name):
     model, scene = make_baseline(name), make_scene(3, 5, steps=6)
     alone = model(*(x[1:2] for x in scene.inputs()))
     close(alone, (x[1:2] for x in model(*scene.inputs())))
 
 
 @pytest.mark.parametrize(
-    ("name", "hears"), [("seq2seq", False), ("s-lstm", True), ("cs-lstm", True), ("gnn-rnn", True)]
+    ("name", "depends"),
+    [("seq2seq", False), ("s-lstm", True), ("cs-lstm", True), ("gnn-rnn", True)],
 )
 @torch.no_grad()
-def test_who_hears_a_neighbour(name, hears):
+def test_which_networks_depend_on_a_neighbour(name, depends):
     model, scene = make_baseline(name), make_scene(1, 2, steps=6, odd=False)
     scene.features[0, 1, :, :2] = scene.features[0, 0, :, :2] + 5.0
     before = model(*scene.inputs())
     scene.features[0, 1, :, 2:4] += 3.0  # its past speed
     after = model(*scene.inputs())
-    assert torch.allclose(before[1][0, 0], after[1][0, 0]) is not hears
+    assert torch.allclose(before[1][0, 0], after[1][0, 0]) is not depends
 
 
 @ALL
@@ -136,18 +137,18 @@ def test_one_agent_with_one_sample_or_none(name):
 
 @ALL
 @torch.no_grad()
-def test_the_teacher_enters_only_where_it_is_told_and_only_later(name):
+def test_the_teacher_is_seen_only_where_valid_and_only_later(name):
     model, scene = make_baseline(name), make_scene(1, 3, steps=6, odd=False)
     teacher = scene.features[:, :, -1:, :2] + torch.randn(1, 3, 5, 2).double()
     silent = torch.zeros(1, 3, 5, dtype=torch.bool)
     free = model(*scene.inputs())
-    told = lambda t, v: model.roll_out(*scene.inputs(), None, True, t, v)  # noqa: E731
-    close(told(torch.full_like(teacher, float("nan")), silent), free)
-    forced = told(teacher, ~silent)
+    forced_by = lambda t, v: model.roll_out(*scene.inputs(), None, True, t, v)  # noqa: E731
+    close(forced_by(torch.full_like(teacher, float("nan")), silent), free)
+    forced = forced_by(teacher, ~silent)
     assert not torch.allclose(forced[1], free[1])
     later = teacher.clone()
     later[:, :, 2:] += 5.0  # the truth from the third step on
-    changed = told(later, ~silent)
+    changed = forced_by(later, ~silent)
     close((changed[1][..., :3, :],), (forced[1][..., :3, :],))
     assert not torch.allclose(changed[1][..., 3:, :], forced[1][..., 3:, :])
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The exported form against the model it is made of: same numbers, whatever the blocks."""
+"""The exported form computes what the model computes, with any block size."""
 
 import pytest
 import torch
@@ -74,7 +74,7 @@ def test_single_precision_at_driving_speeds():
 
 
 @pytest.mark.parametrize("choices", NOT_COVERED, ids=str)
-def test_other_models_stay_as_they_are(choices):
+def test_other_models_are_exported_as_they_are(choices):
     model = make_model(**choices)
     assert deployable(model) is model
 
@@ -98,6 +98,6 @@ def test_energy_in_blocks(block):
 
 
 def test_weights_are_copied_out_of_the_graph():
-    """Nothing of the fast form asks for a gradient through its own products."""
+    """No buffer of the fast form requires a gradient."""
     fast = deployable(make_model())
     assert all(not buffer.requires_grad for buffer in fast.buffers())

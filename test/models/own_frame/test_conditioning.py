@@ -8,7 +8,7 @@ from model_samples import make_model, make_scene
 
 
 def test_uniform_motion_has_no_deviation():
-    """An agent at constant velocity, wherever it heads: only its speed is left."""
+    """Of an agent at constant velocity in any direction, only the speed remains."""
     model = make_model()
     time = (torch.arange(6) - 5).double() * 0.2
     velocity = torch.tensor([3.0, -4.0]).double()
@@ -41,7 +41,7 @@ def test_set_statistics_fills_what_is_given():
     before = model.condition.input_std[8:].clone()
     model.set_statistics(torch.arange(8.0), torch.full((8,), 0.001))
     torch.testing.assert_close(model.condition.input_mean[:8], torch.arange(8.0).double())
-    # A constant feature is not blown up.
+    # A constant feature is not amplified.
     assert model.condition.input_std[:8].tolist() == pytest.approx([0.02] * 8)
     torch.testing.assert_close(model.condition.input_std[8:], before)
     plain = make_model(agent_frame=False, wild=False)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark compares two implementations of the same function, and says so honestly."""
+"""The benchmark compares two implementations of the same function."""
 
 import json
 
@@ -27,8 +27,8 @@ def test_the_two_implementations_agree(agents):
     torch.testing.assert_close(mine[2], theirs[2], rtol=1e-3, atol=10 * INFLATION)
 
 
-def test_the_scene_and_the_model_are_no_trivial_ones():
-    """The modes part by metres, and neighbours matter."""
+def test_the_scene_and_the_model_are_not_trivial():
+    """The modes are metres apart, and neighbours matter."""
     model = latency.make_model()
     scene = latency.make_scene(4, model.config)
     with torch.no_grad():
@@ -53,7 +53,7 @@ def test_command(tmp_path, capsys):
     assert "| 3 | 1 |" in capsys.readouterr().out
 
 
-def test_a_disagreement_is_an_error_and_no_result(monkeypatch):
+def test_a_disagreement_is_an_error(monkeypatch):
     real = ReferenceMTPGO.forward
 
     def shifted(self, *scene):

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The training benchmark compares the same function on the same weights, or says otherwise."""
+"""The training benchmark compares the same function on the same weights, or fails."""
 
 import functools
 import json
