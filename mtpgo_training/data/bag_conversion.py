@@ -12,9 +12,10 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from msg_adapters.bags.mcap_writer import McapWriter
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.data.recording_bag import DEFAULT_KIND, create_bag, write_recording
+from mtpgo_training.data.recording_bag import DEFAULT_KIND, write_recording
 
 JOIN_GAP_S = 10.0
 """Pause between recordings in one bag (s): longer than any history, so they never mix."""
@@ -87,7 +88,7 @@ def _write(recordings: Iterable[Recording], path: Path, kind: str, progress: boo
     """One bag of recordings, one after the other in time."""
     names: list[str] = []
     frames, duration_s, next_start_ns = 0, 0.0, None
-    with create_bag(path) as bag:
+    with McapWriter(path, replace=True, compress=True) as bag:
         for recording in recordings:
             if not len(recording):
                 continue

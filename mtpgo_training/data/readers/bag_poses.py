@@ -8,16 +8,12 @@ be read as it is.
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from rosbags.highlevel import AnyReader
-
+from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.inputs.odometry import ODOMETRY, pose_of
 from mtpgo_core.errors import FrameError
 from mtpgo_core.frames import PoseBuffer, lift
 from mtpgo_core.schema import TrackedStates
-from mtpgo_training.data.recording_bag import read_messages
 
 _WHOLE_BAG_S = 1e9
 
@@ -26,21 +22,20 @@ class BagPoses:
     """All odometry of a bag.
 
     Args:
-        path: of the bag, for errors.
-        reader: the open bag.
+        reader: the bag.
 
     Attributes:
         complaint: why the last observation could not be lifted, empty if none was refused.
     """
 
-    def __init__(self, path: Path, reader: AnyReader) -> None:
+    def __init__(self, reader: DecodingBagReader) -> None:
         self.complaint = ""
         self._poses: dict[str, tuple[str, PoseBuffer]] = {}
         topics = sorted(c.topic for c in reader.connections if c.msgtype == ODOMETRY)
         for topic in topics:
             mine = [c for c in reader.connections if c.topic == topic]
             found: dict[str, tuple[str, PoseBuffer]] = {}
-            for _, _, message in read_messages(path, reader, mine):
+            for _, _, message in reader.messages(mine):
                 parent, child = message.header.frame_id, message.child_frame_id
                 fixed, poses = found.setdefault(child, (parent, PoseBuffer(_WHOLE_BAG_S)))
                 if fixed == parent and child != parent:

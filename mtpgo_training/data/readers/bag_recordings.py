@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from rosbags.interfaces import Connection
 
+from msg_adapters.bags.bag_reader import DecodingBagReader, is_bag
 from msg_adapters.inputs.lane_markers import lanes_from_markers
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_core.schema import Float64Array, TrackedStates
@@ -22,13 +23,7 @@ from mtpgo_training.data.readers.csv_table import sha256_of
 from mtpgo_training.data.readers.drone_files import existing_directory, select_names
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.recording import Int64Array, Recording
-from mtpgo_training.data.recording_bag import (
-    EGO_TOPIC,
-    LANES_TOPIC,
-    is_bag,
-    open_bag,
-    read_messages,
-)
+from mtpgo_training.data.recording_bag import EGO_TOPIC, LANES_TOPIC
 
 PIECE_GAP_S = 5.0
 """A longer pause between messages, or a step back in time, begins another recording (s)."""
@@ -102,17 +97,17 @@ def _sources(path: Path) -> list[Path]:
 
 
 def _pieces(path: Path) -> Iterator[_Piece]:
-    with open_bag(path) as reader:
-        objects, adapter = objects_topic(path, reader)
+    with DecodingBagReader(path) as reader:
+        objects, adapter = objects_topic(reader)
         others = [
             c
             for c in reader.connections
             if (c.topic.endswith(LANES_TOPIC) and c.msgtype == MARKERS)
             or (c.topic.endswith(EGO_TOPIC) and c.msgtype == "std_msgs/msg/String")
         ]
-        poses = BagPoses(path, reader)
+        poses = BagPoses(reader)
         piece, found = _Piece(), False
-        for connection, received_ns, message in read_messages(path, reader, [objects, *others]):
+        for connection, received_ns, message in reader.messages([objects, *others]):
             if connection is not objects:
                 # Latched messages of the next part come just before its first objects.
                 if piece.received_ns is not None and _apart(piece.received_ns, received_ns):

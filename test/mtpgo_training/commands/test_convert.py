@@ -15,6 +15,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
+from msg_adapters.bags.bag_reader import is_bag
+from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import RecordingError
@@ -22,7 +24,7 @@ from mtpgo_core.schema import AgentClass, tracked_states
 from mtpgo_training.data.bag_conversion import convert, selected
 from mtpgo_training.data.readers import iter_recordings, load_recordings
 from mtpgo_training.data.recording import DEFAULT_START_NS, Recording
-from mtpgo_training.data.recording_bag import create_bag, is_bag, write_recording
+from mtpgo_training.data.recording_bag import write_recording
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import drone_files
@@ -166,7 +168,7 @@ def test_messages_go_to_the_file_as_they_are_made(tmp_path: Path) -> None:
         size=np.ones((40, 2)),
     )
     written = []
-    with create_bag(tmp_path / "long.mcap") as bag:
+    with McapWriter(tmp_path / "long.mcap") as bag:
         for number, _ in enumerate(write_recording(bag, recording)):
             if number % 100 == 0:
                 (growing,) = tmp_path.glob(".long.mcap.*/long/long.mcap")
@@ -240,7 +242,7 @@ def test_irregular_stamps_stand_on_a_millisecond_grid(
 
 
 def test_bags_that_cannot_be_used(tmp_path: Path, recording: Recording) -> None:
-    with create_bag(tmp_path / "talk.mcap") as bag:
+    with McapWriter(tmp_path / "talk.mcap") as bag:
         bag.add_topic("/chatter", "std_msgs/msg/String")
         bag.write("/chatter", 1, bag.types.make("std_msgs/msg/String", data="hello"))
     with pytest.raises(
@@ -264,7 +266,7 @@ def test_bags_that_cannot_be_used(tmp_path: Path, recording: Recording) -> None:
 
 def test_frame_that_changes_is_named(tmp_path: Path, recording: Recording) -> None:
     adapter = INPUTS["pointcloud2"]
-    with create_bag(tmp_path / "two.mcap") as bag:
+    with McapWriter(tmp_path / "two.mcap") as bag:
         bag.add_topic("/objects", adapter.message_type)
         for states, frame in zip(recording.states(), ("map", "base_link"), strict=True):
             moved = dataclasses.replace(states, frame_id=frame)
@@ -279,7 +281,7 @@ def test_empty_messages_and_late_lanes_make_no_recording(
     adapter = INPUTS["pointcloud2"]
     first = next(recording.states())
     nobody = tracked_states(first.stamp_ns + 10**8, "", first.key[:0], first.position[:0])
-    with create_bag(tmp_path / "odd.mcap") as bag:
+    with McapWriter(tmp_path / "odd.mcap") as bag:
         list(write_recording(bag, recording))
         bag.write("/objects", nobody.stamp_ns, adapter.from_states(nobody, bag.types))
         lanes = lanes_to_markers(recording.lanes, bag.types, stamp_ns=0, frame_id="map")

@@ -10,10 +10,10 @@ import yaml
 from fleet import write_bag
 from traffic import braking_cars
 
+from msg_adapters.bags.mcap_writer import McapWriter
 from mtpgo_core.schema import AgentClass
 from mtpgo_training import cli
 from mtpgo_training.data.readers import load_recordings
-from mtpgo_training.data.recording_bag import create_bag
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import SceneDataset
@@ -79,7 +79,7 @@ def no_bag(folder):
 
 def a_bag_of_nobody(folder):
     (folder / "data").mkdir()
-    with create_bag(folder / "data" / "bag.mcap") as bag:
+    with McapWriter(folder / "data" / "bag.mcap") as bag:
         bag.add_topic("/objects", "vision_msgs/msg/Detection3DArray")
         bag.write("/objects", 10**18, bag.types.make("vision_msgs/msg/Detection3DArray"))
 
