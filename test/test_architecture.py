@@ -17,6 +17,7 @@ ALLOWED = {
     "msg_adapters": {"numpy", "mtpgo_core"},
     "mtpgo_ros": {"rclpy", "numpy", "tqdm", "msg_adapters", "mtpgo_core"},
     "mtpgo_training": {
+        "filelock",
         "jinja2",
         "lightning",
         "matplotlib",
@@ -26,6 +27,7 @@ ALLOWED = {
         "mtpgo_core",
         "numpy",
         "pandas",
+        "platformdirs",
         "psutil",
         "rosbags",
         "sumo",

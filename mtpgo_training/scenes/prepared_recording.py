@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -110,7 +111,7 @@ def prepare(
 
     stride_s = data.stride_s if training else data.validation_stride_s
     settings = dataclasses.asdict(history)
-    table = columns("samples", settings, lambda: take_in(recording, history))
+    table = columns("samples", settings, functools.partial(take_in, recording, history))
     windows = windows_of(recording, SampleTable(table, history), stride_s)
     restarted: Windows | None = None
     if training and data.restart_probability > 0.0:
@@ -119,7 +120,7 @@ def prepare(
         table = columns(
             "restarted",
             {**settings, "seed": seed, "within_s": data.restart_within_s},
-            lambda: take_in(pieces, history),
+            functools.partial(take_in, pieces, history),
         )
         times_ns = windows.instants.stamp_ns
         restarted = Windows(pieces, SampleTable(table, history), times_ns, owner)
@@ -127,7 +128,9 @@ def prepare(
     future = FutureTable(
         recording,
         max_gap_s=history.max_gap_s,
-        columns=columns("future", smoothing_s, lambda: future_columns(recording, smoothing_s)),
+        columns=columns(
+            "future", smoothing_s, functools.partial(future_columns, recording, smoothing_s)
+        ),
     )
     changes = None
     if training and data.lane_change_share > 0.0:

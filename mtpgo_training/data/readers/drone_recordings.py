@@ -8,6 +8,7 @@ highD has the upper-left corner of the box, y down, and calls the length ``width
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -112,9 +113,7 @@ def read_highd(files: DroneFiles) -> Recording:
 
 DRONE_READERS: dict[str, Callable[[DroneFiles], Recording]] = {
     "highd": read_highd,
-    "ind": lambda files: read_ind(files, "ind"),
-    "round": lambda files: read_ind(files, "round"),
-    "exid": lambda files: read_ind(files, "exid"),
+    **{name: functools.partial(read_ind, layout=name) for name in ("ind", "round", "exid")},
 }
 
 
