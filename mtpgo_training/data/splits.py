@@ -14,17 +14,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.data_config import DataConfig
-from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.readers.recording_parts import part_name
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.data.recording_cache import RecordingCache
 
 
 @dataclass(frozen=True)
@@ -73,35 +70,6 @@ class Splits:
             for use in ("train", "validation", "test")
             for item in getattr(self, use)
         ]
-
-
-def read_all(
-    sources: Sequence[tuple[Path, str]], cache: RecordingCache | None = None
-) -> list[NamedRecording]:
-    """The recordings of several directories, each with its layout.
-
-    Args:
-        sources: directories and layouts.
-        cache: where recordings are kept that have been read before.
-
-    Raises:
-        RecordingError: a directory, layout or file is not as it should be.
-        ConfigurationError: two recordings have the same name.
-    """
-    named = [
-        NamedRecording(directory.resolve().name, recording)
-        for directory, layout in sources
-        for recording in load_recordings(directory, layout, cache=cache)
-    ]
-    seen: set[str] = set()
-    for recording in named:
-        if recording.name in seen:
-            raise ConfigurationError(
-                f"the recording {recording.name} is given twice, expected directories whose last "
-                "parts differ"
-            )
-        seen.add(recording.name)
-    return named
 
 
 USES = ("train", "validation", "test")

@@ -13,7 +13,7 @@ from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
 from mtpgo_training.data.readers.ngsim_recordings import ngsim_units
 from mtpgo_training.data.readers.reading_unit import Unit
-from mtpgo_training.data.readers.recording_parts import cut_parts, parts_in
+from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts, parts_in
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.recording_columns import pack, unpack
@@ -45,19 +45,6 @@ LAYOUTS: dict[str, UnitFinder] = {
 """Layout name -> finder of the files in a directory."""
 
 
-def unit_finder(layout: str) -> UnitFinder:
-    """Return the finder of a layout's files.
-
-    Raises:
-        RecordingError: an unknown layout.
-    """
-    if layout not in LAYOUTS:
-        raise RecordingError(
-            f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
-        )
-    return LAYOUTS[layout]
-
-
 def iter_recordings(
     directory: str | Path,
     layout: str,
@@ -76,19 +63,18 @@ def iter_recordings(
     Raises:
         RecordingError: an unknown layout, no recordings, or a defect of a file.
     """
-    where, find = Path(directory), unit_finder(layout)
 
     def read(units: Iterable[Unit]) -> Iterator[Recording]:
         for unit in units:
             yield from _read_unit(unit, cache)
 
-    parts = parts_in(names or ())
-    whole = [name for name in names or () if name not in {part.name for part in parts}]
-    if whole or not parts:
-        yield from read(find(where, whole))
+    where = Path(directory)
+    whole, parts = _find(where, layout, names)
+    yield from read(whole)
     if parts:
-        units = [u for u in find(where, None) if any(part.may_be_in(u.name) for part in parts)]
-        yield from cut_parts(read(units), parts, where)
+        units = LAYOUTS[layout](where, None)
+        holders = [u for u in units if any(part.may_be_in(u.name) for part in parts)]
+        yield from cut_parts(read(holders), parts, where)
 
 
 def load_recordings(
@@ -100,6 +86,33 @@ def load_recordings(
 ) -> list[Recording]:
     """Return what :func:`iter_recordings` yields as a list."""
     return list(iter_recordings(directory, layout, names, cache=cache))
+
+
+def recording_names(
+    directory: str | Path, layout: str, names: Sequence[str] | None = None
+) -> list[str]:
+    """Return the names of the recordings of a directory without reading them.
+
+    Files that hold several recordings give one name. Arguments as for :func:`iter_recordings`.
+
+    Raises:
+        RecordingError: an unknown layout, or no recordings.
+    """
+    whole, parts = _find(Path(directory), layout, names)
+    return [unit.name for unit in whole] + [part.name for part in parts]
+
+
+def _find(
+    directory: Path, layout: str, names: Sequence[str] | None
+) -> tuple[list[Unit], list[RecordingPart]]:
+    """Return the files of the recordings wanted as a whole, and the parts wanted."""
+    if layout not in LAYOUTS:
+        raise RecordingError(
+            f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
+        )
+    parts = parts_in(names or ())
+    whole = [name for name in names or () if name not in {part.name for part in parts}]
+    return (LAYOUTS[layout](directory, whole) if whole or not parts else []), parts
 
 
 def _read_unit(unit: Unit, cache: RecordingCache | None) -> Iterable[Recording]:

@@ -11,8 +11,9 @@ from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.data.data_sources import DataSource, read_sources
 from mtpgo_training.data.readers import load_recordings
-from mtpgo_training.data.splits import USES, NamedRecording, read_all, split, window_s
+from mtpgo_training.data.splits import USES, NamedRecording, split, window_s
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.scenes.prepared_recording import prepare, source_weight
 from mtpgo_training.training.training_config import DataConfig
@@ -103,7 +104,7 @@ def test_parts_are_named_and_keep_the_hash_of_the_whole():
 
 def test_a_part_is_read_again_by_its_name(tmp_path):
     write_ind(braking_cars("01", seconds=120.0, tracks=3), tmp_path)
-    named = read_all([(tmp_path, "ind")])
+    named = list(read_sources([DataSource(tmp_path, "ind")]))
     splits = split(named, BY_TIME, 0, GUARD_S)
     for use in USES:
         for item in getattr(splits, use):
