@@ -81,7 +81,7 @@ class DataConfig:
             all. The others are still neighbours, and their futures still count.
         lane_change_share: share of the training graphs whose centre changes its lane within the
             horizon, left and right alike; 0 leaves the graphs as the traffic gives them. See
-            :func:`mtpgo_training.scenes.centre_sampling.balanced_copies`.
+            :func:`mtpgo_training.scenes.lane_change_balancing.balanced_copies`.
         lane_change_copies: graphs drawn around such a centre in each window on average, where
             ``lane_change_share`` is set; the graphs around those that keep their lane are thinned
             until the share is right.

@@ -21,7 +21,8 @@ from mtpgo_training.data.ground_truth import FutureTable, future_columns
 from mtpgo_training.data.recording import Columns, Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
-from mtpgo_training.scenes.centre_sampling import Candidates, centre_chances, lane_changers
+from mtpgo_training.scenes.centre_sampling import Candidates, centre_chances
+from mtpgo_training.scenes.lane_change_balancing import lane_changes
 from mtpgo_training.scenes.track_samples import SampleTable, take_in
 from mtpgo_training.scenes.windows import TrackedWindow, Windows, cut_tracks, windows_of
 
@@ -38,7 +39,7 @@ class PreparedRecording:
         lanes: its lanes, where the context needs them.
         chance: [p] chance of the agents of ``windows.instants`` to be a graph's centre.
         changes: [p] what they do, see
-        :func:`mtpgo_training.scenes.centre_sampling.lane_changers`; None where
+        :func:`mtpgo_training.scenes.lane_change_balancing.lane_changes`; None where
             nothing is balanced.
         weight: how often its windows are drawn in an epoch.
     """
@@ -134,7 +135,7 @@ def prepare(
     )
     changes = None
     if training and data.lane_change_share > 0.0:
-        changes = lane_changers(windows, recording, future, horizon_steps, history.dt_s)
+        changes = lane_changes(windows, recording, future, horizon_steps, history.dt_s)
     return PreparedRecording(
         recording=recording,
         windows=windows,

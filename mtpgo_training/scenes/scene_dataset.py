@@ -25,15 +25,9 @@ from mtpgo_core.schema import Float64Array, SceneBatch
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.scenes.augmentation import Augmentation
-from mtpgo_training.scenes.centre_sampling import (
-    balanced_copies,
-    copies,
-    draw_balanced,
-    draw_cover,
-    graph_sizes,
-    standing,
-)
+from mtpgo_training.scenes.centre_sampling import copies, draw_cover, graph_sizes, standing
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
+from mtpgo_training.scenes.lane_change_balancing import balanced_copies, draw_balanced
 from mtpgo_training.scenes.prepared_recording import PreparedRecording
 from mtpgo_training.scenes.windows import TrackedWindow
 

@@ -13,7 +13,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import PRESETS
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.scenes.centre_sampling import NO_MANOEUVRE, balanced_copies
+from mtpgo_training.scenes.lane_change_balancing import NO_MANOEUVRE, balanced_copies
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import SceneDataset
 from mtpgo_training.training.training_config import DataConfig, dump_config, load_config
@@ -126,7 +126,7 @@ def test_the_draw_is_that_of_seed_and_epoch():
 
 
 def test_no_lane_change_at_all_is_said():
-    with pytest.raises(ConfigurationError, match="nobody changes a lane"):
+    with pytest.raises(ConfigurationError, match="no agent changes its lane"):
         dataset(motorway(left=0, right=0, keep=3))
 
 

@@ -121,11 +121,10 @@ def test_restarted_windows_are_the_history_of_the_pieces():
     recording = odd_recording(3)
     pieces, owner = cut_tracks(recording, 1.0, np.random.default_rng(0))
     windows = cut_restarted_windows(recording, HISTORY, 0.2, 1.0, np.random.default_rng(0))
-    key = {k.tobytes(): i for i, k in enumerate(pieces.key)}
     reference = message_by_message(pieces, HISTORY, frames_every(recording, 0.2))
     assert len(windows) == len(reference)
     for mine, theirs in zip(windows, reference, strict=True):
-        piece = np.array([key[k.tobytes()] for k in theirs.key], dtype=np.int64)
+        piece = pieces.find_tracks(theirs.key)
         newest = {int(owner[p]): int(p) for p in np.sort(piece)}
         keep = np.array([newest[int(owner[p])] == p for p in piece], dtype=bool)
         assert_same(mine.window, theirs.select(keep))

@@ -126,7 +126,7 @@ def test_a_defect_is_one_sentence_with_its_place(tmp_path, capsys, command, defe
         ({"split": "time"}, "no block of 60 s (data.block_s) is left for data.train out of 1"),
         (
             {"lane_change_share": 0.5, "split": "time", "block_s": 15.0},
-            "nobody changes a lane in",
+            "no agent changes its lane in",
         ),
     ],
 )
