@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo convert``: recordings of any layout into rosbag2 MCAP bags of tracked objects."""
+"""``mtpgo convert``: convert recordings into rosbag2 MCAP bags of tracked objects."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     """Add ``mtpgo convert`` to the command line."""
     parser = subparsers.add_parser(
         "convert",
-        help="recordings into rosbag2 MCAP bags",
+        help="convert recordings into rosbag2 MCAP bags",
         description="Convert recordings into rosbag2 MCAP bags of tracked objects.",
     )
     add_data_arguments(parser, "LAYOUT DIRECTORY")

@@ -38,7 +38,7 @@ def test_message_classes_come_or_say_what_to_install(name):
 def test_names_that_are_no_types():
     pytest.importorskip("rclpy")
     for name in ("Marker", "", "std_msgs/srv/Empty", "std_msgs/"):
-        with pytest.raises(MessageError, match="is no message type"):
+        with pytest.raises(MessageError, match="is not a message type"):
             message_class(name)
     with pytest.raises(MessageError, match="std_msgs has no message 'Nothing'"):
         message_class("std_msgs/msg/Nothing")

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which topic of a bag holds the tracked objects."""
+"""Choice of the topic of a bag that holds the tracked objects."""
 
 from __future__ import annotations
 
@@ -19,18 +19,23 @@ MARKERS = "visualization_msgs/msg/MarkerArray"
 _ANYTHING = (MARKERS, "sensor_msgs/msg/PointCloud2")
 _OUTPUTS = ("predictions", "markers")
 _LOOKED_AT = 20
+"""Messages read to find out what a topic holds; chosen: the first ones may be empty."""
 
 
 def objects_topic(reader: DecodingBagReader) -> tuple[Connection, InputAdapter]:
-    """The topic of the tracked objects: ``/objects``, else the first of a kind that we read."""
+    """Return the topic of the tracked objects: ``/objects``, else the first of a known type.
+
+    Raises:
+        RecordingError: no topic has a known type.
+    """
     by_type = {adapter.message_type: adapter for adapter in INPUTS.values()}
     usable = [
         c
         for c in reader.connections
         if c.msgtype in by_type and not c.topic.endswith(LANES_TOPIC) and c.msgcount > 0
     ]
-    # Clouds and markers may be anything, the predictor's own output as well; the other kinds are
-    # tracked objects for sure.
+    # Clouds and markers may hold anything, also the predictor's own output; the other types hold
+    # tracked objects only.
     usable.sort(
         key=lambda c: (
             not c.topic.endswith(OBJECTS_TOPIC),
@@ -54,7 +59,7 @@ def objects_topic(reader: DecodingBagReader) -> tuple[Connection, InputAdapter]:
 def _holds_objects(
     reader: DecodingBagReader, connection: Connection, adapter: InputAdapter
 ) -> bool:
-    """Whether the first messages of a topic can be read as tracked objects."""
+    """Return whether the first messages of a topic can be read as tracked objects."""
     stored = reader.messages([connection])
     for _, received_ns, message in itertools.islice(stored, _LOOKED_AT):
         try:

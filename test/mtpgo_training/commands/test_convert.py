@@ -260,7 +260,7 @@ def test_bags_that_cannot_be_used(tmp_path: Path, recording: Recording) -> None:
         load_recordings(tmp_path / "text.mcap", "bag")
     with pytest.raises(RecordingError, match=r"has no bags, expected \.mcap files"):
         load_recordings(tmp_path / "highd", "bag")
-    with pytest.raises(RecordingError, match=r"is no bag, expected an \.mcap file"):
+    with pytest.raises(RecordingError, match=r"is not a bag, expected an \.mcap file"):
         load_recordings(tmp_path / "highd" / "01_tracks.csv", "bag")
 
 

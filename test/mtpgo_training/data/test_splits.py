@@ -116,7 +116,7 @@ def test_a_part_is_read_again_by_its_name(tmp_path):
     assert [r.name for r in both] == ["01", "01@0-5s", "01@7.5-9s"]
     for name, sentence in (
         ("02@0-5s", "has no recording '02', it has none"),
-        ("01@500-600s", "nobody is there from 500 to 600 s, it lasts 119"),
+        ("01@500-600s", "no road user from 500 to 600 s, it lasts 119"),
     ):
         with pytest.raises(RecordingError, match=sentence):
             load_recordings(tmp_path, "ind", [name])
