@@ -20,7 +20,7 @@ SENTENCES = {
 
 
 @pytest.mark.parametrize("name", [*sorted(INPUTS), "predicted"])
-def test_message_classes_come_or_say_what_to_install(name):
+def test_missing_message_classes_name_the_package_to_install(name):
     pytest.importorskip("rclpy")
     adapter = INPUTS.get(name, OUTPUTS["autoware"])
     if importlib.util.find_spec(adapter.package):

@@ -140,7 +140,7 @@ def test_recordings_are_taken_one_at_a_time(tmp_path: Path) -> None:
         nonlocal alive
         for recording in iter_recordings(tmp_path / "ind", "ind"):
             written = len(list((tmp_path / "out").iterdir())) if (tmp_path / "out").is_dir() else 0
-            # One may be looked at ahead, to tell whether there are several.
+            # One may be read ahead, to find out whether there are several.
             assert alive - written <= 2
             alive += 1
             yield recording
@@ -280,12 +280,12 @@ def test_empty_messages_and_late_lanes_make_no_recording(
 ) -> None:
     adapter = INPUTS["pointcloud2"]
     first = next(recording.states())
-    nobody = tracked_states(first.stamp_ns + 10**8, "", first.key[:0], first.position[:0])
+    nothing = tracked_states(first.stamp_ns + 10**8, "", first.key[:0], first.position[:0])
     with McapWriter(tmp_path / "odd.mcap") as bag:
         list(write_recording(bag, recording))
-        bag.write("/objects", nobody.stamp_ns, adapter.from_states(nobody, bag.types))
+        bag.write("/objects", nothing.stamp_ns, adapter.from_states(nothing, bag.types))
         lanes = lanes_to_markers(recording.lanes, bag.types, stamp_ns=0, frame_id="map")
-        bag.write("/lane_markings", nobody.stamp_ns + 10**11, lanes)
+        bag.write("/lane_markings", nothing.stamp_ns + 10**11, lanes)
     (back,) = load_recordings(tmp_path / "odd.mcap", "bag")
     np.testing.assert_array_equal(back.position, recording.position)
 

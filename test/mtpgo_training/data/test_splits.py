@@ -56,7 +56,7 @@ def test_no_frame_has_two_uses_and_the_guard_is_kept(seed):
     assert borders > 3
 
 
-def test_nothing_that_a_window_shows_is_shown_under_another_use():
+def test_no_instant_is_in_windows_of_two_uses():
     pool = recordings(200.0)
     splits = split(pool, BY_TIME, 3, GUARD_S)
     shown = {}
@@ -78,7 +78,7 @@ def test_nothing_that_a_window_shows_is_shown_under_another_use():
         assert apart >= GUARD_S * 1e9 - 1e3
 
 
-def test_the_fractions_hold_of_the_time():
+def test_the_fractions_hold_for_the_time():
     pool = recordings(*[400.0] * 5)
     splits = split(pool, BY_TIME, 1, GUARD_S)
     time = {use: sum(i.recording.duration_s for i in getattr(splits, use)) for use in USES}
@@ -122,7 +122,7 @@ def test_a_part_is_read_again_by_its_name(tmp_path):
             load_recordings(tmp_path, "ind", [name])
 
 
-def test_recordings_of_one_block_are_dealt_out_whole():
+def test_recordings_of_one_block_are_assigned_as_a_whole():
     pool = recordings(*[15.0] * 10)
     splits = split(pool, BY_TIME, 0, GUARD_S)
     assert [len(getattr(splits, use)) for use in USES] == [8, 1, 1]
@@ -145,7 +145,7 @@ def test_fractions_of_recordings_are_drawn_for_the_test_too():
     assert splits.validation == split(pool, DataConfig(validation_fraction=0.1), 5).validation
 
 
-def test_a_recording_goes_before_its_directory_in_the_weights():
+def test_the_weight_of_a_recording_has_priority_over_its_directory():
     one, two = recordings(5.0, 5.0)
     data = DataConfig(source_weight={"cars": 0.5, "cars/02": 2.0})
     assert (source_weight(one, data), source_weight(two, data)) == (0.5, 2.0)

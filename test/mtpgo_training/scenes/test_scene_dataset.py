@@ -140,7 +140,7 @@ def test_unobserved_futures_have_no_weight_and_no_value():
     assert (sample.target == 0.0).all()
 
 
-def test_every_present_agent_lies_in_a_graph_of_its_window():
+def test_every_present_agent_is_in_a_graph_of_its_window():
     data = dataset()
     by_window = {}
     for index, item in enumerate(data.items):
@@ -153,7 +153,7 @@ def test_every_present_agent_lies_in_a_graph_of_its_window():
         assert set(present) == set(batch.agent[batch.agent >= 0].tolist())
 
 
-def test_epochs_differ_and_come_again():
+def test_epochs_differ_and_are_reproducible():
     data = dataset()
     first = list(data.items)
     data.set_epoch(1)
@@ -197,7 +197,7 @@ def test_validation_counts_every_agent_once_an_instant():
     assert all(int(s.centre.sum()) == 1 for s in scenes)
 
 
-def test_validation_baselines_stand_in_the_scene_frame():
+def test_validation_baselines_are_in_the_scene_frame():
     data = dataclasses.replace(PLAIN, validation_stride_s=1.0)
     scene = validation_scenes(sources(data, training=False), HISTORY, SCENE, H)[20]
     now, velocity = scene.x[:, -1, :2], scene.x[:, -1, 2:4]

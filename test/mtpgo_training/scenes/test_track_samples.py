@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A recording taken in at once gives the very windows that the node's history gives."""
+"""Windows cut from a whole recording equal those of the node's history."""
 
 import dataclasses
 
@@ -152,10 +152,10 @@ def test_the_size_of_the_portions_changes_nothing(monkeypatch):
         np.testing.assert_array_equal(column, small[name])
 
 
-def test_nobody_gives_no_window():
-    nobody = odd_recording().select_rows(np.zeros(len(odd_recording()), dtype=bool))
-    assert len(cut_windows(nobody, HISTORY, 0.2)) == 0
-    assert len(SampleTable(take_in(nobody, HISTORY), HISTORY)) == 0
+def test_an_empty_recording_gives_no_window():
+    empty = odd_recording().select_rows(np.zeros(len(odd_recording()), dtype=bool))
+    assert len(cut_windows(empty, HISTORY, 0.2)) == 0
+    assert len(SampleTable(take_in(empty, HISTORY), HISTORY)) == 0
 
 
 def test_one_agent_seen_once_gives_one_window():

@@ -40,7 +40,7 @@ def duplicated(folder):
     edited(folder, lambda lines: [*lines[:10], lines[6], *lines[10:]])
 
 
-def nobody(folder):
+def no_rows(folder):
     edited(folder, lambda lines: lines[:1])
 
 
@@ -86,7 +86,7 @@ def a_bag_of_nobody(folder):
 
 DEFECTS = {
     duplicated: ("ind", "01_tracks.csv, line 11: track 100 has a second row for frame 9"),
-    nobody: ("ind", "01_tracks.csv has no rows below its header"),
+    no_rows: ("ind", "01_tracks.csv has no rows below its header"),
     truncated: ("ind", "01_tracks.csv ends within line "),
     a_directory: ("ind", "01_tracks.csv cannot be read"),
     no_rate: ("ind", "01_recordingMeta.csv, line 2, column 'frameRate': 0, expected frames per"),
@@ -185,7 +185,7 @@ def test_one_agent_gaps_and_several_rates_are_masks():
         assert sample.num_nodes == 1 or item.source > 0
 
 
-def test_a_recording_in_which_nobody_is_present_is_said():
+def test_a_recording_without_road_users_is_reported():
     from mtpgo_core.errors import ConfigurationError
     from mtpgo_training.data.splits import NamedRecording, Splits
     from mtpgo_training.training.training_config import TrainingConfig
