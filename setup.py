@@ -45,10 +45,12 @@ EXTRAS = {
     # ROS 2 Jazzy as wheels, for machines without ROS. Where ROS is installed, that one is used.
     "ros": ["ros-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
     "training": [
+        "filelock>=3.12",
         "Jinja2>=3.1",
         "lightning>=2.5",
         "matplotlib>=3.8",
         "pandas>=2.2",
+        "platformdirs>=4.0",
         "psutil>=5.9",
         "PyYAML>=6.0",
         "tensorboard>=2.16",

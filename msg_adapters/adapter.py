@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What an adapter is: one message type of tracked objects, decoded and built.
+"""The adapter of a message type of tracked objects: decoding and building.
 
-An adapter reads by attribute only, so objects decoded by rclpy, rosbags or mcap-ros2-support all
-serve, and reading imports no message package.
+An adapter reads by attribute only, so it accepts objects decoded by rclpy, rosbags or
+mcap-ros2-support, and reading imports no message package.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from mtpgo_core.schema import AgentClass, ClassArray, KeyArray, TrackedStates
 
 @dataclass(frozen=True)
 class Decoded:
-    """What one message said.
+    """The content of one message.
 
     Attributes:
         states: the tracked objects.
-        skipped: how many objects were left out, by reason.
+        skipped: number of objects left out, by reason.
         removed: [k, 4] keys of tracks that the message deletes.
         cleared: the message deletes all earlier tracks.
     """
@@ -49,7 +49,7 @@ class MessageDecoder(Protocol):
     def __call__(
         self, message: Any, *, twist_frame: str, fallback_stamp_ns: int | None
     ) -> Decoded:
-        """What the message says."""
+        """Return the content of the message."""
 
 
 @dataclass(frozen=True)
@@ -83,16 +83,16 @@ class InputAdapter:
         twist_frame: str = "default",
         fallback_stamp_ns: int | None = None,
     ) -> Decoded:
-        """Everything the message says.
+        """Return the content of a message.
 
         Args:
             message: decoded message of :attr:`message_type`.
             twist_frame: ``default`` (what publishers of this type do), ``object`` or ``header``.
-            fallback_stamp_ns: time of reception (ns), used where the message itself carries no
-                time (a MarkerArray without objects).
+            fallback_stamp_ns: time of receipt (ns), used where the message has no time (a
+                MarkerArray without objects).
 
         Raises:
-            MessageError: the message is malformed; the caller adds the topic.
+            MessageError: the message is malformed (the topic is added by the caller).
             ConfigurationError: ``twist_frame`` is not one of the three.
         """
         frame = choose_twist_frame(twist_frame, self.twist_frame)
@@ -111,22 +111,22 @@ class InputAdapter:
         twist_frame: str = "default",
         fallback_stamp_ns: int | None = None,
     ) -> TrackedStates:
-        """The tracked objects alone; arguments and errors as in :meth:`decode`."""
+        """Return the tracked objects only; arguments and errors as in :meth:`decode`."""
         return self.decode(
             message, twist_frame=twist_frame, fallback_stamp_ns=fallback_stamp_ns
         ).states
 
     def from_states(self, states: TrackedStates, types: Types) -> Any:
-        """A message of :attr:`message_type` that decodes to ``states``, as far as it can carry it.
+        """Return a message that decodes to ``states``, as far as its type can represent them.
 
         Raises:
-            MessageError: the package is not available or an identity does not fit the message.
+            MessageError: the package is not available, or an identity does not fit the message.
         """
         return self.builder(states, types)
 
 
 def known_classes(labels: np.ndarray) -> ClassArray:
-    """[n] uint8 agent classes; every label that is none becomes ``UNKNOWN``."""
+    """Return [n] uint8 agent classes; unknown labels become ``UNKNOWN``."""
     labels = np.asarray(labels)
     inside = (labels >= 0) & (labels <= max(AgentClass))
     return np.where(inside, labels, AgentClass.UNKNOWN).astype(np.uint8)

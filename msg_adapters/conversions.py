@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What all adapters share: headers, yaw, vectors in the object frame, covariances."""
+"""Conversions that all adapters use: headers, yaw, vectors in the object frame, covariances."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from mtpgo_core.identity import key_to_int
 from mtpgo_core.schema import BoolArray, Float64Array, KeyArray
 
 TWIST_FRAMES = ("default", "object", "header")
-"""Frames of a message's velocities: what its publishers usually do, or one of the two forced."""
+"""Frames of a message's velocities: the usual one of its publishers, or one of the two."""
 
 _NANOSECONDS = 1_000_000_000
 
 
 def choose_twist_frame(twist_frame: str, default: str) -> str:
-    """``object`` or ``header``, after the user's choice.
+    """Return ``object`` or ``header`` according to the user's choice.
 
     Raises:
-        ConfigurationError: ``twist_frame`` is none of :data:`TWIST_FRAMES`.
+        ConfigurationError: ``twist_frame`` is not in :data:`TWIST_FRAMES`.
     """
     if twist_frame not in TWIST_FRAMES:
         valid = ", ".join(repr(name) for name in TWIST_FRAMES)
@@ -35,46 +35,46 @@ def choose_twist_frame(twist_frame: str, default: str) -> str:
 
 
 def stamp_to_ns(stamp: Any) -> int:
-    """Nanoseconds of a ``builtin_interfaces/Time``."""
+    """Return the nanoseconds of a ``builtin_interfaces/Time``."""
     return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)
 
 
 def make_time(types: Types, stamp_ns: int) -> Any:
-    """``builtin_interfaces/Time`` of a stamp (ns)."""
+    """Return ``builtin_interfaces/Time`` of a stamp (ns)."""
     seconds, nanoseconds = divmod(int(stamp_ns), _NANOSECONDS)
     return types.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
 
 
 def make_duration(types: Types, seconds: float) -> Any:
-    """``builtin_interfaces/Duration`` of a time span (s)."""
+    """Return ``builtin_interfaces/Duration`` of a time span (s)."""
     whole, nanoseconds = divmod(round(seconds * _NANOSECONDS), _NANOSECONDS)
     return types.make("builtin_interfaces/msg/Duration", sec=whole, nanosec=nanoseconds)
 
 
 def make_header(types: Types, stamp_ns: int, frame_id: str) -> Any:
-    """``std_msgs/Header`` of a stamp (ns) and a frame."""
+    """Return ``std_msgs/Header`` of a stamp (ns) and a frame."""
     return types.make("std_msgs/msg/Header", stamp=make_time(types, stamp_ns), frame_id=frame_id)
 
 
 def table(rows: Sequence[Sequence[float]], columns: int) -> Float64Array:
-    """[n, columns] array of rows of numbers, also for n = 0."""
+    """Return rows of numbers as an [n, columns] array, also for n = 0."""
     return np.array(rows, dtype=np.float64).reshape(len(rows), columns)
 
 
 def finite(values: ArrayLike) -> Float64Array:
-    """The values with every infinity turned into NaN: both mean unknown."""
+    """Return the values with infinities replaced by NaN: both mean unknown."""
     array = np.asarray(values, dtype=np.float64)
     return np.where(np.isfinite(array), array, np.nan)
 
 
 def positive(values: ArrayLike) -> Float64Array:
-    """The values with all that is not above zero turned into NaN: a box of no size is unknown."""
+    """Return the values with NaN where not above zero: a box of size zero is unknown."""
     array = finite(values)
     return np.where(array > 0.0, array, np.nan)
 
 
 def yaw_from_quaternions(quaternion: Float64Array) -> Float64Array:
-    """[n] yaw (rad) of [n, 4] quaternions x, y, z, w; NaN for the unset quaternion of zeros.
+    """Return [n] the yaw (rad) of [n, 4] quaternions x, y, z, w; NaN for the unset one of zeros.
 
     The quaternions need not be normalised.
     """
@@ -85,7 +85,7 @@ def yaw_from_quaternions(quaternion: Float64Array) -> Float64Array:
 
 
 def make_quaternion(types: Types, yaw: float) -> Any:
-    """``geometry_msgs/Quaternion`` of a yaw (rad); all zero, that is unset, for NaN."""
+    """Return ``geometry_msgs/Quaternion`` of a yaw (rad); all zero, that is unset, for NaN."""
     if not np.isfinite(yaw):
         return types.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=0.0)
     return types.make(
@@ -98,7 +98,7 @@ def make_quaternion(types: Types, yaw: float) -> Any:
 
 
 def make_pose(types: Types, position: Float64Array, z: float, yaw: float) -> Any:
-    """``geometry_msgs/Pose`` of a [2] position (m), a height and a yaw; an unknown z is zero."""
+    """Return ``geometry_msgs/Pose`` of [2] position (m), height and yaw; an unknown z is zero."""
     x, y = position
     return types.make(
         "geometry_msgs/msg/Pose",
@@ -108,23 +108,23 @@ def make_pose(types: Types, position: Float64Array, z: float, yaw: float) -> Any
 
 
 def make_vector(types: Types, x: float, y: float, z: float = 0.0) -> Any:
-    """``geometry_msgs/Vector3``."""
+    """Return ``geometry_msgs/Vector3``."""
     return types.make("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
 
 
 def known(value: float, otherwise: float = 0.0) -> float:
-    """The value, or ``otherwise`` where it is NaN or infinite and a message has no word for it."""
+    """Return the value, or ``otherwise`` if it is not finite and a message cannot say so."""
     return float(value) if np.isfinite(value) else otherwise
 
 
 def pose_row(pose: Any) -> tuple[float, ...]:
-    """Position x, y, z and orientation x, y, z, w of a ``geometry_msgs/Pose``."""
+    """Return position x, y, z and orientation x, y, z, w of a ``geometry_msgs/Pose``."""
     p, q = pose.position, pose.orientation
     return p.x, p.y, p.z, q.x, q.y, q.z, q.w
 
 
 def small_integer_keys(key: KeyArray, bits: int, where: str) -> list[int]:
-    """The [n] integers of [n, 4] keys, for a message whose identity is an integer.
+    """Return the [n] integers of [n, 4] keys, for a message whose identity is an integer.
 
     Raises:
         MessageError: a key needs more than ``bits`` bits.
@@ -139,7 +139,7 @@ def small_integer_keys(key: KeyArray, bits: int, where: str) -> list[int]:
 
 
 def to_header_frame(vector: Float64Array, yaw: Float64Array, twist_frame: str) -> Float64Array:
-    """[n, 2] vectors along the header frame's axes.
+    """Return [n, 2] vectors along the header frame's axes.
 
     Args:
         vector: [n, 2] along the axes of ``twist_frame``.
@@ -153,10 +153,10 @@ def to_header_frame(vector: Float64Array, yaw: Float64Array, twist_frame: str) -
 def state_covariance(
     position: Float64Array, velocity: Float64Array, yaw: Float64Array, twist_frame: str
 ) -> Float64Array:
-    """[n, 4, 4] covariance of (x, y, vx, vy) in the header frame.
+    """Return [n, 4, 4] the covariance of (x, y, vx, vy) in the header frame.
 
     A 2x2 block without two positive variances was not filled by its publisher and is NaN. The
-    correlation of position and velocity, which these messages cannot carry, is zero where both
+    correlation of position and velocity, which these messages do not have, is zero where both
     blocks are known.
 
     Args:
@@ -185,7 +185,7 @@ def _filled(block: Float64Array) -> BoolArray:
 
 
 def flat36(block: Float64Array) -> NDArray[np.float64]:
-    """float64[36] covariance with the [2, 2] block of x and y set; zeros where it is unknown."""
+    """Return a float64[36] covariance with the [2, 2] block of x and y, zeros if it is unknown."""
     matrix = np.zeros((6, 6))
     if np.isfinite(block).all():
         matrix[:2, :2] = block
@@ -193,5 +193,5 @@ def flat36(block: Float64Array) -> NDArray[np.float64]:
 
 
 def planar_block(flat: Sequence[float]) -> tuple[float, float, float, float]:
-    """xx, xy, yx, yy of a float64[36] covariance."""
+    """Return xx, xy, yx, yy of a float64[36] covariance."""
     return float(flat[0]), float(flat[1]), float(flat[6]), float(flat[7])

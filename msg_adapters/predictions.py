@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The canonical output: a PointCloud2 with one point per agent, mode and step, and its decoder.
 
-64 bytes a point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
+64 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
 layout is described in docs/messages.md and stays fixed.
 """
 
@@ -31,14 +31,14 @@ POINT = np.dtype(
 """One point. Lengths m, times s, angles rad; vectors along the axes of the header's frame."""
 
 _MAX_COUNT = 256
-"""Modes and steps are counted in a byte."""
+"""Most modes, and most steps: each is counted in a byte."""
 
 
 def strongest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Float64Array, int]:
-    """Weights of the first ``max_modes`` modes, made to sum to one, and their number.
+    """Return the weights of the first ``max_modes`` modes, with sum one, and their number.
 
     Args:
-        prediction: modes sorted by falling weight, as always.
+        prediction: modes sorted by falling weight.
         max_modes: most modes kept; None keeps all.
     """
     modes = prediction.weight.shape[1]
@@ -52,11 +52,11 @@ def strongest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Floa
 def prediction_to_pointcloud2(
     prediction: Prediction, types: Types, *, max_modes: int | None = None
 ) -> Any:
-    """The prediction as a cloud of ``n * modes * steps`` points.
+    """Return the prediction as a cloud of ``n * modes * steps`` points.
 
     Args:
         prediction: what to publish; stamp and frame go into the header.
-        types: where message classes come from.
+        types: source of message classes.
         max_modes: the strongest modes to keep, renormalised; None keeps all.
 
     Raises:
@@ -102,17 +102,16 @@ def prediction_to_pointcloud2(
 
 
 def prediction_from_pointcloud2(message: Any) -> Prediction:
-    """The prediction that a canonical cloud carries.
+    """Return the prediction in a canonical cloud.
 
-    Points may come in any order and some may be missing (a filtered cloud); what is missing is
-    NaN, its weight zero. Size, the state at the stamp and the yaw at the stamp do not travel and
-    are NaN.
+    Points may have any order and some may be missing (a filtered cloud); what is missing is NaN,
+    and its weight zero. Size, state and yaw at the stamp are not in the cloud and are NaN.
 
     Args:
         message: ``sensor_msgs/PointCloud2`` as :func:`prediction_to_pointcloud2` writes it.
 
     Raises:
-        MessageError: the cloud has not the layout of predictions.
+        MessageError: the cloud does not have the layout of predictions.
     """
     records = cloud_to_records(message)
     missing = [name for name in POINT.names or () if name not in (records.dtype.names or ())]
@@ -154,19 +153,19 @@ def _per_agent(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _grid(records: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_], NDArray[Any]]:
-    """Points by agent, mode and step.
+    """Arrange points by agent, mode and step.
 
     Returns:
-        [n, M, H] records, agents in the order of their first points; [n, M, H] which of them were
-        there; [n] the first point of every agent.
+        [n, M, H] records, agents in the order of their first points; [n, M, H] whether they are
+        present; [n] the first point of every agent.
     """
     if len(records) == 0:
-        nothing = np.empty((0, 0, 0), dtype=records.dtype)
-        return nothing, np.empty((0, 0, 0), dtype=bool), records
+        empty = np.empty((0, 0, 0), dtype=records.dtype)
+        return empty, np.empty((0, 0, 0), dtype=bool), records
     key = np.stack([records[name] for name in KEY_FIELDS], axis=-1)
     mode, step = records["mode"].astype(np.intp), records["step"].astype(np.intp)
     modes, steps = int(mode.max()) + 1, int(step.max()) + 1
-    if _in_our_order(key, mode, step, modes, steps):
+    if _is_sorted(key, mode, step, modes, steps):
         grid = records.reshape(-1, modes, steps)
         return grid, np.ones(grid.shape, dtype=bool), grid[:, 0, 0]
     _, first, agent = np.unique(key, axis=0, return_index=True, return_inverse=True)
@@ -180,14 +179,14 @@ def _grid(records: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_], NDArr
     return grid, present, records[np.sort(first)]
 
 
-def _in_our_order(
+def _is_sorted(
     key: NDArray[np.uint32],
     mode: NDArray[np.intp],
     step: NDArray[np.intp],
     modes: int,
     steps: int,
 ) -> bool:
-    """Whether the points are complete and as our own encoder sorts them: no sort is needed."""
+    """Return whether the points are complete and in the order of our encoder."""
     block = modes * steps
     agents, rest = divmod(len(key), block)
     if rest:

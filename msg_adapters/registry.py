@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which message kinds there are, by name and by message type."""
+"""The supported message kinds, by name and by message type."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from mtpgo_core.errors import ConfigurationError, MessageError
 from mtpgo_core.schema import Prediction
 
 Writer = Callable[[Prediction], Any]
-"""Makes one message, or its bytes, of a prediction; call it from one thread at a time."""
+"""Makes a message, or its bytes, from a prediction; to be called from one thread at a time."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class OutputAdapter:
     Attributes:
         name: short name, for instance ``markers``.
         message_type: ROS type.
-        make_writer: the writing function's maker, (types, max_modes) -> writer.
-        make_byte_writer: maker of a faster writer of serialised messages, (max_modes) -> writer;
-            None where messages of objects are as fast.
+        make_writer: makes a writer of messages, (types, max_modes) -> writer.
+        make_byte_writer: makes a faster writer of serialised messages, (max_modes) -> writer; None
+            where message objects are as fast.
     """
 
     name: str
@@ -59,12 +59,12 @@ class OutputAdapter:
     def writer(
         self, types: Types, *, max_modes: int | None = None, serialized: bool = False
     ) -> Writer:
-        """A function from prediction to message, with state of its own where markers need it.
+        """Return a function from prediction to message; that for markers has a state.
 
         Args:
-            types: where message classes come from.
+            types: source of message classes.
             max_modes: the strongest modes to keep, renormalised; None keeps all.
-            serialized: give CDR bytes where that is much faster; rclpy publishers take both.
+            serialized: write CDR bytes where that is much faster; rclpy publishers accept both.
 
         Raises:
             MessageError: the message package is not available.
@@ -78,14 +78,14 @@ class OutputAdapter:
 INPUTS: dict[str, InputAdapter] = {
     adapter.name: adapter for adapter in (POINTCLOUD2, AUTOWARE, VISION, DERIVED, MARKERS, IKA)
 }
-"""Every message of tracked objects that is understood, by its short name."""
+"""The supported messages of tracked objects, by short name."""
 
 
 def input_adapter(name: str) -> InputAdapter:
-    """The adapter of a short name.
+    """Return the input adapter of a short name.
 
     Raises:
-        ConfigurationError: there is none; the sentence lists the names.
+        ConfigurationError: an unknown name; the message lists the names.
     """
     try:
         return INPUTS[name]
@@ -96,10 +96,10 @@ def input_adapter(name: str) -> InputAdapter:
 
 
 def adapter_for_type(message_type: str) -> InputAdapter:
-    """The adapter of a message type, written ``pkg/msg/Name`` or ``pkg/Name``.
+    """Return the adapter of a message type, written ``pkg/msg/Name`` or ``pkg/Name``.
 
     Raises:
-        MessageError: no adapter reads that type; the sentence lists those that are read.
+        MessageError: no adapter reads that type; the message lists the types.
     """
     package, _, rest = message_type.partition("/")
     full = f"{package}/msg/{rest.removeprefix('msg/')}"
@@ -114,10 +114,10 @@ def adapter_for_type(message_type: str) -> InputAdapter:
 
 
 def output_adapter(name: str) -> OutputAdapter:
-    """The output of a short name.
+    """Return the output adapter of a short name.
 
     Raises:
-        ConfigurationError: there is none; the sentence lists the names.
+        ConfigurationError: an unknown name; the message lists the names.
     """
     try:
         return OUTPUTS[name]
@@ -170,4 +170,4 @@ OUTPUTS: dict[str, OutputAdapter] = {
         ),
     )
 }
-"""Every message of predictions that can be published, by its short name."""
+"""The messages in which predictions can be published, by short name."""

@@ -1,10 +1,13 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Made-up traffic of any size for measuring the node. No ROS in here.
+"""Generated traffic of any size, the fixture of the node's load generator and the benchmarks.
 
-Vehicles drive on a ring road of six lanes, three each way, at about the density of a busy
-motorway: more vehicles make a longer road, not a denser one. So the traffic stays what it is
-however long it is measured, nobody leaves or jumps, and neighbours change all the time.
+Vehicles drive on a ring road of six lanes, three in each direction, at about the density of a busy
+motorway: more vehicles make a longer road, not a denser one. So the traffic has the same
+properties over any time, no vehicle leaves or jumps, and neighbours change all the time.
+
+The load generator (mtpgo_ros) and the growth benchmark (mtpgo_training) must measure the same
+traffic and cannot import each other, so it is kept below both.
 """
 
 from __future__ import annotations
@@ -17,15 +20,22 @@ from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import AgentClass, TrackedStates, tracked_states
 
 _LANES = 6
+
 _LANE_WIDTH_M = 3.5
+"""Width of a lane (m); chosen: common on European roads."""
+
 _SPACING_M = 30.0
-"""Between two vehicles on a lane, front to front (m)."""
+"""Distance of two vehicles on a lane, front to front (m); chosen: busy traffic."""
+
 _SHORTEST_M = 240.0
+"""Shortest road (m); chosen, so that few vehicles do not turn in a small circle."""
+
 _SLOWEST_MPS, _FASTEST_MPS = 14.0, 22.0
+"""Speeds of the slowest and the fastest lane (m/s); chosen, so that lanes overtake each other."""
 
 
 class RingTraffic:
-    """So many vehicles at any time.
+    """A number of vehicles on a ring road.
 
     Args:
         agents: number of vehicles.
@@ -47,7 +57,7 @@ class RingTraffic:
         self._size = np.tile([4.6, 1.9], (agents, 1))
 
     def at(self, time_s: float, stamp_ns: int) -> TrackedStates:
-        """The vehicles a time (s) after the start, under a stamp (ns)."""
+        """Return the vehicles at a time (s) after the start, with a stamp (ns)."""
         angle = self._start + self._turn_radps * time_s
         outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         along = np.stack([-outward[:, 1], outward[:, 0]], axis=1)

@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where message classes come from: the installed ROS packages or a rosbags typestore.
+"""Sources of message classes: the installed ROS packages, or a rosbags typestore.
 
 Adapters read messages by attribute, so reading needs no classes. Building does, and the two
-families differ: rclpy classes have defaults and take ``array.array`` fastest, rosbags classes
-demand every field and numpy arrays. :class:`Types` hides that, so one builder serves the node and
-the offline tools.
+families differ: rclpy classes have defaults and accept ``array.array`` fastest, rosbags classes
+require every field and numpy arrays. :class:`Types` hides the difference, so the node and the
+offline tools use the same builders.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mtpgo_core.errors import MessageError
 _SOURCE_ONLY = {
     "perception_msgs": "build it from https://github.com/ika-rwth-aachen/perception_interfaces",
 }
-"""Packages without a release in the ROS distribution, and what to do instead."""
+"""Packages without a release in the ROS distribution, and how to get them."""
 
 # Kinds of a field definition, as numbered by rosbags.
 _BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4
@@ -35,27 +35,27 @@ class Types(ABC):
 
     @abstractmethod
     def message_class(self, name: str) -> type:
-        """The class of a message type.
+        """Return the class of a message type.
 
         Raises:
-            MessageError: the type is not to be had; the sentence says what to install.
+            MessageError: the type is not available; the message says what to install.
         """
 
     @abstractmethod
     def make(self, name: str, /, **values: Any) -> Any:
-        """A message with ``values`` set and every other field at its ROS default."""
+        """Return a message with ``values`` set and every other field at its ROS default."""
 
     @abstractmethod
     def octets(self, data: NDArray[np.uint8] | bytes) -> Any:
-        """Content of a ``uint8[]`` field."""
+        """Return the content of a ``uint8[]`` field."""
 
     @abstractmethod
     def doubles(self, values: Iterable[float]) -> Any:
-        """Content of a ``float64[]`` field."""
+        """Return the content of a ``float64[]`` field."""
 
 
 class RclpyTypes(Types):
-    """Classes of the message packages installed for rclpy, imported when first asked for."""
+    """Classes of the message packages installed for rclpy, imported at first use."""
 
     def __init__(self) -> None:
         self._classes: dict[str, type] = {}
@@ -143,17 +143,17 @@ class TypestoreTypes(Types):
 
 
 def message_class(name: str) -> type:
-    """The installed rclpy class of a message type such as ``vision_msgs/msg/Detection3DArray``.
+    """Return the installed rclpy class of a type, for instance ``vision_msgs/msg/BoundingBox3D``.
 
     Raises:
-        MessageError: the package is not installed (the sentence names what to install) or has no
+        MessageError: the package is not installed (the message says what to install) or has no
             such message.
     """
     return _import_class(name)
 
 
 def install_hint(package: str) -> str:
-    """What a user must do to get a message package, for instance ``install ros-jazzy-...``."""
+    """Return how to get a message package, for instance ``install ros-jazzy-...``."""
     return _SOURCE_ONLY.get(package, f"install ros-jazzy-{package.replace('_', '-')}")
 
 
@@ -161,7 +161,7 @@ def _import_class(name: str) -> type:
     package, _, rest = name.partition("/")
     kind, _, short = rest.rpartition("/")
     if not package or not short or kind not in ("", "msg"):
-        raise MessageError(f"{name!r} is no message type, expected for instance 'pkg/msg/Name'")
+        raise MessageError(f"{name!r} is not a message type, expected for instance 'pkg/msg/Name'")
     try:
         module = importlib.import_module(f"{package}.msg")
     except ModuleNotFoundError as error:

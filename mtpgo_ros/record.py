@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``record``: writes what the predictor publishes into an MCAP bag.
 
-Messages are stored as the bytes that came, under the time of their receipt. SIGINT and SIGTERM
+Messages are stored as the bytes received, with the time of their receipt. SIGINT and SIGTERM
 end the recording and leave a complete bag.
 """
 
@@ -22,7 +22,7 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     """Entry of the executable ``record``.
 
     Args:
-        argv: arguments, by default the process's; ``--ros-args`` may follow ours.
+        argv: arguments, by default the process's; ``--ros-args`` may follow.
 
     Returns:
         0 when a bag was written, 2 for bad input.
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int | None:
 
 
 def _until(stopped: Callable[[], bool], duration_s: float | None) -> Callable[[], bool]:
-    """Whether a signal has come or the duration (s) is over, counted from now on."""
+    """Return whether a signal came or the duration (s) from now on is over, as a function."""
     if duration_s is None:
         return stopped
     end = time.monotonic() + duration_s
@@ -55,7 +55,7 @@ def _until(stopped: Callable[[], bool], duration_s: float | None) -> Callable[[]
 
 
 def topics_of(options: argparse.Namespace) -> list[str]:
-    """Absolute names of the topics to be recorded."""
+    """Return the absolute names of the topics to be recorded."""
     predictor = "/" + options.predictor.strip("/")
     names = options.topics or [
         f"{predictor}/predictions",
@@ -90,7 +90,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NODE",
         help="name of the predictor (/predictor)",
     )
-    add("--duration", type=positive, metavar="S", help="end by itself after this long (s)")
+    add("--duration", type=positive, metavar="S", help="stop after this long (s)")
     return parser
 
 

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """``replay``: plays a bag in real time or faster, with ``/clock`` and a progress bar.
 
-The recorded bytes are published as they are, so nothing is decoded and every installed message
-type can be played. Where ROS 2 is installed, ``ros2 bag play --clock`` does the same.
+The recorded bytes are published as they are: nothing is decoded, and any installed message type
+can be played. Where ROS 2 is installed, ``ros2 bag play --clock`` does the same.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ from mtpgo_ros.runtime.executable import (
 )
 
 _SWITCH_INTERVAL_S = 5e-4
-"""After this long at most the reading thread hands Python back: no message waits for it."""
+"""Longest time that the reading thread keeps the interpreter (s), a tenth of Python's default;
+chosen: no message waits longer for it."""
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
     """Entry of the executable ``replay``.
 
     Args:
-        argv: arguments, by default the process's; ``--ros-args`` may follow ours.
+        argv: arguments, by default the process's; ``--ros-args`` may follow.
 
     Returns:
         0 when the bag was played or the user ended it, 2 for bad input.
@@ -104,11 +105,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
-    from mtpgo_ros.bags.bag_stream import BagSource
+    from msg_adapters.bags.bag_reader import BagReader
     from mtpgo_ros.bags.playback import PlaybackTiming
     from mtpgo_ros.bags.player_node import BagPlayer, Wait
 
-    with BagSource(options.bag) as bag:
+    with BagReader(options.bag) as bag:
+        topics = bag.topics(options.topics)
         origin_ns = bag.start_ns + round(options.start_offset * 1e9)
         end_ns = bag.end_ns
         if options.duration is not None:
@@ -119,7 +121,7 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
                 f" {(bag.end_ns - bag.start_ns) * 1e-9:.3f} s"
             )
         timing = PlaybackTiming(origin_ns, end_ns, options.rate, options.clock_rate)
-        player = BagPlayer(bag, timing, options.topics)
+        player = BagPlayer(bag, timing, topics)
         try:
             wait = Wait(
                 options.wait_for_subscribers,

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """autoware_perception_msgs/TrackedObjects.
 
-Twist and acceleration stand in the OBJECT frame, so they are turned by the yaw; where the
+Twist and acceleration are in the OBJECT frame, so they are rotated by the yaw; where the
 orientation is not fully available (its sign or all of it is unknown) the yaw, and with it the
 direction of the velocity, is unknown, and the core estimates both from the positions.
 """
@@ -43,7 +43,7 @@ _LAST_SHARED_LABEL = AgentClass.ANIMAL
 def decode_tracked_objects(
     message: Any, *, twist_frame: str = "object", fallback_stamp_ns: int | None = None
 ) -> Decoded:
-    """Tracked states of a TrackedObjects message.
+    """Return the tracked states of a TrackedObjects message.
 
     Args:
         message: ``autoware_perception_msgs/TrackedObjects``.
@@ -95,9 +95,9 @@ def decode_tracked_objects(
 
 
 def states_to_tracked_objects(states: TrackedStates, types: Types) -> Any:
-    """A TrackedObjects message; the key is the UUID, velocities are turned into the object frame.
+    """Return a TrackedObjects message; UUIDs are the keys, velocities are in the object frame.
 
-    Without a known yaw the orientation is marked unavailable, and the velocity does not survive.
+    Without a known yaw the orientation is marked unavailable, and the velocity is lost.
     """
     back = -states.yaw
     velocity, acceleration = rotate(states.velocity, back), rotate(states.acceleration, back)
@@ -151,24 +151,24 @@ def states_to_tracked_objects(states: TrackedStates, types: Types) -> Any:
 
 
 def make_uuid(key: np.ndarray, types: Types) -> Any:
-    """``unique_identifier_msgs/UUID`` of a [4] key."""
+    """Return ``unique_identifier_msgs/UUID`` of a [4] key."""
     octets = np.frombuffer(key_to_uuid_bytes(key), dtype=np.uint8).copy()
     return types.make("unique_identifier_msgs/msg/UUID", uuid=octets)
 
 
 def autoware_label(agent_class: int) -> int:
-    """Autoware's label of our class; vans, which Autoware has not, are cars."""
+    """Return Autoware's label of a class; vans, which Autoware does not have, are cars."""
     return int(AgentClass.CAR if agent_class == AgentClass.VAN else agent_class)
 
 
 def make_classification(agent_class: int, types: Types) -> Any:
-    """One certain ``ObjectClassification``."""
+    """Return an ``ObjectClassification`` with probability one."""
     label = autoware_label(agent_class)
     return types.make(PACKAGE + "ObjectClassification", label=label, probability=1.0)
 
 
 def make_shape(size: Float64Array, types: Types) -> Any:
-    """A box ``Shape`` of length and width (m); zero where unknown, its height always."""
+    """Return a box ``Shape`` of length and width (m), zero if unknown; the height is zero."""
     return types.make(
         PACKAGE + "Shape",
         type=SHAPE_BOX,
@@ -184,7 +184,7 @@ def _label(classification: Any) -> int:
     if len(classification) == 0:
         return int(AgentClass.UNKNOWN)
     label = int(max(classification, key=lambda item: item.probability).label)
-    # Labels above are hazards, not road users; and 9 is another class here.
+    # Larger labels are hazards, not road users; 9 is another class here.
     return label if label <= _LAST_SHARED_LABEL else int(AgentClass.UNKNOWN)
 
 

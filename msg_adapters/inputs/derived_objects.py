@@ -50,10 +50,10 @@ _LABELS = {int(ours): label for label, ours in _CLASSES.items()} | {
 def decode_objects(
     message: Any, *, twist_frame: str = "header", fallback_stamp_ns: int | None = None
 ) -> Decoded:
-    """Tracked states of an ObjectArray.
+    """Return the tracked states of an ObjectArray.
 
     Args:
-        message: ``derived_object_msgs/ObjectArray``; its own header holds for every object.
+        message: ``derived_object_msgs/ObjectArray``; its header holds for every object.
         twist_frame: ``header`` as in CARLA, or ``object``.
         fallback_stamp_ns: not needed, the message carries its time.
     """
@@ -85,7 +85,7 @@ def decode_objects(
 
 
 def states_to_objects(states: TrackedStates, types: Types) -> Any:
-    """An ObjectArray; classes it does not know become "other vehicle" or unknown.
+    """Return an ObjectArray; classes it does not have become "other vehicle" or unknown.
 
     Raises:
         MessageError: a key does not fit into the message's uint32 id.
@@ -123,7 +123,7 @@ def states_to_objects(states: TrackedStates, types: Types) -> Any:
 
 
 def _size(shape: Any) -> tuple[float, float]:
-    """Length and width (m) of a primitive, NaN where its dimensions are not filled."""
+    """Return length and width (m) of a primitive, NaN where its dimensions are not filled."""
     kind, dimensions = int(shape.type), [float(value) for value in shape.dimensions]
     if kind == _BOX and len(dimensions) >= 2:
         return dimensions[0], dimensions[1]

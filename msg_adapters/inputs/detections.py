@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""vision_msgs/Detection3DArray: boxes without velocity, which the core estimates.
+"""vision_msgs/Detection3DArray: boxes without velocity; the core estimates it.
 
-The ``id`` is the track. A detection with an empty id belongs to no track and is left out; a
-detector without a tracker behind it cannot be predicted from.
+The ``id`` identifies the track. A detection with an empty id belongs to no track and is left out;
+the output of a detector without a tracker cannot be predicted from.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ _NO_COVARIANCE = (np.nan,) * 4
 def decode_detections(
     message: Any, *, twist_frame: str = "none", fallback_stamp_ns: int | None = None
 ) -> Decoded:
-    """Tracked states of a Detection3DArray.
+    """Return the tracked states of a Detection3DArray.
 
     Args:
-        message: ``vision_msgs/Detection3DArray``; its own header holds for every detection.
-        twist_frame: without effect, there are no velocities.
+        message: ``vision_msgs/Detection3DArray``; its header holds for every detection.
+        twist_frame: not used, there are no velocities.
         fallback_stamp_ns: not needed, the message carries its time.
     """
     tracked = [item for item in message.detections if item.id]
@@ -74,7 +74,7 @@ def decode_detections(
 
 
 def states_to_detections(states: TrackedStates, types: Types) -> Any:
-    """A Detection3DArray; the id is the key as a decimal number, the class its name."""
+    """Return a Detection3DArray; the id is the key as a decimal number, the class its name."""
     header = make_header(types, states.stamp_ns, states.frame_id)
     detections = []
     for i in range(len(states)):

@@ -3,7 +3,7 @@
 """perception_msgs/ObjectList of the ika perception interfaces, models ISCACTR and HEXAMOTION.
 
 Velocity and acceleration are longitudinal and lateral in the OBJECT frame. A covariance diagonal
-of -1 marks a value that is not set, the largest double one whose covariance is not known.
+of -1 marks a value that is not set, the largest double a value with unknown covariance.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ COVARIANCE_UNKNOWN = sys.float_info.max
 
 @dataclass(frozen=True)
 class StateModel:
-    """Places of what we read in one model's ``continuous_state``.
+    """Indices of the values read from one model's ``continuous_state``.
 
     Attributes:
         name: the model's name.
         size: length of the vector.
-        yaw: place of the yaw. length, width: those of the box.
+        yaw: index of the yaw. length, width: indices of the box's.
 
-    x, y, z, vel_lon, vel_lat, acc_lon, acc_lat stand first in both models.
+    x, y, z, vel_lon, vel_lat, acc_lon, acc_lat come first in both models.
     """
 
     name: str
@@ -55,7 +55,7 @@ class StateModel:
 
     @property
     def columns(self) -> list[int]:
-        """x, y, z, vel_lon, vel_lat, acc_lon, acc_lat, yaw, length, width."""
+        """Indices of x, y, z, vel_lon, vel_lat, acc_lon, acc_lat, yaw, length, width."""
         return [0, 1, 2, 3, 4, 5, 6, self.yaw, self.length, self.width]
 
 
@@ -86,10 +86,10 @@ _LABELS = {int(ours): label for label, ours in _CLASSES.items() if label < 50}
 def decode_object_list(
     message: Any, *, twist_frame: str = "object", fallback_stamp_ns: int | None = None
 ) -> Decoded:
-    """Tracked states of an ObjectList; objects of other state models are left out and counted.
+    """Return the tracked states of an ObjectList, without objects of other state models.
 
     Args:
-        message: ``perception_msgs/ObjectList``; its own header holds for every object.
+        message: ``perception_msgs/ObjectList``; its header holds for every object.
         twist_frame: ``object`` as defined by the message, or ``header``.
         fallback_stamp_ns: not needed, the message carries its time.
     """
@@ -123,7 +123,7 @@ def decode_object_list(
 
 
 def turn_velocity(covariance: Float64Array, angle: Float64Array) -> Float64Array:
-    """[n, 4, 4] covariances with the two velocities turned by [n] angles (rad)."""
+    """Return [n, 4, 4] covariances with the two velocities rotated by [n] angles (rad)."""
     turn = np.zeros((len(angle), 4, 4))
     turn[:, 0, 0] = turn[:, 1, 1] = 1.0
     turn[:, 2, 2] = turn[:, 3, 3] = np.cos(angle)
@@ -140,7 +140,7 @@ def turn_velocity(covariance: Float64Array, angle: Float64Array) -> Float64Array
 
 
 def states_to_object_list(states: TrackedStates, types: Types) -> Any:
-    """An ObjectList of model ISCACTR; what is unknown is marked as not set.
+    """Return an ObjectList of model ISCACTR; unknown values are marked as not set.
 
     Raises:
         MessageError: a key does not fit into the message's uint64 id.
@@ -198,7 +198,7 @@ def _unreadable(state: Any) -> str:
 
 
 def _to_centre(reference: Any) -> tuple[float, float, float]:
-    """Way from the reference point to the centre of the box, along the object's axes (m)."""
+    """Return the vector from reference point to box centre, along the object's axes (m)."""
     if int(reference.value) == _GEOMETRIC_CENTRE:
         return 0.0, 0.0, 0.0
     shift = reference.translation_to_geometric_center
@@ -206,7 +206,7 @@ def _to_centre(reference: Any) -> tuple[float, float, float]:
 
 
 def _read_states(states: list[Any]) -> tuple[Float64Array, Float64Array]:
-    """[n, 10] values by ``StateModel.columns``; [n, 4, 4] covariance of x, y, vel_lon, vel_lat."""
+    """Return [n, 10] ``StateModel.columns``; [n, 4, 4] covariance of x, y, vel_lon, vel_lat."""
     values = np.full((len(states), 10), np.nan)
     covariance = np.full((len(states), 4, 4), np.nan)
     models = np.array([int(state.model_id) for state in states], dtype=np.int64)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Lane markings as LINE_STRIP markers, to a latched topic and back."""
+"""Lane markings as LINE_STRIP markers of a latched topic, encoding and decoding."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class LaneMarkings:
 def lanes_to_markers(
     polylines: Sequence[Float64Array], types: Types, *, stamp_ns: int, frame_id: str
 ) -> Any:
-    """A MarkerArray with one white LINE_STRIP per polyline, to be published latched.
+    """Return a MarkerArray with one white LINE_STRIP per polyline, to be published latched.
 
     Args:
         polylines: [k, 2] points each (m).
-        types: where message classes come from.
+        types: source of message classes.
         stamp_ns: header stamp (ns).
         frame_id: frame of the points.
     """
@@ -66,7 +66,7 @@ def lanes_to_markers(
 
 
 def lanes_from_markers(message: Any) -> LaneMarkings:
-    """The polylines of all LINE_STRIP markers, and each segment of LINE_LIST ones.
+    """Return the lines of LINE_STRIP markers, and each segment of LINE_LIST markers.
 
     Markers of other types, deletions and lines with fewer than two finite points are left out.
 
@@ -74,7 +74,7 @@ def lanes_from_markers(message: Any) -> LaneMarkings:
         message: ``visualization_msgs/MarkerArray``.
 
     Raises:
-        MessageError: the lines stand in different frames, or the message is malformed.
+        MessageError: the lines are in different frames, or the message is malformed.
     """
     lines: list[Float64Array] = []
     frames: dict[str, None] = {}
@@ -92,14 +92,14 @@ def lanes_from_markers(message: Any) -> LaneMarkings:
         raise MessageError(f"message cannot be read as lane markings: {error}") from error
     if len(frames) > 1:
         raise MessageError(
-            f"lane markings stand in the frames {', '.join(map(repr, frames))}, expected one"
+            f"lane markings are in the frames {', '.join(map(repr, frames))}, expected one"
         )
     finite = [line[np.isfinite(line).all(axis=1)] for line in lines]
     return LaneMarkings(next(iter(frames), ""), tuple(line for line in finite if len(line) > 1))
 
 
 def _placed(marker: Any) -> Float64Array:
-    """[k, 2] points of a marker (m), its pose applied."""
+    """Return [k, 2] the points of a marker (m), its pose applied."""
     points = np.array([(p.x, p.y) for p in marker.points], dtype=np.float64).reshape(-1, 2)
     x, y, _, *quaternion = pose_row(marker.pose)
     yaw = float(np.nan_to_num(yaw_from_quaternions(np.array([quaternion], dtype=np.float64))[0]))

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tracked objects as a PointCloud2, one point per object: our own input layout.
 
-It needs no third-party message package and carries everything the core can use. Fields are found
-by name, so their order and further fields do not matter. Only ``x``, ``y`` and ``id_0`` must be
-there; what is absent or not finite is unknown. See docs/messages.md.
+It needs no third-party message package and holds everything the core can use. Fields are found
+by name, so their order and further fields do not matter. Only ``x``, ``y`` and ``id_0`` are
+required; what is absent or not finite is unknown. See docs/messages.md.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import Float64Array, KeyArray, TrackedStates, tracked_states
 
 KEY_FIELDS = ("id_0", "id_1", "id_2", "id_3")
-"""The identity, least significant word first (:mod:`mtpgo_core.identity`)."""
+"""Fields of the identity, least significant word first (:mod:`mtpgo_core.identity`)."""
 
 COVARIANCE_FIELDS = {
     "cov_xx": (0, 0),
@@ -36,7 +36,7 @@ COVARIANCE_FIELDS = {
     "cov_vxvy": (2, 3),
     "cov_vyvy": (3, 3),
 }
-"""Upper triangle of the covariance of (x, y, vx, vy) and where each field stands in it."""
+"""Fields of the upper triangle of the covariance of (x, y, vx, vy), with their indices."""
 
 _STATE = np.dtype(
     [(name, "<f8") for name in ("x", "y", "z")]
@@ -49,7 +49,7 @@ _COVARIANCE = [(name, "<f4") for name in COVARIANCE_FIELDS]
 def decode_cloud(
     message: Any, *, twist_frame: str = "header", fallback_stamp_ns: int | None = None
 ) -> Decoded:
-    """Tracked states of a cloud of objects.
+    """Return the tracked states of a cloud of objects.
 
     Args:
         message: ``sensor_msgs/PointCloud2``.
@@ -57,7 +57,7 @@ def decode_cloud(
         fallback_stamp_ns: not needed, the cloud carries its time.
 
     Raises:
-        MessageError: a field that must be there is missing, or the layout is broken.
+        MessageError: a required field is missing, or the layout is invalid.
     """
     records = cloud_to_records(message)
     names = records.dtype.names or ()
@@ -94,7 +94,7 @@ def decode_cloud(
 
 
 def states_to_pointcloud2(states: TrackedStates, types: Types) -> Any:
-    """A cloud that :func:`decode_cloud` reads back to float32 (positions: float64) accuracy.
+    """Return a cloud that :func:`decode_cloud` reads back to float32 (positions: float64).
 
     The ten covariance fields are left out when no object has any.
     """
@@ -137,7 +137,7 @@ def _keys(records: NDArray[Any]) -> KeyArray:
             continue
         values = records[name]
         if values.dtype.kind not in "iu":
-            raise MessageError(f"point cloud field {name!r} is no integer, expected UINT32")
+            raise MessageError(f"point cloud field {name!r} is not an integer, expected UINT32")
         key[:, word] = values.astype(np.uint32)
     return key
 

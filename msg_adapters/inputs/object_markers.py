@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """visualization_msgs/MarkerArray as input: one CUBE or CYLINDER per object.
 
-Namespace and id together are the track; the namespace, or the marker's text, may name the class.
-There is no velocity, which the core estimates.
+Namespace and id together identify the track; the namespace, or the marker's text, may name the
+class. There is no velocity; the core estimates it.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ _WORD = 0xFFFFFFFF
 
 
 def marker_keys(namespaces: Sequence[str], ids: Sequence[int]) -> KeyArray:
-    """[n, 4] keys of markers: word id_0 is the marker's id, the others stand for its namespace.
+    """Return [n, 4] keys: word id_0 is the marker's id, the others encode its namespace.
 
-    An empty namespace gives zeros, so the key is the id itself; any other is hashed, except the
-    one that :func:`states_to_markers` writes to carry a longer key.
+    An empty namespace gives zeros, so the key is the id itself; any other is hashed, except one
+    in which :func:`states_to_markers` wrote a longer key.
     """
     words = {namespace: _namespace_words(namespace) for namespace in set(namespaces)}
     rows = [
@@ -54,19 +54,19 @@ def marker_keys(namespaces: Sequence[str], ids: Sequence[int]) -> KeyArray:
 def decode_markers(
     message: Any, *, twist_frame: str = "none", fallback_stamp_ns: int | None = None
 ) -> Decoded:
-    """Tracked states of a MarkerArray, in the order of their first appearance.
+    """Return the tracked states of a MarkerArray, in the order of their first appearance.
 
-    Actions are followed in order, as a display does: a marker deleted later in the same array is
-    no object. Deletions are reported, the history needs none (it forgets what is not seen).
+    Actions are followed in order, as in a display: a marker deleted later in the same array is not
+    an object. Deletions are reported; the history does not need them.
 
     Args:
         message: ``visualization_msgs/MarkerArray``.
-        twist_frame: without effect, there are no velocities.
-        fallback_stamp_ns: time of reception (ns), used where no object has a stamp: markers
+        twist_frame: not used, there are no velocities.
+        fallback_stamp_ns: time of receipt (ns), used where no object has a stamp: markers
             may be published with stamp zero ("now"), and an empty array has no header at all.
 
     Raises:
-        MessageError: the objects stand in different frames, or nothing says the time.
+        MessageError: the objects are in different frames, or there is no time.
     """
     boxes: dict[tuple[str, int], Any] = {}
     removed: dict[tuple[str, int], None] = {}
@@ -106,7 +106,7 @@ def decode_markers(
 
 
 def states_to_markers(states: TrackedStates, types: Types) -> Any:
-    """A MarkerArray of one CUBE per object; the text names the class.
+    """Return a MarkerArray of one CUBE per object; the text names the class.
 
     A key of one word is the marker's id with an empty namespace.
     """

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The pose of a vehicle from nav_msgs/Odometry, for lifting what it sees into a fixed frame."""
+"""Pose of a vehicle from nav_msgs/Odometry, to transform its observations into a fixed frame."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 
 
 def pose_of(message: Any) -> Pose2:
-    """Where the message's child frame stands in its header's frame, and how it moves there."""
+    """Return pose and velocity of the message's child frame in its header's frame."""
     pose, twist = message.pose.pose, message.twist.twist
     yaw = yaw_of(pose.orientation)
     forward, left = twist.linear.x, twist.linear.y
@@ -33,6 +33,6 @@ def pose_of(message: Any) -> Pose2:
 
 
 def yaw_of(quaternion: Any) -> float:
-    """Yaw (rad) of a geometry_msgs/Quaternion."""
+    """Return the yaw (rad) of a geometry_msgs/Quaternion."""
     row = np.array([[quaternion.x, quaternion.y, quaternion.z, quaternion.w]])
     return float(yaw_from_quaternions(row)[0])

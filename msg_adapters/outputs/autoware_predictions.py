@@ -3,7 +3,7 @@
 """autoware_perception_msgs/PredictedObjects as output.
 
 Its conventions: paths sorted by falling confidence, confidences summing to one, ``path[0]`` the
-present pose and a constant time step. There is no room for covariance; the canonical cloud has it.
+present pose and a constant time step. It has no covariance; the canonical cloud has it.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from mtpgo_core.schema import Float64Array, Prediction
 def prediction_to_predicted_objects(
     prediction: Prediction, types: Types, *, max_modes: int | None = None
 ) -> Any:
-    """The prediction as PredictedObjects.
+    """Return the prediction as PredictedObjects.
 
     Args:
         prediction: what to publish; stamp and frame go into the header.
-        types: where message classes come from.
+        types: source of message classes.
         max_modes: the strongest modes to keep, renormalised; None keeps all.
 
     Raises:
@@ -88,7 +88,7 @@ def prediction_to_predicted_objects(
 def prediction_to_predicted_objects_bytes(
     prediction: Prediction, *, max_modes: int | None = None
 ) -> bytes:
-    """The serialised message of :func:`prediction_to_predicted_objects`, many times faster."""
+    """Return the bytes of :func:`prediction_to_predicted_objects`, many times faster."""
     content = _content(prediction, max_modes)
     steps = content.poses.shape[2]
     time_step = divmod(round(content.step_s * 1e9), 1_000_000_000)
@@ -118,7 +118,7 @@ def prediction_to_predicted_objects_bytes(
 
 
 class _Content(NamedTuple):
-    """What both ways of writing say.
+    """The content of the message, for both ways of writing it.
 
     Attributes:
         step_s: constant time step (s).
@@ -156,7 +156,7 @@ def _content(prediction: Prediction, max_modes: int | None) -> _Content:
 
 
 def _paths(prediction: Prediction, modes: int) -> tuple[float, Float64Array]:
-    """The constant time step (s) and [n, modes, 1 + H', 5] rows x, y, z, sin and cos of yaw / 2.
+    """Return the time step (s) and [n, modes, 1 + H', 5] x, y, z, sin and cos of yaw / 2.
 
     The first row is the present pose. Where the horizon does not start one step after the stamp
     (delay compensation), the path is interpolated onto multiples of the step.

@@ -13,7 +13,7 @@ from mtpgo_core.schema import Float64Array
 def ellipse_sides(
     mean: Float64Array, covariance: Float64Array, *, sigma: float, corners: int
 ) -> Float64Array:
-    """[n, M, E * corners * 2, 2] ends of the sides of polygons inscribed in the ellipses (m).
+    """Return [n, M, E * corners * 2, 2] side ends of polygons inscribed in the ellipses (m).
 
     Args:
         mean: [n, M, E, 2] centres (m).
@@ -37,7 +37,7 @@ def ellipse_sides(
 
 
 def ellipse_steps(time_s: Float64Array, every_s: float) -> NDArray[np.intp]:
-    """Steps nearest to the multiples of ``every_s`` within the horizon."""
+    """Return the steps nearest to the multiples of ``every_s`` within the horizon."""
     if len(time_s) == 0:
         return np.empty(0, dtype=np.intp)
     wanted = every_s * np.arange(1, int(time_s[-1] / every_s + 1e-6) + 1)

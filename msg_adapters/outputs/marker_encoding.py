@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Markers as plain values, made into MarkerArray messages or straight into their bytes."""
+"""Markers as plain values, and their encoding as MarkerArray messages or bytes."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class Drawn(NamedTuple):
 def markers_to_message(
     markers: Sequence[Drawn], types: Types, *, stamp_ns: int, frame_id: str, lifetime_s: float
 ) -> Any:
-    """A MarkerArray message.
+    """Return a MarkerArray message.
 
     Args:
-        markers: what it holds, in order.
-        types: where message classes come from.
+        markers: its markers, in order.
+        types: source of message classes.
         stamp_ns: stamp of every header (ns).
         frame_id: frame of every header.
         lifetime_s: time after which displays drop a marker; 0 keeps it (s).
@@ -85,7 +85,7 @@ def markers_to_message(
 def markers_to_cdr(
     markers: Sequence[Drawn], *, stamp_ns: int, frame_id: str, lifetime_s: float
 ) -> bytes:
-    """The bytes of the same MarkerArray; arguments as in :func:`markers_to_message`."""
+    """Return the bytes of the same MarkerArray; arguments as in :func:`markers_to_message`."""
     writer = CdrWriter()
     lifetime = divmod(round(lifetime_s * 1e9), 1_000_000_000)
     head, textless_end = _head(stamp_ns, frame_id), _end("")
@@ -103,14 +103,14 @@ def markers_to_cdr(
 
 
 def _head(stamp_ns: int, frame_id: str) -> bytes:
-    """A marker's header, the same for all of an array."""
+    """Return a marker's header, the same for all of an array."""
     writer = CdrWriter()
     write_header(writer, stamp_ns, frame_id)
     return writer.content
 
 
 def _end(text: str) -> bytes:
-    """A marker behind its points; only the text is ever filled."""
+    """Return the part of a marker after its points; only the text is ever filled."""
     writer = CdrWriter()
     writer.pack(4, "I", 0)  # colors
     writer.text("")  # texture_resource

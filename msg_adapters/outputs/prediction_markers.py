@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Predictions as a MarkerArray for RViz and Foxglove.
 
-Per agent a box; per agent and mode one LINE_STRIP, the trajectory, and one LINE_LIST, the
-ellipses. Colours tell the class, opacity the weight of the mode. Ellipses of one mode share a
-marker because displays pay per marker, not per point.
+There is a box per agent, and per agent and mode one LINE_STRIP (the trajectory) and one LINE_LIST
+(the ellipses). Colours show the class, opacity the weight of the mode. Ellipses of one mode share
+a marker because the cost of a display is per marker, not per point.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from msg_adapters.types import Types
 from mtpgo_core.schema import AgentClass, Float64Array, Prediction, Source
 
 BOXES, TRAJECTORIES, ELLIPSES, LABELS = "agents", "trajectories", "ellipses", "labels"
-"""Namespaces, so that a display can switch each kind on and off."""
+"""Namespaces of the markers; a display can switch each on and off."""
 
 
 _COLOURS: dict[int, tuple[float, float, float]] = {
@@ -53,7 +53,7 @@ _FALLBACK_COLOUR = (0.6, 0.6, 0.6)
 
 @dataclass(frozen=True)
 class MarkerStyle:
-    """What is drawn.
+    """Settings of the drawing.
 
     Attributes:
         min_weight: modes lighter than this are not drawn, except an agent's strongest.
@@ -86,14 +86,14 @@ def prediction_to_markers(
     max_modes: int | None = None,
     style: MarkerStyle | None = None,
 ) -> Any:
-    """The prediction as a MarkerArray; deletions of stale markers stand first.
+    """Return the prediction as a MarkerArray; deletions of stale markers come first.
 
     Args:
         prediction: what to draw; stamp and frame go into every header.
-        types: where message classes come from.
+        types: source of message classes.
         tracker: the ids in use; one per topic.
         max_modes: the strongest modes to draw, renormalised; None draws all.
-        style: what is drawn, default :class:`MarkerStyle`.
+        style: settings, default :class:`MarkerStyle`.
     """
     style = style or MarkerStyle()
     return markers_to_message(
@@ -112,7 +112,7 @@ def prediction_to_marker_bytes(
     max_modes: int | None = None,
     style: MarkerStyle | None = None,
 ) -> bytes:
-    """The serialised MarkerArray of :func:`prediction_to_markers`, many times faster."""
+    """Return the bytes of :func:`prediction_to_markers`, many times faster."""
     style = style or MarkerStyle()
     return markers_to_cdr(
         draw(prediction, tracker, max_modes=max_modes, style=style),
@@ -123,7 +123,7 @@ def prediction_to_marker_bytes(
 
 
 def clear_markers(types: Types, *, stamp_ns: int, frame_id: str) -> Any:
-    """A MarkerArray that deletes all markers of the topic."""
+    """Return a MarkerArray that deletes all markers of the topic."""
     everything = [Drawn("", 0, action=DELETE_ALL)]
     return markers_to_message(
         everything, types, stamp_ns=stamp_ns, frame_id=frame_id, lifetime_s=0.0
@@ -133,7 +133,7 @@ def clear_markers(types: Types, *, stamp_ns: int, frame_id: str) -> Any:
 def draw(
     prediction: Prediction, tracker: MarkerTracker, *, max_modes: int | None, style: MarkerStyle
 ) -> list[Drawn]:
-    """Deletions of what is stale, then what is to be seen; arguments as above."""
+    """Return deletions of stale markers, then the markers to draw; arguments as above."""
     painter = _Painter(prediction, style, max_modes)
     slots = tracker.slots(prediction.key)
     drawn = [marker for agent, slot in enumerate(slots) for marker in painter.agent(agent, slot)]
@@ -142,7 +142,7 @@ def draw(
 
 
 class _Painter:
-    """One prediction's geometry, computed for all agents at once, then cut into markers."""
+    """The geometry of a prediction, computed for all agents together."""
 
     def __init__(self, prediction: Prediction, style: MarkerStyle, max_modes: int | None) -> None:
         self.style = style
@@ -179,7 +179,7 @@ class _Painter:
         self.served = (prediction.source == Source.MODEL).tolist()
 
     def agent(self, agent: int, slot: int) -> Iterator[Drawn]:
-        """The markers of one agent."""
+        """Return the markers of one agent."""
         first_id = slot * MODES_PER_AGENT
         if self.known[agent]:
             yield self._box(agent, first_id)
@@ -239,11 +239,11 @@ class _Painter:
 
 
 def _with_z(points: Float64Array, z: Float64Array) -> Float64Array:
-    """[n, M, k, 3] points of [n, M, k, 2] ones at the agents' [n] heights (m)."""
+    """Return [n, M, k, 3] the points [n, M, k, 2] at the agents' [n] heights (m)."""
     height = np.broadcast_to(z[:, None, None, None], (*points.shape[:-1], 1))
     return np.concatenate([points, height], axis=-1)
 
 
 def _opacity(weight: Float64Array) -> Float64Array:
-    """[n, M] opacity in 0.1..1: the weight relative to the agent's strongest mode."""
+    """Return [n, M] the opacity in 0.1..1: the weight relative to the agent's strongest mode."""
     return np.clip(weight / weight.max(axis=1, keepdims=True, initial=1e-12), 0.1, 1.0)

@@ -1,10 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Writing CDR, the bytes of ROS messages, without message objects.
+"""Writing of CDR, the bytes of ROS messages, without message objects.
 
-A MarkerArray of sixty agents is tens of thousands of Point objects, which cost rclpy a tenth of a
-second to make and to serialise. Publishers take ready bytes as well, and a block of points is one
-copy there. Only messages that are worth it are written this way; each is tested against the same
+A MarkerArray of sixty agents has tens of thousands of Point objects, which take rclpy a tenth of a
+second to make and to serialise. Publishers accept bytes as well, and in bytes a block of points is
+one copy. Only messages where it matters are written this way; each is tested against the same
 message made of objects.
 """
 
@@ -29,45 +29,45 @@ class CdrWriter:
 
     @property
     def content(self) -> bytes:
-        """What was written, without the four bytes that say the encoding."""
+        """The bytes written, without the four bytes of the encoding header."""
         return bytes(self._data[len(_LITTLE_ENDIAN) :])
 
     def pack(self, size: int, layout: str, *values: Any) -> None:
-        """Values that lie without gaps once the first is aligned to ``size`` bytes.
+        """Append values without gaps after aligning the first to ``size`` bytes.
 
         Args:
             size: alignment (bytes).
             layout: ``struct`` format without the byte order.
-            values: what the format takes.
+            values: values of the format.
         """
         self._align(size)
         self._data += struct.pack("<" + layout, *values)
 
     def text(self, value: str) -> None:
-        """A string: its length with the closing zero, its UTF-8 bytes, the zero."""
+        """Append a string: its length with the terminating zero, its UTF-8 bytes, the zero."""
         octets = value.encode() + b"\x00"
         self.pack(4, "I", len(octets))
         self._data += octets
 
     def doubles(self, values: np.ndarray) -> None:
-        """float64 values, or points and poses of such, without a count."""
+        """Append float64 values, also points or poses of float64, without a count."""
         if values.size:
             self._align(8)
             self._data += np.ascontiguousarray(values, dtype="<f8").tobytes()
 
     def block(self, size: int, values: bytes) -> None:
-        """Bytes written before, aligned to ``size`` bytes, the largest size within them."""
+        """Append encoded bytes, aligned to ``size`` bytes, the largest alignment in them."""
         self._align(size)
         self._data += values
 
     def _align(self, size: int) -> None:
-        # Counted from behind the four bytes that say the encoding.
+        # Counted from the end of the encoding header.
         excess = (len(self._data) - len(_LITTLE_ENDIAN)) % size
         if excess:
             self._data += bytes(size - excess)
 
 
 def write_header(writer: CdrWriter, stamp_ns: int, frame_id: str) -> None:
-    """``std_msgs/Header`` of a stamp (ns) and a frame."""
+    """Append a ``std_msgs/Header`` of a stamp (ns) and a frame."""
     writer.pack(4, "iI", *divmod(stamp_ns, 1_000_000_000))
     writer.text(frame_id)

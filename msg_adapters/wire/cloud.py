@@ -19,13 +19,13 @@ _NUMBERS = {np.dtype(code): number for number, code in _DATATYPES.items()}
 
 
 def cloud_to_records(message: Any) -> NDArray[Any]:
-    """[points] structured view of a cloud's data, with one name per field.
+    """Return a [points] structured view of a cloud's data, with one name per field.
 
     Fields with a count other than one are left out. Organised clouds (height above one) are
     flattened row by row.
 
     Raises:
-        MessageError: the layout contradicts itself or the data.
+        MessageError: the layout is inconsistent or does not fit the data.
     """
     layout = _record_type(message)
     rows, columns = int(message.height), int(message.width)
@@ -55,11 +55,11 @@ def cloud_to_records(message: Any) -> NDArray[Any]:
 def records_to_cloud(
     records: NDArray[Any], types: Types, *, stamp_ns: int, frame_id: str, is_dense: bool
 ) -> Any:
-    """An unorganised little-endian PointCloud2 of [points] records.
+    """Return an unorganised little-endian PointCloud2 of [points] records.
 
     Args:
         records: [points] structured array; the fields of the message are those of its dtype.
-        types: where message classes come from.
+        types: source of message classes.
         stamp_ns: header stamp (ns).
         frame_id: header frame.
         is_dense: no field is NaN.

@@ -1,8 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Field structure of the message packages that neither rclpy's wheels nor rosbags bring along.
+"""Definitions of the message packages that are part of neither rclpy's wheels nor rosbags.
 
-Registered in a rosbags typestore, these let the offline half write and read bags of packages that
+Registered in a rosbags typestore, they let the offline half write and read bags of packages that
 are not installed (the definition is embedded in the bag, so every reader knows it)::
 
     types = {}
@@ -11,7 +11,7 @@ are not installed (the definition is embedded in the bag, so every reader knows 
     typestore.register(types)
 
 Fields, their order and their types are those of the packages named below; bytes on the wire
-depend on nothing else. Constants stand in the text so that a bag's reader can name the numbers.
+depend on nothing else. Constants are included so that a reader of a bag can name the numbers.
 """
 
 from __future__ import annotations

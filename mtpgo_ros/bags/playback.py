@@ -1,9 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Plays serialised messages on time: every message has its own moment, counted from the start.
+"""Plays serialised messages on time: each is due at its own time after the start.
 
-Waiting for the next message never starts from the last one, so lateness does not add up. Messages
-are read ahead by a thread; publishing is left to the caller's functions, so no ROS in here.
+The time to wait is never counted from the previous message, so lateness does not accumulate.
+Messages are read ahead by a thread; publishing is left to the caller's functions, so nothing here
+needs ROS.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 _LONGEST_SLEEP_S = 0.05
-"""A wish to stop is noticed after this long at most."""
+"""Longest time until a request to stop is noticed (s); chosen."""
 
 _AHEAD = 64
-"""Messages read ahead."""
+"""Messages read ahead; chosen: covers a chunk of the file that is decompressed meanwhile."""
 
 _IDLE_S = 0.004
-"""Time that must be left before the next event for work that can wait (the progress bar)."""
+"""Time that must be left before the next event for the progress bar to be drawn (s); chosen: a
+drawing takes less."""
 
 Message = tuple[str, int, bytes]
 """Topic, log time (ns), bytes."""
@@ -49,13 +51,13 @@ class PlaybackTiming:
 
 @dataclass(frozen=True)
 class Sinks:
-    """Where things go.
+    """Functions that a player calls.
 
     Attributes:
         publish: (topic, bytes).
-        clock: told the present log time (ns) at every tick.
-        progress: told the log time reached (ns), when there is time for it.
-        stopped: says whether to stop.
+        clock: called with the present log time (ns) at every tick.
+        progress: called with the log time reached (ns), when there is time for it.
+        stopped: returns whether to stop.
     """
 
     publish: Callable[[str, bytes], None]
@@ -66,12 +68,12 @@ class Sinks:
 
 @dataclass
 class Report:
-    """What was played and how well time was kept.
+    """What was played, and how late.
 
     Attributes:
         messages: number of messages.
         wall_s: time that it took (s).
-        lateness_ms: of each message, against its own moment (ms).
+        lateness_ms: of each message, after the time at which it was due (ms).
     """
 
     messages: int = 0
@@ -79,14 +81,14 @@ class Report:
     lateness_ms: list[float] = field(default_factory=list)
 
     def percentiles(self) -> tuple[float, float, float]:
-        """p50, p99 and maximum of the lateness (ms), zeros where nothing was played."""
+        """Return p50, p99 and maximum of the lateness (ms), zeros where nothing was played."""
         if not self.lateness_ms:
             return 0.0, 0.0, 0.0
         p50, p99, top = np.percentile(self.lateness_ms, (50.0, 99.0, 100.0))
         return float(p50), float(p99), float(top)
 
     def sentence(self) -> str:
-        """The report in words."""
+        """Return the report as a sentence."""
         p50, p99, top = self.percentiles()
         return (
             f"{self.messages} messages in {self.wall_s:.2f} s; lateness p50 {p50:.2f} ms,"
@@ -138,7 +140,7 @@ def play(
 
 
 def _sleep(until: float, sinks: Sinks) -> bool:
-    """Sleep to a moment of the monotonic clock (s); false when asked to stop."""
+    """Sleep until a time of the monotonic clock (s); return False when asked to stop."""
     while (left := until - time.monotonic()) > 0.0:
         time.sleep(min(left, _LONGEST_SLEEP_S))
         if sinks.stopped():
@@ -147,7 +149,7 @@ def _sleep(until: float, sinks: Sinks) -> bool:
 
 
 class _ReadAhead:
-    """Reads an iterator on its own thread, a little ahead."""
+    """Reads an iterator ahead on a thread."""
 
     def __init__(self, messages: Iterator[Message]) -> None:
         self._queue: queue.Queue[Message | Exception | None] = queue.Queue(_AHEAD)
@@ -176,7 +178,7 @@ class _ReadAhead:
         return False
 
     def next(self) -> Message | None:
-        """The next message, None after the last.
+        """Return the next message, None after the last.
 
         Raises:
             Exception: what the iterator raised.

@@ -18,14 +18,16 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from tqdm import tqdm
 
+from msg_adapters.bags.bag_reader import BagReader, BagTopic
 from msg_adapters.types import message_class
 from mtpgo_core.errors import MessageError, RecordingError
-from mtpgo_ros.bags.bag_stream import BagSource, BagTopic
 from mtpgo_ros.bags.playback import Message, PlaybackTiming, Report, Sinks, play
 
 _POLL_S = 0.02
+"""Time between two looks at what the player waits for (s); chosen: not noticeable."""
+
 _MOST_LATCHED = 1000
-"""Messages of a latched topic kept for late subscribers, at most."""
+"""Messages of a latched topic kept for late subscribers at most; chosen, bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,8 @@ class Wait:
     Attributes:
         subscribers: number of subscribers that one of the topics must have.
         timeout_s: how long to wait for them (s).
-        delay_s: time for discovery, after the subscribers have come (s).
-        paused: wait, after that, for a line on standard input.
+        delay_s: time for discovery after the subscribers are there (s).
+        paused: wait after that for a line on standard input.
     """
 
     subscribers: int
@@ -51,17 +53,14 @@ class BagPlayer:
     Args:
         bag: the open bag.
         timing: which part to play, and how fast.
-        names: topics to play, None for all.
+        topics: which of its topics to play.
 
     Raises:
-        RecordingError: a named topic is not in the bag, or none can be played here.
+        RecordingError: none of the topics can be played here.
     """
 
-    def __init__(
-        self, bag: BagSource, timing: PlaybackTiming, names: Sequence[str] | None
-    ) -> None:
+    def __init__(self, bag: BagReader, timing: PlaybackTiming, topics: Sequence[BagTopic]) -> None:
         self._bag, self._timing = bag, timing
-        topics = bag.topics(names)
         if timing.clock_hz > 0.0:
             topics = [topic for topic in topics if topic.name != "/clock"]
         self._node = rclpy.create_node("replay")
@@ -91,10 +90,10 @@ class BagPlayer:
         return self._node.create_publisher(message_class(topic.message_type), topic.name, qos)
 
     def wait(self, wait: Wait, stopped: Callable[[], bool]) -> bool:
-        """Wait for the subscribers and for discovery; false when asked to stop meanwhile.
+        """Wait for the subscribers and for discovery; return False when stopped meanwhile.
 
         Raises:
-            RecordingError: the subscribers have not come in time.
+            RecordingError: too few subscribers appeared in time.
         """
         end = time.monotonic() + wait.timeout_s
         while not stopped() and self._subscribers() < wait.subscribers:
@@ -117,15 +116,15 @@ class BagPlayer:
         return max(publisher.get_subscription_count() for publisher in self._publishers.values())
 
     def run(self, stopped: Callable[[], bool], *, loop: bool, progress: bool) -> Report:
-        """Play, once or over and over until stopped.
+        """Play the topics once, or again and again until stopped.
 
         Args:
-            stopped: says whether to stop.
+            stopped: returns whether to stop.
             loop: start again at the end.
             progress: show a progress bar on stderr.
 
         Raises:
-            RecordingError: the bag turns out to be damaged.
+            RecordingError: the bag is damaged.
         """
         report = Report()
         self._publish_latched_before_start()
@@ -140,13 +139,15 @@ class BagPlayer:
         return report
 
     def _messages(self) -> Iterator[Message]:
-        return self._bag.messages(self._topics, self._timing.origin_ns, self._timing.end_ns + 1)
+        return self._bag.raw_messages(
+            self._topics, self._timing.origin_ns, self._timing.end_ns + 1
+        )
 
     def _publish_latched_before_start(self) -> None:
-        """What a subscriber that joins at the start offset would have got."""
+        """Publish the latched messages that came before the start offset."""
         latched = [topic for topic in self._topics if topic.latched]
         if latched and self._timing.origin_ns > self._bag.start_ns:
-            for topic, _, data in self._bag.messages(
+            for topic, _, data in self._bag.raw_messages(
                 latched, self._bag.start_ns, self._timing.origin_ns
             ):
                 self._publish(topic, data)

@@ -82,8 +82,8 @@ class Pipeline:
 
     def __init__(self, model: Path, agents: int, graph: str = "cover") -> None:
         # Imported late: loading torch takes about a second.
+        from msg_adapters.bags.bag_types import bag_typestore
         from mtpgo_core.prediction.model_runner import ModelRunner
-        from mtpgo_training.data.recording_bag import bag_typestore
 
         self.types: Types = TypestoreTypes(bag_typestore())
         options = PredictorOptions(policy=graph, max_agents=agents)

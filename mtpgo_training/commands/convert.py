@@ -1,38 +1,34 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo convert``: recordings of any layout into rosbag2 MCAP bags of tracked objects."""
+"""``mtpgo convert``: convert recordings into rosbag2 MCAP bags of tracked objects."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from msg_adapters.registry import INPUTS
+from mtpgo_training.commands.data_arguments import add_data_arguments, data_sources
 from mtpgo_training.data.bag_conversion import JOIN_GAP_S, convert, selected
-from mtpgo_training.data.readers import LAYOUTS, iter_recordings
+from mtpgo_training.data.data_sources import named_recordings
 from mtpgo_training.data.recording_bag import DEFAULT_KIND
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
-    """Add ``mtpgo convert``."""
+    """Add ``mtpgo convert`` to the command line."""
     parser = subparsers.add_parser(
         "convert",
-        help="recordings into rosbag2 MCAP bags",
+        help="convert recordings into rosbag2 MCAP bags",
         description="Convert recordings into rosbag2 MCAP bags of tracked objects.",
     )
-    parser.add_argument("layout", help=f"layout of the recordings: {', '.join(LAYOUTS)}")
-    parser.add_argument("directory", type=Path, help="directory with the recordings")
+    add_data_arguments(parser, "LAYOUT DIRECTORY")
     parser.add_argument(
         "-o",
         "--output",
         type=Path,
         required=True,
         help="NAME.mcap: one file with all recordings; else a directory, one bag per recording",
-    )
-    parser.add_argument(
-        "--recordings", nargs="+", metavar="NAME", help="names of the recordings (default: all)"
     )
     parser.add_argument(
         "--as",
@@ -42,8 +38,18 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         help="message of the tracked objects (default: %(default)s)",
     )
     parser.add_argument("--ego", type=int, metavar="ID", help="track to be marked as the ego")
-    parser.add_argument("--start", type=float, metavar="S", help="from this time on (s)")
-    parser.add_argument("--end", type=float, metavar="S", help="up to this time (s)")
+    parser.add_argument(
+        "--start",
+        type=float,
+        metavar="S",
+        help="begin of the part converted (s)",
+    )
+    parser.add_argument(
+        "--end",
+        type=float,
+        metavar="S",
+        help="end of the part converted (s)",
+    )
     parser.add_argument(
         "--join",
         action="store_true",
@@ -56,10 +62,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the command line asks for."""
-    names: Sequence[str] | None = args.recordings
+    """Run ``mtpgo convert``."""
+    named = named_recordings(data_sources(args.data_options))
     recordings = selected(
-        iter_recordings(args.directory, args.layout, names),
+        (recording for _, recording in named),
         start_s=args.start,
         end_s=args.end,
         ego_id=args.ego,

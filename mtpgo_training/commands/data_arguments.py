@@ -2,41 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """``--data DIR --layout LAYOUT --recordings NAME ...`` on a command line, as often as wanted.
 
-``--layout`` and ``--recordings`` belong to the ``--data`` before them, or to the first one if they
-stand before it. A directory without a layout takes that of the one before.
+One ``--layout`` holds for all directories, and as many as directories belong to them in order. Of
+another number, each belongs to the ``--data`` before it (or to the first one), and a directory
+without a layout has that of the one before. ``--recordings`` belong to the ``--data`` before them,
+or to the first one. A command may take directory, or layout and directory, without an option.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.data.readers import LAYOUTS, iter_recordings
-from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.data_sources import DataSource
+from mtpgo_training.data.readers import LAYOUTS
 from mtpgo_training.data.recording_cache import RecordingCache, default_folder
 
 
-@dataclass(frozen=True)
-class DataSource:
-    """A directory of recordings.
-
-    Attributes:
-        directory: where they lie.
-        layout: a name in ``LAYOUTS``.
-        names: those wanted, None for all.
-    """
-
-    directory: Path
-    layout: str
-    names: tuple[str, ...] | None = None
-
-
 class _Note(argparse.Action):
-    """Keeps the options with their order."""
+    """Appends the option and its value to ``data_options``, for their order matters."""
 
     def __call__(
         self,
@@ -45,49 +31,82 @@ class _Note(argparse.Action):
         values: Any,
         option_string: str | None = None,
     ) -> None:
-        noted = [*(getattr(namespace, "data_options", None) or []), (self.dest, values)]
-        namespace.data_options = noted
+        if values is not None:  # of a directory without an option that is left out
+            namespace.data_options = [*namespace.data_options, (self.dest, values)]
 
 
-def add_data_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the three options; their values end up in ``data_options``."""
+def add_data_arguments(
+    parser: argparse.ArgumentParser, form: str = "--data", *, required: bool = False
+) -> None:
+    """Add the arguments for recordings; their values are collected in ``data_options``.
+
+    Args:
+        parser: the command's.
+        form: ``--data`` for options alone, ``[DIR]`` for a directory without an option (that may
+            be left out) besides them, ``LAYOUT DIRECTORY`` for both without options.
+        required: a directory must be given.
+    """
     parser.set_defaults(data_options=[])
-    add = parser.add_argument
-    suppress = argparse.SUPPRESS
-    add(
-        "--data",
-        action=_Note,
-        type=Path,
-        metavar="DIR",
-        default=suppress,
-        help="directory with recordings; may be given again, each with its layout",
-    )
-    add("--layout", action=_Note, default=suppress, help=", ".join(LAYOUTS))
+    layouts = ", ".join(LAYOUTS)
+
+    def add(name: str, **settings: Any) -> None:
+        parser.add_argument(name, action=_Note, **settings)
+
+    if form == "LAYOUT DIRECTORY":
+        add("layout", help=f"layout of the recordings: {layouts}")
+        add("data", type=Path, metavar="directory", help="directory with the recordings")
+    else:
+        if form == "[DIR]":
+            add("data", nargs="?", type=Path, metavar="DIR", help="directory with recordings")
+        add(
+            "--data",
+            type=Path,
+            metavar="DIR",
+            required=required,
+            help="directory with recordings; repeatable",
+        )
+        add("--layout", help=f"layout of each --data, or one for all: {layouts}")
     add(
         "--recordings",
-        action=_Note,
         nargs="+",
         metavar="NAME",
-        default=suppress,
-        help="names of recordings of this directory, all by default",
+        help="names of the recordings wanted of this directory (default: all)",
     )
 
 
-def data_sources(options: Sequence[tuple[str, Any]]) -> list[DataSource]:
-    """The directories that a command line names.
+def data_sources(
+    options: Sequence[tuple[str, Any]], default: DataSource | None = None
+) -> list[DataSource]:
+    """Return the directories that a command line names.
+
+    Args:
+        options: ``data_options`` of :func:`add_data_arguments`.
+        default: the directory where none is given, and its layout where none is given.
 
     Raises:
-        ConfigurationError: a layout is missing, or recordings are named without a directory.
+        ConfigurationError: a layout is missing or given too often, or layout or recordings are
+            given without a directory.
     """
+    given = [value for name, value in options if name == "layout"]
     entries: list[dict[str, Any]] = []
-    early: dict[str, Any] = {}
+    first: dict[str, Any] = {}
     for name, value in options:
         if name == "data":
-            entries.append({"data": value} | (early if not entries else {}))
+            entries.append({"data": value} | ({} if entries else first))
         else:
-            (entries[-1] if entries else early)[name] = value
-    if early and not entries:
-        raise ConfigurationError(f"--{next(iter(early))} is given without --data")
+            (entries[-1] if entries else first)[name] = value
+    if not entries and default is not None:
+        entries = [{"data": default.directory, "layout": default.layout} | first]
+    if first and not entries:
+        raise ConfigurationError(f"--{next(iter(first))} is given without --data")
+    if len(given) > len(entries):
+        raise ConfigurationError(
+            f"--layout is given {len(given)} times for {len(entries)} times --data, "
+            "expected once or as often"
+        )
+    if given and len(given) in (1, len(entries)):
+        for entry, layout in zip(entries, given * len(entries), strict=False):
+            entry["layout"] = layout
     sources: list[DataSource] = []
     for entry in entries:
         layout = entry.get("layout") or (sources[-1].layout if sources else None)
@@ -101,36 +120,6 @@ def data_sources(options: Sequence[tuple[str, Any]]) -> list[DataSource]:
     return sources
 
 
-def named_recordings(
-    sources: Sequence[DataSource], cache: RecordingCache | None = None
-) -> Iterator[tuple[str, Recording]]:
-    """Recordings with names, one after the other, empty ones left out.
-
-    The name is the recording's own, preceded by its directory's where there are several.
-
-    Args:
-        sources: where they are.
-        cache: where recordings are kept that have been read before.
-
-    Raises:
-        RecordingError: a directory, layout or file is not as it should be.
-        ConfigurationError: two directories have the same name.
-    """
-    folders = [source.directory.resolve().name for source in sources]
-    doubled = next((name for name in folders if folders.count(name) > 1), None)
-    if doubled is not None:
-        raise ConfigurationError(
-            f"two directories of recordings are called {doubled}, expected last parts that differ"
-        )
-    for folder, source in zip(folders, sources, strict=True):
-        for recording in iter_recordings(
-            source.directory, source.layout, source.names, cache=cache
-        ):
-            if len(recording):
-                name = recording.name
-                yield (f"{folder}/{name}" if len(sources) > 1 else name), recording
-
-
 def add_cache_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--cache DIR`` and ``--no-cache`` to a command."""
     group = parser.add_mutually_exclusive_group()
@@ -138,15 +127,15 @@ def add_cache_arguments(parser: argparse.ArgumentParser) -> None:
         "--cache",
         type=Path,
         metavar="DIR",
-        help="where recordings are kept as columns (default: $XDG_CACHE_HOME/mtpgo)",
+        help="folder of the cache of recordings (default: $XDG_CACHE_HOME/mtpgo)",
     )
     group.add_argument(
-        "--no-cache", action="store_true", help="read the recordings' own files every time"
+        "--no-cache", action="store_true", help="read the files of the recordings every time"
     )
 
 
 def cache_from(args: argparse.Namespace) -> RecordingCache | None:
-    """The cache that the command line asks for, None with ``--no-cache``.
+    """Return the cache that the command line asks for, None with ``--no-cache``.
 
     Raises:
         ConfigurationError: the folder named with ``--cache`` cannot be made.

@@ -8,6 +8,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from mtpgo_training.commands.data_arguments import add_data_arguments, data_sources
+
 DESCRIPTION = (
     "Play recordings at real time through the predictor, started as its own process, score its "
     "predictions against what the recordings then show, and draw a picture. Without arguments "
@@ -19,9 +21,7 @@ def add_parser(subparsers: Any) -> None:
     """Add ``mtpgo demo`` to the command line."""
     parser = subparsers.add_parser("demo", help=DESCRIPTION.split(",")[0], description=DESCRIPTION)
     add = parser.add_argument
-    add("data", nargs="?", type=Path, metavar="DIR", help="folder of recordings")
-    add("--layout", help="layout of the recordings in DIR, for instance highd, ind, round, exid")
-    add("--recordings", nargs="+", metavar="NAME", help="play only these")
+    add_data_arguments(parser, "[DIR]")
     add("--all", action="store_true", help="also play recordings that the model was trained on")
     add("--model", default="default", help="name or file of the model (default)")
     add(
@@ -46,13 +46,11 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo demo``."""
     # Imported late: matplotlib and torch take seconds, which ``--help`` does not need.
-    from mtpgo_training.demo.demo_pipeline import DemoOptions, run_demo
+    from mtpgo_training.demo.demo_pipeline import DemoOptions, run_demo, shipped_source
 
     run_demo(
         DemoOptions(
-            data=args.data,
-            layout=args.layout,
-            recordings=args.recordings,
+            sources=tuple(data_sources(args.data_options, shipped_source())),
             play_all=args.all,
             model=args.model,
             parameters=tuple(args.parameter),

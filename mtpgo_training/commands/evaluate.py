@@ -21,8 +21,8 @@ from mtpgo_training.commands.data_arguments import (
     add_data_arguments,
     cache_from,
     data_sources,
-    named_recordings,
 )
+from mtpgo_training.data.data_sources import named_recordings
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.bag_evaluation import BagResult, evaluate_bags, observed_recordings
 from mtpgo_training.evaluation.evaluator import Settings, evaluate_all, predict_recording

@@ -9,13 +9,16 @@ import dataclasses
 import os
 import signal
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.commands.data_arguments import add_cache_arguments, cache_from
-from mtpgo_training.data.readers import LAYOUTS
+from mtpgo_training.commands.data_arguments import (
+    add_cache_arguments,
+    add_data_arguments,
+    cache_from,
+    data_sources,
+)
 from mtpgo_training.training.training_config import PRECISIONS, TrainingConfig, load_config
 
 
@@ -23,15 +26,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add ``mtpgo train`` to the command line."""
     parser = subparsers.add_parser("train", help="train a model on recordings")
     parser.add_argument("config", type=Path, help="YAML configuration of the training")
-    parser.add_argument(
-        "--data", type=Path, action="append", required=True, help="directory with recordings"
-    )
-    parser.add_argument(
-        "--layout",
-        action="append",
-        required=True,
-        help=f"layout of each --data, or one for all: {', '.join(LAYOUTS)}",
-    )
+    add_data_arguments(parser, required=True)
     parser.add_argument("--out", type=Path, required=True, help="run folder")
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted run")
     parser.add_argument(
@@ -76,17 +71,17 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigurationError(
             "--init-from is given with --resume, expected one: a resumed run has its weights"
         )
-    pairs = pair_layouts(args.data, args.layout)
+    sources = data_sources(args.data_options)
     cache = cache_from(args)
     # Loaded here, for Lightning takes seconds and a parser needs none of it.
-    from mtpgo_training.data.splits import read_all
+    from mtpgo_training.data.data_sources import read_sources
     from mtpgo_training.training.run_folder import RunFolder
     from mtpgo_training.training.trainer.console import farewell
     from mtpgo_training.training.trainer.fit import train
 
     module = train(
         config,
-        read_all(pairs, cache),
+        list(read_sources(sources, cache)),
         RunFolder(args.out),
         resume=args.resume,
         init_from=args.init_from,
@@ -127,19 +122,3 @@ def overridden(config: TrainingConfig, args: argparse.Namespace) -> TrainingConf
             config.trainer, **given(devices=args.devices, precision=args.precision)
         ),
     )
-
-
-def pair_layouts(directories: Sequence[Path], layouts: Sequence[str]) -> list[tuple[Path, str]]:
-    """Each directory with its layout; a single layout serves all.
-
-    Raises:
-        ConfigurationError: other numbers of the two.
-    """
-    if len(layouts) == 1:
-        layouts = list(layouts) * len(directories)
-    if len(layouts) != len(directories):
-        raise ConfigurationError(
-            f"--layout is given {len(layouts)} times for {len(directories)} times --data, "
-            "expected once or as often"
-        )
-    return list(zip(directories, layouts, strict=True))

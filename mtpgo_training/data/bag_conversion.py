@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of any layout into rosbag2 MCAP bags of tracked objects."""
+"""Conversion of recordings into rosbag2 MCAP bags of tracked objects."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from msg_adapters.bags.mcap_writer import McapWriter
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.data.recording_bag import DEFAULT_KIND, create_bag, write_recording
+from mtpgo_training.data.recording_bag import DEFAULT_KIND, write_recording
 
 JOIN_GAP_S = 10.0
-"""Pause between recordings in one bag (s): longer than any history, so they never mix."""
+"""Pause between recordings in one bag (s); chosen longer than any history, so they never mix."""
 
 
 @dataclass(frozen=True)
 class Converted:
-    """One bag written.
+    """A bag that was written.
 
     Attributes:
         path: the file or directory.
         recordings: names of the recordings in it.
         messages: number of messages.
         frames: number of frames.
-        duration_s: time that its recordings last (s).
+        duration_s: total duration of its recordings (s).
     """
 
     path: Path
@@ -47,10 +48,10 @@ def convert(
     join: bool = False,
     progress: bool = False,
 ) -> list[Converted]:
-    """Write recordings as bags.
+    """Write recordings as bags and return what was written.
 
     Several recordings become one bag each, ``output/NAME``, unless they are joined or ``output``
-    is a file (ends in ``.mcap``). A single one becomes ``output`` itself.
+    is a file (ends in ``.mcap``). A single recording becomes ``output`` itself.
 
     Args:
         recordings: taken one after the other, so only one needs to be in memory.
@@ -84,10 +85,10 @@ def _chain(
 
 
 def _write(recordings: Iterable[Recording], path: Path, kind: str, progress: bool) -> Converted:
-    """One bag of recordings, one after the other in time."""
+    """Write one bag of recordings, one after the other in time."""
     names: list[str] = []
     frames, duration_s, next_start_ns = 0, 0.0, None
-    with create_bag(path) as bag:
+    with McapWriter(path, replace=True, compress=True) as bag:
         for recording in recordings:
             if not len(recording):
                 continue
@@ -121,12 +122,12 @@ def selected(
     ego_id: int | None = None,
     drop_parked: bool = False,
 ) -> Iterator[Recording]:
-    """The part of each recording that is wanted.
+    """Yield the part of each recording that is wanted.
 
     Args:
         recordings: taken one after the other.
-        start_s: time from the recording's first frame (s).
-        end_s: likewise.
+        start_s: begin, from the recording's first frame (s).
+        end_s: end, from the recording's first frame (s).
         ego_id: track to be marked as ego.
         drop_parked: leave out road users that never move.
 

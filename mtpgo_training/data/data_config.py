@@ -36,30 +36,30 @@ PRESETS: dict[str, dict[str, Any]] = {
         "centre_classes": ("car", "truck", "bicycle", "pedestrian"),
     },
 }
-"""Values of :class:`DataConfig` by the name of a preset; docs/recordings.md says whence."""
+"""Values of :class:`DataConfig` by the name of a preset; sources in docs/recordings.md."""
 
 
 @dataclass(frozen=True)
 class DataConfig:
-    """Which recordings teach, which judge, and how scenes are cut from them.
+    """Which recordings train, validate and test, and how scenes are cut from them.
 
-    A recording is named ``NAME`` or ``DIRECTORY/NAME``, the directory's last part.
+    A recording is named ``NAME`` or ``DIRECTORY/NAME`` with the last part of its directory.
 
     Attributes:
-        preset: name of a preset in ``PRESETS`` whose values stand where a configuration file says
-            nothing else; the saved configuration shows them all.
+        preset: name of a preset in ``PRESETS`` for all values that a configuration file does not
+            give; the saved configuration contains them all.
         split: ``recording``: a whole recording has one use; ``time``: recordings are divided into
             blocks of time, and each block has one use. Never by track.
         block_s: length of such a block (s); at every border between two uses a whole window, its
             past and its future, is left out.
-        validation: names of the recordings that choose the checkpoint.
-        test: names of the recordings that are left alone.
-        train: names of those that teach; empty for all others.
+        validation: names of the recordings from which the checkpoint is chosen.
+        test: names of the recordings that are not used in training.
+        train: names of the recordings to train on; empty for all others.
         validation_fraction: share of the recordings (or blocks) drawn for validation where
             ``validation`` is empty.
-        test_fraction: likewise for the test.
+        test_fraction: share drawn for the test where ``test`` is empty.
         stride_s: time between two windows of a training recording (s).
-        validation_stride_s: likewise of a validation recording (s).
+        validation_stride_s: time between two windows of a validation recording (s).
         restart_probability: share of the training scenes in which every agent was first seen
             within the last ``restart_within_s``, as after an occlusion or a tracker's restart.
         restart_within_s: longest time such agents have been seen (s).
@@ -73,20 +73,20 @@ class DataConfig:
             (s), 0 for the recorded ones; see
             :class:`mtpgo_training.data.ground_truth.FutureTable`.
         standing_weight: weight in the loss of an agent that stands now and does not move over its
-            observed future, and its chance to be a graph's centre; below 1 more of the learning
-            goes to those that move.
+            observed future, and its chance to be a graph's centre; below 1, moving agents
+            weigh more.
         min_future_s: an agent whose future is known for a shorter time is not a graph's centre in
-            training (s): the end of a recording costs as much as its middle and teaches less.
+            training (s): such graphs cost as much as others and contain fewer targets.
         centre_classes: names of the classes that may be a graph's centre in training; empty for
             all. The others are still neighbours, and their futures still count.
         lane_change_share: share of the training graphs whose centre changes its lane within the
             horizon, left and right alike; 0 leaves the graphs as the traffic gives them. See
-            :func:`mtpgo_training.scenes.centre_sampling.balanced_copies`.
+            :func:`mtpgo_training.scenes.lane_change_balancing.balanced_copies`.
         lane_change_copies: graphs drawn around such a centre in each window on average, where
             ``lane_change_share`` is set; the graphs around those that keep their lane are thinned
             until the share is right.
         source_weight: how often scenes are drawn, by directory (its last part) or recording
-            (``DIRECTORY/NAME``, which goes before); 1 where not named.
+            (``DIRECTORY/NAME``, which has priority); 1 by default.
     """
 
     preset: str = ""
@@ -144,9 +144,9 @@ class DataConfig:
 
 
 def with_preset(data: Any) -> Any:
-    """The section ``data`` of a configuration file with its preset's values filled in.
+    """Return the section ``data`` of a configuration file with the values of its preset.
 
-    Values that the file gives go before those of the preset.
+    Values that the file gives have priority over those of the preset.
 
     Raises:
         ConfigurationError: an unknown preset.

@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What happened next: the future of any track of a recording at any time, for targets and scores.
+"""The future of any track of a recording at any time, for targets and scores.
 
-This is the only place that looks beyond the present. It reads the recording, never the history
-window, so nothing of it can reach a model's input.
+This is the only module that reads beyond the present. It reads the recording, never the history
+window, so the future cannot enter a model's input.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from mtpgo_training.data.recording import Columns, Recording
 IntArray = NDArray[np.int64]
 
 _ROWS_AT_ONCE = 65536
+"""Rows fitted together; chosen, bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Future:
 
 
 class FutureTable:
-    """Looks states up by track and time, linear between the frames of a recording."""
+    """States by track and time, interpolated linearly between the frames of a recording."""
 
     def __init__(
         self,
@@ -55,7 +56,8 @@ class FutureTable:
             recording: the recording.
             max_gap_s: longest gap within a track that is bridged (s).
             velocity_smoothing_s: see :func:`future_columns`.
-            columns: what :func:`future_columns` gave, where that is at hand; it may lie on disk.
+            columns: result of :func:`future_columns` if it was computed before; it may be mapped
+                from disk.
         """
         if columns is None:
             columns = future_columns(recording, velocity_smoothing_s)
@@ -71,10 +73,10 @@ class FutureTable:
     def at(
         self, track: IntArray, stamp_ns: int | IntArray, horizon_steps: int, dt_s: float
     ) -> Future:
-        """The states at ``stamp_ns + k dt_s``, k = 1 ... H.
+        """Return the states at ``stamp_ns + k dt_s``, k = 1 ... H.
 
         Args:
-            track: [n] indices of the recording's tracks; -1 for one that is not in it.
+            track: [n] indices of the recording's tracks; -1 for an agent that is not in it.
             stamp_ns: the present, one for all or [n] (ns).
             horizon_steps: H.
             dt_s: horizon step (s).
@@ -84,7 +86,7 @@ class FutureTable:
         return self._lookup(track, np.asarray(np.reshape(now, (-1, 1)) + ahead))
 
     def _lookup(self, track: IntArray, when: Float64Array) -> Future:
-        """States at ``when`` [1 or n, H], in frames after the first one."""
+        """Return the states at ``when`` [1 or n, H], in frames after the first one."""
         nearest = np.rint(when)
         when = np.where(np.abs(when - nearest) < 1e-4, nearest, when)  # ns rounding of stamps
         inside = (when >= 0.0) & (when <= self._stride - 2)
@@ -108,13 +110,13 @@ class FutureTable:
 
 
 def future_columns(recording: Recording, velocity_smoothing_s: float = 0.0) -> Columns:
-    """The rows of a recording by track and frame, as a :class:`FutureTable` needs them.
+    """Return the rows of a recording by track and frame, as a :class:`FutureTable` needs them.
 
     Args:
         recording: the recording.
-        velocity_smoothing_s: 0 keeps the recorded velocities; above it is the standard deviation
-            (s) of the kernel of a local quadratic fit through the positions, whose slope is the
-            target velocity. The fit looks to both sides: a target may, an input may not.
+        velocity_smoothing_s: 0 keeps the recorded velocities. A positive value is the standard
+            deviation (s) of the kernel of a local quadratic fit through the positions, whose slope
+            is the target velocity. The fit uses past and future: a target may, an input may not.
     """
     order = np.lexsort((recording.frame, recording.track))
     frame, track = recording.frame[order], recording.track[order]
@@ -136,7 +138,7 @@ def future_columns(recording: Recording, velocity_smoothing_s: float = 0.0) -> C
 
 
 def _span(recording: Recording) -> tuple[int, int]:
-    """The first frame, and a step from track to track that no time within the recording fills."""
+    """Return the first frame and an offset from track to track, longer than the recording."""
     if not len(recording):
         return 0, 2
     first, last = int(recording.frame[0]), int(recording.frame[-1])
@@ -146,9 +148,9 @@ def _span(recording: Recording) -> tuple[int, int]:
 def _fitted_velocity(
     frame: IntArray, rate: float, track: IntArray, position: Float64Array, sigma_s: float
 ) -> Float64Array:
-    """[rows, 2] slope of a Gaussian-weighted local quadratic fit over each row's own track.
+    """Return [rows, 2] the slope of a Gaussian-weighted quadratic fit over each row's track.
 
-    The rows stand by track and time; a row's fit reaches two standard deviations to both sides.
+    The rows are sorted by track and time; a fit uses two standard deviations to both sides.
     """
     rows = len(frame)
     out = np.zeros((rows, 2))
@@ -169,14 +171,14 @@ def _fitted_velocity(
             weighted = weight[:, None] * basis
             matrix += weighted[:, :, None] * basis[:, None, :]
             right += weighted[:, :, None] * (position[other] - position[mine])[:, None, :]
-        # The ridge makes a fit through two points a line and through one a standstill.
+        # With the ridge, a fit through two points is a line, and through one has slope zero.
         matrix += np.diag([1e-9, 1e-9, 1e-5])
         out[mine] = np.linalg.solve(matrix, right)[:, 1]
     return out
 
 
 def _farthest(time_s: Float64Array, track: IntArray, reach_s: float) -> int:
-    """Most rows from one row to another of the same track within ``reach_s``."""
+    """Return the largest number of rows of one track within ``reach_s`` of a row."""
     if not len(time_s):
         return 0
     stretch = float(time_s.max() - time_s.min()) + 2.0 * reach_s + 1.0

@@ -1,34 +1,34 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a road user really did over the horizon: the manoeuvres by which results are told apart.
+"""Manoeuvres of road users over the horizon, by which results are broken down.
 
-Judged from the observed positions p_0 (at the instant t) to p_H (at the end of the horizon), never
-from a prediction, and only for road users of which all these positions were observed: whoever
-leaves the recording earlier has no manoeuvre. The rules, with T the length of the horizon:
+They are found from the observed positions p_0 (at the instant t) to p_H (at the end of the
+horizon), never from a prediction, and only for road users of which all these positions were
+observed: a road user that leaves the recording earlier has no manoeuvre. The rules, with T the
+length of the horizon:
 
 ``standing``
     No position is farther than ``STANDING_M`` from p_0.
 ``turning``
     Not standing, and the course changes by more than ``TURNING_RAD``. The first course is the
     direction from p_0 to the first position at least ``COURSE_S`` later and ``COURSE_M`` away,
-    the last course that to p_H from the last such position before it. Who moves less has no
-    course and does not turn.
+    the last course that to p_H from the last such position before it. A road user that moves less
+    has no course and does not turn.
 ``braking``
     The speed falls by at least ``BRAKING_MPSS`` (T - 1 s) between the first and the last second,
-    each the net distance covered in it. Only where T is 2 s or more.
+    each the net distance covered in that second. Only where T is 2 s or more.
 ``change_left``, ``change_right``
     Vehicles (all classes but bicycles, pedestrians and animals) that have a course, do not stand
     and do not turn. *Where the recording has lane markings*: the path crosses more markings to
     that side than to the other one. A step of the path crosses a marking if it meets it at an
-    angle of less than ``CROSSING_RAD``. *Where it has none*: p_H lies more than ``ASIDE_M`` to
+    angle of less than ``CROSSING_RAD``. *Where it has none*: p_H is more than ``ASIDE_M`` to
     that side of p_0, across the mean of the first and the last course. On a straight road and in
     a bend of constant curvature, driving on gives zero there. A change that begins before t or
-    ends after T counts little; an S-bend may look like a change.
+    ends after T may be missed; an S-bend may look like a change.
 ``lane_keep``
     The other vehicles that have a course, do not stand and do not turn.
 
-The last three exclude each other, ``standing`` and ``turning`` exclude them and each other;
-``braking`` may come with any but ``standing``.
+All but ``braking`` exclude each other; ``braking`` may come with any of them but ``standing``.
 """
 
 from __future__ import annotations
@@ -41,28 +41,32 @@ from numpy.typing import NDArray
 from mtpgo_core.schema import AgentClass, BoolArray, ClassArray, Float64Array
 
 MANOEUVRES = ("lane_keep", "change_left", "change_right", "standing", "braking", "turning")
-"""Names; the i-th is bit i of a label."""
+"""Names of the manoeuvres; the i-th is bit i of a label."""
 
 STANDING_M = 1.0
-"""A road user that stays within this of where it was stands (m)."""
+"""A road user that stays this close to its position stands (m); chosen above tracking noise."""
 
 TURNING_RAD = np.radians(30.0)
-"""A larger change of course is a turn (rad)."""
+"""A larger change of course is a turn (rad); chosen above what a lane change makes."""
 
 BRAKING_MPSS = 0.75
-"""A larger mean deceleration is braking (m/s^2)."""
+"""A larger mean deceleration is braking (m/s^2); chosen above that of coasting."""
 
 COURSE_S, COURSE_M = 1.0, 2.0
-"""A course is taken over at least this time (s) and this distance (m)."""
+"""A course is taken over at least this time (s) and this distance (m); chosen so that the noise of
+the positions turns it by a few degrees only."""
 
 ASIDE_M = 2.0
-"""Without markings, moving aside by more is a lane change (m): over half the width of a lane."""
+"""Without markings, a larger lateral shift is a lane change (m); chosen above half the width of a
+lane."""
 
 CROSSING_RAD = np.radians(30.0)
-"""Markings met at a larger angle belong to another road (rad)."""
+"""Markings crossed at a larger angle belong to another road (rad); chosen far above the angle of a
+lane change."""
 
 _NO_VEHICLES = (AgentClass.BICYCLE, AgentClass.PEDESTRIAN, AgentClass.ANIMAL)
 _PAIRS_AT_ONCE = 1_000_000
+"""Pairs of a step and a marking computed together; chosen, bounds the memory."""
 
 LabelArray = NDArray[np.uint8]
 
@@ -74,14 +78,14 @@ def label(
     agent_class: ClassArray,
     lanes: Sequence[Float64Array] = (),
 ) -> LabelArray:
-    """[n] manoeuvres of n road users, bit i for the i-th of :data:`MANOEUVRES`.
+    """Return [n] the manoeuvres of n road users, bit i for the i-th of :data:`MANOEUVRES`.
 
     Args:
         path: [n, H + 1, 2] observed positions from t on (m).
         known: [n, H + 1] which of them were observed.
         dt_s: time between two of them (s).
         agent_class: [n] :class:`~mtpgo_core.schema.AgentClass` values.
-        lanes: lane markings, [k, 2] each (m); none where they are not known.
+        lanes: lane markings, [k, 2] each (m); empty where they are not known.
     """
     whole = known.all(axis=1)
     standing = whole & (np.linalg.norm(path - path[:, :1], axis=-1).max(axis=1) <= STANDING_M)
@@ -110,12 +114,12 @@ def label(
 
 
 def members(labels: LabelArray, name: str) -> BoolArray:
-    """[n] who does the manoeuvre ``name``."""
+    """Return [n] whether a road user does the manoeuvre ``name``."""
     return np.asarray(labels >> np.uint8(MANOEUVRES.index(name)) & 1, dtype=np.bool_)
 
 
 def _courses(path: Float64Array, dt_s: float) -> tuple[Float64Array, Float64Array, BoolArray]:
-    """First and last course as unit vectors [n, 2], and [n] who has them."""
+    """Return the first and last course as unit vectors [n, 2], and [n] whether they exist."""
     steps = max(1, int(np.ceil(COURSE_S / dt_s - 1e-6)))
     first, ahead = _first_stretch(path, steps)
     last, behind = _first_stretch(path[:, ::-1], steps)
@@ -123,7 +127,7 @@ def _courses(path: Float64Array, dt_s: float) -> tuple[Float64Array, Float64Arra
 
 
 def _first_stretch(path: Float64Array, steps: int) -> tuple[Float64Array, BoolArray]:
-    """Direction [n, 2] from the first point to the first one late and far enough, if any."""
+    """Return [n, 2] the direction to the first point late and far enough, [n] if there is one."""
     away = path - path[:, :1]
     far = np.linalg.norm(away, axis=-1) >= COURSE_M
     far[:, :steps] = False
@@ -145,14 +149,14 @@ def _brakes(path: Float64Array, dt_s: float) -> BoolArray:
 
 
 def _shift(path: Float64Array, along: Float64Array) -> NDArray[np.int64]:
-    """[n] +1 moved to the left of the mean course, -1 to the right, 0 neither."""
+    """Return [n] 1 for a shift to the left of the mean course, -1 to the right, 0 for neither."""
     length = np.linalg.norm(along, axis=-1)
     across = _cross(along, path[:, -1] - path[:, 0]) / np.where(length > 0.0, length, 1.0)
     return np.where(np.abs(across) > ASIDE_M, np.sign(across), 0.0).astype(np.int64)
 
 
 def _crossings(path: Float64Array, lanes: Sequence[Float64Array]) -> NDArray[np.int64]:
-    """[n] markings crossed to the left less those crossed to the right."""
+    """Return [n] the number of markings crossed to the left minus those crossed to the right."""
     start = np.concatenate([line[:-1] for line in lanes])
     line = np.concatenate([line[1:] - line[:-1] for line in lanes])
     net = np.zeros(len(path), dtype=np.int64)
@@ -176,5 +180,5 @@ def _crossings(path: Float64Array, lanes: Sequence[Float64Array]) -> NDArray[np.
 
 
 def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
-    """[...] third component of the cross product of plane vectors."""
+    """Return [...] the third component of the cross product of plane vectors."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], dtype=np.float64)

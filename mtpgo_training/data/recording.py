@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A recording of real or simulated traffic in the one internal frame, whatever its file layout.
+"""A recording of real or simulated traffic in the internal frame, independent of its file layout.
 
 The frame is right-handed and fixed to the site, y to the left of x; metres, seconds, radians.
-What a layout does not tell is NaN.
+Values that a layout does not give are NaN.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from mtpgo_core.schema import (
 
 Int64Array = NDArray[np.int64]
 Columns = dict[str, NDArray[Any]]
-"""Arrays by name, one row of each for the same thing."""
+"""Arrays by name."""
 
 FRAME_ID = "map"
 """Name of the internal frame in messages."""
 
 DEFAULT_START_NS = 1_500_000_000 * 10**9
-"""Stamp of frame 0 (ns) where a layout tells no absolute time; zero would mean "no clock yet"."""
+"""Stamp of frame 0 (ns) where a layout gives no absolute time; chosen, as 0 is "no clock yet"."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Recording:
 
     @property
     def frames(self) -> Int64Array:
-        """Frame numbers at which anybody is present, ascending."""
+        """Frame numbers with at least one road user, ascending."""
         return self._bounds[0]
 
     @property
@@ -122,17 +122,17 @@ class Recording:
         return float(self.frame[-1] - self.frame[0]) / self.frame_rate if len(self) else 0.0
 
     def stamp_ns(self, frame: int) -> int:
-        """Time of a frame (ns)."""
+        """Return the time of a frame (ns)."""
         return self.start_time_ns + round(int(frame) * 1e9 / self.frame_rate)
 
     def states(self) -> Iterator[TrackedStates]:
-        """The road users frame by frame, as a tracker would have published them."""
+        """Yield the road users frame by frame, as a tracker would have published them."""
         frames, starts = self._bounds
         for i, frame in enumerate(frames.tolist()):
             yield self._states(frame, slice(int(starts[i]), int(starts[i + 1])))
 
     def states_at(self, frame: int) -> TrackedStates:
-        """The road users of one frame; nobody where nobody is present."""
+        """Return the road users of one frame; empty if there are none."""
         left, right = np.searchsorted(self.frame, [frame, frame + 1])
         return self._states(frame, slice(int(left), int(right)))
 
@@ -151,7 +151,7 @@ class Recording:
         )
 
     def select_rows(self, rows: BoolArray) -> Recording:
-        """The recording with only the rows that the mask keeps; emptied tracks are dropped."""
+        """Return the recording with the rows of the mask only, without tracks that have no row."""
         kept, track = np.unique(self.track[rows], return_inverse=True)
         return dataclasses.replace(
             self,
@@ -168,7 +168,7 @@ class Recording:
         )
 
     def between(self, start_s: float | None = None, end_s: float | None = None) -> Recording:
-        """The part from ``start_s`` to ``end_s``, both counted from the first frame (s)."""
+        """Return the part from ``start_s`` to ``end_s``, both counted from the first frame (s)."""
         if not len(self):
             return self
         time = (self.frame - self.frame[0]) / self.frame_rate
@@ -180,7 +180,7 @@ class Recording:
         return self.select_rows(rows)
 
     def without_parked(self, moved_m: float = 2.0) -> Recording:
-        """The recording without road users that never get ``moved_m`` away from their start."""
+        """Return the recording without road users that stay within ``moved_m`` of their start."""
         order = np.lexsort((self.frame, self.track))
         first = order[np.unique(self.track[order], return_index=True)[1]]
         away = np.linalg.norm(self.position - self.position[first][self.track], axis=1)

@@ -1,90 +1,74 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What is costly to read or to compute from a recording, kept on disk in columns.
+"""Cache of columns that are costly to read or to compute from a recording.
 
-An entry is a folder of ``.npy`` files, one a column, and ``entry.json``, which names them with
-their check sums. The files are mapped into memory, so only what is looked at is read and the
-memory of a training does not grow with its recordings; numpy needs no help for either. The name of
-an entry is a hash over everything that determines its content: the SHA-256 of the recording's
-files, the settings, and the code that computes it. So nothing has to be thrown away by hand when
-one of them changes, and the whole cache may be deleted at any time.
+An entry is a folder of ``.npy`` files, one for each column, and ``entry.json``, which lists them
+with their check sums. The files are mapped into memory, so only the rows in use are read and the
+memory of a training does not grow with its recordings. The name of an entry is a hash over
+everything that determines its content: the SHA-256 of the recording's files, the settings, and the
+code that computes it (:mod:`mtpgo_training.data.code_hash`). So no entry has to be deleted by hand
+when one of them changes, and the whole cache may be deleted at any time.
 
-An entry is written aside and renamed; of several processes that want the same one, one writes it
-and the others wait. A damaged entry is made anew.
+An entry is written under a temporary name and renamed; of several processes that need the same
+one, one computes it and the others wait. A damaged entry is computed again.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
-import functools
 import hashlib
 import json
 import logging
-import os
 import shutil
 import tempfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock
 from numpy.typing import NDArray
+from platformdirs import user_cache_path
 
-import msg_adapters
-import mtpgo_core
-import mtpgo_training
-from mtpgo_training.data.readers.reading_unit import Unit
+from mtpgo_training.data.code_hash import code_sha256
 from mtpgo_training.data.recording import Columns, Recording
-from mtpgo_training.data.recording_columns import pack, unpack
 
 FORMAT = 1
-"""Raised when entries are laid out in another way."""
+"""Number of the layout of an entry on disk; to be raised when that changes."""
 
 _INDEX = "entry.json"
+
 _LOCKS = 16
+"""Lock files that all entries share; chosen: few files, and few processes that wait for others."""
+
 _log = logging.getLogger("mtpgo")
 
 
 class DamagedEntryError(Exception):
-    """An entry that is not what was written."""
+    """An entry differs from what was written."""
 
 
 class RecordingCache:
-    """Entries below one folder.
+    """The cache entries in one folder.
 
     Args:
-        folder: where they lie; made when something is written.
+        folder: the folder; made when an entry is written.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def recordings(self, unit: Unit) -> list[Recording]:
-        """The recordings of a unit of files, read from the files only the first time.
-
-        Raises:
-            RecordingError: a defect of the files; nothing is kept then.
-        """
-        facts = {
-            "what": "recordings",
-            "layout": unit.layout,
-            "name": unit.name,
-            "sha256": unit.sha256,
-        }
-        return unpack(self.entry(facts, lambda: pack(unit.read())))
-
     def columns(
         self, recording: Recording, purpose: str, settings: object, make: Callable[[], Columns]
     ) -> Columns:
-        """Columns computed from a recording, or as they were computed before.
+        """Return columns computed from a recording, from the cache if they are there.
 
         Args:
             recording: what they are computed from; one without ``sha256`` is not cached.
-            purpose: what they are.
+            purpose: name of the columns.
             settings: everything else that determines them, as JSON can write it.
-            make: computes them.
+            make: computes them; its code is part of the entry's name.
         """
         if not recording.sha256:
             return make()
@@ -96,14 +80,25 @@ class RecordingCache:
             # A part of a recording has the hash of the whole.
             "rows": _checksum(recording.frame, recording.track, recording.position),
         }
-        return self.entry(facts, make)
+        return self.entry(facts, make, code=(make,))
 
-    def entry(self, facts: dict[str, Any], make: Callable[[], Columns]) -> Columns:
-        """The columns of the entry that ``facts`` determine, made if it is not there.
+    def entry(
+        self,
+        facts: dict[str, Any],
+        make: Callable[[], Columns],
+        *,
+        code: Sequence[Callable[..., Any]],
+    ) -> Columns:
+        """Return the columns of an entry, computed if it is not there.
 
-        Where the folder cannot be written, they are made and not kept, with a warning.
+        Where the folder cannot be written, they are computed and not kept, with a warning.
+
+        Args:
+            facts: what determines the columns besides the code, as JSON can write it.
+            make: computes them.
+            code: the functions that compute them.
         """
-        facts = {"format": FORMAT, "code": code_sha256(), **facts}
+        facts = {"format": FORMAT, "code": code_sha256(*code), **facts}
         text = json.dumps(facts, sort_keys=True)
         key = hashlib.sha256(text.encode()).hexdigest()[:32]
         path = self.folder / key
@@ -123,28 +118,30 @@ class RecordingCache:
             return make()
 
     def _write(self, path: Path, facts: dict[str, Any], columns: Columns) -> None:
-        aside = Path(tempfile.mkdtemp(prefix=".new-", dir=self.folder))
+        new = Path(tempfile.mkdtemp(prefix=".new-", dir=self.folder))
         try:
             sums = {}
             for name, column in columns.items():
-                np.save(aside / f"{name}.npy", column, allow_pickle=False)
+                np.save(new / f"{name}.npy", column, allow_pickle=False)
                 sums[name] = _checksum(column)
-            (aside / _INDEX).write_text(json.dumps({**facts, "columns": sums}, indent=1))
-            shutil.rmtree(path, ignore_errors=True)  # only a damaged one can stand there
-            aside.rename(path)
+            (new / _INDEX).write_text(json.dumps({**facts, "columns": sums}, indent=1))
+            shutil.rmtree(path, ignore_errors=True)  # only a damaged one can be there
+            new.rename(path)
         finally:
-            shutil.rmtree(aside, ignore_errors=True)
+            shutil.rmtree(new, ignore_errors=True)
 
 
 def _read_or_none(path: Path, *, warn: bool = False) -> Columns | None:
-    """The columns of an entry; None where there is none or it is damaged."""
+    """Return the columns of an entry, None if it is not there or damaged."""
     if not path.is_dir():
         return None
     try:
         return _read(path)
     except (DamagedEntryError, OSError, ValueError, KeyError, TypeError) as error:
         if warn:
-            _log.warning("mtpgo: the cache entry %s is damaged and made anew (%s)", path, error)
+            _log.warning(
+                "mtpgo: the cache entry %s is damaged and computed again (%s)", path, error
+            )
         return None
 
 
@@ -162,7 +159,7 @@ def _read(path: Path) -> Columns:
 
 
 def _checksum(*columns: NDArray[Any]) -> int:
-    """CRC-32 over the contents, in that order."""
+    """Return the CRC-32 over the contents, in that order."""
     value = 0
     for column in columns:
         flat = np.ascontiguousarray(column).reshape(-1)
@@ -172,31 +169,17 @@ def _checksum(*columns: NDArray[Any]) -> int:
 
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Alone among the processes that lock ``path``."""
-    with path.open("a") as file:
-        # A file system without locks: two processes may then do the same work, and both are right.
-        with contextlib.suppress(OSError):
-            fcntl.flock(file, fcntl.LOCK_EX)
+    """Hold a lock file that only one process has at a time."""
+    with contextlib.ExitStack() as held:
+        # A file system without locks: two processes may then compute the same entry.
+        with contextlib.suppress(OSError, NotImplementedError):
+            held.enter_context(FileLock(path))
         yield
 
 
-@functools.cache
-def code_sha256() -> str:
-    """Hash over the modules that read recordings and compute columns from them."""
-    digest = hashlib.sha256()
-    training = Path(mtpgo_training.__file__).parent
-    folders = (
-        Path(mtpgo_core.__file__).parent,
-        Path(msg_adapters.__file__).parent,
-        training / "data",
-        training / "scenes",
-    )
-    for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
 def default_folder() -> Path:
-    """``$XDG_CACHE_HOME/mtpgo``, by default ``~/.cache/mtpgo``."""
-    base = os.environ.get("XDG_CACHE_HOME", "")
-    return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "mtpgo"
+    """Return the user's cache folder for this project: ``~/.cache/mtpgo`` on Linux.
+
+    ``$XDG_CACHE_HOME`` takes the place of ``~/.cache``.
+    """
+    return user_cache_path("mtpgo", appauthor=False)

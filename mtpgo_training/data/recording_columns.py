@@ -27,7 +27,7 @@ _FACTS = ("name", "layout", "location", "frame_rate", "ego_id", "sha256", "start
 
 
 def pack(recordings: Iterable[Recording]) -> Columns:
-    """Columns of recordings, each column's name beginning with the recording's number."""
+    """Return recordings as columns; each column's name begins with the recording's number."""
     columns: Columns = {}
     facts = []
     for number, recording in enumerate(recordings):
@@ -44,7 +44,7 @@ def pack(recordings: Iterable[Recording]) -> Columns:
 
 
 def unpack(columns: Columns) -> list[Recording]:
-    """The recordings of :func:`pack`."""
+    """Return the recordings that :func:`pack` made columns of."""
     recordings = []
     for number, facts in enumerate(json.loads(columns["facts"].tobytes())):
         ends = np.cumsum(columns[f"{number}-lane_lengths"])

@@ -1,12 +1,12 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which recordings teach, choose and test: whole ones or blocks of time, never tracks of one.
+"""Splits of recordings into train, validation and test, by recording or by time, never by track.
 
 With ``data.split: recording`` a recording has one use. With ``time`` each is divided into blocks
-of ``data.block_s``, the blocks of all recordings are dealt out by the fractions, and neighbours of
-the same use are joined again. At a border between two uses a whole window is left out, so nothing
-that a window of one use shows, its past and its future, is shown by a window of another. Each part
-is a recording of its own, in which nothing before its first frame was ever seen.
+of ``data.block_s``, the blocks of all recordings are assigned by the fractions, and neighbours of
+the same use are joined again. At a border between two uses a whole window is left out, so no
+instant is part of windows of two uses, their pasts and futures included. Each part is a separate
+recording, without a past before its first frame.
 """
 
 from __future__ import annotations
@@ -14,22 +14,19 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.data_config import DataConfig
-from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.readers.recording_parts import part_name
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.data.recording_cache import RecordingCache
 
 
 @dataclass(frozen=True)
 class NamedRecording:
-    """A recording and where it came from.
+    """A recording and its directory.
 
     Attributes:
         source: last part of the directory's name.
@@ -61,7 +58,7 @@ class Splits:
     test: tuple[NamedRecording, ...]
 
     def describe(self) -> list[dict[str, str]]:
-        """Name, source, layout, SHA-256 of the source files and use (``split``) of each."""
+        """Return name, source, layout, hash of the files and use (``split``) of each recording."""
         return [
             {
                 "name": item.recording.name,
@@ -75,48 +72,19 @@ class Splits:
         ]
 
 
-def read_all(
-    sources: Sequence[tuple[Path, str]], cache: RecordingCache | None = None
-) -> list[NamedRecording]:
-    """The recordings of several directories, each with its layout.
-
-    Args:
-        sources: directories and layouts.
-        cache: where recordings are kept that have been read before.
-
-    Raises:
-        RecordingError: a directory, layout or file is not as it should be.
-        ConfigurationError: two recordings have the same name.
-    """
-    named = [
-        NamedRecording(directory.resolve().name, recording)
-        for directory, layout in sources
-        for recording in load_recordings(directory, layout, cache=cache)
-    ]
-    seen: set[str] = set()
-    for recording in named:
-        if recording.name in seen:
-            raise ConfigurationError(
-                f"the recording {recording.name} is given twice, expected directories whose last "
-                "parts differ"
-            )
-        seen.add(recording.name)
-    return named
-
-
 USES = ("train", "validation", "test")
 
 
 def split(
     recordings: Sequence[NamedRecording], data: DataConfig, seed: int, guard_s: float = 8.0
 ) -> Splits:
-    """Each recording, or each block of time, to its use.
+    """Assign each recording, or each block of time, to its use.
 
     Args:
-        recordings: all of them.
+        recordings: all recordings.
         data: the section ``data`` of the configuration.
-        seed: of the draw.
-        guard_s: how long a whole window is, past and future (s); left out at every border between
+        seed: seed of the draw.
+        guard_s: length of a whole window, past and future (s); left out at every border between
             two uses within a recording.
 
     Raises:
@@ -167,14 +135,14 @@ def _by_recording(recordings: Sequence[NamedRecording], data: DataConfig, seed: 
 
 
 def _count(fraction: float, available: int) -> int:
-    """How many are drawn: at least one where any are wanted."""
+    """Return how many recordings are drawn: at least one if the fraction is above 0."""
     return max(1, round(fraction * available)) if fraction > 0.0 else 0
 
 
 def _by_time(
     recordings: Sequence[NamedRecording], data: DataConfig, seed: int, guard_s: float
 ) -> Splits:
-    """The blocks of all recordings, dealt out so that the fractions hold of their time."""
+    """Assign the blocks of all recordings so that the fractions hold for their total time."""
     blocks = [
         (r, begin, end)
         for r, item in enumerate(recordings)
@@ -187,7 +155,7 @@ def _by_time(
     for i in np.random.default_rng(seed).permutation(len(blocks)):
         r, begin, end = blocks[i]
         use = max(left, key=lambda name: left[name])
-        # A block goes where more than half of it is still wanted; the first one always.
+        # A block is assigned to a use that lacks more than half of it; the first one always is.
         fits = left[use] > 0.5 * (end - begin) or (left[use] > 0.0 and use not in use_of.values())
         use_of[r, begin] = use if fits else "train"
         if fits:
@@ -201,20 +169,20 @@ def _by_time(
 
 
 def _blocks(duration_s: float, block_s: float) -> list[tuple[float, float]]:
-    """Begin and end of the blocks of a recording (s); a short rest belongs to the last one."""
+    """Return begin and end of the blocks of a recording (s); the last one includes the rest."""
     begins = [n * block_s for n in range(max(1, round(duration_s / block_s)))]
     return list(zip(begins, [*begins[1:], duration_s], strict=True))
 
 
 def window_s(history: HistoryConfig, horizon_steps: int) -> float:
-    """How long a window is, past and future (s)."""
+    """Return the length of a window, past and future (s)."""
     return (history.steps - 1 + horizon_steps) * history.dt_s
 
 
 def _parts(
     item: NamedRecording, blocks: Sequence[tuple[float, float, str]], guard_s: float
 ) -> Iterator[tuple[NamedRecording, str]]:
-    """The parts of a recording, neighbours of the same use joined, without the guards."""
+    """Yield the parts of a recording, neighbours of the same use joined, without the guards."""
     duration_s = item.recording.duration_s
     joined: list[tuple[float, str]] = []
     for begin, _, use in blocks:
@@ -237,9 +205,9 @@ def _parts(
 
 
 def _check_weights(recordings: Sequence[NamedRecording], data: DataConfig) -> None:
-    """That no key of ``source_weight`` names a recording that its directory does not have.
+    """Refuse a key of ``source_weight`` that names a recording its directory does not have.
 
-    A directory that is not there is no mistake: one configuration may serve several sets.
+    A directory that was not given is allowed: one configuration may serve several data sets.
     """
     known = {item.name for item in recordings}
     sources = {item.source for item in recordings}

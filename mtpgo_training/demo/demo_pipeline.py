@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from mtpgo_core.task.model_file import find_model, load_task
 from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.data.bag_conversion import convert
-from mtpgo_training.data.readers import LAYOUTS, load_recordings
+from mtpgo_training.data.data_sources import DataSource, named_recordings
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.demo import demo_report as report
 from mtpgo_training.demo.node_session import require_ros, run_session
@@ -44,9 +45,7 @@ class DemoOptions:
     """Settings of the demo.
 
     Attributes:
-        data: folder of recordings; None for the shipped recording.
-        layout: layout of the recordings; None only if ``data`` is None.
-        recordings: names of the recordings to play; None for all.
+        sources: the recordings to play.
         play_all: also play recordings that the model was trained on.
         model: name or file of the model.
         parameters: further parameters of the node, ``name:=value``.
@@ -54,9 +53,7 @@ class DemoOptions:
         rate_hz: predictions per second (Hz); the default is the node's.
     """
 
-    data: Path | None = None
-    layout: str | None = None
-    recordings: Sequence[str] | None = None
+    sources: tuple[DataSource, ...]
     play_all: bool = False
     model: str = "default"
     parameters: tuple[str, ...] = ()
@@ -73,7 +70,7 @@ def run_demo(options: DemoOptions) -> None:
     require_ros()
     model = find_model(options.model)
     task = load_task(model)
-    plan = make_plan(_read(options), task.training, play_all=options.play_all)
+    plan = make_plan(_read(options.sources), task.training, play_all=options.play_all)
     output = options.output.resolve()
     bags, predictions, logs = _make_folders(output)
     _print_plan(plan, task, model)
@@ -108,22 +105,21 @@ def run_demo(options: DemoOptions) -> None:
     _print_results(content, options, output, bool(moments))
 
 
-def _read(options: DemoOptions) -> list[Recording]:
-    """Return the recordings to play.
+def shipped_source() -> DataSource:
+    """Return the recordings that ship with the package."""
+    return DataSource(find_resource("recordings", SHIPPED), SHIPPED_LAYOUT)
+
+
+def _read(sources: Sequence[DataSource]) -> list[Recording]:
+    """Return the recordings, under names that differ.
 
     Raises:
         MtpgoError: they cannot be read.
     """
-    if options.data is None:
-        folder, layout = find_resource("recordings", SHIPPED), options.layout or SHIPPED_LAYOUT
-    elif options.layout is None:
-        raise ConfigurationError(
-            f"the layout of {options.data} is not given, expected --layout with one of "
-            f"{', '.join(LAYOUTS)}"
-        )
-    else:
-        folder, layout = options.data, options.layout
-    return load_recordings(folder, layout, options.recordings)
+    return [
+        dataclasses.replace(recording, name=name) if recording.name != name else recording
+        for name, recording in named_recordings(sources)
+    ]
 
 
 def _make_folders(output: Path) -> tuple[Path, Path, Path]:

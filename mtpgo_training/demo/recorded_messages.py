@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.predictions import prediction_from_pointcloud2
 from mtpgo_core.schema import Prediction
-from mtpgo_training.data.recording_bag import OBJECTS_TOPIC, open_bag
+from mtpgo_training.data.recording_bag import OBJECTS_TOPIC
 
 PREDICTIONS = "/predictor/predictions"
 PROCESSING, DIAGNOSTICS = "/predictor/debug/processing_time_ms", "/diagnostics"
@@ -71,9 +72,8 @@ def read_messages(bag: Path) -> RecordedMessages:
         RecordingError: the bag cannot be read.
     """
     recorded = RecordedMessages()
-    with open_bag(bag) as reader:
+    with DecodingBagReader(bag) as reader:
         wanted = [c for c in reader.connections if c.topic in TOPICS]
-        for connection, received_ns, data in reader.messages(connections=wanted):
-            message = reader.deserialize(data, connection.msgtype)
+        for connection, received_ns, message in reader.messages(wanted):
             recorded.add(connection.topic, received_ns, message)
     return recorded

@@ -8,13 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from msg_adapters.bags.bag_reader import DecodingBagReader
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.schema import Prediction
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.data.recording_bag import open_bag
 from mtpgo_training.evaluation.agreement import Agreement, replay_offline
 from mtpgo_training.evaluation.bag_predictions import bag_name, match, read_predictions
 from mtpgo_training.evaluation.clock_alignment import find_parts
@@ -52,7 +52,7 @@ def observed_recordings(bags: Sequence[Path]) -> dict[str, Recording]:
     """
     found: dict[str, Recording] = {}
     for bag in bags:
-        with open_bag(bag):
+        with DecodingBagReader(bag):
             pass  # that it is no bag is another matter than that it observed nothing
         try:
             recordings = load_recordings(bag, "bag")

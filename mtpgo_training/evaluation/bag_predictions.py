@@ -9,15 +9,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
+from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.predictions import POINT, prediction_from_pointcloud2
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_core.prediction.output_assembly import select
 from mtpgo_core.schema import BoolArray, Prediction
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.data.recording_bag import open_bag, read_messages
 from mtpgo_training.evaluation.clock_alignment import AlignedPart, restamped
 
 NEAR_M = 30.0
@@ -47,9 +46,9 @@ def read_predictions(path: Path, topic: str | None = None) -> list[Prediction]:
         RecordingError: it is no bag, it is damaged, or it holds no predictions.
     """
     found: dict[int, Prediction] = {}
-    with open_bag(path) as reader:
-        connections = _prediction_topic(path, reader, topic)
-        for connection, _, message in read_messages(path, reader, connections):
+    with DecodingBagReader(path) as reader:
+        connections = _prediction_topic(reader, topic)
+        for connection, _, message in reader.messages(connections):
             try:
                 prediction = prediction_from_pointcloud2(message)
             except MessageError as error:
@@ -58,30 +57,30 @@ def read_predictions(path: Path, topic: str | None = None) -> list[Prediction]:
     return [found[stamp] for stamp in sorted(found)]
 
 
-def _prediction_topic(path: Path, reader: AnyReader, topic: str | None) -> list[Connection]:
+def _prediction_topic(reader: DecodingBagReader, topic: str | None) -> list[Connection]:
     clouds = [c for c in reader.connections if c.msgtype == _CLOUD and c.msgcount > 0]
     if topic is not None:
         chosen = [c for c in clouds if c.topic == topic]
         expected = f"a {_CLOUD} on the topic {topic}"
     else:
-        names = {c.topic for c in clouds if _holds_predictions(path, reader, c)}
+        names = {c.topic for c in clouds if _holds_predictions(reader, c)}
         if len(names) > 1:
             raise RecordingError(
-                f"{path} has predictions on the topics {', '.join(sorted(names))}, expected "
-                "--topic with one of them"
+                f"{reader.path} has predictions on the topics {', '.join(sorted(names))}, "
+                "expected --topic with one of them"
             )
         chosen = [c for c in clouds if c.topic in names]
         expected = f"a {_CLOUD} with the fields of predictions, as the node publishes them"
     if not chosen:
         topics = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections}))
         raise RecordingError(
-            f"{path} has no predictions, it has {topics or 'no topic'}; expected {expected}"
+            f"{reader.path} has no predictions, it has {topics or 'no topic'}; expected {expected}"
         )
     return chosen
 
 
-def _holds_predictions(path: Path, reader: AnyReader, connection: Connection) -> bool:
-    for _, _, message in read_messages(path, reader, [connection]):
+def _holds_predictions(reader: DecodingBagReader, connection: Connection) -> bool:
+    for _, _, message in reader.messages([connection]):
         return set(POINT.names or ()) <= {field.name for field in message.fields}
     return False
 

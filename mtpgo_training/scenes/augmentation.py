@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of a training scene that leave its meaning: a mirror image, a turn, another scale.
+"""Augmentation of training scenes: mirroring, rotation and scaling.
 
-Both work on the finished features by their names, so that no feature can be forgotten: an unknown
-name is an error, not a silent omission.
+They work on the finished features by name, and an unknown name is an error, so that no feature is
+forgotten.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ _DIRECTIONS = ("cos_yaw", "cos_theta")
 
 @dataclass(frozen=True)
 class Augmentation:
-    """One draw.
+    """One random change of a scene.
 
     Attributes:
         mirror: swap left and right.
-        turn_rad: turn about the scene's origin (rad, counter-clockwise).
+        turn_rad: rotation about the scene's origin (rad, counter-clockwise).
         scale: factor on all lengths, and so on speeds and accelerations.
     """
 
@@ -54,14 +54,14 @@ class Augmentation:
 
     @property
     def is_none(self) -> bool:
-        """Nothing is changed."""
+        """Whether nothing is changed."""
         return not self.mirror and self.turn_rad == 0.0 and self.scale == 1.0
 
     def features(self, features: Float32Array, names: tuple[str, ...]) -> Float32Array:
-        """[..., F] features named ``names``, changed.
+        """Return the [..., F] features named ``names``, changed.
 
         Raises:
-            ConfigurationError: a feature of which it is not known how it changes.
+            ConfigurationError: there is no rule for a feature.
         """
         at = {name: i for i, name in enumerate(names)}
         known = {name for pair in _PAIRS for name in pair}
@@ -81,12 +81,12 @@ class Augmentation:
         for name in _LENGTHS:
             if name in at:
                 out[..., at[name]] *= self.scale
-        for name in _NEARNESS:  # exp(-gap / 20 m) where somebody is, else 0
+        for name in _NEARNESS:  # exp(-gap / 20 m) of the agent there, 0 if there is none
             if name in at:
                 out[..., at[name]] **= self.scale
                 gap = at[name.replace("_near", "_gap")]
-                nobody = features[..., at[name]] == 0.0
-                out[..., gap] = np.where(nobody, features[..., gap], out[..., gap])
+                empty = features[..., at[name]] == 0.0
+                out[..., gap] = np.where(empty, features[..., gap], out[..., gap])
         if self.mirror:
             for left, right in _SIDES.items():
                 if left in at:
@@ -97,11 +97,11 @@ class Augmentation:
         return out
 
     def vectors(self, vectors: FloatArray) -> FloatArray:
-        """[..., 2] positions, velocities or accelerations in the scene frame, changed."""
+        """Return [..., 2] positions, velocities or accelerations in the scene frame, changed."""
         return self._directions(vectors) * np.asarray(self.scale, dtype=vectors.dtype)
 
     def _directions(self, vectors: FloatArray) -> FloatArray:
-        """[..., 2] vectors without a unit, changed."""
+        """Return [..., 2] vectors without a unit, changed."""
         if self.mirror:
             vectors = vectors * np.array([1.0, -1.0], dtype=vectors.dtype)
         if self.turn_rad == 0.0:

@@ -1,10 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A recording made ready once, so that scenes can be cut from it in any epoch."""
+"""A recording prepared once, so that scenes can be cut from it in any epoch."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -20,25 +21,26 @@ from mtpgo_training.data.ground_truth import FutureTable, future_columns
 from mtpgo_training.data.recording import Columns, Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
-from mtpgo_training.scenes.centre_sampling import Candidates, centre_chances, lane_changers
+from mtpgo_training.scenes.centre_sampling import Candidates, centre_chances
+from mtpgo_training.scenes.lane_change_balancing import lane_changes
 from mtpgo_training.scenes.track_samples import SampleTable, take_in
 from mtpgo_training.scenes.windows import TrackedWindow, Windows, cut_tracks, windows_of
 
 
 @dataclass(frozen=True)
 class PreparedRecording:
-    """One recording, ready for scenes to be cut from it.
+    """One recording with its windows, futures and sampling weights.
 
     Attributes:
         recording: the recording.
         windows: its windows.
-        restarted: windows of the same instants with short pasts, None where not wanted.
-        future: what happened next.
-        lanes: its lanes, where the context needs them.
+        restarted: windows of the same instants with short pasts, None if not wanted.
+        future: the future of its tracks.
+        lanes: its lanes if the context needs them.
         chance: [p] chance of the agents of ``windows.instants`` to be a graph's centre.
-        changes: [p] what they do, see
-        :func:`mtpgo_training.scenes.centre_sampling.lane_changers`; None where
-            nothing is balanced.
+        changes: [p] their lane changes, see
+        :func:`mtpgo_training.scenes.lane_change_balancing.lane_changes`; None where
+            graphs are not balanced.
         weight: how often its windows are drawn in an epoch.
     """
 
@@ -52,12 +54,12 @@ class PreparedRecording:
     weight: float = 1.0
 
     def window(self, index: int, *, restarted: bool = False) -> TrackedWindow:
-        """A window, or its restarted form."""
+        """Return a window, or its restarted form."""
         chosen = self.restarted if restarted and self.restarted is not None else self.windows
         return chosen[index]
 
     def candidates(self, window: int, *, restarted: bool = False) -> Candidates:
-        """Those present in a window, or in its restarted form."""
+        """Return the agents present in a window, or in its restarted form."""
         instants = self.windows.instants
         rows = instants.rows(window)
         changes = np.empty(0, dtype=np.int8) if self.changes is None else self.changes[rows]
@@ -67,7 +69,7 @@ class PreparedRecording:
             return Candidates(
                 index, instants.position[rows][index], self.chance[rows][index], known
             )
-        # The restarted window has the same agents, but other places for them.
+        # The restarted window has the same agents in other rows.
         at = np.full(len(self.recording.track_id), -1)
         at[instants.track[rows]] = np.arange(rows.stop - rows.start)
         other = self.restarted.instants
@@ -91,18 +93,18 @@ def prepare(
     weight: float = 1.0,
     cache: RecordingCache | None = None,
 ) -> PreparedRecording:
-    """A recording's windows and futures.
+    """Prepare a recording: compute its windows, futures and sampling weights.
 
     Args:
         recording: the recording.
         history: see :class:`mtpgo_core.task.task_description.HistoryConfig`.
         scene: see :class:`mtpgo_core.task.task_description.SceneConfig`.
         data: strides, restarts, smoothing and balancing.
-        training: with the training's stride, smoothing and restarts, or the validation's.
-        horizon_steps: over which a lane change counts.
-        seed: of the restarts.
+        training: use stride, smoothing and restarts of training, else those of validation.
+        horizon_steps: steps over which lane changes are looked for.
+        seed: seed of the restarts.
         weight: how often its windows are drawn in an epoch.
-        cache: where what is costly to compute is kept.
+        cache: cache of the columns that are costly to compute.
     """
 
     def columns(purpose: str, settings: object, make: Callable[[], Columns]) -> Columns:
@@ -110,7 +112,7 @@ def prepare(
 
     stride_s = data.stride_s if training else data.validation_stride_s
     settings = dataclasses.asdict(history)
-    table = columns("samples", settings, lambda: take_in(recording, history))
+    table = columns("samples", settings, functools.partial(take_in, recording, history))
     windows = windows_of(recording, SampleTable(table, history), stride_s)
     restarted: Windows | None = None
     if training and data.restart_probability > 0.0:
@@ -119,7 +121,7 @@ def prepare(
         table = columns(
             "restarted",
             {**settings, "seed": seed, "within_s": data.restart_within_s},
-            lambda: take_in(pieces, history),
+            functools.partial(take_in, pieces, history),
         )
         times_ns = windows.instants.stamp_ns
         restarted = Windows(pieces, SampleTable(table, history), times_ns, owner)
@@ -127,11 +129,13 @@ def prepare(
     future = FutureTable(
         recording,
         max_gap_s=history.max_gap_s,
-        columns=columns("future", smoothing_s, lambda: future_columns(recording, smoothing_s)),
+        columns=columns(
+            "future", smoothing_s, functools.partial(future_columns, recording, smoothing_s)
+        ),
     )
     changes = None
     if training and data.lane_change_share > 0.0:
-        changes = lane_changers(windows, recording, future, horizon_steps, history.dt_s)
+        changes = lane_changes(windows, recording, future, horizon_steps, history.dt_s)
     return PreparedRecording(
         recording=recording,
         windows=windows,
@@ -156,16 +160,16 @@ def prepare_all(
     cache: RecordingCache | None = None,
     progress: bool = False,
 ) -> list[PreparedRecording]:
-    """:func:`prepare` for the recordings of one use.
+    """Prepare the recordings of one use, see :func:`prepare`.
 
     Args:
         named: the recordings.
         history: see :func:`prepare`.
         scene: see :func:`prepare`.
         data: see :func:`prepare`.
-        training: for training, or for validation.
-        horizon_steps: over which a lane change counts.
-        seed: of the restarts.
+        training: see :func:`prepare`.
+        horizon_steps: see :func:`prepare`.
+        seed: see :func:`prepare`.
         cache: see :func:`prepare`.
         progress: show a bar on stderr.
     """
@@ -187,7 +191,7 @@ def prepare_all(
 
 
 def source_weight(item: NamedRecording, data: DataConfig) -> float:
-    """``data.source_weight`` of a recording: its own, else its directory's, else 1."""
+    """Return ``data.source_weight`` of a recording, else of its directory, else 1."""
     for name in (item.name, f"{item.source}/{item.whole}", item.source):
         if name in data.source_weight:
             return data.source_weight[name]

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes for training and validation, cut by the same functions that serve the node (design D5).
+"""Scenes for training and validation, cut by the functions that the node uses.
 
 A sample is one graph as a ``torch_geometric`` Data whose nodes are the agents; PyG's DataLoader
 batches graphs of different sizes and :func:`dense` lays them out for the model.
@@ -25,29 +25,23 @@ from mtpgo_core.schema import Float64Array, SceneBatch
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.scenes.augmentation import Augmentation
-from mtpgo_training.scenes.centre_sampling import (
-    balanced_copies,
-    copies,
-    draw_balanced,
-    draw_cover,
-    graph_sizes,
-    standing,
-)
+from mtpgo_training.scenes.centre_sampling import copies, draw_cover, graph_sizes, standing
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
+from mtpgo_training.scenes.lane_change_balancing import balanced_copies, draw_balanced
 from mtpgo_training.scenes.prepared_recording import PreparedRecording
 from mtpgo_training.scenes.windows import TrackedWindow
 
 
 @dataclass(frozen=True)
 class Item:
-    """Which graph a sample is.
+    """The graph of a sample.
 
     Attributes:
         source: index of its recording.
-        window: of its window there.
-        centre: of its centre there.
-        agents: how many are in it.
-        restarted: whether the pasts are cut short.
+        window: index of its window there.
+        centre: row of its centre there.
+        agents: number of agents in it.
+        restarted: whether the pasts are shortened.
         augmentation: see :class:`~mtpgo_training.scenes.augmentation.Augmentation`.
     """
 
@@ -60,7 +54,7 @@ class Item:
 
 
 class SceneDataset(Dataset[Data]):
-    """Training graphs: every epoch draws other centres, such that each agent lies in a graph."""
+    """Training graphs; each epoch draws new centres such that every agent is in a graph."""
 
     def __init__(
         self,
@@ -71,7 +65,7 @@ class SceneDataset(Dataset[Data]):
         horizon_steps: int,
         seed: int,
     ) -> None:
-        """Keep the sources and draw the first epoch.
+        """Draw the first epoch.
 
         Args:
             sources: prepared recordings.
@@ -98,7 +92,7 @@ class SceneDataset(Dataset[Data]):
         self.set_epoch(0)
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw the graphs of an epoch, counted from 0, in the order of the recordings."""
+        """Draw the graphs of an epoch (counted from 0), in the order of the recordings."""
         rng = np.random.default_rng([self.seed, epoch])
         self.items = []
         for s, source in enumerate(self.sources):
@@ -109,7 +103,7 @@ class SceneDataset(Dataset[Data]):
     def _draw(
         self, s: int, w: int, source: PreparedRecording, rng: np.random.Generator
     ) -> list[Item]:
-        """The graphs of one window."""
+        """Draw the graphs of one window."""
         restarted = source.restarted is not None and rng.random() < self.data.restart_probability
         candidates = source.candidates(w, restarted=restarted)
         items = []
@@ -158,9 +152,9 @@ def validation_scenes(
     scene: SceneConfig,
     horizon_steps: int,
 ) -> list[Data]:
-    """The graphs that the node would cut under ``scene.policy``, with their baselines beside them.
+    """Return the graphs that the node would cut under ``scene.policy``, with their baselines.
 
-    As the node does, each window keeps the centres of the one before that are still of use.
+    As in the node, each window keeps the centres of the one before that are still useful.
     ``primary`` marks the graph whose prediction would be published for an agent, so every agent
     counts once; ``centre`` marks the agents in the centres of the graphs.
     """
@@ -197,7 +191,7 @@ def scene_data(
     augmentation: Augmentation | None = None,
     standing_weight: float = 1.0,
 ) -> Data:
-    """Graph ``b`` of a batch as PyG Data.
+    """Return graph ``b`` of a batch as PyG Data.
 
     The nodes are the N agents; ``x`` [N, T, F], ``valid`` [N, T], ``static`` [N, C], ``target``
     [N, H, 4] (x, y, vx, vy in the scene frame; zero where not observed), ``weight`` [N, H] (0
@@ -233,7 +227,7 @@ def scene_data(
 
 
 def dense(batch: Batch) -> dict[str, Tensor]:
-    """The fields of a PyG batch as [B, N, ...], zero and false where a graph has fewer agents."""
+    """Return the fields of a PyG batch as [B, N, ...], zero and false where there is no agent."""
     names = ("x", "valid", "static", "target", "weight", "primary", "centre", "baselines")
     index, size = batch.batch, int(batch.num_graphs)
     return {
@@ -244,5 +238,5 @@ def dense(batch: Batch) -> dict[str, Tensor]:
 
 
 def to_scene(vectors: Float64Array, rotation: float) -> Float64Array:
-    """[..., 2] vectors of the fixed frame in a scene frame turned by ``rotation`` (rad)."""
+    """Return [..., 2] vectors of the fixed frame in a scene frame turned by ``rotation`` (rad)."""
     return rotate(vectors, -rotation)

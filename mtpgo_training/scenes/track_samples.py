@@ -1,12 +1,12 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A recording taken in by the node's history all at once, and its windows cut at any time.
+"""The samples that the history makes of a whole recording, and windows cut from them.
 
-The node's history sees a message at a time. Of a recording everything is known, and a track's
+The node's history gets one message at a time. A recording is known as a whole, and a track's
 samples (position, velocity, acceleration, yaw with what is missing estimated) depend on its own
 past only. So they are computed here for many tracks at once, by the same functions of
 :mod:`mtpgo_core.history.track_update`, and kept in columns, sorted by track and time. A window at
-a time t is then cut from the samples up to t, again by the same functions. What comes out equals
+a time t is then cut from the samples up to t, again by the same functions. The result equals
 what :class:`mtpgo_core.history.track_history.TrackHistory` gives message by message, number by
 number (test).
 """
@@ -32,12 +32,12 @@ IntArray = NDArray[np.int64]
 
 TRACKS_AT_ONCE = 2048
 ROWS_AT_ONCE = 200_000
-"""Tracks and rows that are taken in together, which bounds the memory."""
+"""Tracks and rows that are processed together; chosen, bounds the memory."""
 
 
 @dataclass(frozen=True)
 class Pairs:
-    """Which track has how much past at which time: one row for each pair of them.
+    """The tracks that have a past at some times, one row for each pair of track and time.
 
     Attributes:
         time: [p] index of the time, ascending; within a time in the order of the tracks' keys.
@@ -52,7 +52,7 @@ class SampleTable:
     """The samples of every track of a recording, by track (in the order of the keys) and time."""
 
     def __init__(self, columns: Mapping[str, NDArray[Any]], history: HistoryConfig) -> None:
-        """Take the columns of :func:`take_in`, which may lie on disk.
+        """Keep the columns of :func:`take_in`, which may be mapped from disk.
 
         Args:
             columns: ``stamp_ns`` [r], ``track`` [r] (index in the recording), ``begin`` [r] (row
@@ -74,7 +74,7 @@ class SampleTable:
         return self.stamp_ns.shape[0]
 
     def pairs(self, times_ns: IntArray) -> Pairs:
-        """Every track that the history remembers at each of the ascending times [w] (ns)."""
+        """Return the tracks that the history keeps at each of the ascending times [w] (ns)."""
         last = np.append(self.track[1:] != self.track[:-1], True)[: len(self)]
         until = np.where(last, np.iinfo(np.int64).max, np.append(self.stamp_ns[1:], 0) - 1)
         until = np.minimum(until, self.stamp_ns + self.history.keep_ns)
@@ -87,14 +87,14 @@ class SampleTable:
         return Pairs(time[order], newest[order])
 
     def brackets(self, newest: IntArray, time_ns: int | IntArray) -> tuple[Brackets, IntArray]:
-        """Where the grid times lie among the samples of some pairs.
+        """Return where the grid times are among the samples of some pairs.
 
         Args:
             newest: [p] the newest samples.
             time_ns: the common time of all, or [p] of each (ns).
 
         Returns:
-            The brackets and [p, K] the rows in which their columns stand.
+            The brackets and [p, K] the rows of their columns.
         """
         rows = self._rows(newest)
         there = rows >= self._begin[newest][:, None]
@@ -109,14 +109,14 @@ class SampleTable:
         return found, rows
 
     def states(self, brackets: Brackets, rows: IntArray) -> Float64Array:
-        """[p, T, 7] samples at the grid times of :meth:`brackets`, NaN where absent or unknown."""
+        """Return [p, T, 7] samples at the grid times of :meth:`brackets`, NaN where unknown."""
         pair = np.arange(rows.shape[0])[:, None]
         left = self.sample[rows[pair, brackets.left]]
         right = self.sample[rows[pair, brackets.right]]
         return interpolate(left, right, brackets)
 
     def _rows(self, newest: IntArray) -> IntArray:
-        """[p, K] rows of the samples that a ring would hold, the newest last; below 0 for none."""
+        """Return [p, K] rows of the samples in a track's ring, newest last; below 0 for none."""
         back = np.arange(1 - self._reach, 1)
         if self._kept is None:
             return newest[:, None] + back
@@ -126,7 +126,7 @@ class SampleTable:
         return np.concatenate([rows, newest[:, None]], axis=1)
 
     def _longest_past(self) -> int:
-        """Most samples of one track that lie within the time the history remembers."""
+        """Return the largest number of samples of one track that the history keeps."""
         if not len(self):
             return 1
         starts = np.flatnonzero(np.append(True, self.track[1:] != self.track[:-1]))
@@ -139,7 +139,7 @@ class SampleTable:
 
 
 def take_in(recording: Recording, history: HistoryConfig) -> Columns:
-    """The columns of a :class:`SampleTable`: what the history makes of every row.
+    """Return the columns of a :class:`SampleTable`: the history's sample of every row.
 
     Rows that the history rejects (no finite position, too fast) are left out.
     """
@@ -179,7 +179,7 @@ def take_in(recording: Recording, history: HistoryConfig) -> Columns:
 
 
 def _states(recording: Recording, rows: IntArray | slice) -> TrackedStates:
-    """Rows of a recording as the history takes them; their times stand elsewhere."""
+    """Return rows of a recording as input of the history, without their times."""
     return tracked_states(
         0,
         FRAME_ID,
@@ -192,7 +192,7 @@ def _states(recording: Recording, rows: IntArray | slice) -> TrackedStates:
 
 
 def _usable_rows(recording: Recording, history: HistoryConfig) -> IntArray:
-    """The rows that the history does not reject."""
+    """Return the rows that the history does not reject."""
     good = np.zeros(len(recording), dtype=np.bool_)
     with np.errstate(invalid="ignore", over="ignore"):
         for begin in range(0, len(good), ROWS_AT_ONCE):
@@ -203,21 +203,21 @@ def _usable_rows(recording: Recording, history: HistoryConfig) -> IntArray:
 
 
 def _by_track(recording: Recording, rows: IntArray) -> IntArray:
-    """The rows by track, in the order of the keys, and time."""
+    """Return the rows sorted by track (in the order of the keys) and time."""
     rank = np.empty(len(recording.track_id), dtype=np.int64)
     rank[np.argsort(names_of(recording.key), kind="stable")] = np.arange(len(rank))
     return rows[np.lexsort((recording.frame[rows], rank[recording.track[rows]]))]
 
 
 def _stamps(recording: Recording, frame: IntArray) -> IntArray:
-    """[r] :meth:`Recording.stamp_ns` of many frames."""
+    """Return [r] :meth:`Recording.stamp_ns` of many frames."""
     frames, place = np.unique(frame, return_inverse=True)
     stamps = np.array([recording.stamp_ns(f) for f in frames.tolist()], dtype=np.int64)
     return stamps[place.reshape(-1)]
 
 
 def _together(track: IntArray) -> Iterator[IntArray]:
-    """[n, 2] first row and end of tracks that are taken in together, of similar length."""
+    """Yield [n, 2] first row and end of tracks of similar length, processed together."""
     if not len(track):
         return
     starts = np.flatnonzero(np.append(True, track[1:] != track[:-1]))
@@ -240,7 +240,7 @@ def _forget(
     stamp_ns: IntArray,
     position: Float64Array,
 ) -> None:
-    """Begin anew the tracks that were away for too long or cannot have moved so far."""
+    """Restart the tracks that were absent for too long or cannot have moved so far."""
     known = store.rings.count[slot] > 0
     away = known & (store.rings.last_ns[slot] < stamp_ns - history.keep_ns)
     known &= ~away

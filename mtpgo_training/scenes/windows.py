@@ -3,8 +3,8 @@
 """The windows of a recording, from which scenes are cut.
 
 A window holds nothing later than its stamp, because only samples up to it are looked at. Windows
-are not stored: what is kept is which track has a past at which instant, and a window is cut from
-the recording's samples (:mod:`mtpgo_training.scenes.track_samples`) when somebody asks for it.
+are not stored: only which track has a past at which instant is, and a window is cut from the
+recording's samples (:mod:`mtpgo_training.scenes.track_samples`) when it is needed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _PAIRS_AT_ONCE = 4096
 
 @dataclass(frozen=True)
 class TrackedWindow:
-    """A window and who its agents are in the recording.
+    """A window and the tracks of its agents.
 
     Attributes:
         window: the window.
@@ -78,19 +78,19 @@ class Windows(Sequence[TrackedWindow]):
     """The windows of a recording at given times, each cut when it is asked for.
 
     Attributes:
-        instants: who is in them.
+        instants: the agents in them.
     """
 
     def __init__(
         self, recording: Recording, table: SampleTable, times_ns: IntArray, owner: IntArray
     ) -> None:
-        """Find out who is in each window.
+        """Find the agents of each window.
 
         Args:
             recording: the recording that ``table`` was made of.
             table: its samples.
             times_ns: [w] ascending times (ns).
-            owner: [tracks] what the agents' ``track`` shall be; of several agents with the same
+            owner: [tracks] number to use as the agents' ``track``; of several agents with the same
                 owner the last one stays.
         """
         self._recording = recording
@@ -181,7 +181,7 @@ def cut_windows(recording: Recording, history: HistoryConfig, stride_s: float) -
 def windows_of(recording: Recording, table: SampleTable, stride_s: float) -> Windows:
     """Like :func:`cut_windows`, of a recording that has been taken in.
 
-    At times at which nobody is present there is no window.
+    There is no window at times without an agent.
     """
     owner = np.arange(len(recording.track_id), dtype=np.int64)
     windows = Windows(recording, table, _times(recording, stride_s), owner)
@@ -200,9 +200,9 @@ def cut_restarted_windows(
 ) -> Windows:
     """Windows at the same instants, in which every agent was first seen at most ``within_s`` ago.
 
-    Each track is cut into pieces of ``within_s`` with a random phase and each piece gets an
-    identity of its own, so that the history forgets at every cut. The short past of an agent is
-    thereby exactly what the node would have, estimated derivatives included.
+    Each track is cut into pieces of ``within_s`` with a random phase, and each piece gets its own
+    identity, so that the history forgets at every cut. The short past of an agent is then exactly
+    what the node would have, estimated derivatives included.
     """
     pieces, owner = cut_tracks(recording, within_s, generator)
     table = SampleTable(take_in(pieces, history), history)
@@ -212,7 +212,7 @@ def cut_restarted_windows(
 def cut_tracks(
     recording: Recording, within_s: float, generator: np.random.Generator
 ) -> tuple[Recording, IntArray]:
-    """The recording with each track cut into pieces, and [pieces] the track each belongs to."""
+    """Return the recording with each track cut into pieces, and [pieces] the track of each."""
     length = max(1, round(within_s * recording.frame_rate))
     phase = generator.integers(0, length, size=len(recording.track_id))
     number = (recording.frame + phase[recording.track]) // length
@@ -233,10 +233,10 @@ def cut_tracks(
 
 
 def frames_every(recording: Recording, stride_s: float) -> IntArray:
-    """The frames every ``stride_s``, counted from the first, at which anybody is present.
+    """Return the frames every ``stride_s``, counted from the first, that have a road user.
 
-    Where frames come at no fixed times (a bag of jittered messages), the nearest one is taken if
-    it lies less than a usual step of frames away.
+    Where frames have no fixed times (a bag of jittered messages), the nearest one is taken if it
+    is less than a usual step of frames away.
     """
     frames = recording.frames
     if not len(frames):
@@ -258,7 +258,7 @@ def _times(recording: Recording, stride_s: float) -> IntArray:
 
 
 def _last_step(brackets: Brackets) -> Brackets:
-    """Only the common time."""
+    """Return the brackets of the common time only."""
     return Brackets(
         left=brackets.left[:, -1:],
         right=brackets.right[:, -1:],
@@ -269,9 +269,9 @@ def _last_step(brackets: Brackets) -> Brackets:
 
 
 def _newest_piece(window: IntArray, piece: IntArray, owner: IntArray) -> BoolArray:
-    """[p] whether no later piece of the same owner stands in the same window.
+    """Return [p] whether no later piece of the same owner is in the same window.
 
-    A piece that has just been cut off would be carried on beside its successor.
+    A piece that has just ended would otherwise be extrapolated next to its successor.
     """
     if len(owner) == 0 or not len(piece):
         return np.ones(len(piece), dtype=np.bool_)

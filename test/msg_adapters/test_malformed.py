@@ -27,7 +27,7 @@ def places(message, depth=0):
 
 
 @pytest.mark.parametrize("name", sorted(INPUTS))
-def test_any_field_may_be_rubbish(name, states, offline, decoded):
+def test_any_field_may_be_invalid(name, states, offline, decoded):
     adapter = INPUTS[name]
     message = decoded(adapter.from_states(states, offline), adapter.message_type)["mcap"]
     tried, sentences = 0, []
@@ -48,7 +48,7 @@ def test_any_field_may_be_rubbish(name, states, offline, decoded):
 
 
 @pytest.mark.parametrize("name", sorted(INPUTS))
-def test_another_message_altogether(name):
+def test_a_message_of_another_type(name):
     for rubbish in RUBBISH:
         with pytest.raises(MessageError, match=f"cannot be read as {INPUTS[name].message_type}"):
             INPUTS[name].to_states(rubbish)

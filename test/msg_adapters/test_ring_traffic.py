@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Made-up traffic is traffic: nobody jumps, velocities are those of the positions."""
+"""Generated traffic: no vehicle jumps, and velocities are those of the positions."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_more_vehicles_make_a_longer_road_of_the_same_density():
     assert neighbours(512) == pytest.approx(neighbours(256), rel=0.1)
 
 
-def test_half_of_them_come_the_other_way():
+def test_half_of_them_drive_in_the_other_direction():
     states = RingTraffic(60).at(0.0, 0)
     (x, y), (vx, vy) = states.position.T, states.velocity.T
     spin = x * vy - y * vx

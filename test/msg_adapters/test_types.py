@@ -20,7 +20,7 @@ SENTENCES = {
 
 
 @pytest.mark.parametrize("name", [*sorted(INPUTS), "predicted"])
-def test_message_classes_come_or_say_what_to_install(name):
+def test_missing_message_classes_name_the_package_to_install(name):
     pytest.importorskip("rclpy")
     adapter = INPUTS.get(name, OUTPUTS["autoware"])
     if importlib.util.find_spec(adapter.package):
@@ -38,7 +38,7 @@ def test_message_classes_come_or_say_what_to_install(name):
 def test_names_that_are_no_types():
     pytest.importorskip("rclpy")
     for name in ("Marker", "", "std_msgs/srv/Empty", "std_msgs/"):
-        with pytest.raises(MessageError, match="is no message type"):
+        with pytest.raises(MessageError, match="is not a message type"):
             message_class(name)
     with pytest.raises(MessageError, match="std_msgs has no message 'Nothing'"):
         message_class("std_msgs/msg/Nothing")

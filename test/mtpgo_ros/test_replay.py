@@ -9,41 +9,27 @@ import numpy as np
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from ros_helpers import LATCHED, LIMIT_S, START_NS, one_line, run_process, traffic
-from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
+from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.registry import INPUTS
-from msg_adapters.types import TypestoreTypes
 from mtpgo_core.errors import RecordingError
-from mtpgo_ros.bags.bag_stream import BagSource
-from mtpgo_ros.bags.bag_writer import _qos, _typestore
 from mtpgo_ros.bags.playback import PlaybackTiming, Report, Sinks, play
 
 
-def write_bag(path, *, seconds=1.0, storage=StoragePlugin.MCAP, kind="pointcloud2"):
-    """25 Hz of four cars on /objects, a latched ego, and a topic of an absent package."""
-    store = _typestore()
-    types = TypestoreTypes(store)
+def write_bag(path, *, seconds=1.0, kind="pointcloud2"):
+    """25 Hz of four cars on /objects, and a latched ego."""
     adapter = INPUTS[kind]
-    with Writer(path, version=9, storage_plugin=storage) as writer:
-
-        def topic(name, message_type, latched):
-            profiles = [_qos(latched=latched, reliable=True)]
-            return writer.add_connection(
-                name, message_type, typestore=store, offered_qos_profiles=profiles
-            )
-
-        ego = topic("/ego_id", "std_msgs/msg/String", True)
-        objects = topic("/objects", adapter.message_type, False)
-        string = types.make("std_msgs/msg/String", data="3")
-        writer.write(ego, START_NS, store.serialize_cdr(string, ego.msgtype))
+    with McapWriter(path) as bag:
+        bag.add_topic("/ego_id", "std_msgs/msg/String", latched=True)
+        bag.add_topic("/objects", adapter.message_type)
+        bag.write("/ego_id", START_NS, bag.types.make("std_msgs/msg/String", data="3"))
         for step in range(round(25 * seconds) + 1):
             states = traffic(step / 25)
-            data = store.serialize_cdr(adapter.from_states(states, types), objects.msgtype)
-            writer.write(objects, states.stamp_ns, data)
+            bag.write("/objects", states.stamp_ns, adapter.from_states(states, bag.types))
     return path
 
 
@@ -130,28 +116,6 @@ def test_an_error_while_reading_ahead_is_raised():
     assert len(tape.messages) == 1
 
 
-@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-@pytest.mark.parametrize("single", [False, True], ids=["folder", "file"])
-def test_bags_of_both_storages_are_read_as_folder_and_as_file(tmp_path, storage, single):
-    path = write_bag(tmp_path / "bag", seconds=0.2, storage=storage)
-    if single:
-        path = next(file for file in path.iterdir() if file.suffix in (".mcap", ".db3"))
-    with BagSource(path) as source:
-        assert {(t.name, t.count, t.latched) for t in source.topics()} == {
-            ("/ego_id", 1, True),
-            ("/objects", 6, False),
-        }
-        assert (source.start_ns, source.end_ns) == (START_NS, START_NS + 200_000_000)
-        topics = source.topics(["objects"])
-        found = list(source.messages(topics, START_NS + 80_000_000, source.end_ns + 1))
-    assert [time_ns - START_NS for _, time_ns, _ in found] == [
-        80_000_000,
-        120_000_000,
-        160_000_000,
-        200_000_000,
-    ]
-
-
 class Listener:
     """A node that hears what a player says."""
 
@@ -227,59 +191,6 @@ def test_a_paused_start_waits_for_a_line(process, peer, bag):
     listener.spin_until(lambda: len(listener.objects) == 26)
     status, _, err = player.finish()
     assert status == 0, err
-
-
-def _nothing(tmp_path):
-    return tmp_path / "nothing"
-
-
-def _broken(tmp_path):
-    path = write_bag(tmp_path / "bag", seconds=0.2)
-    file = path / "bag.mcap"
-    file.write_bytes(file.read_bytes()[:-200])
-    return path
-
-
-def _damaged(tmp_path):
-    path = write_bag(tmp_path / "bag", seconds=2.0)
-    file = path / "bag.mcap"
-    data = bytearray(file.read_bytes())
-    middle = len(data) // 2
-    data[middle - 2000 : middle] = b"\xff" * 2000
-    file.write_bytes(data)
-    return path
-
-
-def _empty(tmp_path):
-    Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP).open()
-    with Writer(tmp_path / "empty", version=9, storage_plugin=StoragePlugin.MCAP):
-        pass
-    return tmp_path / "empty"
-
-
-def _text(tmp_path):
-    path = tmp_path / "tracks.csv"
-    path.write_text("frame,id\n")
-    return path
-
-
-def _no_metadata(tmp_path):
-    path = write_bag(tmp_path / "bag", seconds=0.2)
-    (path / "metadata.yaml").unlink()
-    return path
-
-
-@pytest.mark.parametrize("make", [_nothing, _broken, _empty, _text, _no_metadata])
-def test_a_bag_that_cannot_be_played_is_named(tmp_path, make):
-    path = make(tmp_path)
-    with pytest.raises(RecordingError) as caught, BagSource(path):
-        pass
-    assert str(path) in str(caught.value)
-
-
-def test_a_damaged_message_is_found_while_playing(tmp_path):
-    with BagSource(_damaged(tmp_path)) as source, pytest.raises(RecordingError, match="damaged"):
-        list(source.messages(source.topics(), 0, 2**62))
 
 
 @pytest.mark.parametrize(

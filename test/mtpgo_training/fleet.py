@@ -6,10 +6,11 @@ import dataclasses
 
 import numpy as np
 
+from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.registry import INPUTS
 from mtpgo_core.frames import Pose2, rotate
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.data.recording_bag import bag_typestore, create_bag
 
 EPOCH_NS = 1_700_000_000 * 10**9
 
@@ -45,7 +46,7 @@ def write_bag(
     """
     adapter = INPUTS[kind]
     stamps = stamps_of(recording, jitter_s=jitter_s, seed=seed)
-    with create_bag(path) as bag:
+    with McapWriter(path) as bag:
         bag.add_topic(topic, adapter.message_type)
         if pose is not None:
             bag.add_topic("/localization/odometry", "nav_msgs/msg/Odometry")

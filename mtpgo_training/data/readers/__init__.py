@@ -1,51 +1,48 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of any known layout, read into :class:`~mtpgo_training.data.recording.Recording`."""
+"""Readers of recordings, one for each file layout; :func:`iter_recordings` reads any of them."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
 from mtpgo_training.data.readers.ngsim_recordings import ngsim_units
 from mtpgo_training.data.readers.reading_unit import Unit
-from mtpgo_training.data.readers.recording_parts import cut_parts, parts_in
+from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts, parts_in
 from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording_cache import RecordingCache
+from mtpgo_training.data.recording_columns import pack, unpack
 
-if TYPE_CHECKING:
-    from mtpgo_training.data.recording_cache import RecordingCache
-
-DirectoryReader = Callable[[Path, Sequence[str] | None], list[Unit]]
+UnitFinder = Callable[[Path, Sequence[str] | None], list[Unit]]
+"""Finds the files to be read together in a directory, all or those with some names."""
 
 
-def _drone(layout: str) -> DirectoryReader:
+def _drone_units(layout: str, directory: Path, names: Sequence[str] | None) -> list[Unit]:
     def unit(files: DroneFiles) -> Unit:
         read = DRONE_READERS[layout]
         return Unit(files.name, layout, files.all, lambda: iter([read(files)]))
 
-    def find(directory: Path, names: Sequence[str] | None) -> list[Unit]:
-        return [unit(files) for files in find_drone_files(directory, names)]
-
-    return find
+    return [unit(files) for files in find_drone_files(directory, names)]
 
 
-def _bags(directory: Path, names: Sequence[str] | None) -> list[Unit]:
+def _bag_units(directory: Path, names: Sequence[str] | None) -> list[Unit]:
     # Only bags need the message adapters and rosbags.
     from mtpgo_training.data.readers.bag_recordings import bag_units
 
     return bag_units(directory, names)
 
 
-LAYOUTS: dict[str, DirectoryReader] = {
-    **{layout: _drone(layout) for layout in DRONE_READERS},
+LAYOUTS: dict[str, UnitFinder] = {
+    **{layout: functools.partial(_drone_units, layout) for layout in DRONE_READERS},
     "ngsim": ngsim_units,
-    "bag": _bags,
+    "bag": _bag_units,
 }
-"""Layout name -> finder of the units of files in a directory."""
+"""Layout name -> finder of the files in a directory."""
 
 
 def iter_recordings(
@@ -55,34 +52,29 @@ def iter_recordings(
     *,
     cache: RecordingCache | None = None,
 ) -> Iterator[Recording]:
-    """The recordings of a directory, one after the other.
+    """Yield the recordings of a directory, one after the other.
 
     Args:
-        directory: where the files lie.
+        directory: the directory with the files.
         layout: a name in ``LAYOUTS``.
         names: the recordings wanted, all by default; ``01@60-116s`` is a part of ``01``.
-        cache: where recordings are kept that have been read before.
+        cache: cache of recordings that were read before.
 
     Raises:
         RecordingError: an unknown layout, no recordings, or a defect of a file.
     """
-    if layout not in LAYOUTS:
-        raise RecordingError(
-            f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
-        )
-    where, find = Path(directory), LAYOUTS[layout]
 
     def read(units: Iterable[Unit]) -> Iterator[Recording]:
         for unit in units:
-            yield from unit.read() if cache is None else cache.recordings(unit)
+            yield from _read_unit(unit, cache)
 
-    parts = parts_in(names or ())
-    whole = [name for name in names or () if name not in {part.name for part in parts}]
-    if whole or not parts:
-        yield from read(find(where, whole))
+    where = Path(directory)
+    whole, parts = _find(where, layout, names)
+    yield from read(whole)
     if parts:
-        units = [u for u in find(where, None) if any(part.may_be_in(u.name) for part in parts)]
-        yield from cut_parts(read(units), parts, where)
+        units = LAYOUTS[layout](where, None)
+        holders = [u for u in units if any(part.may_be_in(u.name) for part in parts)]
+        yield from cut_parts(read(holders), parts, where)
 
 
 def load_recordings(
@@ -92,5 +84,46 @@ def load_recordings(
     *,
     cache: RecordingCache | None = None,
 ) -> list[Recording]:
-    """All recordings that :func:`iter_recordings` gives, as a list."""
+    """Return what :func:`iter_recordings` yields as a list."""
     return list(iter_recordings(directory, layout, names, cache=cache))
+
+
+def recording_names(
+    directory: str | Path, layout: str, names: Sequence[str] | None = None
+) -> list[str]:
+    """Return the names of the recordings of a directory without reading them.
+
+    Files that hold several recordings give one name. Arguments as for :func:`iter_recordings`.
+
+    Raises:
+        RecordingError: an unknown layout, or no recordings.
+    """
+    whole, parts = _find(Path(directory), layout, names)
+    return [unit.name for unit in whole] + [part.name for part in parts]
+
+
+def _find(
+    directory: Path, layout: str, names: Sequence[str] | None
+) -> tuple[list[Unit], list[RecordingPart]]:
+    """Return the files of the recordings wanted as a whole, and the parts wanted."""
+    if layout not in LAYOUTS:
+        raise RecordingError(
+            f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
+        )
+    parts = parts_in(names or ())
+    whole = [name for name in names or () if name not in {part.name for part in parts}]
+    return (LAYOUTS[layout](directory, whole) if whole or not parts else []), parts
+
+
+def _read_unit(unit: Unit, cache: RecordingCache | None) -> Iterable[Recording]:
+    """Return the recordings of a unit, from the cache if they are there."""
+    if cache is None:
+        return unit.read()
+    facts = {
+        "what": "recordings",
+        "layout": unit.layout,
+        "name": unit.name,
+        "sha256": unit.sha256,
+    }
+    columns = cache.entry(facts, lambda: pack(unit.read()), code=(unit.read, pack))
+    return unpack(columns)

@@ -1,57 +1,53 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Objects that a bag gives in the vehicle's frame, lifted with the odometry of the same bag.
+"""Transforms objects from the vehicle's frame with the odometry of the same bag.
 
 The node does the same with ``fixed_frame`` and the topic ``odometry``, so a bag of its inputs can
-be read as it is.
+be read unchanged.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from rosbags.highlevel import AnyReader
-
+from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.inputs.odometry import ODOMETRY, pose_of
 from mtpgo_core.errors import FrameError
 from mtpgo_core.frames import PoseBuffer, lift
 from mtpgo_core.schema import TrackedStates
-from mtpgo_training.data.recording_bag import read_messages
 
 _WHOLE_BAG_S = 1e9
+"""Time over which poses are kept (s): longer than any bag."""
 
 
 class BagPoses:
-    """All odometry of a bag.
+    """The poses in all odometry of a bag.
 
     Args:
-        path: of the bag, for errors.
-        reader: the open bag.
+        reader: the bag.
 
     Attributes:
-        complaint: why the last observation could not be lifted, empty if none was refused.
+        problem: why the last observation could not be transformed, empty if all could.
     """
 
-    def __init__(self, path: Path, reader: AnyReader) -> None:
-        self.complaint = ""
+    def __init__(self, reader: DecodingBagReader) -> None:
+        self.problem = ""
         self._poses: dict[str, tuple[str, PoseBuffer]] = {}
         topics = sorted(c.topic for c in reader.connections if c.msgtype == ODOMETRY)
         for topic in topics:
             mine = [c for c in reader.connections if c.topic == topic]
             found: dict[str, tuple[str, PoseBuffer]] = {}
-            for _, _, message in read_messages(path, reader, mine):
+            for _, _, message in reader.messages(mine):
                 parent, child = message.header.frame_id, message.child_frame_id
                 fixed, poses = found.setdefault(child, (parent, PoseBuffer(_WHOLE_BAG_S)))
                 if fixed == parent and child != parent:
                     poses.add(stamp_to_ns(message.header.stamp), pose_of(message))
-            # Of several topics with the same frame the first counts.
+            # Of several topics with the same frame, the first is used.
             self._poses = {**found, **self._poses}
 
     def lift(self, states: TrackedStates) -> TrackedStates | None:
-        """The states in the frame in which the odometry gives theirs, or as they are without one.
+        """Return the states in the odometry's fixed frame, unchanged where there is no odometry.
 
-        None where there is no pose at their time, as before the odometry has begun.
+        The result is None where no pose is known at their time, as before the first odometry.
         """
         if not len(states) or states.frame_id not in self._poses:
             return states
@@ -59,5 +55,5 @@ class BagPoses:
         try:
             return lift(states, poses.at(states.stamp_ns), fixed)
         except FrameError as error:
-            self.complaint = str(error)
+            self.problem = str(error)
             return None

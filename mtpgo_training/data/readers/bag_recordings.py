@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 from rosbags.interfaces import Connection
 
+from msg_adapters.bags.bag_reader import DecodingBagReader, is_bag
 from msg_adapters.inputs.lane_markers import lanes_from_markers
 from mtpgo_core.errors import MessageError, RecordingError
+from mtpgo_core.history.track_index import names_of
 from mtpgo_core.schema import Float64Array, TrackedStates
 from mtpgo_training.data.readers.bag_poses import BagPoses
 from mtpgo_training.data.readers.bag_topics import MARKERS, objects_topic
@@ -22,23 +24,19 @@ from mtpgo_training.data.readers.csv_table import sha256_of
 from mtpgo_training.data.readers.drone_files import existing_directory, select_names
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.recording import Int64Array, Recording
-from mtpgo_training.data.recording_bag import (
-    EGO_TOPIC,
-    LANES_TOPIC,
-    is_bag,
-    open_bag,
-    read_messages,
-)
+from mtpgo_training.data.recording_bag import EGO_TOPIC, LANES_TOPIC
 
 PIECE_GAP_S = 5.0
-"""A longer pause between messages, or a step back in time, begins another recording (s)."""
+"""A longer pause between messages, or a step back in time, begins another recording (s); chosen
+above the length of a history."""
 
-_FREE_RATE = 1000.0  # Hz, the frame grid of messages that come at no fixed rate
+_FREE_RATE = 1000.0
+"""Frame rate of messages without a fixed rate (Hz); chosen: finer than any tracker's jitter."""
 
 
 @dataclass
 class _Piece:
-    """What was read since the last pause."""
+    """The messages read since the last pause."""
 
     states: list[TrackedStates] = field(default_factory=list)
     lanes: tuple[Float64Array, ...] = ()
@@ -46,19 +44,19 @@ class _Piece:
     received_ns: int | None = None
 
     def filled(self) -> Iterator[_Piece]:
-        """The piece itself, if there is anybody in it."""
+        """Yield the piece itself if it has any road user."""
         if self.states:
             yield self
 
 
 def bag_units(directory: Path, names: Sequence[str] | None = None) -> list[Unit]:
-    """A bag, or all bags in a directory.
+    """Return a bag, or all bags in a directory.
 
     A bag with long pauses (several recordings joined) gives one recording per part, named
     ``BAG-1``, ``BAG-2`` and so on.
 
     Args:
-        directory: a rosbag2 directory, an ``.mcap`` file, or a directory of such.
+        directory: a rosbag2 directory, an ``.mcap`` file, or a directory of bags.
         names: names of the bags wanted (without ``.mcap``), all by default.
 
     Raises:
@@ -67,7 +65,7 @@ def bag_units(directory: Path, names: Sequence[str] | None = None) -> list[Unit]
     if is_bag(directory):
         found = {directory.stem if directory.suffix == ".mcap" else directory.name: directory}
     elif directory.is_file():
-        raise RecordingError(f"{directory} is no bag, expected an .mcap file or a directory")
+        raise RecordingError(f"{directory} is not a bag, expected an .mcap file or a directory")
     else:
         existing_directory(directory)
         bags = sorted(path for path in directory.iterdir() if is_bag(path))
@@ -83,16 +81,16 @@ def bag_units(directory: Path, names: Sequence[str] | None = None) -> list[Unit]
 
 
 def _read_bag(name: str, path: Path) -> Iterator[Recording]:
-    """The recordings of one bag.
+    """Yield the recordings of one bag.
 
     Raises:
-        RecordingError: a damaged bag, or none of its topics has tracked objects.
+        RecordingError: the bag is damaged, or none of its topics has tracked objects.
     """
     pieces = list(_pieces(path))
     sha256 = sha256_of(_sources(path))
     for number, piece in enumerate(pieces, start=1):
-        own = f"{name}-{number}" if len(pieces) > 1 else name
-        yield _recording(own, piece, sha256 if len(pieces) == 1 else f"{sha256}#{number}")
+        part = f"{name}-{number}" if len(pieces) > 1 else name
+        yield _recording(part, piece, sha256 if len(pieces) == 1 else f"{sha256}#{number}")
 
 
 def _sources(path: Path) -> list[Path]:
@@ -102,17 +100,17 @@ def _sources(path: Path) -> list[Path]:
 
 
 def _pieces(path: Path) -> Iterator[_Piece]:
-    with open_bag(path) as reader:
-        objects, adapter = objects_topic(path, reader)
+    with DecodingBagReader(path) as reader:
+        objects, adapter = objects_topic(reader)
         others = [
             c
             for c in reader.connections
             if (c.topic.endswith(LANES_TOPIC) and c.msgtype == MARKERS)
             or (c.topic.endswith(EGO_TOPIC) and c.msgtype == "std_msgs/msg/String")
         ]
-        poses = BagPoses(path, reader)
+        poses = BagPoses(reader)
         piece, found = _Piece(), False
-        for connection, received_ns, message in read_messages(path, reader, [objects, *others]):
+        for connection, received_ns, message in reader.messages([objects, *others]):
             if connection is not objects:
                 # Latched messages of the next part come just before its first objects.
                 if piece.received_ns is not None and _apart(piece.received_ns, received_ns):
@@ -140,7 +138,7 @@ def _pieces(path: Path) -> Iterator[_Piece]:
             piece.states.append(_without_covariance(states))
             found = True
         if not found:
-            reason = f": {poses.complaint}" if poses.complaint else ""
+            reason = f": {poses.problem}" if poses.problem else ""
             raise RecordingError(
                 f"{path} has no tracked object on its topic {objects.topic}{reason}"
             )
@@ -148,7 +146,7 @@ def _pieces(path: Path) -> Iterator[_Piece]:
 
 
 def _note(path: Path, piece: _Piece, connection: Connection, message: object) -> None:
-    """Keep what a latched message says."""
+    """Keep the content of a latched message."""
     if connection.msgtype == MARKERS:
         try:
             piece.lanes = lanes_from_markers(message).polylines
@@ -159,7 +157,7 @@ def _note(path: Path, piece: _Piece, connection: Connection, message: object) ->
 
 
 def _without_covariance(states: TrackedStates) -> TrackedStates:
-    """The states less what a recording does not hold and would fill the memory meanwhile."""
+    """Return the states without the covariance, which a recording does not keep (memory)."""
     covariance = np.broadcast_to(np.nan, states.covariance.shape)
     return dataclasses.replace(states, covariance=covariance)
 
@@ -169,11 +167,11 @@ def _apart(before_ns: int, after_ns: int) -> bool:
 
 
 def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:
-    """[messages] frame numbers from 0 and their rate (Hz): the messages' own, if it is steady."""
+    """Return [messages] frame numbers from 0 and their rate (Hz), the messages' rate if steady."""
     elapsed_s = (stamps_ns - stamps_ns[0]) / 1e9
     steps_s = np.diff(elapsed_s)
     steps_s = steps_s[steps_s > 0]
-    # Where messages are missing, the shortest step tells the rate and not the usual one.
+    # Where many messages are missing, the rate follows from the shortest step, not the median.
     for step_s in (np.median(steps_s), steps_s.min()) if len(steps_s) else ():
         frame = np.round(elapsed_s / step_s)
         rate = float(frame[-1] / elapsed_s[-1])
@@ -189,13 +187,9 @@ def _recording(name: str, piece: _Piece, sha256: str) -> Recording:
     numbers, frame_rate = _frames(stamps_ns)
     count = [len(states) for states in piece.states]
     frame = np.repeat(numbers, count)
-    keys, first, track = np.unique(
-        np.concatenate([states.key for states in piece.states])[:, ::-1],
-        axis=0,
-        return_index=True,
-        return_inverse=True,
-    )
-    key, track = np.ascontiguousarray(keys[:, ::-1]), track.reshape(-1)
+    keys = np.concatenate([states.key for states in piece.states])
+    _, first, track = np.unique(names_of(keys), return_index=True, return_inverse=True)
+    key = keys[first]
     # A message that comes twice adds nothing: the first row of a frame and track counts.
     _, rows = np.unique(np.stack([frame, track], axis=1), axis=0, return_index=True)
 
@@ -205,7 +199,7 @@ def _recording(name: str, piece: _Piece, sha256: str) -> Recording:
     small = (key[:, 2:] == 0).all(axis=1) & (key[:, 1] < 1 << 31)
     track_id = key[:, 0].astype(np.int64) + (key[:, 1].astype(np.int64) << 32)
     if not small.all():
-        # Identities that are no number of 63 bits are counted; track_key keeps them.
+        # Identities beyond 63 bits are replaced by a count; track_key keeps them.
         track_id = np.arange(len(key), dtype=np.int64)
     size, agent_class = _of_tracks(column("size"), column("agent_class"), track, first)
     ego = int(piece.ego) if piece.ego is not None and piece.ego.isdigit() else None
@@ -234,7 +228,7 @@ def _recording(name: str, piece: _Piece, sha256: str) -> Recording:
 def _of_tracks(
     size: Float64Array, agent_class: np.ndarray, track: np.ndarray, first: np.ndarray
 ) -> tuple[Float64Array, np.ndarray]:
-    """Each track's last known size and class."""
+    """Return the last known size and class of each track."""
     out_size, out_class = size[first], agent_class[first]
     known = np.isfinite(size).all(axis=1)
     out_size[track[known]] = size[known]

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""CSV files as checked number columns; every defect becomes one sentence with file and place."""
+"""CSV files as checked columns; a defect is reported in one sentence with file and place."""
 
 from __future__ import annotations
 
@@ -17,13 +17,16 @@ import pandas as pd
 from mtpgo_core.errors import RecordingError
 
 _ROWS_AT_ONCE = 100_000
+"""Rows parsed together; chosen, bounds the memory."""
+
 _LONGEST_LINE = 1 << 16
+"""Bytes read to find the last line of a file; chosen far above the longest line."""
 
 _UNREADABLE = (OSError, EOFError, zlib.error, UnicodeDecodeError, pd.errors.ParserError)
 
 
 def read_header(path: Path) -> list[str]:
-    """Column names of a ``.csv`` or ``.csv.gz`` file.
+    """Return the column names of a ``.csv`` or ``.csv.gz`` file.
 
     Raises:
         RecordingError: the file cannot be read or is empty.
@@ -45,7 +48,7 @@ def read_table(
     texts: Sequence[str] = (),
     optional: Collection[str] = (),
 ) -> pd.DataFrame:
-    """The named columns of a CSV file, checked.
+    """Return the named columns of a CSV file, checked.
 
     Args:
         path: ``.csv`` or ``.csv.gz`` file with a header line.
@@ -59,8 +62,8 @@ def read_table(
         A frame with int64, float64 and string columns.
 
     Raises:
-        RecordingError: a file that cannot be read, a missing column, or a cell that is no number;
-            the sentence names the file and the line or column.
+        RecordingError: the file cannot be read, lacks a column, or has a cell that is not a
+            number; the sentence names the file and the line or column.
     """
     header = read_header(path)
     wanted = [*integers, *numbers, *unknown_allowed, *texts]
@@ -82,7 +85,7 @@ def read_table(
 
 
 def sha256_of(paths: Sequence[Path]) -> str:
-    """Hash over the contents of the files, one after the other."""
+    """Return the SHA-256 over the contents of the files, one after the other."""
     digest = hashlib.sha256()
     for path in paths:
         with path.open("rb") as stream:
@@ -92,9 +95,9 @@ def sha256_of(paths: Sequence[Path]) -> str:
 
 
 def _parse(path: Path, present: Sequence[str], kinds: dict[str, Any]) -> pd.DataFrame:
-    """The columns wanted, chunk by chunk, so that the others never fill the memory together.
+    """Return the columns wanted, read in chunks so that the others never fill the memory.
 
-    All columns are looked at, as pandas overlooks lines that are too long otherwise.
+    All columns are parsed, as pandas overlooks lines that are too long otherwise.
     """
     chunks: list[pd.DataFrame] = []
     rows, ends_open, open_cells = 0, False, 0
@@ -128,9 +131,9 @@ def _parse(path: Path, present: Sequence[str], kinds: dict[str, Any]) -> pd.Data
 
 
 def _cells_missing_at_the_end(path: Path, width: int) -> bool:
-    """Whether the last line of a file that is not packed has fewer cells than the header.
+    """Return whether the last line of an uncompressed file has fewer cells than the header.
 
-    A packed file that was cut cannot be unpacked, so nobody has to look there.
+    A truncated compressed file cannot be decompressed, so it needs no such check.
     """
     if path.suffix == ".gz":
         return False
@@ -141,7 +144,7 @@ def _cells_missing_at_the_end(path: Path, width: int) -> bool:
 
 
 def _reason(error: BaseException) -> str:
-    """The first line of an exception's text."""
+    """Return the first line of an exception's text."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 

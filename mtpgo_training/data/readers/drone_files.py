@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The three files of a drone recording, found, checked and told apart by their headers."""
+"""The three files of a drone recording: finding them and recognising their layout."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class DroneFiles:
 
 
 def existing_directory(directory: Path) -> Path:
-    """``directory``, if it is one.
+    """Return ``directory`` if it is a directory.
 
     Raises:
         RecordingError: it is missing or a file.
@@ -49,10 +49,10 @@ def existing_directory(directory: Path) -> Path:
 
 
 def select_names(available: Sequence[str], names: Sequence[str] | None, where: Path) -> list[str]:
-    """The recordings asked for, all if none is named; ``1`` finds ``01``.
+    """Return the recordings asked for, all if none is named; ``1`` finds ``01``.
 
     Raises:
-        RecordingError: a name that is not there.
+        RecordingError: there is no recording with one of the names.
     """
     if not names:
         return list(available)
@@ -70,12 +70,12 @@ def select_names(available: Sequence[str], names: Sequence[str] | None, where: P
 
 
 def find_drone_files(directory: Path, names: Sequence[str] | None = None) -> list[DroneFiles]:
-    """The recordings in a directory, sorted by name.
+    """Return the recordings in a directory, sorted by name.
 
     The data sets' archives keep the files in a folder ``data``; it is found as well.
 
     Raises:
-        RecordingError: no recordings there, one asked for is missing, or lacks a file.
+        RecordingError: the directory has no recordings, or one asked for lacks a file.
     """
     existing_directory(directory)
     for place in (directory, directory / "data"):
@@ -91,8 +91,8 @@ def find_drone_files(directory: Path, names: Sequence[str] | None = None) -> lis
         DroneFiles(
             name=name,
             tracks=tracks[name],
-            tracks_meta=_beside(tracks[name], "_tracksMeta"),
-            recording_meta=_beside(tracks[name], "_recordingMeta"),
+            tracks_meta=_belonging_to(tracks[name], "_tracksMeta"),
+            recording_meta=_belonging_to(tracks[name], "_recordingMeta"),
         )
         for name in select_names(sorted(tracks), names, directory)
     ]
@@ -106,7 +106,7 @@ def _by_name(place: Path, ending: str) -> dict[str, Path]:
     return found
 
 
-def _beside(tracks: Path, ending: str) -> Path:
+def _belonging_to(tracks: Path, ending: str) -> Path:
     stem = tracks.name.split("_tracks.csv")[0] + ending
     candidates = [tracks.with_name(stem + suffix) for suffix in _SUFFIXES]
     for path in candidates:
@@ -116,9 +116,9 @@ def _beside(tracks: Path, ending: str) -> Path:
 
 
 def detect_layout(path: Path) -> str | None:
-    """The layout that the header of a tracks file speaks of, ``None`` if none.
+    """Return the layout that the header of a tracks file shows, None if it shows none.
 
-    ``ind`` stands for its siblings with the same columns, too.
+    ``ind`` includes the other layouts with the same columns.
     """
     header = set(read_header(path))
     lower = {name.lower() for name in header}
@@ -132,10 +132,10 @@ def detect_layout(path: Path) -> str | None:
 
 
 def check_layout(path: Path, layout: str, accepted: Collection[str]) -> None:
-    """Refuse a tracks file of another layout, and name the right one.
+    """Check the layout of a tracks file.
 
     Raises:
-        RecordingError: the header speaks of another layout.
+        RecordingError: the header shows another layout; the message names it.
     """
     found = detect_layout(path)
     if found is not None and found not in accepted:

@@ -5,7 +5,7 @@
 One CSV file holds one or several sites and periods; each becomes a recording. Lengths are feet.
 ``Local_Y`` runs along the road and ``Local_X`` from its left edge to the right, both for the
 middle of the front bumper. There is no heading, so it is the direction of the last displacement
-of ``HEADING_STEP_M``; nothing of the future is looked at.
+of ``HEADING_STEP_M``, without a look at the future.
 """
 
 from __future__ import annotations
@@ -26,15 +26,21 @@ from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.recording import Int64Array, Recording
 
 FOOT_M = 0.3048
+"""An international foot (m)."""
+
 FRAME_RATE = 10.0
+"""Frame rate of the data set (Hz)."""
+
 HEADING_STEP_M = 2.0
-"""Displacement that tells a heading (m): several times the noise of the positions."""
+"""Displacement from which a heading is computed (m); chosen: several times the noise of the
+positions."""
 
 PERIOD_GAP_S = 60.0
-"""A site without any vehicle for longer begins another recording (s)."""
+"""A site without any vehicle for longer begins another recording (s); chosen."""
 
 REUSE_GAP_S = 5.0
-"""Vehicle numbers are used again in later periods: a longer absence is another vehicle (s)."""
+"""A vehicle number that returns after a longer absence is another vehicle (s); chosen, as numbers
+are used again in later periods."""
 
 _CLASSES = {1: AgentClass.MOTORCYCLE, 2: AgentClass.CAR, 3: AgentClass.TRUCK}
 # Direction column of the arterials -> heading in the internal frame, whose x runs north there.
@@ -44,9 +50,9 @@ _NUMBERS = ("local_x", "local_y", "v_length", "v_width")
 
 
 def ngsim_units(directory: Path, names: Sequence[str] | None = None) -> list[Unit]:
-    """The files in a directory of NGSIM files, or one such file.
+    """Return the files in a directory of NGSIM files, or one such file.
 
-    Their recordings are called after file, site and period, as far as a file holds several.
+    Recordings are named after the file, and after site and period where a file has several.
 
     Args:
         directory: a directory with ``.csv`` or ``.csv.gz`` files, or one file.
@@ -167,14 +173,14 @@ def _recording(
 
 
 def _tracks(frame: Int64Array, vehicle: Int64Array) -> tuple[Int64Array, Int64Array]:
-    """Track numbers [tracks] and index [rows]; a number used again gets a new one."""
+    """Return track numbers [tracks] and indices [rows]; a number used again gets a new one."""
     order = np.lexsort((frame, vehicle))
     new = np.diff(vehicle[order], prepend=-1) != 0
     returned = ~new & (np.diff(frame[order], prepend=0) > REUSE_GAP_S * FRAME_RATE)
     number = vehicle.copy()
     if returned.any():
         fresh = np.cumsum(returned)
-        # From its return on, until the next vehicle, a row belongs to the fresh number.
+        # From its return on, until the next vehicle, a row belongs to the new number.
         group = np.where(new, 0, np.where(returned, fresh, -1))
         position = np.maximum.accumulate(np.where(group >= 0, np.arange(len(group)), 0))
         group = group[position]
@@ -185,7 +191,7 @@ def _tracks(frame: Int64Array, vehicle: Int64Array) -> tuple[Int64Array, Int64Ar
 
 
 def _headings(front: Float64Array, track: Int64Array, direction: Float64Array) -> Float64Array:
-    """[rows] direction of the last ``HEADING_STEP_M`` (rad), that of the road at first."""
+    """Return [rows] the direction of the last ``HEADING_STEP_M`` (rad), first that of the road."""
     yaw = np.array([_DIRECTIONS.get(int(d), 0.0) for d in np.nan_to_num(direction)])
     order = np.argsort(track, kind="stable")
     bounds = np.append(np.unique(track[order], return_index=True)[1], len(order)).tolist()
@@ -194,7 +200,7 @@ def _headings(front: Float64Array, track: Int64Array, direction: Float64Array) -
         points = front[rows].tolist()
         anchor, heading = 0, float(yaw[rows[0]])
         for i, (x, y) in enumerate(points):
-            # Move the anchor up as long as the step from it stays long enough.
+            # Move the anchor forward as long as the step from it stays long enough.
             while anchor < i and _far(points[anchor + 1], (x, y)):
                 anchor += 1
             if _far(points[anchor], (x, y)):

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The files that are read together: three of a drone recording, one of NGSIM's, one bag."""
+"""Files that are read together: three of a drone recording, one of NGSIM, or one bag."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from mtpgo_training.data.recording import Recording
 
 @dataclass(frozen=True)
 class Unit:
-    """Files that hold one recording, or several that only reading them tells apart.
+    """Files that hold one recording, or several whose number is known after reading only.
 
     Attributes:
-        name: within the directory.
+        name: name within the directory.
         layout: name of the layout.
         files: the files, in the order in which they are hashed.
         read: reads the recordings, one after the other.
@@ -32,7 +32,7 @@ class Unit:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash over the contents of the files.
+        """SHA-256 over the contents of the files.
 
         Raises:
             RecordingError: a file cannot be read.

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parts of recordings by name: ``01@60-116s`` is recording ``01`` from 60 s to 116 s.
 
-A training that is split by time lists its parts under such names, so they can be read again one by
-one, for an evaluation of the blocks that were left for the test.
+A training that is split by time lists its parts under such names, so that they can be read again,
+for instance to evaluate the blocks kept for the test.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ _NAME = re.compile(r"(?P<whole>.+)@(?P<start>\d+(?:\.\d+)?)-(?P<end>\d+(?:\.\d+)
 
 @dataclass(frozen=True)
 class RecordingPart:
-    """A stretch of a recording.
+    """A part of a recording by time.
 
     Attributes:
-        name: as it is written.
+        name: name of the part.
         whole: name of the recording.
-        start_s: from its first frame (s).
-        end_s: likewise.
+        start_s: begin, from the recording's first frame (s).
+        end_s: end, from the recording's first frame (s).
     """
 
     name: str
@@ -38,38 +38,38 @@ class RecordingPart:
 
     @classmethod
     def from_name(cls, name: str) -> RecordingPart | None:
-        """The part that ``name`` speaks of, None for the name of a whole recording."""
+        """Return the part that ``name`` denotes, None for the name of a whole recording."""
         found = _NAME.fullmatch(name)
         if found is None:
             return None
         return cls(name, found["whole"], float(found["start"]), float(found["end"]))
 
     def of(self, recording: Recording) -> Recording:
-        """This part of ``recording``, under its own name."""
+        """Return this part of ``recording``, under the part's name."""
         return dataclasses.replace(recording.between(self.start_s, self.end_s), name=self.name)
 
     def may_be_in(self, unit: str) -> bool:
-        """Whether the files called ``unit`` may hold the recording."""
+        """Return whether the files called ``unit`` may hold the recording."""
         return self.whole == unit or self.whole.startswith(f"{unit}-")
 
 
 def part_name(whole: str, start_s: float, end_s: float) -> str:
-    """Name of a part of a recording."""
+    """Return the name of a part of a recording."""
     return f"{whole}@{start_s:.10g}-{end_s:.10g}s"
 
 
 def parts_in(names: Sequence[str]) -> list[RecordingPart]:
-    """The names that speak of parts."""
+    """Return the parts among the names."""
     return [part for part in map(RecordingPart.from_name, names) if part is not None]
 
 
 def cut_parts(
     recordings: Iterable[Recording], parts: Sequence[RecordingPart], where: Path
 ) -> Iterator[Recording]:
-    """The parts of the recordings, in the order of the recordings.
+    """Yield the parts of the recordings, in the order of the recordings.
 
     Raises:
-        RecordingError: a part of a recording that is not there, or in which nobody is.
+        RecordingError: a recording is missing, or a part has no road user.
     """
     missing = {part.name: part for part in parts}
     seen = []
@@ -82,7 +82,7 @@ def cut_parts(
             cut = part.of(recording)
             if not len(cut):
                 raise RecordingError(
-                    f"{where}, recording {recording.name}: nobody is there from {part.start_s:g} "
+                    f"{where}, recording {recording.name}: no road user from {part.start_s:g} "
                     f"to {part.end_s:g} s, it lasts {recording.duration_s:g} s"
                 )
             yield cut

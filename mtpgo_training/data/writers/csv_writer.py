@@ -21,7 +21,7 @@ def write_tables(
     recording_meta: pd.DataFrame,
     compress: bool,
 ) -> list[Path]:
-    """``NN_tracks``, ``NN_tracksMeta`` and ``NN_recordingMeta``.
+    """Write ``NN_tracks``, ``NN_tracksMeta`` and ``NN_recordingMeta``.
 
     Args:
         directory: made if it is missing.
@@ -40,8 +40,8 @@ def write_tables(
     written = []
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        # The packed file names itself inside, so it gets its own name before it takes its place.
-        with tempfile.TemporaryDirectory(prefix=f".{name}_", dir=directory) as aside:
+        # A packed file contains its own name, so it is written under that name in another folder.
+        with tempfile.TemporaryDirectory(prefix=f".{name}_", dir=directory) as temporary:
             for kind, table, packed in (
                 ("tracks", tracks, compress),
                 ("tracksMeta", tracks_meta, False),
@@ -49,12 +49,12 @@ def write_tables(
             ):
                 path = directory / f"{name}_{kind}.csv{'.gz' if packed else ''}"
                 table.to_csv(
-                    Path(aside) / path.name,
+                    Path(temporary) / path.name,
                     index=False,
                     # A fixed time keeps the packed bytes the same for the same content.
                     compression={"method": "gzip", "mtime": 1} if packed else None,
                 )
-                (Path(aside) / path.name).replace(path)
+                (Path(temporary) / path.name).replace(path)
                 written.append(path)
     except OSError as error:
         raise RecordingError(f"{directory} cannot be written to: {error.strerror}") from error

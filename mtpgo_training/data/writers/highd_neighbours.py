@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Who drives around whom on a straight carriageway, as highD lists it."""
+"""Neighbours of the vehicles on a straight carriageway, as highD lists them."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ NEIGHBOURS = (
 def neighbours(
     along: Float64Array, length: Float64Array, lane: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """[n, 8] index of each neighbour of the vehicles of one carriageway and frame, -1 for none.
+    """Return [n, 8] the index of each neighbour of the vehicles of a carriageway, -1 for none.
 
-    A vehicle in the next lane is alongside where the two boxes overlap lengthwise, and of several
-    the one with the nearest centre counts.
+    All vehicles are of one frame. A vehicle in the next lane is alongside where the two boxes
+    overlap lengthwise; of several, the one with the nearest centre counts.
 
     Args:
         along: [n] centre along the direction of travel (m).
@@ -41,7 +41,7 @@ def neighbours(
     other = ~np.eye(n, dtype=np.bool_)
     overlap = np.abs(ahead) < (length[None, :] + length[:, None]) / 2
     same, left, right = side == 0, side == 1, side == -1
-    # In the own lane boxes never overlap for long; who is in front is told by the centres.
+    # Boxes in one lane hardly ever overlap; the order of their centres is the order in the lane.
     candidates = [same & other & (ahead > 0), same & other & (ahead <= 0)]
     for lanes in (left, right):
         candidates += [

@@ -29,7 +29,7 @@ class _Road:
 
     Attributes:
         upper, lower: y of the lines in the picture (m), from the top.
-        seen: x of the begin and end of the road seen (m).
+        seen: x of the begin and end of the observed road (m).
     """
 
     upper: Float64Array
@@ -37,18 +37,18 @@ class _Road:
     seen: tuple[float, float]
 
     def lane_id(self, y: Float64Array, upper: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """[rows] highD's lane number at y in the picture, kept on the own carriageway."""
+        """Return [rows] highD's lane number at y in the picture, limited to the carriageway."""
         above = np.searchsorted(self.upper, y, side="right").clip(1, len(self.upper) - 1)
         below = np.searchsorted(self.lower, y, side="right").clip(1, len(self.lower) - 1)
         return np.where(upper, above + 1, below + 1 + len(self.upper)).astype(np.int64)
 
 
 def write_highd(recording: Recording, directory: Path, *, compress: bool = True) -> list[Path]:
-    """Write a recording of a straight road along x in highD layout; the paths written.
+    """Write a recording of a straight road along x in highD layout and return the paths.
 
     ``dhw`` is the gap between the bumpers, ``thw`` that gap over the own speed and ``ttc`` over
-    the closing speed (negative when opening); 0 where nobody precedes, and for a ``thw`` at rest
-    or a ``ttc`` at equal speeds.
+    the closing speed (negative when opening); 0 without a preceding vehicle, for a ``thw`` at
+    rest and for a ``ttc`` at equal speeds.
 
     Raises:
         RecordingError: the recording has no lane markings along x, a track or frame number below
@@ -62,7 +62,7 @@ def write_highd(recording: Recording, directory: Path, *, compress: bool = True)
         )
     if not np.isfinite(recording.size).all():
         raise RecordingError(
-            f"recording {recording.name} has road users without a size, which highD does not know"
+            f"recording {recording.name} has road users without a size, which highD requires"
         )
     upper = _drives_left(recording)
     tracks = _tracks(recording, road, upper)
@@ -101,14 +101,14 @@ def _road(recording: Recording) -> _Road:
 
 
 def _drives_left(recording: Recording) -> NDArray[np.bool_]:
-    """[tracks] the heading points along -x."""
+    """Return [tracks] whether the heading points along -x."""
     forward = np.bincount(recording.track, np.cos(recording.yaw), len(recording.track_id))
     left: NDArray[np.bool_] = forward < 0
     return left
 
 
 def _tracks(recording: Recording, road: _Road, upper: NDArray[np.bool_]) -> pd.DataFrame:
-    """The tracks table in the recording's order of rows."""
+    """Return the tracks table in the recording's order of rows."""
     track = recording.track
     size, on_upper = recording.size[track], upper[track]
     # From the internal frame to the picture: y down.
@@ -118,7 +118,7 @@ def _tracks(recording: Recording, road: _Road, upper: NDArray[np.bool_]) -> pd.D
     sign = np.where(on_upper, -1.0, 1.0)
     speed = velocity[:, 0] * sign
     lane = road.lane_id(centre[:, 1], on_upper)
-    # Counted from the right of the own direction, for who is left of whom.
+    # Counted from the right in the direction of travel, to find left and right neighbours.
     own_lane = np.where(on_upper, lane, -lane)
     around = np.full((len(recording), len(NEIGHBOURS)), -1, dtype=np.int64)
     bounds = np.append(np.unique(recording.frame, return_index=True)[1], len(recording))
@@ -127,7 +127,7 @@ def _tracks(recording: Recording, road: _Road, upper: NDArray[np.bool_]) -> pd.D
             rows = start + np.flatnonzero(on_upper[start:end] == carriageway)
             found = neighbours(centre[rows, 0] * sign[rows], size[rows, 0], own_lane[rows])
             around[rows] = np.where(found >= 0, rows[found], -1) if len(rows) else found
-    numbers = np.append(recording.track_id[track], 0)  # the last entry stands for nobody
+    numbers = np.append(recording.track_id[track], 0)  # the last entry means no neighbour
     leader = around[:, 0]
     led = leader >= 0
     gap = np.abs(centre[leader, 0] - centre[:, 0]) - (size[leader, 0] + size[:, 0]) / 2
@@ -160,7 +160,7 @@ def _tracks(recording: Recording, road: _Road, upper: NDArray[np.bool_]) -> pd.D
 
 
 def _over(gap: Float64Array, speed: Float64Array, led: NDArray[np.bool_]) -> Float64Array:
-    """The gap over a speed where somebody precedes and the speed is not nil, else 0 (s)."""
+    """Return the gap over a speed (s), 0 without a preceding vehicle or near zero speed."""
     usable = led & (np.abs(speed) > 0.01)
     return np.where(usable, gap / np.where(usable, speed, 1.0), 0.0)
 

@@ -23,11 +23,11 @@ _ROAD_USERS_WITHOUT_MOTOR = (AgentClass.BICYCLE, AgentClass.PEDESTRIAN)
 
 
 def write_ind(recording: Recording, directory: Path, *, compress: bool = True) -> list[Path]:
-    """Write a recording in inD layout; the paths written.
+    """Write a recording in inD layout and return the paths.
 
     Accelerations and the longitudinal and lateral parts are those of the recording's vectors.
-    Vans become cars, and buses ``truck_bus``, as inD knows no others. Lane markings have no place
-    in this layout.
+    Vans become cars and buses ``truck_bus``, as inD has no other classes. The layout has no lane
+    markings.
 
     Raises:
         RecordingError: the directory cannot be written to.

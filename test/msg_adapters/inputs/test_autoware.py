@@ -162,7 +162,7 @@ def test_covariance_turns_with_the_object(read):
     np.testing.assert_allclose(straight.covariance[0, 2:, 2:], twist[:2, :2])
 
 
-def test_covariance_that_nobody_filled_is_unknown(read):
+def test_a_covariance_that_was_not_filled_is_unknown(read):
     assert np.isnan(read().covariance).all()
     pose = np.diag([0.5, 0.3, 0, 0, 0, 0.0]).reshape(36)
     half = read(pose_covariance=pose).covariance[0]

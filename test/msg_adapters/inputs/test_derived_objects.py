@@ -63,7 +63,7 @@ def object_array(types, *objects):
     return types.make(PACKAGE + "ObjectArray", header=header, objects=list(objects))
 
 
-def test_twist_stands_in_the_header_frame(offline, decoded):
+def test_twist_is_in_the_header_frame(offline, decoded):
     message = object_array(offline, derived_object(offline), derived_object(offline, id=3))
     for again in decoded(message, ADAPTER.message_type).values():
         states = ADAPTER.to_states(again)

@@ -134,7 +134,7 @@ XY_ID = [field("x", 0, 7), field("y", 4, 7), field("id_0", 8, 6)]
         (cloud([*XY_ID, field("z", 12, 8)], b"\0" * 12, 12), "'z' ends at byte 20"),
         (cloud([*XY_ID, field("x", 0, 7)], b"\0" * 12, 12), "two fields of the name 'x'"),
         (cloud([*XY_ID, field("z", 0, 77)], b"\0" * 12, 12), "'z' has datatype 77"),
-        (cloud([*XY_ID[:2], field("id_0", 8, 7)], b"\0" * 12, 12), "'id_0' is no integer"),
+        (cloud([*XY_ID[:2], field("id_0", 8, 7)], b"\0" * 12, 12), "'id_0' is not an integer"),
         (
             cloud(XY_ID, b"\0" * 48, 12, width=2, height=2, row_step=12),
             "row_step 12, expected at least width x point_step = 24",

@@ -51,7 +51,7 @@ def test_paths_through_cdr(prediction, offline, decoded):
                 np.testing.assert_allclose(found[:, 2], prediction.z[i])
 
 
-def test_initial_state_stands_in_the_object_frame(prediction, offline):
+def test_initial_state_is_in_the_object_frame(prediction, offline):
     still = dataclasses.replace(
         prediction,
         initial=np.tile([5.0, 6.0, -1.0, 10.0], (3, 1)),

@@ -124,7 +124,7 @@ def test_a_mode_that_fades_out_is_deleted(prediction, offline):
     np.testing.assert_allclose(opacity, np.maximum(weight / weight[0], 0.1))
 
 
-def test_slots_are_reused_only_after_all_are_spent():
+def test_slots_are_reused_only_after_all_were_used():
     tracker = MarkerTracker(_next=2**31 // MODES_PER_AGENT - 1)
     key = np.arange(8, dtype=np.uint32).reshape(2, 4)
     assert tracker.slots(key[:1]) == [2**31 // MODES_PER_AGENT - 1]
@@ -174,7 +174,7 @@ def test_labels_name_class_and_track(prediction, offline):
     assert of(message, LABELS)[MODES_PER_AGENT].text == f"pedestrian {prediction.key[1, 0]}"
 
 
-def test_no_agents_deletes_all_that_stood(prediction, offline, decoded):
+def test_no_agents_deletes_all_markers(prediction, offline, decoded):
     writer = OUTPUTS["markers"].writer(offline)
     first = writer(prediction)
     message = writer(only(prediction, []))

@@ -15,6 +15,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
+from msg_adapters.bags.bag_reader import is_bag
+from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import RecordingError
@@ -22,7 +24,7 @@ from mtpgo_core.schema import AgentClass, tracked_states
 from mtpgo_training.data.bag_conversion import convert, selected
 from mtpgo_training.data.readers import iter_recordings, load_recordings
 from mtpgo_training.data.recording import DEFAULT_START_NS, Recording
-from mtpgo_training.data.recording_bag import create_bag, is_bag, write_recording
+from mtpgo_training.data.recording_bag import write_recording
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import drone_files
@@ -138,7 +140,7 @@ def test_recordings_are_taken_one_at_a_time(tmp_path: Path) -> None:
         nonlocal alive
         for recording in iter_recordings(tmp_path / "ind", "ind"):
             written = len(list((tmp_path / "out").iterdir())) if (tmp_path / "out").is_dir() else 0
-            # One may be looked at ahead, to tell whether there are several.
+            # One may be read ahead, to find out whether there are several.
             assert alive - written <= 2
             alive += 1
             yield recording
@@ -166,7 +168,7 @@ def test_messages_go_to_the_file_as_they_are_made(tmp_path: Path) -> None:
         size=np.ones((40, 2)),
     )
     written = []
-    with create_bag(tmp_path / "long.mcap") as bag:
+    with McapWriter(tmp_path / "long.mcap") as bag:
         for number, _ in enumerate(write_recording(bag, recording)):
             if number % 100 == 0:
                 (growing,) = tmp_path.glob(".long.mcap.*/long/long.mcap")
@@ -240,7 +242,7 @@ def test_irregular_stamps_stand_on_a_millisecond_grid(
 
 
 def test_bags_that_cannot_be_used(tmp_path: Path, recording: Recording) -> None:
-    with create_bag(tmp_path / "talk.mcap") as bag:
+    with McapWriter(tmp_path / "talk.mcap") as bag:
         bag.add_topic("/chatter", "std_msgs/msg/String")
         bag.write("/chatter", 1, bag.types.make("std_msgs/msg/String", data="hello"))
     with pytest.raises(
@@ -258,13 +260,13 @@ def test_bags_that_cannot_be_used(tmp_path: Path, recording: Recording) -> None:
         load_recordings(tmp_path / "text.mcap", "bag")
     with pytest.raises(RecordingError, match=r"has no bags, expected \.mcap files"):
         load_recordings(tmp_path / "highd", "bag")
-    with pytest.raises(RecordingError, match=r"is no bag, expected an \.mcap file"):
+    with pytest.raises(RecordingError, match=r"is not a bag, expected an \.mcap file"):
         load_recordings(tmp_path / "highd" / "01_tracks.csv", "bag")
 
 
 def test_frame_that_changes_is_named(tmp_path: Path, recording: Recording) -> None:
     adapter = INPUTS["pointcloud2"]
-    with create_bag(tmp_path / "two.mcap") as bag:
+    with McapWriter(tmp_path / "two.mcap") as bag:
         bag.add_topic("/objects", adapter.message_type)
         for states, frame in zip(recording.states(), ("map", "base_link"), strict=True):
             moved = dataclasses.replace(states, frame_id=frame)
@@ -278,12 +280,12 @@ def test_empty_messages_and_late_lanes_make_no_recording(
 ) -> None:
     adapter = INPUTS["pointcloud2"]
     first = next(recording.states())
-    nobody = tracked_states(first.stamp_ns + 10**8, "", first.key[:0], first.position[:0])
-    with create_bag(tmp_path / "odd.mcap") as bag:
+    nothing = tracked_states(first.stamp_ns + 10**8, "", first.key[:0], first.position[:0])
+    with McapWriter(tmp_path / "odd.mcap") as bag:
         list(write_recording(bag, recording))
-        bag.write("/objects", nobody.stamp_ns, adapter.from_states(nobody, bag.types))
+        bag.write("/objects", nothing.stamp_ns, adapter.from_states(nothing, bag.types))
         lanes = lanes_to_markers(recording.lanes, bag.types, stamp_ns=0, frame_id="map")
-        bag.write("/lane_markings", nobody.stamp_ns + 10**11, lanes)
+        bag.write("/lane_markings", nothing.stamp_ns + 10**11, lanes)
     (back,) = load_recordings(tmp_path / "odd.mcap", "bag")
     np.testing.assert_array_equal(back.position, recording.position)
 

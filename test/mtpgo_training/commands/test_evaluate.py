@@ -13,7 +13,6 @@ from traffic import braking_cars
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.model_file import find_model
 from mtpgo_training.cli import main
-from mtpgo_training.commands.data_arguments import data_sources
 from mtpgo_training.commands.evaluate import evaluate
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.writers.ind_writer import write_ind
@@ -224,7 +223,7 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
         ),
         (
             ["--model", "default", "--data", "DATA", "--layout", "ind", "--data", "DATA"],
-            "two directories of recordings are called a",
+            "the recording a/01 is given twice, expected directories whose last parts differ",
         ),
         (
             ["--model", "default", "default", "--data", "DATA", "--layout", "ind"],
@@ -290,17 +289,6 @@ def test_bad_input_is_one_sentence(arguments, sentence, data, tmp_path, capsys):
     lines = captured.err.splitlines()
     assert len(lines) == 1
     assert re.search(sentence, lines[0])
-
-
-def test_layouts_and_names_belong_to_the_folder_before_them(tmp_path):
-    a, b = tmp_path / "a", tmp_path / "b"
-    options = [("layout", "ind"), ("data", a), ("data", b), ("recordings", ["3"])]
-    sources = data_sources([*options, ("layout", "highd")])
-    assert [(s.directory, s.layout, s.names) for s in sources] == [
-        (a, "ind", None),
-        (b, "highd", ("3",)),
-    ]
-    assert [s.layout for s in data_sources(options)] == ["ind", "ind"]
 
 
 def test_a_recording_without_a_future_leaves_the_rest(data, tmp_path):

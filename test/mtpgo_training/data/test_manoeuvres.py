@@ -58,7 +58,7 @@ def names(path, lanes=(), kind=AgentClass.CAR, turned=0.0, known=None):
         (braking(6.0), {"lane_keep", "braking"}),  # stands from 2.5 s on
     ],
 )
-def test_without_markings_the_path_tells(path, expected, turned):
+def test_without_markings_the_path_decides(path, expected, turned):
     assert names(path, turned=turned) == expected
 
 
@@ -70,7 +70,7 @@ def markings(*offsets, backwards=False):
 
 @pytest.mark.parametrize("backwards", [False, True])
 @pytest.mark.parametrize("turned", [0.0, 2.0])
-def test_with_markings_those_crossed_tell(backwards, turned):
+def test_with_markings_crossings_decide(backwards, turned):
     lanes = markings(1.75, -1.75, backwards=backwards)
     assert names(lane_change(2.0), lanes, turned=turned) == {"change_left"}
     assert names(lane_change(-2.0), lanes, turned=turned) == {"change_right"}
@@ -86,19 +86,19 @@ def test_the_markings_of_a_crossing_road_do_not_count():
     assert names(lane_change(3.5), beyond) == {"lane_keep"}
 
 
-def test_who_is_no_vehicle_has_no_lane():
+def test_road_users_that_are_not_vehicles_have_no_lane():
     assert names(straight(1.2), kind=AgentClass.PEDESTRIAN) == set()
     assert names(bend(0.3, 5.0), kind=AgentClass.BICYCLE) == {"turning"}
     assert names(straight(0.0), kind=AgentClass.PEDESTRIAN) == {"standing"}
 
 
-def test_who_is_not_seen_to_the_end_has_no_manoeuvre():
+def test_a_road_user_not_observed_to_the_end_has_no_manoeuvre():
     known = np.ones((1, H + 1), bool)
     known[0, -1] = False
     assert names(straight(), known=known) == set()
 
 
-def test_a_short_horizon_knows_no_braking():
+def test_there_is_no_braking_over_a_short_horizon():
     path = braking(6.0)[None, :6]
     bits = label(path, np.ones((1, 6), bool), DT, np.array([1], np.uint8))
     assert not members(bits, "braking")[0]

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The cache: the same numbers, kept once, made anew when damaged or when anything changes."""
+"""The cache: the same numbers, kept once, computed again when damaged or when anything changes."""
 
 import json
 import multiprocessing
@@ -100,7 +100,7 @@ def test_a_changed_file_is_read_again(tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["cut", "bits", "gone", "index", "format"])
-def test_a_damaged_entry_is_made_anew_with_a_warning(tmp_path, caplog, damage):
+def test_a_damaged_entry_is_computed_again_with_a_warning(tmp_path, caplog, damage):
     cache = RecordingCache(tmp_path)
     plain = dataset(None)
     dataset(cache)
@@ -120,7 +120,7 @@ def test_a_damaged_entry_is_made_anew_with_a_warning(tmp_path, caplog, damage):
             file.write_bytes(b"no numbers")
     assert_same(plain, dataset(cache))
     assert len(caplog.messages) == 3
-    assert all("is damaged and made anew" in message for message in caplog.messages)
+    assert all("is damaged and computed again" in message for message in caplog.messages)
     caplog.clear()
     assert_same(plain, dataset(cache))
     assert not caplog.messages
@@ -138,7 +138,7 @@ def make_and_count(folder, made):
             made.value += 1
         return {"a": np.arange(100_000), "none": np.zeros((0, 2))}
 
-    columns = RecordingCache(folder).entry({"what": "test"}, make)
+    columns = RecordingCache(folder).entry({"what": "test"}, make, code=())
     assert columns["a"][-1] == 99_999
     assert columns["none"].shape == (0, 2)
 
@@ -162,7 +162,7 @@ def test_nothing_is_left_of_an_entry_whose_making_fails(tmp_path):
         raise RuntimeError("no")
 
     with pytest.raises(RuntimeError):
-        RecordingCache(tmp_path / "cache").entry({}, fail)
+        RecordingCache(tmp_path / "cache").entry({}, fail, code=())
     assert entries(tmp_path / "cache") == []
 
 
@@ -178,5 +178,5 @@ def test_the_default_folder_follows_xdg(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert default_folder() == tmp_path / "mtpgo"
     monkeypatch.setenv("XDG_CACHE_HOME", "")
-    monkeypatch.setenv("HOME", "/home/somebody")
-    assert str(default_folder()) == "/home/somebody/.cache/mtpgo"
+    monkeypatch.setenv("HOME", "/home/user")
+    assert str(default_folder()) == "/home/user/.cache/mtpgo"

@@ -11,8 +11,9 @@ from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.data.data_sources import DataSource, read_sources
 from mtpgo_training.data.readers import load_recordings
-from mtpgo_training.data.splits import USES, NamedRecording, read_all, split, window_s
+from mtpgo_training.data.splits import USES, NamedRecording, split, window_s
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.scenes.prepared_recording import prepare, source_weight
 from mtpgo_training.training.training_config import DataConfig
@@ -55,7 +56,7 @@ def test_no_frame_has_two_uses_and_the_guard_is_kept(seed):
     assert borders > 3
 
 
-def test_nothing_that_a_window_shows_is_shown_under_another_use():
+def test_no_instant_is_in_windows_of_two_uses():
     pool = recordings(200.0)
     splits = split(pool, BY_TIME, 3, GUARD_S)
     shown = {}
@@ -77,7 +78,7 @@ def test_nothing_that_a_window_shows_is_shown_under_another_use():
         assert apart >= GUARD_S * 1e9 - 1e3
 
 
-def test_the_fractions_hold_of_the_time():
+def test_the_fractions_hold_for_the_time():
     pool = recordings(*[400.0] * 5)
     splits = split(pool, BY_TIME, 1, GUARD_S)
     time = {use: sum(i.recording.duration_s for i in getattr(splits, use)) for use in USES}
@@ -103,7 +104,7 @@ def test_parts_are_named_and_keep_the_hash_of_the_whole():
 
 def test_a_part_is_read_again_by_its_name(tmp_path):
     write_ind(braking_cars("01", seconds=120.0, tracks=3), tmp_path)
-    named = read_all([(tmp_path, "ind")])
+    named = list(read_sources([DataSource(tmp_path, "ind")]))
     splits = split(named, BY_TIME, 0, GUARD_S)
     for use in USES:
         for item in getattr(splits, use):
@@ -115,13 +116,13 @@ def test_a_part_is_read_again_by_its_name(tmp_path):
     assert [r.name for r in both] == ["01", "01@0-5s", "01@7.5-9s"]
     for name, sentence in (
         ("02@0-5s", "has no recording '02', it has none"),
-        ("01@500-600s", "nobody is there from 500 to 600 s, it lasts 119"),
+        ("01@500-600s", "no road user from 500 to 600 s, it lasts 119"),
     ):
         with pytest.raises(RecordingError, match=sentence):
             load_recordings(tmp_path, "ind", [name])
 
 
-def test_recordings_of_one_block_are_dealt_out_whole():
+def test_recordings_of_one_block_are_assigned_as_a_whole():
     pool = recordings(*[15.0] * 10)
     splits = split(pool, BY_TIME, 0, GUARD_S)
     assert [len(getattr(splits, use)) for use in USES] == [8, 1, 1]
@@ -144,7 +145,7 @@ def test_fractions_of_recordings_are_drawn_for_the_test_too():
     assert splits.validation == split(pool, DataConfig(validation_fraction=0.1), 5).validation
 
 
-def test_a_recording_goes_before_its_directory_in_the_weights():
+def test_the_weight_of_a_recording_has_priority_over_its_directory():
     one, two = recordings(5.0, 5.0)
     data = DataConfig(source_weight={"cars": 0.5, "cars/02": 2.0})
     assert (source_weight(one, data), source_weight(two, data)) == (0.5, 2.0)

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from demo_traffic import perfect_prediction
 
+from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.predictions import prediction_to_pointcloud2
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.recording_bag import create_bag
 from mtpgo_training.demo.recorded_messages import read_messages
 
 
 def test_a_recorded_bag_is_read(recording, tmp_path):
     prediction = perfect_prediction(recording, 10)
-    with create_bag(tmp_path / "bag") as bag:
+    with McapWriter(tmp_path / "bag") as bag:
         cloud = prediction_to_pointcloud2(prediction, bag.types)
         make = bag.types.make
         for topic, kind, received_ns, message in (

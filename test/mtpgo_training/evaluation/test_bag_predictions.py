@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from traffic import braking_cars
 
+from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.predictions import prediction_to_pointcloud2
 from msg_adapters.registry import input_adapter
 from mtpgo_core.errors import ConfigurationError, RecordingError
@@ -17,12 +19,7 @@ from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
 from mtpgo_core.prediction.scene_predictor import ScenePredictor
 from mtpgo_training.cli import main
-from mtpgo_training.data.recording_bag import (
-    OBJECTS_TOPIC,
-    bag_typestore,
-    create_bag,
-    write_recording,
-)
+from mtpgo_training.data.recording_bag import OBJECTS_TOPIC, write_recording
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.evaluation.bag_evaluation import evaluate_bags, observed_recordings
 from mtpgo_training.evaluation.bag_predictions import match, read_predictions
@@ -46,7 +43,7 @@ def play(recording, runner, path, *, shift_ns=0, every=2, observations=True):
     """What the node does, in one process: every message goes over the wire as CDR and back."""
     adapter, store = input_adapter("pointcloud2"), bag_typestore()
     predictor, history = ScenePredictor(runner), TrackHistory(runner.task.history)
-    with create_bag(path) as bag:
+    with McapWriter(path) as bag:
         if observations:
             bag.add_topic(OBJECTS_TOPIC, adapter.message_type)
         bag.add_topic(TOPIC, CLOUD)
@@ -148,7 +145,7 @@ def test_what_was_played_is_not_among_the_recordings(bag, recording):
 
 def test_bags_without_predictions_are_refused(recording, tmp_path):
     path = tmp_path / "objects.mcap"
-    with create_bag(path) as bag:
+    with McapWriter(path) as bag:
         for _ in write_recording(bag, recording):
             pass
     with pytest.raises(RecordingError, match=r"has no predictions, it has /objects .*PointCloud2"):

@@ -110,7 +110,7 @@ def test_a_scale_changes_gaps_and_lengths_of_the_traffic():
     features = np.zeros((1, len(names)), dtype=np.float32)
     row = {name: i for i, name in enumerate(names)}
     plain = {"length": 5.0, "lead1_gap": 10.0, "lead1_near": np.exp(-0.5), "lead1_across": 1.0}
-    plain |= {"left_behind_gap": 80.0}  # nobody
+    plain |= {"left_behind_gap": 80.0}  # no agent
     for name, value in plain.items():
         features[0, row[name]] = value
     out = Augmentation(scale=2.0).features(features, names)[0]
@@ -119,7 +119,7 @@ def test_a_scale_changes_gaps_and_lengths_of_the_traffic():
     assert {name: out[row[name]] for name in plain} == pytest.approx(expected, rel=1e-6)
 
 
-def test_nobody_ahead_stays_nobody_ahead_at_any_scale():
+def test_an_empty_place_ahead_stays_empty_at_any_scale():
     names = SceneConfig(context="leaders").features
     features = np.zeros((1, len(names)), dtype=np.float32)
     features[..., [names.index("lead1_gap"), names.index("lead2_gap")]] = 80.0

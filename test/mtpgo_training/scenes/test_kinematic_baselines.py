@@ -75,7 +75,7 @@ def test_constant_turn_rate_is_exact_on_a_circle():
     np.testing.assert_allclose(BASELINES["ctrv"](turning(), 25, DT)[0], circle(AHEAD), atol=1e-9)
 
 
-def test_a_turn_that_was_not_seen_long_enough_is_not_believed():
+def test_a_turn_that_was_observed_too_briefly_is_ignored():
     valid = np.zeros((1, T), dtype=bool)
     valid[0, -2:] = True
     path = BASELINES["ctrv"](turning(valid), 25, DT)

@@ -13,7 +13,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import PRESETS
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.scenes.centre_sampling import NO_MANOEUVRE, balanced_copies
+from mtpgo_training.scenes.lane_change_balancing import NO_MANOEUVRE, balanced_copies
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import SceneDataset
 from mtpgo_training.training.training_config import DataConfig, dump_config, load_config
@@ -26,7 +26,7 @@ WIDTH_M = 3.75
 
 
 def motorway(name="01", *, left=2, right=1, keep=27, lines=True, seconds=20.0, rate=10.0):
-    """Cars at 25 m/s along +x, some of which change to the lane beside at a time of their own."""
+    """Cars at 25 m/s along +x, some of which change to the next lane at different times."""
     rng = np.random.default_rng(5)
     frames = np.arange(round(seconds * rate))
     t = frames / rate
@@ -111,7 +111,7 @@ def test_the_share_follows_from_counts():
     assert copies[NO_MANOEUVRE] == 0.0
 
 
-def test_one_side_alone_and_too_few_who_keep():
+def test_changes_to_one_side_and_too_few_lane_keepers():
     found = np.array([1] * 10 + [0] * 3, dtype=np.int8)
     copies = balanced_copies([(found, np.ones(13))], 0.5, 1.0)
     assert copies[1] == pytest.approx(1.0)
@@ -125,8 +125,8 @@ def test_the_draw_is_that_of_seed_and_epoch():
     assert one.items == same.items != other.items
 
 
-def test_no_lane_change_at_all_is_said():
-    with pytest.raises(ConfigurationError, match="nobody changes a lane"):
+def test_no_lane_change_at_all_is_reported():
+    with pytest.raises(ConfigurationError, match="no agent changes its lane"):
         dataset(motorway(left=0, right=0, keep=3))
 
 
@@ -145,7 +145,7 @@ def test_only_the_classes_named_are_centres():
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_a_preset_stands_in_the_saved_configuration_as_plain_values(tmp_path, name):
+def test_a_preset_is_saved_in_the_configuration_as_plain_values(tmp_path, name):
     path = tmp_path / "config.yaml"
     path.write_text(f"data: {{preset: {name}, stride_s: 0.4}}")
     config = load_config(path)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A recording taken in at once gives the very windows that the node's history gives."""
+"""Windows cut from a whole recording equal those of the node's history."""
 
 import dataclasses
 
@@ -121,11 +121,10 @@ def test_restarted_windows_are_the_history_of_the_pieces():
     recording = odd_recording(3)
     pieces, owner = cut_tracks(recording, 1.0, np.random.default_rng(0))
     windows = cut_restarted_windows(recording, HISTORY, 0.2, 1.0, np.random.default_rng(0))
-    key = {k.tobytes(): i for i, k in enumerate(pieces.key)}
     reference = message_by_message(pieces, HISTORY, frames_every(recording, 0.2))
     assert len(windows) == len(reference)
     for mine, theirs in zip(windows, reference, strict=True):
-        piece = np.array([key[k.tobytes()] for k in theirs.key], dtype=np.int64)
+        piece = pieces.find_tracks(theirs.key)
         newest = {int(owner[p]): int(p) for p in np.sort(piece)}
         keep = np.array([newest[int(owner[p])] == p for p in piece], dtype=bool)
         assert_same(mine.window, theirs.select(keep))
@@ -153,10 +152,10 @@ def test_the_size_of_the_portions_changes_nothing(monkeypatch):
         np.testing.assert_array_equal(column, small[name])
 
 
-def test_nobody_gives_no_window():
-    nobody = odd_recording().select_rows(np.zeros(len(odd_recording()), dtype=bool))
-    assert len(cut_windows(nobody, HISTORY, 0.2)) == 0
-    assert len(SampleTable(take_in(nobody, HISTORY), HISTORY)) == 0
+def test_an_empty_recording_gives_no_window():
+    empty = odd_recording().select_rows(np.zeros(len(odd_recording()), dtype=bool))
+    assert len(cut_windows(empty, HISTORY, 0.2)) == 0
+    assert len(SampleTable(take_in(empty, HISTORY), HISTORY)) == 0
 
 
 def test_one_agent_seen_once_gives_one_window():

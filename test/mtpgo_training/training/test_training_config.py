@@ -8,8 +8,6 @@ import pytest
 from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.commands.train import pair_layouts
-from mtpgo_training.data.readers import LAYOUTS
 from mtpgo_training.data.splits import NamedRecording, split
 from mtpgo_training.training.training_config import (
     DataConfig,
@@ -143,13 +141,3 @@ def test_a_fraction_draws_whole_recordings_the_same_ones_for_a_seed():
 def test_a_bad_split_is_refused(data, sentence):
     with pytest.raises(ConfigurationError, match=sentence):
         split(recordings("a/01", "a/02"), data, seed=1)
-
-
-def test_one_layout_serves_all_directories():
-    layout = next(iter(LAYOUTS))
-    assert pair_layouts([Path("a"), Path("b")], [layout]) == [
-        (Path("a"), layout),
-        (Path("b"), layout),
-    ]
-    with pytest.raises(ConfigurationError, match="3 times for 2 times"):
-        pair_layouts([Path("a"), Path("b")], [layout] * 3)

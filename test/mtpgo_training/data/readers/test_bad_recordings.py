@@ -10,10 +10,10 @@ import yaml
 from fleet import write_bag
 from traffic import braking_cars
 
+from msg_adapters.bags.mcap_writer import McapWriter
 from mtpgo_core.schema import AgentClass
 from mtpgo_training import cli
 from mtpgo_training.data.readers import load_recordings
-from mtpgo_training.data.recording_bag import create_bag
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import SceneDataset
@@ -40,7 +40,7 @@ def duplicated(folder):
     edited(folder, lambda lines: [*lines[:10], lines[6], *lines[10:]])
 
 
-def nobody(folder):
+def no_rows(folder):
     edited(folder, lambda lines: lines[:1])
 
 
@@ -79,14 +79,14 @@ def no_bag(folder):
 
 def a_bag_of_nobody(folder):
     (folder / "data").mkdir()
-    with create_bag(folder / "data" / "bag.mcap") as bag:
+    with McapWriter(folder / "data" / "bag.mcap") as bag:
         bag.add_topic("/objects", "vision_msgs/msg/Detection3DArray")
         bag.write("/objects", 10**18, bag.types.make("vision_msgs/msg/Detection3DArray"))
 
 
 DEFECTS = {
     duplicated: ("ind", "01_tracks.csv, line 11: track 100 has a second row for frame 9"),
-    nobody: ("ind", "01_tracks.csv has no rows below its header"),
+    no_rows: ("ind", "01_tracks.csv has no rows below its header"),
     truncated: ("ind", "01_tracks.csv ends within line "),
     a_directory: ("ind", "01_tracks.csv cannot be read"),
     no_rate: ("ind", "01_recordingMeta.csv, line 2, column 'frameRate': 0, expected frames per"),
@@ -126,7 +126,7 @@ def test_a_defect_is_one_sentence_with_its_place(tmp_path, capsys, command, defe
         ({"split": "time"}, "no block of 60 s (data.block_s) is left for data.train out of 1"),
         (
             {"lane_change_share": 0.5, "split": "time", "block_s": 15.0},
-            "nobody changes a lane in",
+            "no agent changes its lane in",
         ),
     ],
 )
@@ -185,7 +185,7 @@ def test_one_agent_gaps_and_several_rates_are_masks():
         assert sample.num_nodes == 1 or item.source > 0
 
 
-def test_a_recording_in_which_nobody_is_present_is_said():
+def test_a_recording_without_road_users_is_reported():
     from mtpgo_core.errors import ConfigurationError
     from mtpgo_training.data.splits import NamedRecording, Splits
     from mtpgo_training.training.training_config import TrainingConfig

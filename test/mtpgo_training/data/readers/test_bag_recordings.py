@@ -43,7 +43,7 @@ def cars(seed, rate, **changes):
 
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory):
-    """Bags of several kinds, rates and defects, and a recording in files beside them."""
+    """Bags of several kinds, rates and defects, and a recording in files."""
     folder = tmp_path_factory.mktemp("fleet")
     bags = folder / "bags"
     write_bag(bags / "jitter.mcap", cars(1, 25.0), jitter_s=0.02)

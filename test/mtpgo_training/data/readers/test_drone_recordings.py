@@ -52,7 +52,7 @@ def test_highd_markings_run_with_the_traffic(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.lanes[5], [[50.0, -28.9], [210.8, -28.9]])
 
 
-def test_ind_is_taken_as_it_stands(tmp_path: Path) -> None:
+def test_ind_is_read_unchanged(tmp_path: Path) -> None:
     (recording,) = load_recordings(drone_files.write_ind(tmp_path), "ind")
     assert (recording.name, recording.location, recording.frame_rate) == ("07", "4", 10.0)
     np.testing.assert_allclose(recording.position[0], [10.0, -20.0])
@@ -90,7 +90,7 @@ def test_folder_data_is_found_and_names_select(tmp_path: Path) -> None:
     assert [r.name for r in load_recordings(tmp_path, "ind", ["11", "1"])] == ["11", "01"]
 
 
-def test_exid_lane_columns_with_several_values_do_no_harm(tmp_path: Path) -> None:
+def test_exid_lane_columns_with_several_values_are_ignored(tmp_path: Path) -> None:
     lines = drone_files.IND_TRACKS.splitlines()
     text = "\n".join(
         [lines[0] + ",laneletId,laneWidth"] + [x + ",12;13,3.5;3.6" for x in lines[1:]]

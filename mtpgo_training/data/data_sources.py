@@ -1,0 +1,82 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of one or several directories, under names that differ."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.data.readers import iter_recordings, recording_names
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording_cache import RecordingCache
+from mtpgo_training.data.splits import NamedRecording
+
+
+class DataSource(NamedTuple):
+    """A directory of recordings.
+
+    Attributes:
+        directory: the directory.
+        layout: a name in :data:`mtpgo_training.data.readers.LAYOUTS`.
+        names: the recordings wanted, None for all.
+    """
+
+    directory: Path
+    layout: str
+    names: tuple[str, ...] | None = None
+
+    @property
+    def folder(self) -> str:
+        """Last part of the directory's name."""
+        return self.directory.resolve().name
+
+
+def read_sources(
+    sources: Sequence[DataSource], cache: RecordingCache | None = None
+) -> Iterator[NamedRecording]:
+    """Yield the recordings of several directories, one after the other.
+
+    Args:
+        sources: the directories.
+        cache: cache of recordings that were read before.
+
+    Raises:
+        RecordingError: a directory, layout or file is not as it should be.
+        ConfigurationError: two recordings have the same name, directory included. As far as the
+            names of the files tell, this is found before anything is read.
+    """
+    if len(sources) > 1:
+        taken: set[str] = set()
+        for source in sources:
+            for name in recording_names(source.directory, source.layout, source.names):
+                _take(taken, f"{source.folder}/{name}")
+    taken = set()
+    for source in sources:
+        for recording in iter_recordings(*source, cache=cache):
+            item = NamedRecording(source.folder, recording)
+            _take(taken, item.name)
+            yield item
+
+
+def named_recordings(
+    sources: Sequence[DataSource], cache: RecordingCache | None = None
+) -> Iterator[tuple[str, Recording]]:
+    """Yield the names and recordings of several directories, without empty recordings.
+
+    The name is the recording's, after that of its directory where there are several directories.
+    Arguments and errors are those of :func:`read_sources`.
+    """
+    for item in read_sources(sources, cache):
+        if len(item.recording):
+            yield (item.name if len(sources) > 1 else item.recording.name), item.recording
+
+
+def _take(taken: set[str], name: str) -> None:
+    if name in taken:
+        raise ConfigurationError(
+            f"the recording {name} is given twice, expected directories whose last parts differ"
+        )
+    taken.add(name)

@@ -1,0 +1,111 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings on the command line: one grammar for all commands."""
+
+import argparse
+from pathlib import Path
+
+import pytest
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.commands.data_arguments import add_data_arguments, data_sources
+from mtpgo_training.data.data_sources import DataSource
+from mtpgo_training.data.readers import LAYOUTS
+
+A, B, C = Path("a"), Path("b"), Path("c")
+
+
+def parsed(line, form="--data", default=None, **settings):
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-o")
+    add_data_arguments(parser, form, **settings)
+    return data_sources(parser.parse_args(line.split()).data_options, default)
+
+
+def test_layouts_and_names_belong_to_the_folder_before_them(tmp_path):
+    a, b = tmp_path / "a", tmp_path / "b"
+    options = [("layout", "ind"), ("data", a), ("data", b), ("recordings", ["3"])]
+    sources = data_sources([*options, ("layout", "highd")])
+    assert [(s.directory, s.layout, s.names) for s in sources] == [
+        (a, "ind", None),
+        (b, "highd", ("3",)),
+    ]
+    assert [s.layout for s in data_sources(options)] == ["ind", "ind"]
+
+
+def test_one_layout_serves_all_directories():
+    layout = next(iter(LAYOUTS))
+    for line in (
+        f"--data a --data b --layout {layout}",
+        f"--layout {layout} --data a --data b",
+        f"--data a --layout {layout} --data b",
+    ):
+        assert parsed(line) == [DataSource(A, layout), DataSource(B, layout)]
+    with pytest.raises(ConfigurationError, match="3 times for 2 times"):
+        parsed(f"--data a --data b {f'--layout {layout} ' * 3}")
+
+
+@pytest.mark.parametrize(
+    ("line", "layouts"),
+    [
+        ("--data a --data b --layout ind --layout highd", ["ind", "highd"]),
+        ("--data a --layout ind --data b --layout highd", ["ind", "highd"]),
+        ("--layout ind --data a --layout highd --data b", ["ind", "highd"]),
+        ("--data a --layout ind --data b --data c --layout highd", ["ind", "ind", "highd"]),
+        ("--layout ind --data a --data b --layout highd --data c", ["ind", "highd", "highd"]),
+    ],
+)
+def test_layouts_belong_to_directories_in_order(line, layouts):
+    assert [source.layout for source in parsed(line)] == layouts
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("--layout ind", "--layout is given without --data"),
+        ("--recordings 01", "--recordings is given without --data"),
+        ("--data a", "the layout of a is not given, expected --layout with one of highd"),
+        ("--data a --data b --layout ind --data c --layout ind", "the layout of a is not given"),
+        ("--data a --layout ind --layout ind", "2 times for 1 times"),
+    ],
+)
+def test_a_line_that_is_not_clear_is_refused(line, sentence):
+    with pytest.raises(ConfigurationError, match=sentence):
+        parsed(line)
+
+
+def test_a_directory_may_be_required(capsys):
+    with pytest.raises(SystemExit):
+        parsed("--layout ind", required=True)
+    assert "--data" in capsys.readouterr().err
+
+
+def test_recordings_belong_to_the_directory_before_them():
+    given = parsed("--recordings 1 --data a --layout ind --data b --recordings 2 3")
+    assert given == [DataSource(A, "ind", ("1",)), DataSource(B, "ind", ("2", "3"))]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "ind a --recordings 1 2 -o x",
+        "-o x ind a --recordings 1 2",
+        "ind a -o x --recordings 1 2",
+        "ind -o x a --recordings 1 2",
+        "--recordings 1 2 -o x ind a",
+    ],
+)
+def test_layout_and_directory_without_options(line):
+    assert parsed(line, "LAYOUT DIRECTORY") == [DataSource(A, "ind", ("1", "2"))]
+
+
+def test_a_directory_without_an_option_and_a_default():
+    shipped = DataSource(C, "highd")
+    assert parsed("", "[DIR]", shipped) == [shipped]
+    assert parsed("--recordings 1", "[DIR]", shipped) == [DataSource(C, "highd", ("1",))]
+    assert parsed("--layout ind", "[DIR]", shipped) == [DataSource(C, "ind")]
+    assert parsed("a --layout ind", "[DIR]", shipped) == [DataSource(A, "ind")]
+    both = parsed("a --layout ind --data b --recordings 4", "[DIR]", shipped)
+    assert both == [DataSource(A, "ind"), DataSource(B, "ind", ("4",))]
+    with pytest.raises(ConfigurationError, match="the layout of a is not given"):
+        parsed("a", "[DIR]", shipped)

@@ -1,0 +1,44 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of several directories and their names."""
+
+import pytest
+from traffic import braking_cars
+
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_training.data.data_sources import DataSource, named_recordings, read_sources
+from mtpgo_training.data.writers.ind_writer import write_ind
+
+
+@pytest.fixture
+def folders(tmp_path):
+    for folder in ("one/ind", "other/ind", "b"):
+        name = "02" if folder == "other/ind" else "01"
+        write_ind(braking_cars(name, tracks=2, seconds=1.0), tmp_path / folder)
+    return tmp_path
+
+
+def test_names_have_their_directory_where_there_are_several(folders):
+    one, b = DataSource(folders / "one" / "ind", "ind"), DataSource(folders / "b", "ind")
+    assert [name for name, _ in named_recordings([one])] == ["01"]
+    assert [name for name, _ in named_recordings([one, b])] == ["ind/01", "b/01"]
+    assert [item.name for item in read_sources([one])] == ["ind/01"]
+
+
+def test_directories_of_the_same_name_may_hold_different_recordings(folders):
+    sources = [DataSource(folders / place / "ind", "ind") for place in ("one", "other")]
+    assert [item.name for item in read_sources(sources)] == ["ind/01", "ind/02"]
+
+
+def test_a_recording_that_is_given_twice_is_refused_before_anything_is_read(folders):
+    b = DataSource(folders / "b", "ind")
+    (folders / "b" / "01_tracks.csv.gz").write_bytes(b"not to be read")
+    sentence = "the recording b/01 is given twice, expected directories whose last parts differ"
+    for sources in ([b, b], [b, b._replace(names=("1",))]):
+        with pytest.raises(ConfigurationError, match=sentence):
+            next(read_sources(sources))
+    parts = [b._replace(names=(f"01@{part}s",)) for part in ("0-0.4", "0.4-0.8")]
+    with pytest.raises(RecordingError, match="cannot be read as CSV"):
+        next(read_sources(parts))  # two parts of one recording are no mistake
+    write_ind(braking_cars("01", tracks=2, seconds=1.0), folders / "b")
+    assert [item.name for item in read_sources(parts)] == ["b/01@0-0.4s", "b/01@0.4-0.8s"]
