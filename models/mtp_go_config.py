@@ -2,15 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """MTP-GO's options, which are fixed when its weights are created."""
 
+import math
 from dataclasses import dataclass
 
-from models.network_config import (
-    NetworkConfig,
-    check_at_least,
-    check_not_negative,
-    check_one_of,
-    check_positive,
-)
+from models.network_config import NetworkConfig
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import option
 
 LAYERS = ("graphconv", "gcn", "gat", "gat+")
 ORDERS = (1, 2)
@@ -47,20 +44,20 @@ class ModelConfig(NetworkConfig):
         ode: false lets the decoder give the states directly; needs ``ekf=False`` (ablation).
     """
 
-    layer: str = "gat+"
-    heads: int = 1
-    gnn_layers: int = 1
+    layer: str = option("gat+", choices=LAYERS)
+    heads: int = option(1, low=1)
+    gnn_layers: int = option(1, low=1)
     tied: bool = True
-    bandwidth_m: float = 30.0
-    order: int = 2
-    integrator: str = "rk4"
-    ode_hidden: int = 16
-    ode_layers: int = 1
-    noise_input: str = "integrated"
-    initial_covariance: str = "learned"
-    initial_std_m: float = 0.1
-    initial_std_mps: float = 0.3
-    observation_std_mps: float = 0.0
+    bandwidth_m: float = option(30.0, above=0.0, below=math.inf)
+    order: int = option(2, choices=ORDERS)
+    integrator: str = option("rk4", choices=INTEGRATORS)
+    ode_hidden: int = option(16, low=1)
+    ode_layers: int = option(1, low=1)
+    noise_input: str = option("integrated", choices=NOISE_INPUTS)
+    initial_covariance: str = option("learned", choices=INITIAL_COVARIANCES)
+    initial_std_m: float = option(0.1, above=0.0, below=math.inf)
+    initial_std_mps: float = option(0.3, above=0.0, below=math.inf)
+    observation_std_mps: float = option(0.0, low=0.0, below=math.inf)
     encoder_gnn: bool = True
     decoder_gnn: bool = True
     ekf: bool = True
@@ -68,17 +65,9 @@ class ModelConfig(NetworkConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_one_of(self, LAYERS, "layer")
-        check_one_of(self, ORDERS, "order")
-        check_one_of(self, INTEGRATORS, "integrator")
-        check_one_of(self, NOISE_INPUTS, "noise_input")
-        check_one_of(self, INITIAL_COVARIANCES, "initial_covariance")
-        check_at_least(self, 1, "heads", "gnn_layers", "ode_hidden", "ode_layers")
-        check_positive(self, "bandwidth_m", "initial_std_m", "initial_std_mps")
-        check_not_negative(self, "observation_std_mps")
         if self.ekf and not self.ode:
-            raise ValueError(
-                "ekf is True and ode False, expected ekf=False without a motion model"
+            raise ConfigurationError(
+                "model.ekf is True and ode False, expected ekf=False without a motion model"
             )
 
     @property

@@ -1,10 +1,15 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Options that all networks have, MTP-GO and the baselines, and the checks of options."""
+"""Options that all networks have, MTP-GO and the baselines."""
 
 import dataclasses
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Self, cast
+from typing import Any, Self
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import check_options, check_types, from_dict, option
 
 BASE_FEATURES = 8
 """Columns that all inputs begin with: x, y, vx, vy, ax, ay, cos_yaw, sin_yaw."""
@@ -33,27 +38,25 @@ class NetworkConfig:
             decision 16).
     """
 
-    feature_size: int = BASE_FEATURES
-    static_size: int = 8
-    history_steps: int = 16
-    horizon_steps: int = 25
-    dt_s: float = 0.2
-    modes: int = 8
-    hidden: int = 64
-    observation_std_m: float = 0.0
-    covariance_scale: float = 1.0
+    feature_size: int = option(BASE_FEATURES, low=BASE_FEATURES)
+    static_size: int = option(8, low=0)
+    history_steps: int = option(16, low=1)
+    horizon_steps: int = option(25, low=1)
+    dt_s: float = option(0.2, above=0.0, below=math.inf)
+    modes: int = option(8, low=1)
+    hidden: int = option(64, low=1)
+    observation_std_m: float = option(0.0, low=0.0, below=math.inf)
+    covariance_scale: float = option(1.0, above=0.0, below=math.inf)
     static_features: bool = False
     agent_frame: bool = True
 
     def __post_init__(self) -> None:
-        check_types(self)
-        check_at_least(self, BASE_FEATURES, "feature_size")
-        check_at_least(self, 0, "static_size")
-        check_at_least(self, 1, "history_steps", "horizon_steps", "modes", "hidden")
-        check_positive(self, "dt_s", "covariance_scale")
-        check_not_negative(self, "observation_std_m")
+        check_types(self, "model.")
+        check_options(self, "model.")
         if self.static_features and self.static_size < 1:
-            raise ValueError("static_features is True and static_size 0, expected at least 1")
+            raise ConfigurationError(
+                "model.static_features is True and static_size 0, expected at least 1"
+            )
 
     @property
     def state_size(self) -> int:
@@ -75,57 +78,10 @@ class NetworkConfig:
         return [field.name for field in dataclasses.fields(cls)]
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Self:
-        """Return the configuration of which :meth:`to_dict` returned ``data``.
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Return the configuration that :meth:`to_dict` gave.
 
         Raises:
-            ValueError: an unknown field or a value outside of what is allowed.
+            ConfigurationError: an unknown option, or a value that is not allowed.
         """
-        for name in data:
-            if name not in cls.names():
-                raise ValueError(
-                    f"the model configuration has the unknown field {name!r}, "
-                    f"expected {', '.join(cls.names())}"
-                )
-        return cls(**data)
-
-
-def check_types(config: NetworkConfig) -> None:
-    """Check that every value has its field's type; an integer is accepted for a float."""
-    for field in dataclasses.fields(config):
-        value = getattr(config, field.name)
-        kinds = (int, float) if field.type is float else (cast(type, field.type),)
-        if not isinstance(value, kinds) or (isinstance(value, bool) and field.type is not bool):
-            name = getattr(field.type, "__name__", field.type)
-            raise ValueError(f"{field.name} is {value!r}, expected a value of type {name}")
-
-
-def check_one_of(config: NetworkConfig, valid: tuple[object, ...], *names: str) -> None:
-    """Check that the options ``names`` have one of the ``valid`` values."""
-    for name in names:
-        if getattr(config, name) not in valid:
-            raise ValueError(
-                f"{name} is {getattr(config, name)!r}, "
-                f"expected one of {', '.join(map(repr, valid))}"
-            )
-
-
-def check_at_least(config: NetworkConfig, least: int, *names: str) -> None:
-    """Check that the options ``names`` are ``least`` or more."""
-    for name in names:
-        if getattr(config, name) < least:
-            raise ValueError(f"{name} is {getattr(config, name)!r}, expected at least {least}")
-
-
-def check_positive(config: NetworkConfig, *names: str) -> None:
-    """Check that the options ``names`` are finite and above zero."""
-    for name in names:
-        if not 0.0 < getattr(config, name) < float("inf"):
-            raise ValueError(f"{name} is {getattr(config, name)!r}, expected a positive number")
-
-
-def check_not_negative(config: NetworkConfig, *names: str) -> None:
-    """Check that the options ``names`` are finite and not below zero."""
-    for name in names:
-        if not 0.0 <= getattr(config, name) < float("inf"):
-            raise ValueError(f"{name} is {getattr(config, name)!r}, expected at least 0")
+        return from_dict(cls, data, "model")

@@ -154,7 +154,7 @@ def from_dict(cls: type[T], data: Any, where: str) -> T:
     unknown = sorted(set(data) - set(hints))
     if unknown:
         raise ConfigurationError(
-            f"{where} has the unknown field {unknown[0]!r}, expected {', '.join(sorted(hints))}"
+            f"{where} has the unknown field {unknown[0]!r}, expected {', '.join(hints)}"
         )
     return cls(**{k: _value(hints[k], v, f"{where}.{k}") for k, v in data.items()})
 

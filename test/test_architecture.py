@@ -46,6 +46,10 @@ ALLOWED_IN_ROOM = {"msg_adapters.bags": {"rosbags"}}
 """What a single room may import besides: a bag is a file of messages, and both top packages use
 the one writer; the other adapters work on messages of any library."""
 
+ALLOWED_MODULES = {"models": {"mtpgo_core.errors", "mtpgo_core.options"}}
+"""Single modules of another package that a package may import: the declaration of options, which
+imports the standard library only."""
+
 OPTIONAL = {"mtpgo_ros": {"tf2_ros"}, "msg_adapters": {"ament_index_python"}}
 """What a package may import inside a function only: it must do without."""
 
@@ -154,6 +158,8 @@ def test_a_package_imports_only_what_is_allowed(package):
             top = module.split(".")[0]
             if top in sys.stdlib_module_names or top == package or top in allowed:
                 continue
+            if module in ALLOWED_MODULES.get(package, ()):
+                continue
             if inside and top in OPTIONAL.get(package, ()):
                 continue
             if package == "mtpgo_ros" and is_message_package(top):
@@ -162,6 +168,13 @@ def test_a_package_imports_only_what_is_allowed(package):
                 continue
             wrong.append(f"{path.relative_to(ROOT)} imports {module}")
     assert not wrong, "\n".join(wrong)
+
+
+def test_single_modules_that_are_shared_import_only_the_standard_library():
+    for shared in ALLOWED_MODULES.values():
+        for name in shared:
+            for module, _ in imports_of(ROOT.joinpath(*name.split(".")).with_suffix(".py")):
+                assert module.split(".")[0] in sys.stdlib_module_names or module in shared
 
 
 def test_imports_inside_functions_are_found(tmp_path):

@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Options of the baselines, in addition to those that all networks have."""
 
+import math
 from dataclasses import dataclass
 
 from models.mtp_go_config import LAYERS
-from models.network_config import NetworkConfig, check_at_least, check_one_of, check_positive
+from models.network_config import NetworkConfig
+from mtpgo_core.options import option
 
 
 @dataclass(frozen=True)
@@ -16,11 +18,7 @@ class RecurrentConfig(NetworkConfig):
         embedding: channels of the embedded inputs, fed-back states and neighbour features.
     """
 
-    embedding: int = 32
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_at_least(self, 1, "embedding")
+    embedding: int = option(32, low=1)
 
 
 @dataclass(frozen=True)
@@ -36,16 +34,10 @@ class GridConfig(RecurrentConfig):
         cell_width_m: width of a cell, across the heading (m).
     """
 
-    rows: int = 9
-    columns: int = 5
-    cell_length_m: float = 8.0
-    cell_width_m: float = 4.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_at_least(self, 5, "rows")  # two convolutions of three cells need at least five
-        check_at_least(self, 3, "columns")
-        check_positive(self, "cell_length_m", "cell_width_m")
+    rows: int = option(9, low=5)  # two convolutions of three cells need at least five
+    columns: int = option(5, low=3)
+    cell_length_m: float = option(8.0, above=0.0, below=math.inf)
+    cell_width_m: float = option(4.0, above=0.0, below=math.inf)
 
 
 @dataclass(frozen=True)
@@ -59,13 +51,7 @@ class GraphConfig(RecurrentConfig):
         bandwidth_m: first value of the learned edge bandwidth (m, eq. 13).
     """
 
-    layer: str = "gat"
-    heads: int = 1
-    gnn_layers: int = 2
-    bandwidth_m: float = 30.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_one_of(self, LAYERS, "layer")
-        check_at_least(self, 1, "heads", "gnn_layers")
-        check_positive(self, "bandwidth_m")
+    layer: str = option("gat", choices=LAYERS)
+    heads: int = option(1, low=1)
+    gnn_layers: int = option(2, low=1)
+    bandwidth_m: float = option(30.0, above=0.0, below=math.inf)

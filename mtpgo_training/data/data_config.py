@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import check_options, listed, option, require
 from mtpgo_core.schema import AgentClass
 
 SPLITS = ("recording", "time")
+CLASSES = tuple(member.name.lower() for member in AgentClass)
 
 _PAPER: dict[str, Any] = {
     "split": "time",
@@ -90,57 +92,40 @@ class DataConfig:
     """
 
     preset: str = ""
-    split: str = "recording"
-    block_s: float = 60.0
+    split: str = option("recording", choices=SPLITS)
+    block_s: float = option(60.0, above=0.0)
     validation: tuple[str, ...] = ()
     test: tuple[str, ...] = ()
     train: tuple[str, ...] = ()
-    validation_fraction: float = 0.1
-    test_fraction: float = 0.0
-    stride_s: float = 0.2
-    validation_stride_s: float = 1.0
-    restart_probability: float = 0.15
-    restart_within_s: float = 1.2
-    mirror_probability: float = 0.0
+    validation_fraction: float = option(0.1, low=0.0, high=1.0)
+    test_fraction: float = option(0.0, low=0.0, high=1.0)
+    stride_s: float = option(0.2, above=0.0)
+    validation_stride_s: float = option(1.0, above=0.0)
+    restart_probability: float = option(0.15, low=0.0, high=1.0)
+    restart_within_s: float = option(1.2, above=0.0)
+    mirror_probability: float = option(0.0, low=0.0, high=1.0)
     rotation_std_rad: float = 0.0
     scale_std: float = 0.0
     velocity_smoothing_s: float = 0.0
-    standing_weight: float = 1.0
+    standing_weight: float = option(1.0, low=0.0, high=1.0)
     min_future_s: float = 0.0
-    centre_classes: tuple[str, ...] = ()
-    lane_change_share: float = 0.0
-    lane_change_copies: float = 1.0
+    centre_classes: tuple[str, ...] = option((), choices=CLASSES)
+    lane_change_share: float = option(0.0, low=0.0, below=1.0)
+    lane_change_copies: float = option(1.0, above=0.0)
     source_weight: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("stride_s", "validation_stride_s", "restart_within_s", "block_s"):
-            _require(name, getattr(self, name), getattr(self, name) > 0.0, "more than 0")
-        for name in (
-            "restart_probability",
-            "mirror_probability",
-            "standing_weight",
-            "validation_fraction",
-            "test_fraction",
-        ):
-            _require(name, getattr(self, name), 0.0 <= getattr(self, name) <= 1.0, "0 to 1")
-        share = self.lane_change_share
-        _require("lane_change_share", share, 0.0 <= share < 1.0, "0 to less than 1")
-        copies = self.lane_change_copies
-        _require("lane_change_copies", copies, copies > 0.0, "more than 0")
+        check_options(self, "data.")
+        if self.preset:
+            _check_preset(self.preset)
         for name, weight in self.source_weight.items():
-            _require(f"source_weight.{name}", weight, weight >= 0.0, "at least 0")
-        _require("split", self.split, self.split in SPLITS, f"one of {_listed(SPLITS)}")
+            require(f"data.source_weight.{name}", weight, weight >= 0.0, "at least 0")
         named = self.train or self.validation or self.test
         if self.split == "time" and named:
             raise ConfigurationError(
                 f"data.split is 'time' but the recording {named[0]!r} is given a use by name, "
                 "expected fractions only"
             )
-        known = [member.name.lower() for member in AgentClass]
-        for name in self.centre_classes:
-            _require("centre_classes", name, name in known, f"classes of {_listed(known)}")
-        if self.preset:
-            _known_preset(self.preset)
 
 
 def with_preset(data: Any) -> Any:
@@ -153,21 +138,9 @@ def with_preset(data: Any) -> Any:
     """
     if not isinstance(data, dict) or not data.get("preset"):
         return data
-    return {**_known_preset(data["preset"]), **data}
+    _check_preset(data["preset"])
+    return {**PRESETS[data["preset"]], **data}
 
 
-def _known_preset(name: Any) -> dict[str, Any]:
-    if name not in PRESETS:
-        raise ConfigurationError(
-            f"data.preset is {name!r}, expected one of {_listed(tuple(PRESETS))}"
-        )
-    return PRESETS[name]
-
-
-def _require(name: str, value: object, good: bool, expected: str) -> None:
-    if not good:
-        raise ConfigurationError(f"data.{name} is {value!r}, expected {expected}")
-
-
-def _listed(names: tuple[str, ...] | list[str]) -> str:
-    return ", ".join(repr(name) for name in names)
+def _check_preset(name: Any) -> None:
+    require("data.preset", name, name in PRESETS, f"one of {listed(PRESETS)}")

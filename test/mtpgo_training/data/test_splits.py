@@ -162,7 +162,7 @@ def test_the_weight_of_a_recording_has_priority_over_its_directory():
         ({"split": "track"}, "data.split is 'track', expected one of 'recording', 'time'"),
         ({"split": "time", "test": ("01",)}, "'01' is given a use by name, expected fractions"),
         ({"block_s": 0.0}, "data.block_s is 0.0, expected more than 0"),
-        ({"centre_classes": ("tram",)}, "data.centre_classes is 'tram', expected classes of"),
+        ({"centre_classes": ("tram",)}, "data.centre_classes is 'tram', expected one of"),
         ({"lane_change_share": 1.0}, "data.lane_change_share is 1.0, expected 0 to less than 1"),
         ({"preset": "highd"}, "data.preset is 'highd', expected one of 'highd_paper', 'round_"),
     ],
