@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The one exception family for bad input.
+"""The exceptions for bad input.
 
 Every message is one sentence that says what was given, where, and what was expected. Command-line
-programs print it on stderr and exit with status 2; the node logs it, counts it and goes on.
+programs print it on stderr and exit with status 2; the node logs it, counts it and continues.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ class MtpgoError(Exception):
 
 
 class ModelFileError(MtpgoError):
-    """A model file that is missing, truncated, no TorchScript or without a usable task."""
+    """A model file that is missing, truncated, not TorchScript or without a usable task."""
 
 
 class MessageError(MtpgoError):
@@ -22,7 +22,7 @@ class MessageError(MtpgoError):
 
 
 class FrameError(MtpgoError):
-    """A coordinate frame that changes in mid-stream or cannot be lifted into the fixed frame."""
+    """A coordinate frame that changes within a stream or has no transform to the fixed frame."""
 
 
 class RecordingError(MtpgoError):

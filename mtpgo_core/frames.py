@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Planar frames: poses, rotations of vectors and covariances, and lifting into a fixed frame.
+"""Planar frames: poses, rotations of vectors and covariances, transform into a fixed frame.
 
-A pose is where a frame stands in another one. A vector of the frame is rotated by the pose's yaw
-to be expressed in the other; a point is shifted by its position as well.
+A pose is the position and yaw of a frame in another one. To express a vector of the frame in the
+other one, it is rotated by the pose's yaw; a point is also shifted by the pose's position.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from mtpgo_core.schema import Float64Array, TrackedStates
 
 
 def wrap(angle: Float64Array) -> Float64Array:
-    """Angles (rad) in (-pi, pi]."""
+    """Return angles (rad) wrapped to (-pi, pi]."""
     return -((np.pi - angle) % (2.0 * np.pi) - np.pi)
 
 
 def rotate(vector: Float64Array, angle: Float64Array | float) -> Float64Array:
-    """Vectors [..., 2] turned by ``angle`` (rad, broadcast against the leading axes)."""
+    """Return vectors [..., 2] rotated by ``angle`` (rad, broadcast against the leading axes)."""
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = vector[..., 0], vector[..., 1]
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
 def rotate_covariance(covariance: Float64Array, angle: Float64Array | float) -> Float64Array:
-    """R C R^T for covariances [..., S, S] of S/2 stacked planar vectors, all turned by ``angle``.
+    """Return R C R^T for covariances [..., S, S] of S/2 planar vectors rotated by ``angle`` (rad).
 
     S is 2 (position) or 4 (position, velocity).
     """
@@ -47,13 +47,13 @@ def rotate_covariance(covariance: Float64Array, angle: Float64Array | float) -> 
 
 @dataclass(frozen=True)
 class Pose2:
-    """Where a frame stands in another one, and how it moves there.
+    """Position, yaw and motion of a frame in another one.
 
     Attributes:
         x, y: its origin (m).
         yaw: its rotation (rad).
         velocity: its origin's velocity along the axes of the *other* frame (m/s).
-        yaw_rate: (rad/s).
+        yaw_rate: its rate of rotation (rad/s).
     """
 
     x: float
@@ -63,26 +63,26 @@ class Pose2:
     yaw_rate: float = 0.0
 
     def point(self, point: Float64Array) -> Float64Array:
-        """Points [..., 2] of the frame in the other frame."""
+        """Return points [..., 2] of this frame in the other frame."""
         return rotate(point, self.yaw) + np.array((self.x, self.y))
 
     def inverse_point(self, point: Float64Array) -> Float64Array:
-        """Points [..., 2] of the other frame in this one."""
+        """Return points [..., 2] of the other frame in this one."""
         return rotate(point - np.array((self.x, self.y)), -self.yaw)
 
 
-def lift(
+def to_fixed_frame(
     states: TrackedStates, pose: Pose2, frame_id: str, *, relative_velocity: bool = False
 ) -> TrackedStates:
-    """States expressed in a vehicle's frame, in the fixed frame.
+    """Return states of a vehicle's frame, transformed into the fixed frame.
 
     Args:
         states: in the vehicle's frame.
         pose: of the vehicle in the fixed frame at the states' stamp.
         frame_id: name of the fixed frame.
-        relative_velocity: the velocities are those seen from the moving vehicle (a radar's), so
-            its own motion at each place is added; by default they are over ground and only
-            turned.
+        relative_velocity: the velocities are relative to the moving vehicle (a radar's), so the
+            vehicle's velocity at each position is added; by default they are over ground and only
+            rotated.
 
     Raises:
         FrameError: the pose is not finite.
@@ -111,12 +111,11 @@ def lift(
 
 
 class PoseBuffer:
-    """The last poses of one frame in another, read at any time between them.
+    """The last poses of one frame in another, interpolated at any time.
 
     Args:
         span_s: how long poses are kept (s).
-        max_extrapolation_s: how far beyond the newest or before the oldest pose one may
-            read (s).
+        max_extrapolation_s: longest extrapolation after the newest or before the oldest pose (s).
     """
 
     def __init__(self, span_s: float = 10.0, max_extrapolation_s: float = 0.2) -> None:
@@ -134,10 +133,10 @@ class PoseBuffer:
         self._pose.clear()
 
     def add(self, stamp_ns: int, pose: Pose2) -> bool:
-        """Take a pose in; false if it is not finite or its stamp is there already.
+        """Add a pose; return false if it is not finite or its stamp exists already.
 
-        A stamp older than everything kept, by more than the span, means that the clock was set
-        back: the poses of before are forgotten.
+        A stamp that is older than the newest one by more than the span means that the clock was
+        set back: all earlier poses are forgotten.
         """
         if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
             return False
@@ -153,9 +152,9 @@ class PoseBuffer:
         return True
 
     def at(self, stamp_ns: int) -> Pose2:
-        """The pose at a time: between two poses interpolated, the yaw along the shorter arc.
+        """Return the pose at a time (ns), interpolated, the yaw along the shorter arc.
 
-        Beyond the ends the nearest pose is carried on by its velocity and yaw rate.
+        Outside the stored times the nearest pose is extrapolated by its velocity and yaw rate.
 
         Raises:
             FrameError: no pose is near enough in time.
@@ -187,7 +186,7 @@ class PoseBuffer:
 
 
 def _between(a: Pose2, b: Pose2, fraction: float) -> Pose2:
-    """Linear in all, the yaw along the shorter arc."""
+    """Return the linear interpolation of two poses, the yaw along the shorter arc."""
 
     def mix(left: float, right: float) -> float:
         return left + fraction * (right - left)

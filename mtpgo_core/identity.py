@@ -1,10 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""One 128-bit key for any tracker's identity.
+"""A 128-bit key for the identities of any tracker.
 
 An unsigned integer fills the lower words (id_0 is the least significant), so small track numbers
-stay readable in the output. A UUID is its sixteen bytes, big-endian, word id_3 first. A string is
-hashed (BLAKE2b, 128 bits).
+remain readable in the output. A UUID is its sixteen bytes, big-endian, word id_3 first. A string
+is hashed (BLAKE2b, 128 bits).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _WORD = 0xFFFFFFFF
 
 
 def keys_from_integers(ids: Sequence[int]) -> KeyArray:
-    """[n, 4] keys of non-negative integers below 2**128."""
+    """Return [n, 4] keys of non-negative integers below 2**128."""
     return np.array(
         [[(i >> shift) & _WORD for shift in (0, 32, 64, 96)] for i in map(int, ids)],
         dtype=np.uint32,
@@ -30,27 +30,27 @@ def keys_from_integers(ids: Sequence[int]) -> KeyArray:
 
 
 def keys_from_uuid_bytes(uuids: np.ndarray) -> KeyArray:
-    """[n, 4] keys of [n, 16] uint8 UUIDs in network byte order."""
+    """Return [n, 4] keys of [n, 16] uint8 UUIDs in network byte order."""
     words = np.ascontiguousarray(uuids, dtype=np.uint8).reshape(-1, 16).view(">u4")
     return words[:, ::-1].astype(np.uint32)
 
 
 def keys_from_strings(names: Sequence[str]) -> KeyArray:
-    """[n, 4] keys of arbitrary text identities."""
+    """Return [n, 4] keys of arbitrary text identities."""
     digest = b"".join(hashlib.blake2b(s.encode(), digest_size=16).digest() for s in names)
     return keys_from_uuid_bytes(np.frombuffer(digest, dtype=np.uint8))
 
 
 def key_to_int(key: KeyArray) -> int:
-    """The 128-bit number of one [4] key."""
+    """Return the 128-bit number of one [4] key."""
     return sum(int(word) << (32 * i) for i, word in enumerate(key))
 
 
 def keys_from_texts(names: Sequence[str]) -> KeyArray:
-    """[n, 4] keys of identities written as text, so that text and number name the same track.
+    """Return [n, 4] keys of identities given as text.
 
-    A decimal number as ``str`` writes it below 2**128 is that integer, a UUID (hexadecimal, with
-    or without hyphens) is that UUID, anything else is hashed.
+    A decimal number below 2**128, written as ``str`` does, is that integer, a UUID (hexadecimal,
+    with or without hyphens) is that UUID, anything else is hashed.
     """
     keys = [_number_in(name) for name in names]
     hashed = [name for name, number in zip(names, keys, strict=True) if number is None]
@@ -61,7 +61,7 @@ def keys_from_texts(names: Sequence[str]) -> KeyArray:
 
 
 def key_to_uuid_bytes(key: KeyArray) -> bytes:
-    """The sixteen bytes of one [4] key in network byte order."""
+    """Return the sixteen bytes of one [4] key in network byte order."""
     return key_to_int(key).to_bytes(16, "big")
 
 

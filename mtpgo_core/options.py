@@ -4,7 +4,7 @@
 
 A field that is declared with :func:`option` carries its limits; ``__post_init__`` of the dataclass
 calls :func:`check_options`. Every error reads ``NAME is VALUE, expected WHAT``. Only the standard
-library is imported here, so that the networks, the node and the offline half can share it.
+library is imported here, so that the networks, the node and the training package can share it.
 """
 
 from __future__ import annotations

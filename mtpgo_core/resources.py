@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where the files that ship with the package are found, however it was installed.
+"""Locations of the files that ship with the package, for every kind of installation.
 
-Three layouts are served by the same code and without ROS's index: the source tree (a checkout, an
-editable install, ``colcon build --symlink-install``), where the files lie in the tree; an
-installed package (pip, plain colcon build), where they lie in ``<prefix>/share/mtpgo_ros`` of the
-prefix that holds this very file; and, last, the prefixes that ``AMENT_PREFIX_PATH`` names.
+Three layouts are supported, without ROS's index: the source tree (a checkout, an editable install,
+``colcon build --symlink-install``), where the files are in the tree; an installed package (pip,
+plain colcon build), where they are in ``<prefix>/share/mtpgo_ros`` of the prefix that contains
+this file; and, last, the prefixes in ``AMENT_PREFIX_PATH``.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ PACKAGE = "mtpgo_ros"
 """Name of the ROS package and of its folder under ``share/``."""
 
 _SOURCE_FOLDERS = {"weights": "resource/weights", "recordings": "resource/recordings"}
-"""Folders whose place in the source tree differs from their place under ``share/mtpgo_ros``."""
+"""Folders whose path in the source tree differs from their path under ``share/mtpgo_ros``."""
 
 
 def find_resource(*parts: str) -> Path:
-    """Path of a file or folder that ships with the package.
+    """Return the path of a file or folder that ships with the package.
 
     Args:
         parts: the path below ``share/mtpgo_ros``, for instance ``"weights", "default.pt"``.
 
     Raises:
-        ConfigurationError: it is in none of the places looked at; the sentence names them.
+        ConfigurationError: it is in none of the searched places, which the sentence lists.
     """
     places = list(_places(*parts))
     for place in places:
@@ -44,7 +44,7 @@ def find_resource(*parts: str) -> Path:
 
 
 def source_tree() -> Path | None:
-    """Root of the checkout this code runs from, or None where it runs from an installation."""
+    """Return the root of the checkout this code runs from, None if it is installed."""
     root = Path(__file__).resolve().parents[1]
     return (
         root if (root / "setup.py").is_file() and (root / "resource" / PACKAGE).is_file() else None
@@ -52,7 +52,7 @@ def source_tree() -> Path | None:
 
 
 def _places(*parts: str) -> Iterator[Path]:
-    """Where the file may be, the nearest to this code first, each place once."""
+    """Yield the possible paths of the file, the nearest to this code first, each once."""
     seen: set[Path] = set()
     tree = source_tree()
     if tree is not None:
@@ -64,7 +64,7 @@ def _places(*parts: str) -> Iterator[Path]:
 
 
 def _prefixes() -> Iterator[Path]:
-    """Install prefixes: of this file (``<prefix>/lib/python3.x/site-packages``), Python, ament."""
+    """Yield the prefixes of this file (in ``lib/python3.x/site-packages``), Python, ament."""
     parents = Path(__file__).resolve().parents
     yield from parents[2:6]
     yield Path(sys.prefix)

@@ -1,8 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The arrays that travel through the project, from the adapter to the published prediction.
+"""The arrays that pass through the project, from the adapter to the published prediction.
 
-Axes are named once, here: ``n`` tracked agents of a message or window, ``T`` history steps,
+All axes are named here: ``n`` tracked agents of a message or window, ``T`` history steps,
 ``H`` horizon steps, ``M`` modes, ``B`` scenes (graphs), ``N`` agents of a scene, ``F`` features.
 All lengths are metres, times seconds (stamps: integer nanoseconds), angles radians counted
 counter-clockwise from +x, and every frame is right-handed with y to the left. What is unknown is
@@ -40,7 +40,7 @@ class AgentClass(IntEnum):
 
     @classmethod
     def from_name(cls, name: str) -> AgentClass:
-        """Class of a data set's or a detector's name, ``UNKNOWN`` for a name not known."""
+        """Return the class of a data set's or detector's name, ``UNKNOWN`` for an unknown name."""
         return _CLASS_BY_NAME.get(name.strip().lower(), cls.UNKNOWN)
 
 
@@ -54,7 +54,7 @@ _CLASS_BY_NAME = {member.name.lower(): member for member in AgentClass} | {
 
 
 class Source(IntEnum):
-    """Where a prediction comes from; travels with every published point."""
+    """Origin of a prediction; part of every published point."""
 
     MODEL = 0
     CONSTANT_VELOCITY = 1
@@ -72,7 +72,7 @@ class TrackedStates:
         position: [n, 2] box centre x, y (m).
         z: [n] height of the box centre (m), NaN where unknown.
         velocity: [n, 2] over ground, along the frame's axes (m/s), NaN where unknown.
-        acceleration: [n, 2] likewise (m/s^2), NaN where unknown.
+        acceleration: [n, 2] over ground, along the frame's axes (m/s^2), NaN where unknown.
         yaw: [n] heading of the box (rad), NaN where unknown.
         size: [n, 2] length, width (m), NaN where unknown.
         covariance: [n, 4, 4] of (x, y, vx, vy), NaN where the tracker gives none.
@@ -108,7 +108,7 @@ def tracked_states(
     size: Float64Array | None = None,
     covariance: Float64Array | None = None,
 ) -> TrackedStates:
-    """Tracked states with everything that is not given set to unknown.
+    """Return tracked states in which everything that is not given is unknown.
 
     Args:
         stamp_ns: time of the observation (ns).
@@ -153,10 +153,10 @@ def tracked_states(
 class HistoryWindow:
     """The last ``T`` grid samples of every agent seen within them, at the common time t.
 
-    Sample ``T - 1`` stands at ``stamp_ns``, sample i at ``stamp_ns - (T - 1 - i) * dt``. Where
+    Sample ``T - 1`` is at ``stamp_ns``, sample i at ``stamp_ns - (T - 1 - i) * dt``. Where
     ``valid`` is false the values are NaN; where it is true the position is known, while velocity,
-    acceleration and yaw are NaN for an agent of which they were never known (one observation
-    without a velocity, say).
+    acceleration and yaw are NaN for an agent of which they were never known (for example, one
+    observation without a velocity).
 
     Attributes:
         stamp_ns: the common time t (ns).
@@ -185,7 +185,7 @@ class HistoryWindow:
         return self.key.shape[0]
 
     def select(self, index: NDArray[np.intp] | BoolArray) -> HistoryWindow:
-        """The window of the agents that ``index`` names (integer positions or a mask)."""
+        """Return the window of the agents at ``index`` (integer positions or a mask)."""
         return HistoryWindow(
             stamp_ns=self.stamp_ns,
             frame_id=self.frame_id,
@@ -212,7 +212,7 @@ class SceneBatch:
         static: [B, N, C] float32 one-hot class, all zero for a class the model does not know.
         origin: [B, 2] float64 origin of the scene frame in the fixed frame (m).
         rotation: [B] angle from the fixed frame's x axis to the scene frame's (rad).
-        agent: [B, N] position in the window that the scenes were cut from, -1 for padding.
+        agent: [B, N] position in the window, -1 for padding.
         primary: [B, N] true where this graph's prediction is the agent's published one; every
             agent valid at t is primary exactly once.
     """
@@ -228,7 +228,7 @@ class SceneBatch:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Multimodal Gaussian predictions in the fixed frame, modes sorted by falling weight.
+    """Multimodal Gaussian predictions in the fixed frame, modes sorted by descending weight.
 
     Attributes:
         stamp_ns: time of the observation that the prediction starts from (ns).
@@ -237,9 +237,9 @@ class Prediction:
         initial: [n, 4] x, y, vx, vy at ``stamp_ns`` (m, m/s), velocity 0 where never known.
         initial_yaw: [n] (rad), 0 where never known.
         time_s: [H] seconds after ``stamp_ns``.
-        weight: [n, M] float64, sums to 1 over the modes (paper, eq. gmm).
+        weight: [n, M] float64, sums to 1 over the modes (Gaussian mixture, eq. (17)).
         mean: [n, M, H, 4] x, y, vx, vy (m, m/s).
-        yaw: [n, M, H] direction of motion; the last known yaw where the agent stands (rad).
+        yaw: [n, M, H] direction of motion; at standstill the last known yaw (rad).
         covariance: [n, M, H, 2, 2] of the position (m^2).
         source: [n] :class:`Source` values.
     """

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.history.track_index import NameArray, find_names, names_of
+from mtpgo_core.history.track_index import SortKeyArray, find_sort_keys, sort_keys
 
 MODES_PER_AGENT = 256
 """A marker's id is the agent's slot times this plus the mode; modes are counted in a byte."""
@@ -25,15 +25,15 @@ class MarkerTracker:
     used, so a display never shows two agents as one.
     """
 
-    _names: NameArray = field(default_factory=lambda: np.empty(0, dtype="S16"))
+    _names: SortKeyArray = field(default_factory=lambda: np.empty(0, dtype="S16"))
     _slots: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     _drawn: set[tuple[str, int]] = field(default_factory=set)
     _next: int = 0
 
     def slots(self, key: NDArray[np.uint32]) -> list[int]:
         """Return the slots of [n, 4] different keys; agents not among them lose theirs."""
-        names = names_of(key)
-        place = find_names(self._names, names)
+        names = sort_keys(key)
+        place = find_sort_keys(self._names, names)
         slots = np.full(len(names), -1, dtype=np.int64)
         slots[place >= 0] = self._slots[place[place >= 0]]
         taken = set(slots[place >= 0].tolist())

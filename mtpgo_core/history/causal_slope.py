@@ -1,14 +1,16 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Causal derivatives of irregularly sampled signals, for all tracks at once (design D13).
+"""Causal derivatives of irregularly sampled signals, for all tracks at once.
+
+See docs/design.md, decision 13.
 
 The slope of a signal is the slope of the straight line fitted to its past by least squares, in
-which a sample of age ``a`` weighs ``exp(-2 a / tau)``. Such a fit needs no equidistant samples,
-averages noise over more samples the faster they come, is exact on a straight line, and lags behind
-a steadily changing slope by ``tau``. All sums of the fit are kept relative to the newest sample,
-so they neither grow nor cancel, and one step costs the same whatever the past.
+which a sample of age ``a`` has the weight ``exp(-2 a / tau)``. Such a fit needs no equidistant
+samples, averages noise over more samples the faster they arrive, is exact on a straight line, and
+lags behind a steadily changing slope by ``tau``. All sums of the fit are kept relative to the
+newest sample, so they neither grow nor cancel, and the cost of a step does not depend on the past.
 
-The same object runs when a recording is read for training and when the node receives a message.
+The same class is used when a recording is read for training and when the node receives a message.
 """
 
 from __future__ import annotations
@@ -19,19 +21,20 @@ from numpy.typing import NDArray
 from mtpgo_core.schema import Float64Array
 
 _MIN_AGE_S = 0.03
-"""A slope without prior is given once the samples span this time (s): the difference of two
-samples closer together would be noise divided by almost nothing."""
+"""Without a prior, a slope is returned once the samples span this time (s): the difference of two
+samples closer together would be noise divided by almost zero. Chosen: less than one period at
+25 Hz."""
 
 
 class CausalSlope:
-    """Slopes of many two-dimensional signals, each fed at times of its own.
+    """Slopes of many two-dimensional signals, each sampled at its own times.
 
     Args:
         capacity: number of signals.
         tau_s: lag of the estimate (s); 0 takes the difference of the last two samples.
-        prior_s2: strength of the prior "slope zero", as the spread of sample times (s^2) whose
-            evidence it equals: (noise of the signal / expected slope)^2. With 0 there is no
-            prior, and the slope is NaN until the samples span about 0.03 s.
+        prior_s2: strength of the prior "slope zero" (s^2): the spread of sample times that carries
+            as much evidence, (noise of the signal / expected slope)^2. With 0 there is no prior,
+            and the slope is NaN until the samples span about 0.03 s.
     """
 
     def __init__(self, capacity: int, tau_s: float, prior_s2: float = 0.0) -> None:
@@ -42,7 +45,7 @@ class CausalSlope:
         self._reference = np.zeros((capacity, 2))
 
     def grow(self, capacity: int) -> None:
-        """Make room for ``capacity`` signals, keeping those that are there."""
+        """Make room for ``capacity`` signals, keeping the existing ones."""
         extra = capacity - self._sums.shape[0]
         self._sums = np.concatenate([self._sums, np.zeros((extra, 7))])
         self._age_s = np.concatenate([self._age_s, np.zeros(extra)])
@@ -55,15 +58,15 @@ class CausalSlope:
     def step(
         self, slot: NDArray[np.intp], dt_s: Float64Array, value: Float64Array
     ) -> Float64Array:
-        """Take one sample of each signal ``slot`` and give the slopes now.
+        """Add one sample to each signal ``slot`` and return the current slopes.
 
         Args:
             slot: [n] which signals, each at most once.
-            dt_s: [n] time since the signal's last step (s); of no effect after a reset.
-            value: [n, 2] the samples, NaN where there is none this time.
+            dt_s: [n] time since the signal's last step (s); ignored after a reset.
+            value: [n, 2] the samples, NaN where there is none.
 
         Returns:
-            [n, 2] slopes (unit of the value per second), NaN where not known yet.
+            [n, 2] slopes (unit of the value per second), NaN where not yet known.
         """
         sums = self._sums[slot]
         age_s = np.where(sums[:, 0] > 0.0, self._age_s[slot] + dt_s, 0.0)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Samples at any times onto the common grid, for all tracks at once (design section 4)."""
+"""Resampling of irregular samples onto the common grid, for all tracks at once."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from mtpgo_core.frames import wrap
 from mtpgo_core.schema import BoolArray, Float64Array
 
 TOLERANCE_NS = 1_000
-"""Stamps closer than this are the same time: what stamps kept as floating seconds since the epoch
-are good for. No road user moves by a tenth of a millimetre in it."""
+"""Stamps closer than this are the same time (ns): the resolution of stamps that were stored as
+floating-point seconds since the epoch. No road user moves a tenth of a millimetre in it."""
 
 NEVER_NS = np.iinfo(np.int64).min
-"""Stamp of a sample that is not there."""
+"""Stamp of an empty sample."""
 
 
 @dataclass(frozen=True)
 class Brackets:
-    """Where each grid time lies among a track's samples.
+    """The samples on either side of each grid time.
 
     Attributes:
         left: [n, T] column of the last sample at or before the grid time.
-        right: [n, T] column of the sample after it; ``left`` where there is none to go towards.
-        fraction: [n, T] way from left to right, in [0, 1].
-        after_s: [n] time from the last sample to the last grid time, where that one has to be
-            extrapolated (s), else 0.
+        right: [n, T] column of the sample after it; ``left`` where nothing is interpolated.
+        fraction: [n, T] position between left and right, in [0, 1].
+        after_s: [n] time from the last sample to the last grid time where that one has to be
+            extrapolated, else 0 (s).
         valid: [n, T] the track has a value at the grid time.
     """
 
@@ -48,22 +48,23 @@ def bracket(
     max_gap_ns: int,
     max_extrapolation_ns: int,
 ) -> Brackets:
-    """Find the samples around every grid time; samples after the last grid time do not exist.
+    """Return the samples around every grid time; samples after the last grid time are ignored.
 
     Args:
-        stamp_ns: [n, K] sample times, ascending, ``NEVER_NS`` first where there are fewer.
+        stamp_ns: [n, K] sample times, ascending; rows with fewer than K start with ``NEVER_NS``.
         grid_ns: [T] grid times, ascending.
-        max_gap_ns: the longest step between two samples that is bridged.
-        max_extrapolation_ns: how far the last grid time may lie behind the last sample.
+        max_gap_ns: longest gap between two samples that is interpolated (ns).
+        max_extrapolation_ns: how long after the last sample the last grid time may be (ns).
     """
     n, width = stamp_ns.shape
     start, end = int(grid_ns[0]) - max_gap_ns, int(grid_ns[-1]) + TOLERANCE_NS
-    # All rows in one ascending array, each in a stretch of its own: one search serves everything.
-    # Whatever is too old (or not there) goes to the stretch's start, what is too new to its end.
+    # All rows form one ascending array, each in its own range of values, so that a single search
+    # handles them all. Samples that are too old or missing are clipped to the start of the range,
+    # samples that are too new to its end.
     relative = np.clip(stamp_ns, start - 1, end + 1) - (start - 1)
-    stretch = (np.arange(n, dtype=np.int64) * (end - start + 4))[:, None]
-    wanted = grid_ns + (TOLERANCE_NS - (start - 1)) + stretch
-    place = np.searchsorted((relative + stretch).ravel(), wanted.ravel(), side="right")
+    segment = (np.arange(n, dtype=np.int64) * (end - start + 4))[:, None]
+    wanted = grid_ns + (TOLERANCE_NS - (start - 1)) + segment
+    place = np.searchsorted((relative + segment).ravel(), wanted.ravel(), side="right")
     left = place.reshape(wanted.shape) - 1 - (np.arange(n) * width)[:, None]
 
     rows = np.arange(n)[:, None]
@@ -80,38 +81,40 @@ def bracket(
     exact = has_left & (since_ns <= TOLERANCE_NS)
     bridged = has_right & (gap_ns <= max_gap_ns + TOLERANCE_NS)
     valid = exact | bridged
-    carried = has_left[:, -1] & ~exact[:, -1] & (since_ns[:, -1] <= max_extrapolation_ns)
-    valid[:, -1] |= carried
-    between = bridged & ~exact
+    extrapolated = has_left[:, -1] & ~exact[:, -1] & (since_ns[:, -1] <= max_extrapolation_ns)
+    valid[:, -1] |= extrapolated
+    inside = bridged & ~exact
     return Brackets(
         left=left,
-        right=np.where(between, right, left),
-        fraction=np.where(between, np.clip(since_ns / gap_ns, 0.0, 1.0), 0.0),
-        after_s=np.where(carried, since_ns[:, -1] * 1e-9, 0.0),
+        right=np.where(inside, right, left),
+        fraction=np.where(inside, np.clip(since_ns / gap_ns, 0.0, 1.0), 0.0),
+        after_s=np.where(extrapolated, since_ns[:, -1] * 1e-9, 0.0),
         valid=valid,
     )
 
 
-def between(left: Float64Array, right: Float64Array, fraction: Float64Array) -> Float64Array:
-    """Linear interpolation; where one side is unknown (NaN) the other one."""
+def interpolate_linear(
+    left: Float64Array, right: Float64Array, fraction: Float64Array
+) -> Float64Array:
+    """Return linearly interpolated values; where one side is unknown (NaN), the other side."""
     value = left + fraction * (right - left)
     return np.where(np.isnan(left), right, np.where(np.isnan(right), left, value))
 
 
-def between_angles(
+def interpolate_angle(
     left: Float64Array, right: Float64Array, fraction: Float64Array
 ) -> Float64Array:
-    """Interpolation of angles (rad) along the shorter arc, in (-pi, pi]."""
+    """Return angles (rad) interpolated along the shorter arc, in (-pi, pi]."""
     value = left + fraction * wrap(right - left)
     return wrap(np.where(np.isnan(left), right, np.where(np.isnan(right), left, value)))
 
 
 def fill_backwards(values: Float64Array, valid: BoolArray) -> Float64Array:
-    """Unknown values of a track's first samples, taken from its first known one.
+    """Return ``values`` with the unknown first samples of a track filled from its first known one.
 
     Args:
         values: [n, T, ...] with NaN where unknown.
-        valid: [n, T] presence; samples at which the track was absent stay unknown.
+        valid: [n, T] presence; samples at which the track was absent remain unknown.
     """
     flat = values.reshape(*valid.shape, math.prod(values.shape[2:]))
     known = np.isfinite(flat).all(axis=2)

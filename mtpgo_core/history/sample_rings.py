@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The last samples of many tracks, in rings of one common length that grows when it must."""
+"""Ring buffers of the last samples of many tracks, all of one length, which grows on demand."""
 
 from __future__ import annotations
 
@@ -13,22 +13,24 @@ from mtpgo_core.history.resampling import NEVER_NS
 from mtpgo_core.schema import Float64Array
 
 _HIGHEST_RATE_HZ = 200.0
+"""Chosen: several times the rate of any known tracker."""
 _SHORTEST = 64
+"""Samples in a new ring: 3 s at 20 Hz."""
 
 IndexArray = NDArray[np.intp]
 
 
 class SampleRings:
-    """Rings of samples, one for each slot.
+    """One ring of samples per slot.
 
     The rings are as long as the fastest track needs to keep its samples for ``keep_ns``. Samples
-    that come faster than 200 Hz replace each other, so the newest is always there, the memory is
-    bounded, and what a tracker really sends is never thinned.
+    that arrive faster than 200 Hz replace each other: the newest is always kept, the memory is
+    bounded, and the samples of a real tracker are never thinned.
 
     Args:
         capacity: number of slots.
-        columns: numbers in a sample.
-        keep_ns: how long a sample has to stay (ns).
+        columns: values per sample.
+        keep_ns: how long a sample is kept (ns).
 
     Attributes:
         last_ns: [capacity] stamp of the newest sample, ``NEVER_NS`` where there is none.
@@ -53,7 +55,7 @@ class SampleRings:
         return self._stamp.shape[0]
 
     def grow(self, capacity: int) -> None:
-        """Make room for more slots, keeping what is there."""
+        """Make room for ``capacity`` slots, keeping the existing samples."""
         extra = capacity - self.capacity
 
         def longer(array: NDArray[Any], fill: float) -> NDArray[Any]:
@@ -66,7 +68,7 @@ class SampleRings:
         self.last_ns = longer(self.last_ns, NEVER_NS)
         self.last = longer(self.last, np.nan)
 
-    def blank(self, slot: IndexArray) -> None:
+    def clear(self, slot: IndexArray) -> None:
         """Empty the slots."""
         self._stamp[slot] = NEVER_NS
         self.count[slot] = 0
@@ -76,9 +78,12 @@ class SampleRings:
     def append(
         self, slot: IndexArray, stamp_ns: int | NDArray[np.int64], sample: Float64Array
     ) -> None:
-        """Write one sample [n, columns] into each slot, newer than all that are there.
+        """Append one sample to each slot, newer than all samples of that slot.
 
-        The time is one for all or [n] (ns).
+        Args:
+            slot: [n] which slots, each at most once.
+            stamp_ns: time of the samples, one for all or [n] (ns).
+            sample: [n, columns].
         """
         column = self._columns(slot, stamp_ns)
         self._stamp[slot, column] = stamp_ns
@@ -87,18 +92,18 @@ class SampleRings:
         self.last[slot] = sample
 
     def in_order(self, slot: IndexArray) -> tuple[NDArray[np.int64], IndexArray]:
-        """[n, K] stamps by rising time, ``NEVER_NS`` first, and places for :meth:`samples`."""
+        """Return ascending stamps [n, K], first ``NEVER_NS``, and indices for :meth:`samples`."""
         length = self._stamp.shape[1]
         place = (self.count[slot][:, None] + np.arange(length)) % length
         written = np.arange(length) >= length - self.count[slot][:, None]
         return np.where(written, self._stamp[slot[:, None], place], NEVER_NS), place
 
     def samples(self, slot: IndexArray, place: IndexArray) -> Float64Array:
-        """[n, T, columns] samples of each slot at the places [n, T]."""
+        """Return the samples [n, T, columns] of each slot at the ring indices ``place`` [n, T]."""
         return self._sample[slot[:, None], place]
 
     def _columns(self, slot: IndexArray, stamp_ns: int | NDArray[np.int64]) -> IndexArray:
-        """Where in the rings the new samples go; lengthens the rings while they are too short."""
+        """Return [n] ring indices for new samples; lengthen the rings if they are too short."""
         while True:
             length = self._stamp.shape[1]
             count = self.count[slot]
@@ -113,7 +118,7 @@ class SampleRings:
         return np.where(crowded, (count - 1) % length, column)
 
     def _lengthen(self, length: int) -> None:
-        """Longer rings, in which the oldest sample stands first."""
+        """Lengthen the rings; the oldest sample becomes the first."""
         capacity, old, columns = self._sample.shape
         rows = np.arange(capacity)[:, None]
         place = (np.maximum(self.count, old)[:, None] + np.arange(old)) % old

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What became of a message, and whether the stream of messages can be believed."""
+"""The report on a message, and the check of a stream's clock and frame."""
 
 from __future__ import annotations
 
@@ -8,29 +8,32 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 _LATE_NS = 500_000_000
-_PATIENCE = 3
-"""Messages in a row it takes to believe a small jump of the clock or a change of frame."""
+"""A message this much older than the newest one may mean that the clock was set back (ns); chosen
+longer than any delay between two sensors of one tracker."""
+_CONFIRMATIONS = 3
+"""Consecutive messages that confirm a small jump of the clock or a change of frame. Chosen: two
+can be an accident of two publishers, more would delay the new stream."""
 
 
 @dataclass(frozen=True)
 class UpdateReport:
-    """What became of one message; all counts are agents.
+    """The outcome of one message; all counts are agents.
 
     Attributes:
         accepted: observations that entered the history.
         new_tracks: of these, first observations of an agent.
-        restarted: of these, tracks begun anew because of an impossible move (reused identity).
+        restarted: of these, tracks started again after an impossible move (reused identity).
         duplicates: dropped, the track has an observation with this stamp.
         late: dropped, the track has a newer observation.
-        duplicate_keys: dropped, the identity stands in the message already.
+        duplicate_keys: dropped, the identity occurs earlier in the message.
         non_finite: dropped, no usable position.
         too_fast: dropped, faster than ``max_speed_mps``.
         dropped: new tracks dropped, and old ones evicted, for lack of room.
         wrong_frame: dropped with the message, see ``frame_changed``.
         forgotten: tracks forgotten because they were not seen for a whole window.
-        clock_reset: the clock jumped back and the past was forgotten.
-        frame_changed: the message came in another frame than the past; rejected, or, when
-            ``wrong_frame`` is zero, taken as the start of a new past.
+        clock_reset: the clock jumped back and the history was cleared.
+        frame_changed: the message is in another frame than the history; it was rejected or, if
+            ``wrong_frame`` is zero, started a new history.
     """
 
     accepted: int = 0
@@ -48,24 +51,24 @@ class UpdateReport:
     frame_changed: bool = False
 
 
-class Verdict(Enum):
-    """What a message's frame and stamp say about it."""
+class MessageStatus(Enum):
+    """How a message relates to the stream before it, by its frame and stamp."""
 
     CONTINUES = auto()
-    STRANGE_FRAME = auto()
+    UNEXPECTED_FRAME = auto()
     NEW_FRAME = auto()
     CLOCK_RESET = auto()
 
 
-class StreamWatch:
-    """Tells odd messages from a stream that has really changed.
+class StreamGuard:
+    """Distinguishes single odd messages from a stream whose clock or frame has changed.
 
-    One message in another frame, or one from the recent past, is an accident; three in a row are
-    the truth. A message older than everything that is remembered can only mean that the clock was
-    set back.
+    A single message in another frame, or one from the recent past, is taken as an error; three in
+    a row are taken as a change. A message older than the whole history can only mean that the
+    clock was set back.
 
     Args:
-        keep_ns: how far back the history remembers (ns).
+        keep_ns: length of the history (ns).
 
     Attributes:
         newest_ns: newest stamp, None before the first message.
@@ -80,34 +83,36 @@ class StreamWatch:
         """Forget the stream."""
         self.newest_ns: int | None = None
         self.frame_id: str | None = None
-        self._strange_frame = ""
-        self._strange = self._late = 0
+        self._unexpected_frame = ""
+        self._unexpected = self._late = 0
 
-    def judge(self, stamp_ns: int, frame_id: str | None) -> Verdict:
-        """Judge the next message and remember it, unless it is of a strange frame.
+    def classify(self, stamp_ns: int, frame_id: str | None) -> MessageStatus:
+        """Return the status of the next message, and track it unless its frame is unexpected.
 
         Args:
             stamp_ns: of the message.
             frame_id: of its objects, None where it has none.
         """
-        verdict = self._judge(stamp_ns, frame_id)
-        if verdict is Verdict.STRANGE_FRAME:
-            return verdict
-        if verdict is not Verdict.CONTINUES:
+        status = self._classify(stamp_ns, frame_id)
+        if status is MessageStatus.UNEXPECTED_FRAME:
+            return status
+        if status is not MessageStatus.CONTINUES:
             self.clear()
-        self._strange = 0
+        self._unexpected = 0
         self.frame_id = frame_id if frame_id is not None else self.frame_id
         self.newest_ns = stamp_ns if self.newest_ns is None else max(stamp_ns, self.newest_ns)
-        return verdict
+        return status
 
-    def _judge(self, stamp_ns: int, frame_id: str | None) -> Verdict:
+    def _classify(self, stamp_ns: int, frame_id: str | None) -> MessageStatus:
         if self.newest_ns is None:
-            return Verdict.CONTINUES
+            return MessageStatus.CONTINUES
         if frame_id is not None and self.frame_id is not None and frame_id != self.frame_id:
-            self._strange = self._strange + 1 if frame_id == self._strange_frame else 1
-            self._strange_frame = frame_id
-            return Verdict.NEW_FRAME if self._strange >= _PATIENCE else Verdict.STRANGE_FRAME
+            self._unexpected = self._unexpected + 1 if frame_id == self._unexpected_frame else 1
+            self._unexpected_frame = frame_id
+            if self._unexpected < _CONFIRMATIONS:
+                return MessageStatus.UNEXPECTED_FRAME
+            return MessageStatus.NEW_FRAME
         behind_ns = self.newest_ns - stamp_ns
         self._late = self._late + 1 if behind_ns > _LATE_NS else 0
-        jumped = behind_ns > self._keep_ns or self._late >= _PATIENCE
-        return Verdict.CLOCK_RESET if jumped else Verdict.CONTINUES
+        jumped = behind_ns > self._keep_ns or self._late >= _CONFIRMATIONS
+        return MessageStatus.CLOCK_RESET if jumped else MessageStatus.CONTINUES

@@ -1,31 +1,32 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The rolling past of every track, resampled on the model's grid (design D1, D2, D13, section 4).
+"""The rolling history of every track, resampled on the model's time grid.
 
-Observations may come at any rate and jitter. What happens to odd ones is fixed here, and counted:
+Observations may arrive at any rate and with jitter (docs/design.md, decisions 1, 2 and 13). Each
+kind of odd observation has one outcome and one counter:
 
 ===========================================  ==================================================
 observation                                  outcome
 ===========================================  ==================================================
 position NaN, infinite or beyond 1e8 m       that agent's observation is rejected (``non_finite``)
-velocity, acceleration, yaw not finite       taken as missing, estimated
-given speed above ``max_speed_mps``          that agent's observation is rejected (``too_fast``)
-moved farther than it can have moved         the track starts anew there (``restarted``)
-same track twice in a message                the first usable one counts (``duplicate_keys``)
+velocity, acceleration, yaw not finite       treated as missing, estimated
+speed above ``max_speed_mps``                that agent's observation is rejected (``too_fast``)
+impossible move since the last sample        the track restarts there (``restarted``)
+same track twice in a message                the first usable one is used (``duplicate_keys``)
 same stamp as the track's newest             dropped (``duplicates``)
-older than the track's newest                dropped (``late``); other tracks are served
-stamp older than the whole window, or the    the clock jumped back (a bag loops): the past is
-third message in a row older than the        forgotten and begins with this message
+older than the track's newest                dropped (``late``); other tracks are updated
+stamp older than the whole window, or the    the clock jumped back (a bag loops): the history
+third message in a row older than the        is cleared and starts with this message
 newest by more than 0.5 s                    (``clock_reset``)
 another frame                                message rejected (``frame_changed``); the third in a
-                                             row in one new frame starts a new past in it
-empty message                                the time goes on, nothing else
-more tracks than ``max_tracks``              those not seen for longest go, then the surplus of
-                                             the message is dropped (``dropped``)
-not seen for the window and one gap          forgotten (``forgotten``)
+                                             row in one new frame starts a new history in it
+empty message                                only the time advances
+more tracks than ``max_tracks``              those unseen for longest are evicted, then the
+                                             surplus of the message is dropped (``dropped``)
+not seen for the window plus one gap         forgotten (``forgotten``)
 ===========================================  ==================================================
 
-No loop runs over agents: every step is an array operation over the agents of a message.
+There is no loop over agents: every step is an array operation over the agents of a message.
 """
 
 from __future__ import annotations
@@ -33,10 +34,16 @@ from __future__ import annotations
 import numpy as np
 
 from mtpgo_core.history.resampling import NEVER_NS, Brackets, bracket
-from mtpgo_core.history.stream_guard import StreamWatch, UpdateReport, Verdict
-from mtpgo_core.history.track_index import names_of
+from mtpgo_core.history.stream_guard import MessageStatus, StreamGuard, UpdateReport
+from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.history.track_store import ACCELERATION, POSITION, VELOCITY, YAW, TrackStore
-from mtpgo_core.history.track_update import carry, derive, has_jumped, interpolate, usable
+from mtpgo_core.history.track_update import (
+    complete_samples,
+    extrapolate_covariance,
+    interpolate,
+    moved_impossibly,
+    usable_observations,
+)
 from mtpgo_core.schema import HistoryWindow, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
 
@@ -44,11 +51,11 @@ __all__ = ["TrackHistory", "UpdateReport"]
 
 
 class TrackHistory:
-    """Rolling past of up to ``max_tracks`` tracks.
+    """Rolling history of up to ``max_tracks`` tracks.
 
     Args:
         config: grid, gaps and estimators.
-        max_tracks: bound on the memory, see the module's table.
+        max_tracks: limit of the memory, see the table of this module.
     """
 
     def __init__(self, config: HistoryConfig, max_tracks: int = 4096) -> None:
@@ -56,67 +63,67 @@ class TrackHistory:
         self._max_tracks = max_tracks
         self._keep_ns = config.keep_ns
         self._grid_ns = np.array(config.grid_ns, dtype=np.int64)
-        self._watch = StreamWatch(self._keep_ns)
+        self._guard = StreamGuard(self._keep_ns)
         self.clear()
 
     def clear(self) -> None:
-        """Forget everything, the clock and the frame included."""
-        self._watch.clear()
+        """Forget all tracks, the clock and the frame."""
+        self._guard.clear()
         self._store = TrackStore(self.config, self._max_tracks, self._keep_ns)
 
     def __len__(self) -> int:
-        return len(self._store.table)
+        return len(self._store.index)
 
     @property
     def newest_stamp_ns(self) -> int | None:
         """Stamp of the newest message (ns), None before the first."""
-        return self._watch.newest_ns
+        return self._guard.newest_ns
 
     @property
     def frame_id(self) -> str:
-        """The frame of the past, empty before the first object."""
-        return self._watch.frame_id or ""
+        """Frame of the history, empty before the first object."""
+        return self._guard.frame_id or ""
 
     def update(self, states: TrackedStates) -> UpdateReport:
-        """Take one message in; the module's table says what becomes of what."""
+        """Add one message; the table of this module lists the outcomes."""
         stamp_ns = int(states.stamp_ns)
-        # Without objects the name of the frame means nothing; some messages then have none.
-        verdict = self._watch.judge(stamp_ns, states.frame_id if len(states) else None)
-        if verdict is Verdict.STRANGE_FRAME:
+        # Without objects the frame is irrelevant; some messages then name none.
+        status = self._guard.classify(stamp_ns, states.frame_id if len(states) else None)
+        if status is MessageStatus.UNEXPECTED_FRAME:
             return UpdateReport(frame_changed=True, wrong_frame=len(states))
-        if verdict is not Verdict.CONTINUES:
+        if status is not MessageStatus.CONTINUES:
             self._store = TrackStore(self.config, self._max_tracks, self._keep_ns)
         with np.errstate(invalid="ignore", over="ignore"):
-            return self._take(stamp_ns, states, verdict)
+            return self._add(stamp_ns, states, status)
 
-    def _take(self, stamp_ns: int, states: TrackedStates, verdict: Verdict) -> UpdateReport:
-        store, newest_ns = self._store, self._watch.newest_ns
+    def _add(self, stamp_ns: int, states: TrackedStates, status: MessageStatus) -> UpdateReport:
+        store, newest_ns = self._store, self._guard.newest_ns
         newest_ns = stamp_ns if newest_ns is None else newest_ns
         forgotten = store.forget_before(newest_ns - self._keep_ns)
 
-        finite, too_fast = usable(self.config, states)
+        finite, too_fast = usable_observations(self.config, states)
         rows = np.flatnonzero(finite & ~too_fast)
-        names, first = np.unique(names_of(states.key[rows]), return_index=True)
-        index = rows[first]
-        slot = store.table.find(names)
+        keys, first = np.unique(sort_keys(states.key[rows]), return_index=True)
+        row = rows[first]
+        slot = store.index.find(keys)
         last_ns = np.where(slot >= 0, store.rings.last_ns[slot], NEVER_NS)
         fresh = last_ns < stamp_ns
-        names, index, slot = names[fresh], index[fresh], slot[fresh]
+        keys, row, slot = keys[fresh], row[fresh], slot[fresh]
 
         known = slot >= 0
         seen_again = slot[known]
-        jumped = has_jumped(
-            self.config, store, seen_again, stamp_ns, states.position[index[known]]
+        jumped = moved_impossibly(
+            self.config, store, seen_again, stamp_ns, states.position[row[known]]
         )
         if jumped.any():
-            store.blank(seen_again[jumped])
-        new, dropped = store.admit(names[~known], seen_again)
+            store.reset(seen_again[jumped])
+        new, dropped = store.allocate(keys[~known], seen_again)
         slot[~known] = new
-        slot, index = slot[slot >= 0], index[slot >= 0]
+        slot, row = slot[slot >= 0], row[slot >= 0]
         if slot.shape[0]:
-            sample = derive(self.config, store, slot, stamp_ns, states, index)
+            sample = complete_samples(self.config, store, slot, stamp_ns, states, row)
             store.rings.append(slot, stamp_ns, sample)
-            store.tell(slot, states, index)
+            store.update_attributes(slot, states, row)
         return UpdateReport(
             accepted=slot.shape[0],
             new_tracks=int((new >= 0).sum()),
@@ -128,18 +135,18 @@ class TrackHistory:
             too_fast=int(too_fast.sum()),
             dropped=dropped,
             forgotten=forgotten,
-            clock_reset=verdict is Verdict.CLOCK_RESET,
-            frame_changed=verdict is Verdict.NEW_FRAME,
+            clock_reset=status is MessageStatus.CLOCK_RESET,
+            frame_changed=status is MessageStatus.NEW_FRAME,
         )
 
     def window(self, stamp_ns: int | None = None) -> HistoryWindow:
-        """The grid samples up to a common time, of every track that has any.
+        """Return the grid samples up to a common time, of every track that has any.
 
-        The agents stand in the order of their 128-bit numbers, whatever the order of messages.
+        The agents are in the order of their 128-bit identities, whatever the order of messages.
 
         Args:
-            stamp_ns: the common time t (ns), default the newest stamp. Samples after t are not
-                looked at; tracks not seen at t are carried on to t at constant velocity, for
+            stamp_ns: the common time t (ns), default the newest stamp. Samples after t are
+                ignored; tracks not seen at t are extrapolated to t at constant velocity, by
                 ``max_extrapolation_s`` at most.
 
         Returns:
@@ -147,8 +154,8 @@ class TrackHistory:
         """
         store = self._store
         if stamp_ns is None:
-            stamp_ns = self._watch.newest_ns or 0
-        slot = store.table.slots
+            stamp_ns = self._guard.newest_ns or 0
+        slot = store.index.slots
         stamps, place = store.rings.in_order(slot)
         brackets = bracket(
             stamps,
@@ -178,5 +185,5 @@ class TrackHistory:
             acceleration=sample[..., ACCELERATION],
             yaw=sample[..., YAW],
             valid=brackets.valid,
-            covariance=carry(store.covariance[slot], brackets.after_s),
+            covariance=extrapolate_covariance(store.covariance[slot], brackets.after_s),
         )

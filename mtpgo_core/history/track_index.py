@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From 128-bit identities to the rows of an array, for all agents of a message at once.
+"""Index from 128-bit identities to slots, for all agents of a message at once.
 
-A key becomes one 16-byte name whose byte order is the order of the numbers, so numpy sorts and
-searches whole messages of keys exactly, without hashing and without a loop over agents.
+An identity becomes one 16-byte sort key whose byte order is the order of the numbers, so numpy
+sorts and searches the identities of a whole message exactly, without hashing or a loop.
 """
 
 from __future__ import annotations
@@ -13,54 +13,54 @@ from numpy.typing import NDArray
 
 from mtpgo_core.schema import BoolArray, KeyArray
 
-NameArray = NDArray[np.bytes_]
+SortKeyArray = NDArray[np.bytes_]
 
 
-def names_of(key: KeyArray) -> NameArray:
-    """[n] 16-byte names of [n, 4] keys; equal exactly where the keys are, sorted as they are."""
+def sort_keys(key: KeyArray) -> SortKeyArray:
+    """Return 16-byte sort keys [n] of identities [n, 4], in the order of the 128-bit numbers."""
     words = np.ascontiguousarray(key[:, ::-1], dtype=">u4")
     return words.view("S16").reshape(-1)
 
 
-def find_names(table: NameArray, names: NameArray) -> NDArray[np.intp]:
-    """[n] positions of ``names`` in the sorted ``table``, -1 where absent."""
+def find_sort_keys(table: SortKeyArray, wanted: SortKeyArray) -> NDArray[np.intp]:
+    """Return [n] positions of the ``wanted`` keys in the sorted ``table``, -1 where absent."""
     if table.shape[0] == 0:
-        return np.full(names.shape[0], -1, dtype=np.intp)
-    position = np.minimum(np.searchsorted(table, names), table.shape[0] - 1)
-    return np.where(table[position] == names, position, -1)
+        return np.full(wanted.shape[0], -1, dtype=np.intp)
+    position = np.minimum(np.searchsorted(table, wanted), table.shape[0] - 1)
+    return np.where(table[position] == wanted, position, -1)
 
 
-class TrackTable:
-    """Sorted names and the slot that each one owns.
+class TrackIndex:
+    """Sorted identities and the slot of each.
 
     Attributes:
-        names: [m] sorted names.
+        keys: [m] ascending sort keys.
         slots: [m] their slots.
     """
 
     def __init__(self) -> None:
-        self.names: NameArray = np.empty(0, dtype="S16")
+        self.keys: SortKeyArray = np.empty(0, dtype="S16")
         self.slots: NDArray[np.intp] = np.empty(0, dtype=np.intp)
 
     def __len__(self) -> int:
-        return self.names.shape[0]
+        return self.keys.shape[0]
 
-    def find(self, names: NameArray) -> NDArray[np.intp]:
-        """[n] slots of ``names``, -1 where absent."""
-        position = find_names(self.names, names)
+    def find(self, wanted: SortKeyArray) -> NDArray[np.intp]:
+        """Return [n] slots of the ``wanted`` keys, -1 where absent."""
+        position = find_sort_keys(self.keys, wanted)
         if len(self) == 0:
             return position
         return np.where(position >= 0, self.slots[position], -1)
 
-    def add(self, names: NameArray, slots: NDArray[np.intp]) -> None:
-        """Enter sorted ``names``, none of which is in the table, with their ``slots``."""
-        place = np.searchsorted(self.names, names)
-        self.names = np.insert(self.names, place, names)
+    def add(self, keys: SortKeyArray, slots: NDArray[np.intp]) -> None:
+        """Insert ascending ``keys``, none of which is in the index yet, with their ``slots``."""
+        place = np.searchsorted(self.keys, keys)
+        self.keys = np.insert(self.keys, place, keys)
         self.slots = np.insert(self.slots, place, slots)
 
     def remove(self, rows: BoolArray) -> NDArray[np.intp]:
-        """Take the rows that the mask names out of the table and return their slots."""
+        """Remove the rows of a mask and return their slots."""
         freed = self.slots[rows]
-        self.names = self.names[~rows]
+        self.keys = self.keys[~rows]
         self.slots = self.slots[~rows]
         return freed

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The memory of the history: a slot for every track, handed out, grown and taken back."""
+"""Storage of the history: one slot per track, allocated, grown and released."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from numpy.typing import NDArray
 
 from mtpgo_core.history.causal_slope import CausalSlope
 from mtpgo_core.history.sample_rings import SampleRings
-from mtpgo_core.history.track_index import NameArray, TrackTable
+from mtpgo_core.history.track_index import SortKeyArray, TrackIndex
 from mtpgo_core.schema import BoolArray, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
 
 _ACCELERATION_PRIOR_S2 = (0.1 / 2.2) ** 2
-"""Prior of the acceleration estimate: velocities good to about 0.1 m/s, accelerations of about
-2 m/s^2; keeps the first estimates of a track from being noise divided by a short time."""
+"""Prior of the acceleration estimate (s^2): velocities accurate to about 0.1 m/s, accelerations of
+about 2.2 m/s^2. Without it, the first estimates of a track are noise divided by a short time."""
 _FIRST_CAPACITY = 64
+"""Slots of a new store; it doubles on demand."""
 
 IndexArray = NDArray[np.intp]
 
 SAMPLE_COLUMNS = 7
 POSITION, VELOCITY, ACCELERATION, YAW = slice(0, 2), slice(2, 4), slice(4, 6), 6
-"""Columns of a sample."""
+"""Columns of a sample: x, y (m), vx, vy (m/s), ax, ay (m/s^2), yaw (rad)."""
 
 
 class TrackStore:
@@ -34,100 +35,104 @@ class TrackStore:
         keep_ns: how long a track's samples are kept (ns).
 
     Attributes:
-        table: which track owns which slot.
-        rings: the samples: position, velocity, acceleration, yaw.
+        index: from identities to slots.
+        rings: the samples.
         velocity, acceleration: the estimators.
-        motion: [capacity, 2] velocity by the positions alone (m/s).
-        key, agent_class, z, size, covariance: [capacity, ...] as last told.
+        position_velocity: [capacity, 2] velocity estimated from the positions alone (m/s).
+        key, agent_class, z, size, covariance: [capacity, ...] as last observed.
     """
 
     def __init__(self, config: HistoryConfig, max_tracks: int, keep_ns: int) -> None:
         capacity = min(_FIRST_CAPACITY, max_tracks)
         self._max_tracks = max_tracks
         self._free: IndexArray = np.arange(capacity, dtype=np.intp)[::-1]
-        self.table = TrackTable()
+        self.index = TrackIndex()
         self.rings = SampleRings(capacity, SAMPLE_COLUMNS, keep_ns)
         self.velocity = CausalSlope(capacity, config.velocity_tau_s)
         self.acceleration = CausalSlope(
             capacity, config.acceleration_tau_s, _ACCELERATION_PRIOR_S2
         )
-        self.motion = np.full((capacity, 2), np.nan)
+        self.position_velocity = np.full((capacity, 2), np.nan)
         self.key = np.zeros((capacity, 4), dtype=np.uint32)
         self.agent_class = np.zeros(capacity, dtype=np.uint8)
         self.z = np.full(capacity, np.nan)
         self.size = np.full((capacity, 2), np.nan)
         self.covariance = np.full((capacity, 4, 4), np.nan)
 
-    def blank(self, slot: IndexArray) -> None:
-        """Make the slots as good as new; they keep their owners."""
-        self.rings.blank(slot)
+    def reset(self, slot: IndexArray) -> None:
+        """Clear the slots; they stay assigned to their tracks."""
+        self.rings.clear(slot)
         self.velocity.reset(slot)
         self.acceleration.reset(slot)
         self.agent_class[slot] = 0
-        for array in (self.motion, self.z, self.size, self.covariance):
+        for array in (self.position_velocity, self.z, self.size, self.covariance):
             array[slot] = np.nan
 
     def forget_before(self, stamp_ns: int) -> int:
-        """Take back the slots of tracks not seen since ``stamp_ns``; returns how many."""
-        return self._release(self.rings.last_ns[self.table.slots] < stamp_ns)
+        """Release the tracks last seen before ``stamp_ns`` and return how many."""
+        return self._release(self.rings.last_ns[self.index.slots] < stamp_ns)
 
-    def admit(self, names: NameArray, others: IndexArray) -> tuple[IndexArray, int]:
-        """Slots for new tracks, -1 where there is no room, and the number of tracks dropped.
+    def allocate(self, keys: SortKeyArray, others: IndexArray) -> tuple[IndexArray, int]:
+        """Return slots for new tracks, -1 where there is no room, and how many were dropped.
 
-        For lack of room, those not seen for longest go, then the surplus of the new ones.
+        When the store is full, the tracks unseen for longest are evicted; new tracks that still
+        find no room are dropped. Both count.
 
         Args:
-            names: [n] sorted names of the new tracks.
-            others: slots of the known tracks in the same message; these never go.
+            keys: [n] ascending sort keys of the new tracks.
+            others: slots of the known tracks in the same message, which are never evicted.
         """
-        slots = np.full(names.shape[0], -1, dtype=np.intp)
-        if names.shape[0] == 0:
+        slots = np.full(keys.shape[0], -1, dtype=np.intp)
+        if keys.shape[0] == 0:
             return slots, 0
-        room = min(names.shape[0], self._max_tracks - others.shape[0])
-        evicted = self._evict(len(self.table) + room - self._max_tracks, others)
+        room = min(keys.shape[0], self._max_tracks - others.shape[0])
+        evicted = self._evict(len(self.index) + room - self._max_tracks, others)
         if room > self._free.shape[0]:
-            self._grow(len(self.table) + room)
+            self._grow(len(self.index) + room)
         rest = self._free.shape[0] - room
         slots[:room], self._free = self._free[rest:][::-1], self._free[:rest]
-        self.blank(slots[:room])
-        self.table.add(names[:room], slots[:room])
-        return slots, names.shape[0] - room + evicted
+        self.reset(slots[:room])
+        self.index.add(keys[:room], slots[:room])
+        return slots, keys.shape[0] - room + evicted
 
-    def tell(self, slot: IndexArray, states: TrackedStates, index: IndexArray) -> None:
-        """Keep what the observations ``index`` say beside the motion; unknown keeps the last."""
-        self.key[slot] = states.key[index]
-        agent_class, z, size = states.agent_class[index], states.z[index], states.size[index]
+    def update_attributes(self, slot: IndexArray, states: TrackedStates, row: IndexArray) -> None:
+        """Store identity, class, height, size and covariance of the observations ``row``.
+
+        An unknown class, height or size keeps its last known value.
+        """
+        self.key[slot] = states.key[row]
+        agent_class, z, size = states.agent_class[row], states.z[row], states.size[row]
         self.agent_class[slot] = np.where(agent_class > 0, agent_class, self.agent_class[slot])
         self.z[slot] = np.where(np.isfinite(z), z, self.z[slot])
         self.size[slot] = np.where(np.isfinite(size), size, self.size[slot])
-        self.covariance[slot] = states.covariance[index]
+        self.covariance[slot] = states.covariance[row]
 
     def _evict(self, surplus: int, others: IndexArray) -> int:
-        """Take back the slots of the tracks not seen for longest."""
+        """Release the ``surplus`` tracks unseen for longest; return how many were released."""
         if surplus <= 0:
             return 0
-        last_ns = self.rings.last_ns[self.table.slots]
-        last_ns[np.isin(self.table.slots, others)] = np.iinfo(np.int64).max
-        rows = np.zeros(len(self.table), dtype=bool)
+        last_ns = self.rings.last_ns[self.index.slots]
+        last_ns[np.isin(self.index.slots, others)] = np.iinfo(np.int64).max
+        rows = np.zeros(len(self.index), dtype=bool)
         rows[np.argsort(last_ns, kind="stable")[:surplus]] = True
         return self._release(rows)
 
     def _release(self, rows: BoolArray) -> int:
-        """Take back the slots in these rows of the table."""
+        """Release the slots of these rows of the index; return how many."""
         if not rows.any():
             return 0
-        slots = self.table.remove(rows)
+        slots = self.index.remove(rows)
         self._free = np.concatenate([self._free, slots])
         return int(slots.shape[0])
 
     def _grow(self, least: int) -> None:
-        """Room for at least ``least`` tracks."""
+        """Make room for at least ``least`` tracks."""
         old = self.rings.capacity
         capacity = min(max(2 * old, least), self._max_tracks)
-        for name in ("motion", "key", "agent_class", "z", "size", "covariance"):
+        for name in ("position_velocity", "key", "agent_class", "z", "size", "covariance"):
             array = getattr(self, name)
             more = np.zeros((capacity - old, *array.shape[1:]), dtype=array.dtype)
-            setattr(self, name, np.concatenate([array, more]))  # blanked when handed out
+            setattr(self, name, np.concatenate([array, more]))  # reset when allocated
         self.rings.grow(capacity)
         self.velocity.grow(capacity)
         self.acceleration.grow(capacity)

@@ -1,8 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The prediction that always can be given: straight on, with a covariance that grows honestly.
+"""Constant velocity with a growing covariance: the fallback of the model and its baseline.
 
-It serves where the model cannot (design section 4), and stands beside every result (D16).
+It needs one observation only. See docs/design.md, decisions 16 and 17.
 """
 
 from __future__ import annotations
@@ -14,23 +14,25 @@ import numpy as np
 from mtpgo_core.schema import Float64Array, HistoryWindow, Prediction, Source
 
 MOVING_MPS = 0.5
-"""Up to this speed the direction of motion is taken from the yaw."""
+"""Up to this speed the yaw gives the direction of motion (m/s); chosen above a tracker's velocity
+noise at standstill."""
 
 
 @dataclass(frozen=True)
 class ConstantVelocityNoise:
-    """How uncertain an agent is that is taken to keep its velocity.
+    """Uncertainty of an agent that is assumed to keep its velocity.
 
     Acceleration is white noise along and across the direction of motion, so after a time t the
     variance is ``position_std^2 + velocity_std^2 t^2 + density t^3 / 3`` on each axis. The
-    defaults are of the size seen on recorded urban and motorway traffic.
+    defaults are chosen by order of magnitude from recorded urban and motorway traffic.
 
     Attributes:
-        position_std_m: of the observed position (m).
-        velocity_std_mps: of the observed velocity (m/s).
-        unknown_velocity_std_mps: of a velocity that was never known and is taken as zero (m/s).
+        position_std_m: standard deviation of the observed position (m).
+        velocity_std_mps: standard deviation of the observed velocity (m/s).
+        unknown_velocity_std_mps: standard deviation of a velocity that was never known and is
+            assumed to be zero (m/s).
         along_m2ps3: spectral density of the acceleration along the motion (m^2/s^3).
-        across_m2ps3: likewise across it.
+        across_m2ps3: spectral density of the acceleration across the motion (m^2/s^3).
     """
 
     position_std_m: float = 0.2
@@ -48,15 +50,15 @@ def predict_constant_velocity(
     modes: int = 1,
     noise: ConstantVelocityNoise = ConstantVelocityNoise(),
 ) -> Prediction:
-    """Every agent of the window at constant velocity, row by row.
+    """Return the prediction of every agent of the window at constant velocity, row by row.
 
     Args:
         window: agents not present at t get NaN.
         horizon_steps: H.
         dt_s: step of the horizon (s).
-        modes: M; the first has all the weight, the others are copies of it with none.
-        noise: growth of the covariance. The tracker's covariance, where the window has a usable
-            one, takes the place of the observation's.
+        modes: M; the first has weight 1, the others are copies of it with weight 0.
+        noise: growth of the covariance. A usable covariance of the tracker replaces the standard
+            deviations of the observation.
     """
     time_s = dt_s * np.arange(1, horizon_steps + 1, dtype=np.float64)
     initial, yaw = initial_states(window)
@@ -91,9 +93,9 @@ def predict_constant_velocity(
 
 
 def initial_states(window: HistoryWindow) -> tuple[Float64Array, Float64Array]:
-    """States [n, 4] (m, m/s) and yaws [n] (rad) at t, from which predictions start.
+    """Return states [n, 4] (m, m/s) and yaws [n] (rad) at t, from which predictions start.
 
-    A velocity that was never known is zero; a yaw that was never known is 0.
+    A velocity or yaw that was never known is 0.
     """
     velocity = np.nan_to_num(window.velocity[:, -1], nan=0.0)
     initial = np.concatenate([window.position[:, -1], velocity], axis=1)
@@ -101,11 +103,11 @@ def initial_states(window: HistoryWindow) -> tuple[Float64Array, Float64Array]:
 
 
 def motion_yaw(mean: Float64Array, initial_yaw: Float64Array) -> Float64Array:
-    """[n, M, H] direction of motion of states [n, M, H, 4]; where one stands, the last before.
+    """Return [n, M, H] the direction of motion (rad); at standstill the last one before.
 
     Args:
-        mean: x, y, vx, vy along the horizon.
-        initial_yaw: [n] for agents that stand from the start (rad).
+        mean: [n, M, H, 4] x, y, vx, vy along the horizon (m, m/s).
+        initial_yaw: [n] for agents that stand still from the start (rad).
     """
     vx, vy = mean[..., 2], mean[..., 3]
     moving = vx * vx + vy * vy > MOVING_MPS**2
@@ -119,7 +121,7 @@ def motion_yaw(mean: Float64Array, initial_yaw: Float64Array) -> Float64Array:
 
 
 def usable_covariances(covariance: Float64Array) -> Float64Array:
-    """Covariances [n, S, S] made symmetric; NaN where not finite or not positive definite."""
+    """Return symmetric covariances [n, S, S], NaN where not finite or not positive definite."""
     usable = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     result = np.full_like(covariance, np.nan)
     if usable.any():
@@ -133,7 +135,7 @@ def usable_covariances(covariance: Float64Array) -> Float64Array:
 def _covariance(
     window: HistoryWindow, time_s: Float64Array, course: Float64Array, noise: ConstantVelocityNoise
 ) -> Float64Array:
-    """[n, H, 2, 2] of the position (m^2)."""
+    """Return [n, H, 2, 2] the covariance of the position (m^2)."""
     known = np.asarray(np.isfinite(window.velocity[:, -1]).all(axis=1))
     speed_std = np.where(known, noise.velocity_std_mps, noise.unknown_velocity_std_mps)
     observed = np.zeros((len(window), 4, 4))

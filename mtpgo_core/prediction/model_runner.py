@@ -1,10 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the exported model: TorchScript in, predictions in the fixed frame out.
+"""Runs an exported model: scenes in, predictions in the fixed frame out.
 
-The file carries all that is needed (see :mod:`mtpgo_core.task.task_description`); the network's
-code is not. Its ``forward(features, valid, static, initial_covariance)`` returns log weights [B,
-N, M], means [B, N, M, H, S] and covariances [B, N, M, H, S, S] in the scene frames.
+The TorchScript file contains everything that is needed (see
+:mod:`mtpgo_core.task.task_description`), so the network's code is not imported. Its
+``forward(features, valid, static, initial_covariance)`` returns log weights [B, N, M], means [B,
+N, M, H, S] and covariances [B, N, M, H, S, S] in the scene frames.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ from mtpgo_core.task.task_description import TaskDescription
 __all__ = ["ModelRunner", "find_model", "load_task"]
 
 _ROWS_AT_ONCE = 128
-"""Graphs x agents in one call of the model, which holds some 0.35 MB for each; more are served in
-several calls, at no cost in time."""
+"""Most graphs x agents per call of the model, which needs some 0.35 MB for each (measured); larger
+batches are split into several calls, at no cost in time."""
 
 _PAIRS_AT_ONCE = 32_768
-"""Graphs x agents x agents, likewise: attention over the past holds some 4 kB for each."""
+"""Most graphs x agents x agents per call: the attention needs some 4 kB for each (measured)."""
 
 
 class ModelRunner:
@@ -39,8 +40,8 @@ class ModelRunner:
 
     Args:
         module: the TorchScript module.
-        task: what it was trained for.
-        path: where it comes from, for messages.
+        task: its task description.
+        path: its file, for error messages.
 
     Attributes:
         task: as above.
@@ -57,8 +58,8 @@ class ModelRunner:
         """Load a model file and warm it up.
 
         Args:
-            path: of the file.
-            num_threads: threads of torch in this process; None leaves them as they are.
+            path: the file.
+            num_threads: threads of torch in this process; None keeps the present number.
 
         Raises:
             ModelFileError: see :func:`mtpgo_core.task.model_file.load_task`, or the model does not
@@ -81,10 +82,10 @@ class ModelRunner:
         return runner
 
     def warm_up(self, agents: int = 8) -> None:
-        """Run the model on standing agents, so that the first real call is as fast as the rest.
+        """Run the model on standing agents, so that the first real call is as fast as later ones.
 
         Raises:
-            ModelFileError: it fails, or its output has not the shapes of the task description.
+            ModelFileError: it fails, or the shapes of its output differ from the task description.
         """
         task = self.task
         steps, modes, states = task.horizon_steps, task.modes, len(task.states)
@@ -117,18 +118,18 @@ class ModelRunner:
     def predict(
         self, window: HistoryWindow, batch: SceneBatch, initial_covariance: bool = False
     ) -> Prediction:
-        """Predict the primary agents of the scenes.
+        """Return the predictions of the primary agents of the scenes.
 
         Args:
-            window: what the scenes were cut from.
+            window: the window of the scenes.
             batch: the scenes, built with this task's configuration.
             initial_covariance: start from the tracker's covariances where the window has usable
                 ones, instead of the model's own.
 
         Returns:
-            One row for each agent of the window, in the fixed frame, modes sorted by falling
-            weight. Rows of agents that are nowhere primary, or for which the model gave no usable
-            numbers, are NaN throughout: the caller falls back on something else.
+            One row for each agent of the window, in the fixed frame, modes sorted by descending
+            weight. Rows of agents that are primary in no graph, or whose output is not usable,
+            are NaN; the caller provides a fallback.
         """
         covariance = self._tracked(window, batch) if initial_covariance else None
         pieces = [
@@ -147,7 +148,7 @@ class ModelRunner:
     def _piece(
         self, batch: SceneBatch, piece: slice, covariance: Float32Array | None
     ) -> tuple[Float32Array, Float32Array, Float32Array]:
-        """The output of some of the scenes, primary agents only, covariance of positions only."""
+        """Return the output for some scenes: primary agents and position covariances only."""
         most = max(1, int((batch.agent[piece] >= 0).sum(axis=1).max(initial=0)))
         log_weight, mean, cov = self._forward(
             batch.features[piece, :most],
@@ -170,10 +171,10 @@ class ModelRunner:
         static: Float32Array,
         covariance: Float32Array | None,
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """One call of the module, on whichever thread this is.
+        """Call the module once, on the current thread.
 
-        Torch's own optimisation of the graph would take seconds during the second call and
-        save nothing measurable afterwards, so it is left out.
+        Torch's optimisation of the graph is disabled: it takes seconds during the second call
+        and saves nothing measurable afterwards.
         """
         with torch.inference_mode(), torch.jit.optimized_execution(False):
             log_weight, mean, cov = self._module(
@@ -185,7 +186,7 @@ class ModelRunner:
         return log_weight, mean, cov
 
     def _tracked(self, window: HistoryWindow, batch: SceneBatch) -> Float32Array:
-        """[B, N, S, S] the tracker's covariances in the scene frames, NaN where unusable."""
+        """Return tracker covariances [B, N, S, S] in the scene frames, NaN where unusable."""
         states = len(self.task.states)
         usable = usable_covariances(window.covariance[:, :states, :states])
         turned = rotate_covariance(usable[batch.agent], -batch.rotation[:, None])
@@ -193,7 +194,7 @@ class ModelRunner:
 
 
 def _pieces(graphs: int, agents: int) -> list[slice]:
-    """Ranges of graphs that the model serves in one call each, of about the same length."""
+    """Return ranges of graphs of about equal length, one per call of the model."""
     rows = max(1, agents)
     at_once = max(1, min(_ROWS_AT_ONCE // rows, _PAIRS_AT_ONCE // (rows * rows)))
     calls = -(-graphs // at_once)
@@ -202,7 +203,7 @@ def _pieces(graphs: int, agents: int) -> list[slice]:
 
 
 def _first_line(error: Exception) -> str:
-    """The last line of a torch error says what happened; the rest is a C++ stack."""
+    """Return the line of a torch error that names the cause; the rest is a C++ stack."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     picked = next((x for x in reversed(lines) if "Error" in x), lines[0] if lines else "")
     return picked[:200] or type(error).__name__

@@ -1,6 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From the model's output in many scene frames to one prediction in the fixed frame."""
+"""From the model's output in many scene frames to one prediction in the fixed frame.
+
+Also the operations on whole predictions: merging, selecting agents, and shifting the time origin.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +27,10 @@ from mtpgo_core.schema import (
 
 @dataclass(frozen=True)
 class ModelOutput:
-    """What the model says of each agent's own graph, still in that graph's scene frame.
+    """The model's output for p agents, each from its primary graph and in that scene frame.
 
     Attributes:
-        log_weight: [p, M].
+        log_weight: [p, M] logarithms of the mode weights.
         mean: [p, M, H, S] x, y (m) and, where S is 4, vx, vy (m/s).
         covariance: [p, M, H, 2, 2] of the position (m^2).
     """
@@ -40,12 +43,12 @@ class ModelOutput:
 def assemble(
     window: HistoryWindow, batch: SceneBatch, output: ModelOutput, dt_s: float
 ) -> Prediction:
-    """Rotate, shift, sort by weight, and put each agent's prediction in its row of the window.
+    """Return the prediction in the fixed frame, modes sorted by weight, in the window's order.
 
     Args:
-        window: what the scenes were cut from.
-        batch: the scenes; ``output`` has one row for each true ``primary``, in row-major order.
-        output: of the model.
+        window: the window of the scenes.
+        batch: the scenes.
+        output: of the model, one row for each true value of ``batch.primary``, in row-major order.
         dt_s: step of the horizon (s).
 
     Returns:
@@ -68,7 +71,7 @@ def assemble(
     if scene.shape[-1] == 2:
         mean[..., 2:] = _differences(mean[..., :2], initial[agent, :2], dt_s)
 
-    covariance = _turned(output.covariance.astype(np.float64), cos, sin)
+    covariance = _rotated(output.covariance.astype(np.float64), cos, sin)
     weight = _weights(output.log_weight.astype(np.float64))
     usable = _usable(weight, mean, covariance)
 
@@ -77,7 +80,7 @@ def assemble(
     weight, mean, covariance = weight[rows, order], mean[rows, order], covariance[rows, order]
     yaw = motion_yaw(mean, initial_yaw[agent])
 
-    def spread(values: Float64Array) -> Float64Array:
+    def in_window(values: Float64Array) -> Float64Array:
         full = np.full((len(window), *values.shape[1:]), np.nan)
         full[agent[usable]] = values[usable]
         return full
@@ -92,16 +95,16 @@ def assemble(
         initial=initial,
         initial_yaw=initial_yaw,
         time_s=dt_s * np.arange(1, mean.shape[2] + 1),
-        weight=spread(weight),
-        mean=spread(mean),
-        yaw=spread(yaw),
-        covariance=spread(covariance),
+        weight=in_window(weight),
+        mean=in_window(mean),
+        yaw=in_window(yaw),
+        covariance=in_window(covariance),
         source=np.full(len(window), Source.MODEL, dtype=np.uint8),
     )
 
 
 def merge(first: Prediction, other: Prediction, take_other: BoolArray) -> Prediction:
-    """Row by row ``first``, or ``other`` where the mask [n] says so; same agents, same shape."""
+    """Return ``first`` with the rows where ``take_other`` [n] is true taken from ``other``."""
     fields = ("initial", "initial_yaw", "weight", "mean", "yaw", "covariance", "source")
     merged = {}
     for name in fields:
@@ -112,7 +115,7 @@ def merge(first: Prediction, other: Prediction, take_other: BoolArray) -> Predic
 
 
 def select(prediction: Prediction, index: NDArray[np.intp] | BoolArray) -> Prediction:
-    """The prediction of the agents that ``index`` names (integer positions or a mask)."""
+    """Return the prediction of the agents at ``index`` (integer positions or a mask)."""
     whole = {"stamp_ns", "frame_id", "time_s"}
     rows = {
         f.name: getattr(prediction, f.name)[index]
@@ -122,32 +125,40 @@ def select(prediction: Prediction, index: NDArray[np.intp] | BoolArray) -> Predi
     return dataclasses.replace(prediction, **rows)
 
 
+def with_time_origin(prediction: Prediction, stamp_ns: int) -> Prediction:
+    """Return the same prediction with its times counted from ``stamp_ns`` (ns)."""
+    if stamp_ns == prediction.stamp_ns:
+        return prediction
+    shift_s = (prediction.stamp_ns - stamp_ns) * 1e-9
+    return dataclasses.replace(prediction, stamp_ns=stamp_ns, time_s=prediction.time_s + shift_s)
+
+
 def _differences(position: Float64Array, initial: Float64Array, dt_s: float) -> Float64Array:
-    """Velocities [p, M, H, 2] of a model that predicts positions only (first order)."""
+    """Return velocities [p, M, H, 2] of a first-order model, which predicts positions only."""
     start = np.broadcast_to(initial[:, None, None], (*position.shape[:2], 1, 2))
     return np.diff(np.concatenate([start, position], axis=2), axis=2) / dt_s
 
 
-def _turned(covariance: Float64Array, cos: Float64Array, sin: Float64Array) -> Float64Array:
-    """R C R^T of [p, M, H, 2, 2], written out; symmetric by construction."""
+def _rotated(covariance: Float64Array, cos: Float64Array, sin: Float64Array) -> Float64Array:
+    """Return R C R^T of covariances [p, M, H, 2, 2], written out and therefore symmetric."""
     xx, yy = covariance[..., 0, 0], covariance[..., 1, 1]
     xy = 0.5 * (covariance[..., 0, 1] + covariance[..., 1, 0])
-    turned = np.empty(covariance.shape)
-    turned[..., 0, 0] = cos * cos * xx - 2.0 * cos * sin * xy + sin * sin * yy
-    turned[..., 1, 1] = sin * sin * xx + 2.0 * cos * sin * xy + cos * cos * yy
-    turned[..., 0, 1] = turned[..., 1, 0] = cos * sin * (xx - yy) + (cos * cos - sin * sin) * xy
-    return turned
+    rotated = np.empty(covariance.shape)
+    rotated[..., 0, 0] = cos * cos * xx - 2.0 * cos * sin * xy + sin * sin * yy
+    rotated[..., 1, 1] = sin * sin * xx + 2.0 * cos * sin * xy + cos * cos * yy
+    rotated[..., 0, 1] = rotated[..., 1, 0] = cos * sin * (xx - yy) + (cos * cos - sin * sin) * xy
+    return rotated
 
 
 def _weights(log_weight: Float64Array) -> Float64Array:
-    """Weights that sum to one in float64."""
+    """Return weights [p, M] that sum to 1 in float64."""
     with np.errstate(invalid="ignore"):
         weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
         return weight / weight.sum(axis=1, keepdims=True)
 
 
 def _usable(weight: Float64Array, mean: Float64Array, covariance: Float64Array) -> BoolArray:
-    """[p] which predictions can be served."""
+    """Return [p] which predictions are finite and have positive definite covariances."""
     with np.errstate(invalid="ignore", over="ignore"):
         xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
         definite = (xx > 0.0) & (yy > 0.0) & (xx * yy - xy * xy > 0.0)

@@ -4,8 +4,8 @@
 
 The node and the offline evaluation run this code on the windows of a
 :class:`~mtpgo_core.history.track_history.TrackHistory`. Every agent present at the common time is
-predicted in every cycle: by the model or, where the model cannot serve, at constant velocity. The
-source of each prediction is part of it.
+predicted in every cycle: by the model or, where the model gives no usable output, at constant
+velocity. Each prediction states its source.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtpgo_core.history.track_index import find_names, names_of
+from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.options import check_options, option
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import merge, select
@@ -30,21 +30,21 @@ if TYPE_CHECKING:
     from mtpgo_core.prediction.model_runner import ModelRunner
 
 _KEEP = 0.8
-"""An agent served by the model counts as this much nearer when the places are few, so that two at
-the limit do not take turns."""
+"""Distances of agents that the model predicted in the last cycle are scaled by this when
+``max_agents`` limits them, so that two agents at the limit do not alternate; chosen."""
 
 
 @dataclass(frozen=True)
 class PredictorOptions:
-    """What may differ from the model's task, and change while running.
+    """Settings that may differ from the model's task and change while running.
 
     Attributes:
         policy: graph policy, None for the task's.
-        max_neighbours: agents of a graph beside its centre, None for the task's.
+        max_neighbours: agents of a graph besides its centre, None for the task's.
         radius_m: radius of a graph (m), None for the task's.
-        max_agents: so many agents are served by the model, those nearest to the ego or, without
-            one, to the middle of all; the others at constant velocity.
-        use_tracker_covariance: start from the tracker's covariance where it gives one.
+        max_agents: most agents that the model predicts, those nearest to the ego or, without an
+            ego, to the mean position; the others are predicted at constant velocity.
+        use_tracker_covariance: start from the tracker's covariance where there is one.
     """
 
     policy: str | None = option(None, choices=GRAPH_POLICIES)
@@ -59,14 +59,14 @@ class PredictorOptions:
 
 @dataclass(frozen=True)
 class PredictionReport:
-    """How the last prediction came about.
+    """Statistics of one prediction.
 
     Attributes:
         agents: agents predicted.
-        by_model: of these, by the model.
-        over_limit: at constant velocity because of ``max_agents``.
-        unusable: at constant velocity because the model's numbers could not be used.
-        graphs: graphs given to the model.
+        by_model: of these, predicted by the model.
+        over_limit: predicted at constant velocity because of ``max_agents``.
+        unusable: predicted at constant velocity because the model's output was not usable.
+        graphs: graphs in the model's input.
         largest_graph: agents in the largest of them.
     """
 
@@ -81,20 +81,20 @@ class PredictionReport:
 class ScenePredictor:
     """Predicts the agents of history windows.
 
-    It remembers the graphs of the last cycle, so that agents keep theirs from cycle to cycle.
+    It keeps the graphs of the last cycle, so that agents stay in theirs from cycle to cycle.
     ``fallback`` uses no state and may be called from any thread.
 
     Args:
-        runner: the model, None to serve constant velocity alone.
+        runner: the model, None for constant velocity only.
         options: deviations from the task.
-        task: what to serve without a runner; with one it is the runner's.
+        task: the task without a runner; with one, the runner's task is used.
         lanes: lane lines in the fixed frame, for models whose context is ``lanes``.
 
     Attributes:
         options: may be replaced at any time; takes effect with the next prediction.
-        lanes: likewise.
-        task: in effect.
-        last_report: of the last prediction.
+        lanes: may be replaced at any time; takes effect with the next prediction.
+        task: the task in effect.
+        last_report: report on the last prediction.
     """
 
     def __init__(
@@ -115,19 +115,19 @@ class ScenePredictor:
 
     @property
     def modes(self) -> int:
-        """M of every prediction: the model's, or 1 without one."""
+        """Number of modes M of every prediction: the model's, or 1 without a model."""
         return self.task.modes if self._runner is not None else 1
 
     def reset(self) -> None:
-        """Forget the graphs of the last cycle, as after a jump of the clock."""
+        """Forget the graphs of the last cycle, for example after a jump of the clock."""
         self._graphs = GraphState()
 
     def fallback(self, window: HistoryWindow) -> Prediction:
-        """Constant velocity for every agent present at the window's time; any thread."""
+        """Return constant velocity for every agent present at the window's time; any thread."""
         return self._constant(window.select(window.valid[:, -1]))
 
     def predict(self, window: HistoryWindow, *, ego_key: KeyArray | None = None) -> Prediction:
-        """Predict every agent present at the window's time.
+        """Return the prediction of every agent present at the window's time.
 
         Args:
             window: see :meth:`~mtpgo_core.history.track_history.TrackHistory.window`.
@@ -137,46 +137,46 @@ class ScenePredictor:
             One row for each agent present, in the order of the window.
 
         Raises:
-            ConfigurationError: the model's context is ``lanes`` and no lane lines are known.
+            ConfigurationError: the model's context is ``lanes`` and there are no lane lines.
         """
         present = window.select(window.valid[:, -1])
         constant = self._constant(present)
         if self._runner is None or len(present) == 0:
             self.last_report = PredictionReport(agents=len(present))
             return constant
-        options, state = self.options, self._memory(present.stamp_ns)
-        served = self._served(present, options.max_agents, ego_key, state)
-        if not served.any():
+        options, state = self.options, self._graph_state(present.stamp_ns)
+        selected = self._select_agents(present, options.max_agents, ego_key, state)
+        if not selected.any():
             self.last_report = PredictionReport(agents=len(present), over_limit=len(present))
             return constant
-        scenes_of = present if served.all() else present.select(served)
+        by_model = present if selected.all() else present.select(selected)
         batch = build_scenes(
-            scenes_of,
+            by_model,
             self._scene(options),
             ego_key=ego_key,
             previous=state,
             lanes=self.lanes,
         )
-        modelled = self._runner.predict(scenes_of, batch, options.use_tracker_covariance)
-        if not served.all():
-            row = np.clip(np.cumsum(served) - 1, 0, None)  # any row where not served
+        modelled = self._runner.predict(by_model, batch, options.use_tracker_covariance)
+        if not selected.all():
+            row = np.clip(np.cumsum(selected) - 1, 0, None)  # any row where not selected
             modelled = select(modelled, row)
-        usable = served & np.isfinite(modelled.weight).all(axis=1)
+        usable = selected & np.isfinite(modelled.weight).all(axis=1)
         self.last_report = PredictionReport(
             agents=len(present),
             by_model=int(usable.sum()),
-            over_limit=int((~served).sum()),
-            unusable=int((served & ~usable).sum()),
+            over_limit=int((~selected).sum()),
+            unusable=int((selected & ~usable).sum()),
             graphs=batch.valid.shape[0],
             largest_graph=int((batch.agent >= 0).sum(axis=1).max(initial=0)),
         )
         return modelled if usable.all() else merge(constant, modelled, usable)
 
-    def _memory(self, stamp_ns: int) -> GraphState:
-        """What the last cycle left, if it is not so old that even the history forgot it.
+    def _graph_state(self, stamp_ns: int) -> GraphState:
+        """Return the graphs of the last cycle, unless they are older than the history.
 
-        Identities may be given anew after a pause, and a stream's predictions must not depend on
-        what was seen before it.
+        Identities may be reused after a pause, and the predictions of a stream must not depend on
+        an earlier stream.
         """
         span_ns = round(self.task.history.steps * self.task.history.dt_s * 1e9)
         if self._graphs_ns is not None and abs(stamp_ns - self._graphs_ns) > span_ns:
@@ -185,7 +185,7 @@ class ScenePredictor:
         return self._graphs
 
     def _scene(self, options: PredictorOptions) -> SceneConfig:
-        """The task's scene with the options' deviations."""
+        """Return the task's scene configuration with the options applied."""
         scene = self.task.scene
         return dataclasses.replace(
             scene,
@@ -205,20 +205,20 @@ class ScenePredictor:
         )
 
     @staticmethod
-    def _served(
-        present: HistoryWindow, most: int, ego_key: KeyArray | None, state: GraphState
+    def _select_agents(
+        present: HistoryWindow, max_agents: int, ego_key: KeyArray | None, state: GraphState
     ) -> BoolArray:
-        """[n] the agents that the model serves: the nearest, those served before first."""
+        """Return [n] the agents that the model predicts: the nearest, with hysteresis."""
         n = len(present)
-        if n <= most:
+        if n <= max_agents:
             return np.ones(n, dtype=bool)
-        position, names = present.position[:, -1], names_of(present.key)
+        position, keys = present.position[:, -1], sort_keys(present.key)
         middle = position.mean(axis=0)
         if ego_key is not None:
-            ego = np.flatnonzero(names == names_of(ego_key.reshape(1, 4))[0])
+            ego = np.flatnonzero(keys == sort_keys(ego_key.reshape(1, 4))[0])
             middle = position[ego[0]] if ego.shape[0] else middle
         distance = np.linalg.norm(position - middle, axis=1)
-        distance[find_names(state.agent, names) >= 0] *= _KEEP
-        served = np.zeros(n, dtype=bool)
-        served[np.argsort(distance, kind="stable")[:most]] = True
-        return served
+        distance[find_sort_keys(state.agent, keys) >= 0] *= _KEEP
+        selected = np.zeros(n, dtype=bool)
+        selected[np.argsort(distance, kind="stable")[:max_agents]] = True
+        return selected

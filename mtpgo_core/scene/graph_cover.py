@@ -1,6 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A few neighbourhoods that reach every agent, kept from cycle to cycle (design D14)."""
+"""A few graphs that together contain every agent, kept from cycle to cycle.
+
+The policy ``cover`` of docs/design.md, decision 14.
+"""
 
 from __future__ import annotations
 
@@ -13,21 +16,22 @@ from mtpgo_core.task.task_description import SceneConfig
 IndexArray = NDArray[np.intp]
 
 KEEP = 0.8
-"""A centre goes when the others reach all its agents within this part of the limits."""
+"""A centre is dropped when the others contain all its agents within this share of the limits;
+chosen so that a centre at the limit is not dropped and chosen again in turns."""
 _CANDIDATES = 16
-"""Places tried for a new centre; more find hardly fewer graphs."""
+"""Agents tried as a new centre; more hardly reduce the number of graphs (measured)."""
 
 
 def neighbourhoods(
     position: Float64Array, centre: IndexArray, max_neighbours: int, radius_m: float
 ) -> tuple[IndexArray, Float64Array]:
-    """The agents around each centre, itself first, then by rising distance.
+    """Return the agents around each centre: the centre first, then by ascending distance.
 
     Args:
         position: [n, 2] (m).
         centre: [B] positions of the centres among the agents.
-        max_neighbours: agents beside the centre.
-        radius_m: the farthest that a neighbour may be (m).
+        max_neighbours: most agents besides the centre.
+        radius_m: largest distance of a neighbour (m).
 
     Returns:
         [B, K] positions among the agents, -1 for padding, and [B, K] distances (m), inf there;
@@ -43,7 +47,8 @@ def neighbourhoods(
         rows = np.arange(some.shape[0])[:, None]
         offset = position[some][:, None, :] - position[None, :, :]
         squared = np.einsum("bnk,bnk->bn", offset, offset)
-        squared[rows[:, 0], some] = -1.0  # the centre comes first, even before one at its place
+        # The centre comes first, even before an agent at the same position.
+        squared[rows[:, 0], some] = -1.0
         if most < n:
             nearest = np.argpartition(squared, most - 1, axis=1)[:, :most]
             nearest.sort(axis=1)  # equal distances: the order of the agents decides
@@ -60,7 +65,7 @@ def neighbourhoods(
 
 
 def _reached(members: IndexArray, n: int) -> BoolArray:
-    """[B, n] whether each graph holds each agent."""
+    """Return [B, n] whether each graph contains each agent."""
     reached = np.zeros((members.shape[0], n + 1), dtype=bool)
     reached[np.arange(members.shape[0])[:, None], members] = True  # padding: the last column
     return reached[:, :n]
@@ -69,7 +74,7 @@ def _reached(members: IndexArray, n: int) -> BoolArray:
 def cover_centres(
     position: Float64Array, config: SceneConfig, ego: int, kept: IndexArray
 ) -> IndexArray:
-    """Centres, the ego first, then the previous ones still of use, then new ones."""
+    """Return the centres: the ego first, then previous ones still needed, then new ones."""
     n = position.shape[0]
     first = np.array([ego] if ego >= 0 else [], dtype=np.intp)
     centre = np.concatenate([first, kept])
@@ -93,12 +98,12 @@ def cover_centres(
 
 
 def _useful(reached: BoolArray, well: BoolArray, fixed: int) -> BoolArray:
-    """[B] which centres to keep: all but those whose agents others reach well.
+    """Return [B] which centres to keep: all but those whose agents others contain well.
 
     Args:
         reached: [B, n] agents of each graph.
-        well: [B, n] of these, the ones well within the limits.
-        fixed: the first so many centres are kept in any case.
+        well: [B, n] of these, the ones within :data:`KEEP` of the limits.
+        fixed: number of centres at the start that are always kept.
     """
     use = np.ones(reached.shape[0], dtype=bool)
     times = well.sum(axis=0)
@@ -112,10 +117,10 @@ def _useful(reached: BoolArray, well: BoolArray, fixed: int) -> BoolArray:
 def _new_centre(
     position: Float64Array, limits: tuple[int, float], covered: BoolArray
 ) -> tuple[int, IndexArray]:
-    """The next centre and its agents.
+    """Return the next centre and its agents.
 
-    Of the agents whose graphs would hold the outermost agent not yet covered, it is the one whose
-    graph covers the most agents.
+    Of the agents whose graphs would contain the outermost uncovered agent, it is the one whose
+    graph covers the most uncovered agents.
     """
     open_ = np.flatnonzero(~covered)
     middle = position[open_].mean(axis=0)

@@ -1,13 +1,13 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which agents share a graph, and which graph's prediction is an agent's own (design D14).
+"""Which agents share a graph, and which graph gives the published prediction of each agent.
 
-Policies: ``ego`` one graph around a named agent, the paper's choice (sec. Graph-based Traffic
-Modeling); ``cover`` a few graphs that reach every agent; ``each`` one graph around every agent;
-``scene`` one graph of all. A graph is its centre and the ``max_neighbours`` agents nearest to it
-within ``radius_m``; ``scene`` alone knows no limit (whoever calls bounds the number of agents).
-Agents that the ego's graph does not reach are covered like those of ``cover``, so every agent is
-predicted exactly once, whatever the policy.
+Policies (docs/design.md, decision 14): ``ego`` one graph around a given agent, the paper's choice
+(section "Graph-based Traffic Modeling"); ``cover`` a few graphs that together contain every agent;
+``each`` one graph around every agent; ``scene`` one graph of all. A graph is its centre and the
+``max_neighbours`` agents nearest to it within ``radius_m``; only ``scene`` has no limit (its
+caller limits the number of agents). Agents outside the ego's graph are covered as by ``cover``, so
+every agent is predicted exactly once under every policy.
 """
 
 from __future__ import annotations
@@ -16,33 +16,38 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mtpgo_core.history.track_index import NameArray, find_names, names_of
+from mtpgo_core.history.track_index import SortKeyArray, find_sort_keys, sort_keys
 from mtpgo_core.scene.graph_cover import KEEP, IndexArray, cover_centres, neighbourhoods
 from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, KeyArray
 from mtpgo_core.task.task_description import SceneConfig
 
 _STAY = 0.5
-"""An agent leaves its graph when another centre is nearer than this times its own."""
+"""An agent leaves its graph when another centre is nearer than this share of the distance to its
+own; chosen against flicker."""
 _FORESIGHT_S = 1.0
-"""A centre counts as farther by what it moves apart in this time, so that agents belong to those
-they move along with, not to the oncoming ones that pass by."""
+"""The relative motion of this time counts as distance to a centre (s), so that agents belong to
+the traffic they move with, not to oncoming traffic; chosen."""
 
 
-def _no_names() -> NameArray:
+def _no_keys() -> SortKeyArray:
     return np.empty(0, dtype="S16")
 
 
 @dataclass
 class GraphState:
-    """What one cycle leaves to the next so that predictions do not flicker.
+    """The graphs of the previous cycle, by sort keys, kept so that predictions do not flicker.
 
-    :func:`choose_graphs` reads and renews it. Attributes: ``centre`` names of the centres,
-    ``agent`` sorted names of the agents and ``owner`` the name of each one's centre.
+    :func:`choose_graphs` reads and updates it.
+
+    Attributes:
+        centre: [B] centres.
+        agent: [n] agents, ascending.
+        owner: [n] the centre of each agent's graph.
     """
 
-    centre: NameArray = field(default_factory=_no_names)
-    agent: NameArray = field(default_factory=_no_names)
-    owner: NameArray = field(default_factory=_no_names)
+    centre: SortKeyArray = field(default_factory=_no_keys)
+    agent: SortKeyArray = field(default_factory=_no_keys)
+    owner: SortKeyArray = field(default_factory=_no_keys)
 
 
 @dataclass(frozen=True)
@@ -50,8 +55,8 @@ class Graphs:
     """The graphs of one instant.
 
     Attributes:
-        members: [B, N] positions in the window, the centre first, then by rising distance, -1
-            for padding.
+        members: [B, N] positions in the window, the centre first, then by ascending distance,
+            -1 for padding.
         primary: [B, N] this graph's prediction is the agent's published one.
     """
 
@@ -66,34 +71,34 @@ def choose_graphs(
     ego_key: KeyArray | None = None,
     state: GraphState | None = None,
 ) -> Graphs:
-    """The graphs of the agents present at the window's common time.
+    """Return the graphs of the agents present at the window's common time.
 
     Args:
-        window: the history; agents absent at t take no part.
+        window: the history; agents absent at t are ignored.
         config: policy and limits.
         ego_key: [4] identity of the ego for ``ego`` (and the centre of ``scene``); where it is
-            missing or not present, ``ego`` does as ``cover``.
-        state: the memory of the cycles before, renewed here.
+            missing or absent, ``ego`` acts as ``cover``.
+        state: the state of the previous cycle, updated here.
     """
     present = np.flatnonzero(window.valid[:, -1])
     if present.shape[0] == 0:
         return Graphs(np.zeros((0, 1), dtype=np.intp), np.zeros((0, 1), dtype=bool))
     state = GraphState() if state is None else state
     position = window.position[present, -1]
-    names = names_of(window.key[present])
-    by_name = np.argsort(names, kind="stable")
+    keys = sort_keys(window.key[present])
+    order = np.argsort(keys, kind="stable")
     ego = -1
     if ego_key is not None:
-        ego = int(_positions(names, by_name, names_of(ego_key.reshape(1, 4)))[0])
-    kept = _positions(names, by_name, state.centre)
+        ego = int(_positions(keys, order, sort_keys(ego_key.reshape(1, 4)))[0])
+    kept = _positions(keys, order, state.centre)
 
     if config.policy == "each":
         centre = np.arange(present.shape[0])
     elif config.policy == "scene":
         centre = _scene_centre(position, ego, kept)
     else:
-        named = ego if config.policy == "ego" else -1
-        centre = cover_centres(position, config, named, kept[(kept >= 0) & (kept != named)])
+        first = ego if config.policy == "ego" else -1
+        centre = cover_centres(position, config, first, kept[(kept >= 0) & (kept != first)])
     whole = config.policy == "scene"
     members, distance = neighbourhoods(
         position,
@@ -105,29 +110,29 @@ def choose_graphs(
     if config.policy == "each":
         owner = np.arange(present.shape[0])
     else:
-        before = find_names(state.agent, names)
+        before = find_sort_keys(state.agent, keys)
         owned = np.where(before >= 0, before, 0)
-        previous = np.full(names.shape[0], -1, dtype=np.intp)
+        previous = np.full(keys.shape[0], -1, dtype=np.intp)
         if state.owner.shape[0]:
-            order = np.argsort(names[centre], kind="stable")
-            previous = _positions(names[centre], order, state.owner[owned])
+            by_centre = np.argsort(keys[centre], kind="stable")
+            previous = _positions(keys[centre], by_centre, state.owner[owned])
             previous[before < 0] = -1
         velocity = np.nan_to_num(window.velocity[present, -1])
         parting = np.linalg.norm(velocity[members] - velocity[centre][:, None], axis=2)
         distance = distance + _FORESIGHT_S * parting
         owner = _owners(members, distance, previous, ego_first=config.policy == "ego" and ego >= 0)
-    state.centre = names[centre]
-    state.agent, state.owner = names[by_name], names[centre[owner]][by_name]
+    state.centre = keys[centre]
+    state.agent, state.owner = keys[order], keys[centre[owner]][order]
     primary = (members >= 0) & (owner[members] == np.arange(centre.shape[0])[:, None])
     return Graphs(np.where(members >= 0, present[members], -1), primary)
 
 
 def graphs_around(window: HistoryWindow, config: SceneConfig, centres: IndexArray) -> Graphs:
-    """One graph around each of the given agents, as for training: all members are primary.
+    """Return one graph around each given agent, as for training: all members are primary.
 
     Args:
-        window: the history; agents absent at t take no part.
-        config: limits; of the policies only ``scene`` matters, which has none.
+        window: the history; agents absent at t are ignored.
+        config: limits; of the policy it only matters whether it is ``scene``, which has none.
         centres: [B] positions in the window of agents that are present at t.
     """
     present = np.flatnonzero(window.valid[:, -1])
@@ -141,19 +146,19 @@ def graphs_around(window: HistoryWindow, config: SceneConfig, centres: IndexArra
     return Graphs(np.where(members >= 0, present[members], -1), members >= 0)
 
 
-def _positions(names: NameArray, order: IndexArray, wanted: NameArray) -> IndexArray:
-    """Where the wanted names stand in ``names`` (sorted by ``order``), -1 where nowhere."""
-    place = find_names(names[order], wanted)
+def _positions(keys: SortKeyArray, order: IndexArray, wanted: SortKeyArray) -> IndexArray:
+    """Return the positions of ``wanted`` in ``keys``, which ``order`` sorts, -1 where absent."""
+    place = find_sort_keys(keys[order], wanted)
     return np.where(place >= 0, order[place], -1)
 
 
 def _scene_centre(position: Float64Array, ego: int, kept: IndexArray) -> IndexArray:
-    """The ego, else the agent nearest to the middle, the previous one while nearly as near."""
+    """Return the ego, else the agent nearest to the middle, with hysteresis."""
     if ego >= 0:
         return np.array([ego])
     off_m = np.linalg.norm(position - position.mean(axis=0), axis=1)
     best = int(np.argmin(off_m))
-    # Slack of a vehicle's length, so that in a small scene two agents do not take turns.
+    # 5 m, a vehicle's length, so that two agents of a small scene do not alternate.
     if kept.shape[0] and kept[0] >= 0 and KEEP * off_m[kept[0]] <= off_m[best] + 5.0:
         best = int(kept[0])
     return np.array([best])
@@ -162,12 +167,13 @@ def _scene_centre(position: Float64Array, ego: int, kept: IndexArray) -> IndexAr
 def _owners(
     members: IndexArray, distance: Float64Array, previous: IndexArray, *, ego_first: bool
 ) -> IndexArray:
-    """[n] the graph that predicts each agent: the nearest centre, with hysteresis.
+    """Return [n] the graph that predicts each agent: the nearest centre, with hysteresis.
 
     Args:
         members: [B, K] agents of each graph.
         distance: [B, K] their distances (m).
-        previous: [n] the graph whose centre predicted the agent last, -1 for none.
+        previous: [n] the graph whose centre predicted the agent in the previous cycle, -1 for
+            none.
         ego_first: the first graph predicts all its agents.
     """
     n, rows = previous.shape[0], np.arange(members.shape[0])

@@ -1,13 +1,13 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Lateral position in the lane and on the road, from lane lines (paper, Road Context Features).
+"""Lateral position in the lane and on the road, from lane lines (paper, lane position, eq. (1)).
 
-The paper counts on straight lanes along x: d_l is the distance from the lane's left line over the
-lane's width, stretched to [-1, 1] (-1 on the left line, 1 on the right one), and d_r the same
-with the road's outermost lines. Here lines are polylines of any shape. The agent looks to its left
-and right, at right angles to its heading; the lines that it meets take the place of the paper's
-lateral coordinates. On straight parallel lines, with the heading along them, that is the paper's
-formula.
+The paper assumes straight lanes along x: d_l is the distance from the lane's left line divided by
+the lane's width, scaled to [-1, 1] (-1 on the left line, 1 on the right one), and d_r the same
+with the outermost lines of the road. Here lines are polylines of any shape. They are intersected
+with the line through the agent at right angles to its heading; the intersections replace the
+paper's lateral coordinates. For straight parallel lines and a heading along them, this is the
+paper's formula.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import Float64Array
 
 _POINTS_AT_ONCE = 2_000_000
-"""Bound on agents x segments looked at together, so a large map needs no large memory."""
+"""Most pairs of agent and segment per pass, which limits the memory to some 100 MB; chosen."""
 
 
 class LaneMap:
     """Lane lines of a site.
 
-    A line runs in the driving direction of the lanes beside it; lines met that run against the
-    agent's heading belong to the opposite carriageway and are not looked at.
+    A line runs in the driving direction of the lanes next to it; lines that run against the
+    agent's heading belong to the opposite carriageway and are ignored.
 
     Args:
         lines: polylines [k, 2] in the fixed frame (m), k >= 2.
-        max_lane_width_m: a wider step between two lines is no lane: the road ends there.
+        max_lane_width_m: a wider gap between two lines is not a lane: the road ends there (m).
 
     Raises:
         ConfigurationError: a line with fewer than two points or a point that is not finite.
@@ -57,7 +57,7 @@ class LaneMap:
         return self._start.shape[0]
 
     def positions(self, position: Float64Array, yaw: Float64Array) -> Float64Array:
-        """[..., 2] d_l and d_r in [-1, 1]; NaN where there is no line on one side.
+        """Return [..., 2] d_l and d_r in [-1, 1]; NaN where there is no line on one side.
 
         Args:
             position: [..., 2] in the fixed frame (m).
@@ -74,7 +74,7 @@ class LaneMap:
         return result.reshape(position.shape)
 
     def _positions(self, point: Float64Array, yaw: Float64Array) -> Float64Array:
-        """[p, 2] of points that are all known."""
+        """Return [p, 2] d_l and d_r of points that are all known."""
         left = np.sort(self._offsets(point, yaw), axis=1)  # rightmost line first, inf: no line
         beyond = (left >= 0.0) & np.isfinite(left)
         first_left = np.argmax(beyond, axis=1)
@@ -84,7 +84,7 @@ class LaneMap:
         lane_left, lane_right = left[rows, first_left], left[rows, first_left - 1]
         with np.errstate(invalid="ignore"):
             wide = ~(np.diff(left, axis=1) <= self._max_width_m)
-        # The road goes on to the left and right as long as the steps are lanes.
+        # The road extends to the left and right as long as the gaps are lanes.
         gap = np.arange(wide.shape[1])
         after = np.where(wide & (gap >= first_left[:, None]), gap, wide.shape[1]).min(axis=1)
         before = np.where(wide & (gap <= first_left[:, None] - 2), gap, -1).max(axis=1)
@@ -97,10 +97,10 @@ class LaneMap:
         return np.where(inside[:, None], both, np.nan)
 
     def _offsets(self, point: Float64Array, yaw: Float64Array) -> Float64Array:
-        """[p, segments + 2] how far to the left of each point it meets each segment (m).
+        """Return [p, segments + 2] the lateral offset of each segment from each point (m).
 
-        Negative to the right, inf where it does not meet it. A joint between two segments counts
-        once. Two columns more, without a line, spare the caller empty arrays.
+        Positive to the left, inf where the lateral line does not intersect the segment. A joint of
+        two segments counts once. The two extra columns of inf spare the caller empty arrays.
         """
         forward = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
         sideways = np.stack([-forward[:, 1], forward[:, 0]], axis=1)

@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Who drives ahead: the road context that needs no map (context ``leaders``, design D13).
+"""The agents ahead: a road context without a map (context ``leaders``).
 
-On recordings of dense traffic, what the next two vehicles ahead do explains more of an agent's
-next five seconds than its own past does. Attention could find them among the neighbours, but from
-little data it does not: they are found by geometry here, at every history step, from what was
-observed at that step.
+In dense traffic, the motion of the next two vehicles ahead explains more of an agent's next five
+seconds than its own past. Attention could find them among the neighbours, but does not learn to
+from little data (docs/design.md, "Leaders"). They are found here by geometry, at every history
+step, from the observations of that step.
 """
 
 from __future__ import annotations
@@ -19,32 +19,33 @@ from mtpgo_core.scene.neighbour_geometry import NeighbourGeometry, in_blocks, ne
 from mtpgo_core.schema import Float64Array, HistoryWindow
 
 LEADERS = 2
+"""Agents ahead that are described."""
 BAND_M = 2.0
-"""Half the width of the path ahead: half a lane and a little."""
+"""Half the width of the path ahead (m); chosen: half a lane of 3.6 m and a margin."""
 COLUMNS = ("gap", "near", "dv", "ax")
 
 
 def leader_features(
     window: HistoryWindow, agents: NDArray[np.intp], reach_m: float = 80.0
 ) -> Float64Array:
-    """[r, T, 8] what is known of the two next agents ahead of each of ``agents`` [r].
+    """Return [r, T, 8] features of the next two agents ahead of each of ``agents`` [r].
 
-    Ahead is what lies within ``BAND_M`` of the straight line along the agent's own yaw at that
+    An agent is ahead within ``BAND_M`` of the straight line along the agent's own yaw at that
     step, up to ``reach_m``, centre to centre. For each of the two in turn:
 
-    * ``gap``: distance ahead (m), ``reach_m`` where nobody is;
-    * ``near``: exp(-gap / ``NEAR_M``), 0 where nobody is;
-    * ``dv``: its velocity less the agent's, along the agent's yaw (m/s), else 0;
+    * ``gap``: distance ahead (m), ``reach_m`` where no agent is;
+    * ``near``: exp(-gap / ``NEAR_M``), 0 where no agent is;
+    * ``dv``: its velocity minus the agent's, along the agent's yaw (m/s), else 0;
     * ``ax``: its acceleration along the agent's yaw (m/s^2), else 0.
 
-    The values do not depend on the scene frame. They are of use where the agent is valid.
+    The values do not depend on the scene frame. They are meaningful where the agent is valid.
     """
     columns = functools.partial(_ahead_of, reach_m=reach_m)
     return in_blocks(columns, LEADERS * len(COLUMNS), window, agents)
 
 
 def _ahead_of(around: NeighbourGeometry, reach_m: float) -> Float64Array:
-    """:func:`leader_features` of a few agents."""
+    """Return :func:`leader_features` of one block of agents."""
     along = around.along
     ahead = (along > 0.0) & (along < reach_m) & (np.abs(around.across) < BAND_M)
     parts = []
@@ -54,7 +55,7 @@ def _ahead_of(around: NeighbourGeometry, reach_m: float) -> Float64Array:
         parts += [
             np.where(there, gap, reach_m),
             nearness(gap, there),
-            np.where(there, around.faster(leader), 0.0),
+            np.where(there, around.relative_speed(leader), 0.0),
             np.where(there, around.acceleration(leader), 0.0),
         ]
         np.put_along_axis(ahead, leader[..., None], False, axis=2)

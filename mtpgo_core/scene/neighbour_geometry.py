@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where everybody is as seen by each agent: the geometry of the map-free road contexts.
+"""Positions of all agents relative to each agent: the geometry of the road contexts without map.
 
-At every history step an agent looks along its own yaw at that step; nothing of another step and
-no scene frame enters.
+At every history step, positions are relative to the agent's position and yaw at that step. Neither
+other steps nor the scene frame matter.
 """
 
 from __future__ import annotations
@@ -17,26 +17,27 @@ from numpy.typing import NDArray
 from mtpgo_core.schema import BoolArray, Float32Array, Float64Array, HistoryWindow
 
 NEAR_M = 20.0
-"""Distance over which nearness falls to 1/e."""
+"""Distance over which :func:`nearness` falls to 1/e (m); chosen."""
 
 _BLOCK = 1 << 20
-"""Pairs times steps that are worked on at a time, which bounds the memory for large scenes."""
+"""Most pairs times steps per block, which limits the memory for large scenes; chosen."""
 
 
 @dataclass(frozen=True)
 class NeighbourGeometry:
-    """All others around r agents at T steps, out of n in the window.
+    """The n agents of a window relative to r of them, at T steps.
 
-    Who is where is decided in float32, which is true to a tenth of a millimetre within a kilometre
-    and takes half the time; values are taken from the window itself.
+    ``along`` and ``across``, which only select agents, are float32: accurate to 0.1 mm within a
+    kilometre, in half the time. Feature values are computed from the window in float64.
 
     Attributes:
         window: the history.
         agents: [r] positions in the window.
         cos: [r, T] of the agents' yaw, 1 where it was never known.
-        sin: [r, T] likewise.
-        along: [r, T, n] how far ahead the other's centre is (m), NaN where either is absent.
-        across: [r, T, n] how far to the left (m).
+        sin: [r, T] of the agents' yaw, 0 where it was never known.
+        along: [r, T, n] distance ahead of the other agent's centre (m), NaN where either is
+            absent.
+        across: [r, T, n] its distance to the left (m), NaN where either is absent.
     """
 
     window: HistoryWindow
@@ -48,10 +49,10 @@ class NeighbourGeometry:
 
     @classmethod
     def of(cls, window: HistoryWindow, agents: NDArray[np.intp]) -> NeighbourGeometry:
-        """Of the agents at the positions ``agents`` [r] of the window."""
+        """Return the geometry around the agents at the positions ``agents`` [r] of the window."""
         yaw = np.nan_to_num(window.yaw[agents])
         cos, sin = np.cos(yaw), np.sin(yaw)
-        # Less a point in their midst before the digits are halved.
+        # Relative to the mean position, so that float32 keeps enough digits.
         seen = window.position[window.valid]
         near = window.position - (seen.mean(axis=0) if len(seen) else 0.0)
         place = np.ascontiguousarray(near.transpose(2, 1, 0), np.float32)  # [2, T, n]
@@ -60,29 +61,29 @@ class NeighbourGeometry:
         return cls(window, agents, cos, sin, along=c * x + s * y, across=c * y - s * x)
 
     def nearest(
-        self, there: BoolArray, distance: Float32Array
+        self, candidate: BoolArray, distance: Float32Array
     ) -> tuple[NDArray[np.intp], BoolArray]:
-        """[r, T] who of those ``there`` has the least ``distance``, and whether there is one.
+        """Return [r, T] the candidate at the least ``distance``, and whether there is one.
 
         Args:
-            there: [r, T, n] who counts.
+            candidate: [r, T, n] which agents are considered.
             distance: [r, T, n] (m).
         """
-        who = np.where(there, distance, np.float32(np.inf)).argmin(axis=2)
-        return who, np.take_along_axis(there, who[..., None], axis=2)[..., 0]
+        who = np.where(candidate, distance, np.float32(np.inf)).argmin(axis=2)
+        return who, np.take_along_axis(candidate, who[..., None], axis=2)[..., 0]
 
     def offset(self, who: NDArray[np.intp]) -> tuple[Float64Array, Float64Array]:
-        """[r, T] how far ahead and how far to the left ``who`` [r, T] is (m)."""
+        """Return [r, T] the distances ahead and to the left of the agents ``who`` [r, T] (m)."""
         offset = self._of(self.window.position, who) - self.window.position[self.agents]
         return self._ahead(offset), self.cos * offset[..., 1] - self.sin * offset[..., 0]
 
-    def faster(self, who: NDArray[np.intp]) -> Float64Array:
-        """[r, T] velocity of ``who`` [r, T] less the agent's own, along its yaw (m/s)."""
+    def relative_speed(self, who: NDArray[np.intp]) -> Float64Array:
+        """Return [r, T] the velocity of ``who`` [r, T] minus the agent's, along its yaw (m/s)."""
         velocity = self.window.velocity
         return self._ahead(self._of(velocity, who) - velocity[self.agents])
 
     def acceleration(self, who: NDArray[np.intp]) -> Float64Array:
-        """[r, T] acceleration of ``who`` [r, T] along the agent's yaw (m/s^2)."""
+        """Return [r, T] the acceleration of ``who`` [r, T] along the agent's yaw (m/s^2)."""
         return self._ahead(self._of(self.window.acceleration, who))
 
     def _of(self, values: Float64Array, who: NDArray[np.intp]) -> Float64Array:
@@ -90,12 +91,12 @@ class NeighbourGeometry:
         return of_who
 
     def _ahead(self, vectors: Float64Array) -> Float64Array:
-        """[r, T] part of vectors [r, T, 2] of the window's frame along the agents' yaws."""
+        """Return [r, T] the component of vectors [r, T, 2] along the agents' yaws."""
         return self.cos * vectors[..., 0] + self.sin * vectors[..., 1]
 
 
 def nearness(gap: Float64Array, there: BoolArray) -> Float64Array:
-    """exp(-gap / ``NEAR_M``) of gaps (m), 0 where nobody is."""
+    """Return exp(-gap / ``NEAR_M``) of gaps (m), 0 where no agent is there."""
     return np.where(there, np.exp(-np.where(there, gap, 0.0) / NEAR_M), 0.0)
 
 
@@ -105,18 +106,18 @@ def in_blocks(
     window: HistoryWindow,
     agents: NDArray[np.intp],
 ) -> Float64Array:
-    """[r, T, count] of ``columns``, a few agents at a time.
+    """Return [r, T, count] features, computed block by block.
 
     Args:
-        columns: [r, T, count] of the surroundings of r agents.
-        count: of the columns.
+        columns: returns [r, T, count] features for the geometry around r agents.
+        count: number of features.
         window: the history.
         agents: [r] positions in the window.
     """
     steps = window.valid.shape[1]
     out = np.empty((len(agents), steps, count))
     rows = max(1, _BLOCK // max(1, len(window) * steps))
-    with np.errstate(invalid="ignore"):  # NaN where somebody is absent compares as not there
+    with np.errstate(invalid="ignore"):  # NaN of an absent agent compares as false
         for start in range(0, len(agents), rows):
             some = slice(start, start + rows)
             out[some] = columns(NeighbourGeometry.of(window, agents[some]))

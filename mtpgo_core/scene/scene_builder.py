@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From the history window to the model's input (design D12 to D14); offline and online the same.
+"""From the history window to the model's input, for training and the node alike.
 
-Only agents present at the common time t stand in a scene: one that left before t can neither be
-predicted nor act on the others' future.
+Only agents present at the common time t are part of a scene: one that left before t can neither be
+predicted nor influence the others' future. See docs/design.md, decisions 12 to 14.
 """
 
 from __future__ import annotations
@@ -31,10 +31,11 @@ from mtpgo_core.schema import (
 from mtpgo_core.task.task_description import SceneConfig
 
 _BY_AGENT = {"leaders": leader_features, "traffic": traffic_features}
-"""Contexts that are the same in every graph: computed once for each agent."""
+"""Contexts that do not depend on the graph: computed once per agent."""
 
 _MOVING_MPS = 0.5
-"""Below, the direction of motion says nothing about the driving direction."""
+"""Below this speed (m/s) the yaw gives the driving direction, not the velocity; chosen above a
+tracker's velocity noise at standstill."""
 
 
 def build_scenes(
@@ -46,25 +47,25 @@ def build_scenes(
     centres: NDArray[np.intp] | None = None,
     lanes: LaneMap | None = None,
 ) -> SceneBatch:
-    """Graphs, scene frames and features of the agents present at the window's common time.
+    """Return graphs, scene frames and features of the agents present at the window's time.
 
-    In each graph the centre stands first, then its neighbours by rising distance.
+    In each graph the centre comes first, then its neighbours by ascending distance.
 
     Args:
         window: the history.
         config: policy, limits, frame, context and classes.
         ego_key: [4] the agent of the ``ego`` policy.
-        previous: the memory of the cycles before, read and renewed (``cover``, ``ego``,
-            ``scene``); without it every call chooses afresh.
+        previous: the state of the previous cycle, read and updated (``cover``, ``ego``,
+            ``scene``); without it every call chooses independently.
         centres: [B] positions in the window; forces one graph around each of these agents, all
             members primary. This is how training cuts its samples.
         lanes: lane lines in the window's frame, for the context ``lanes``.
 
     Returns:
-        The batch, padded up to its largest graph; B = 0 when nobody is present.
+        The batch, padded up to its largest graph; B = 0 if no agent is present.
 
     Raises:
-        ConfigurationError: a centre that is not present at t, or lanes wanted and not given.
+        ConfigurationError: a centre that is not present at t, or lanes needed and not given.
     """
     if centres is None:
         graphs = choose_graphs(window, config, ego_key=ego_key, state=previous)
@@ -95,7 +96,7 @@ def build_scenes(
 def scene_frames(
     window: HistoryWindow, config: SceneConfig, centre: NDArray[np.intp]
 ) -> tuple[Float64Array, Float64Array]:
-    """Origins [B, 2] (m) and rotations [B] (rad) of the scene frames around ``centre`` (D12).
+    """Return origins [B, 2] (m) and rotations [B] (rad) of the scene frames around ``centre``.
 
     ``centre_heading``: at the centre agent, x along its yaw (0 where that was never known).
     ``driving_direction``: at the centre agent, x along the fixed frame's +x or, for an agent that
@@ -115,13 +116,13 @@ def scene_frames(
 
 
 def class_one_hot(agent_class: ClassArray, classes: tuple[str, ...]) -> Float32Array:
-    """[n, C] one-hot classes, all zero for a class that ``classes`` does not name."""
+    """Return [n, C] one-hot classes, all zero for a class that is not in ``classes``."""
     return _one_hot_table(classes)[agent_class]
 
 
 @functools.cache
 def _one_hot_table(classes: tuple[str, ...]) -> Float32Array:
-    """[256, C] row for each value of a class."""
+    """Return [256, C] the one-hot row of each class value."""
     table = np.zeros((256, len(classes)), dtype=np.float32)
     for column, name in enumerate(classes):
         value = AgentClass.from_name(name)
@@ -140,10 +141,10 @@ def _features(
     rotation: Float64Array,
     lanes: LaneMap | None,
 ) -> Float32Array:
-    """[B, N, T, F] in the order of ``SceneConfig.features``.
+    """Return [B, N, T, F] in the order of ``SceneConfig.features``.
 
-    Positions lose the origin in float64, so a far-off map origin costs no precision. A velocity or
-    acceleration that was never known is 0, such a yaw is the scene's x axis.
+    The origin is subtracted in float64, so a distant map origin costs no precision. A velocity or
+    acceleration that was never known is 0, a yaw that was never known is the scene's x axis.
     """
     turn = -rotation[:, None, None]
     position = rotate(window.position[agent] - origin[:, None, None], turn)
@@ -173,9 +174,9 @@ def _features(
 
 
 def _polar(position: Float64Array) -> Float64Array:
-    """Distance and direction (cos, sin) from the scene's origin (paper, Road Context Features).
+    """Return distance and direction (cos, sin) from the scene's origin (polar context, eq. (2)).
 
-    The angle counts counter-clockwise from the scene's x axis; at the origin it is 0.
+    The angle is counter-clockwise from the scene's x axis; at the origin it is 0.
     """
     r = np.hypot(position[..., 0], position[..., 1])
     at_origin = r == 0.0

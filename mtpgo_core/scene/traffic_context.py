@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Who drives around: the road context of multi-lane traffic (context ``traffic``, design D13).
+"""The agents all around: the road context of multi-lane traffic (context ``traffic``).
 
-Beside what :mod:`mtpgo_core.scene.leader_context` says of the way ahead, a driver in a queue
-answers to the third vehicle ahead within five seconds, a gap is what is left between bumpers, a
-long vehicle accelerates slowly, and who changes a lane looks at those beside it. All of it is
-geometry of what was observed at the step, without a map.
+Extends :mod:`mtpgo_core.scene.leader_context`: a driver in a queue reacts to the third vehicle
+ahead within five seconds, a gap is measured between bumpers, a long vehicle accelerates slowly,
+and a lane change depends on the vehicles in the neighbouring lanes (docs/design.md, "Traffic").
+All features are geometry of the observations of one step, without a map.
 """
 
 from __future__ import annotations
@@ -21,41 +21,42 @@ from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow
 from mtpgo_core.task.task_description import CONTEXT_FEATURES
 
 LEADERS = 3
+"""Agents ahead in the agent's own band that are described."""
 LANE_M = 3.6
-"""Width of the bands to the left and right of one's own."""
+"""Width of the bands to the left and right of the agent's own (m): a motorway lane."""
 USUAL_LENGTH_M = 4.5
-"""Taken for a vehicle whose length the tracker does not tell."""
+"""Length of an agent whose tracker gives none (m): a car."""
 
 
 def traffic_features(
     window: HistoryWindow, agents: NDArray[np.intp], reach_m: float = 80.0
 ) -> Float64Array:
-    """[r, T, 29] what drives around each of ``agents`` [r].
+    """Return [r, T, 29] features of the agents around each of ``agents`` [r].
 
     The columns are those of ``CONTEXT_FEATURES["traffic"]``,
     :mod:`mtpgo_core.task.task_description`.
 
     The own band reaches ``BAND_M`` to either side of the straight line along the agent's yaw at
     that step, the ``left`` and ``right`` bands ``LANE_M`` farther. An agent counts as ahead or
-    behind by its centre, up to ``reach_m`` away; of each place the nearest counts, in the own band
-    the nearest three ahead (``lead1`` to ``lead3``). Of each of them:
+    behind by its centre, up to ``reach_m`` away; the nearest in each place is described, in the
+    own band the nearest three ahead (``lead1`` to ``lead3``). For each of them:
 
-    * ``gap``: the distance along the agent's yaw between the bumpers (m), negative beside each
-      other, ``reach_m`` where nobody is;
-    * ``near``: exp(-gap / 20 m), 0 where nobody is;
-    * ``dv``: its velocity less the agent's, along the agent's yaw (m/s), else 0;
+    * ``gap``: the distance along the agent's yaw between the bumpers (m), negative if they
+      overlap, ``reach_m`` where no agent is;
+    * ``near``: exp(-gap / 20 m), 0 where no agent is;
+    * ``dv``: its velocity minus the agent's, along the agent's yaw (m/s), else 0;
     * ``ax``: its acceleration along the agent's yaw (m/s^2), else 0;
-    * ``across``: how far to the left its centre is (m), else 0.
+    * ``across``: the distance to the left of its centre (m), else 0.
 
-    ``length`` is the agent's own (m). A length that is not known is ``USUAL_LENGTH_M``. The values
-    do not depend on the scene frame. They are of use where the agent is valid.
+    ``length`` is the agent's own (m). An unknown length is ``USUAL_LENGTH_M``. The values
+    do not depend on the scene frame. They are meaningful where the agent is valid.
     """
     columns = functools.partial(_around, reach_m=reach_m)
     return in_blocks(columns, len(CONTEXT_FEATURES["traffic"]), window, agents)
 
 
 def _around(around: NeighbourGeometry, reach_m: float) -> Float64Array:
-    """:func:`traffic_features` of a few agents."""
+    """Return :func:`traffic_features` of one block of agents."""
     length = np.nan_to_num(around.window.size[:, 0], nan=USUAL_LENGTH_M)
     own = length[around.agents, None]
     along, across = around.along, around.across
@@ -97,10 +98,10 @@ def _place(
     length: Float64Array,
     reach_m: float,
 ) -> list[Float64Array]:
-    """[r, T] each: gap, near and dv of the nearest at a place, where somebody is there."""
+    """Return gap, near and dv, [r, T] each, of the nearest agent ``who`` in a place."""
     gap = np.abs(around.offset(who)[0]) - 0.5 * (own + length[who])
     return [
         np.where(there, gap, reach_m),
         nearness(np.maximum(gap, 0.0), there),
-        np.where(there, around.faster(who), 0.0),
+        np.where(there, around.relative_speed(who), 0.0),
     ]

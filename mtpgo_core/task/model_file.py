@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finding a model file and reading its task description, without torch.
 
-A model file is a TorchScript archive, which is a zip file, with the task description among its
-extra files. Whatever is wrong with one is said in one sentence that names the file.
+A model file is a TorchScript archive, which is a zip file, with the task description as an extra
+file. Every error is one sentence that names the file.
 """
 
 from __future__ import annotations
@@ -17,14 +17,13 @@ from mtpgo_core.task.task_description import TASK_FILE, TaskDescription
 
 
 def find_model(name_or_path: str | Path) -> Path:
-    """The file of a model given by path, or by the name of one that ships with the package.
+    """Return the file of a model given by path or by the name of a shipped model.
 
     Args:
         name_or_path: anything with a separator or a suffix is a path; ``default`` is a name.
 
     Raises:
-        ModelFileError: there is no such shipped model. Whether a path exists is found out when
-            it is read.
+        ModelFileError: there is no such shipped model. A path is not checked before it is read.
     """
     path = Path(name_or_path)
     if path.suffix or len(path.parts) != 1 or path.is_file():
@@ -39,7 +38,7 @@ def find_model(name_or_path: str | Path) -> Path:
 
 
 def shipped_models() -> list[str]:
-    """Names of the models that ship with the package."""
+    """Return the names of the models that ship with the package."""
     try:
         folder = find_resource("weights")
     except ConfigurationError:
@@ -48,7 +47,7 @@ def shipped_models() -> list[str]:
 
 
 def model_card(path: Path) -> str | None:
-    """The card that lies beside a model file under its name (Markdown), None where none does."""
+    """Return the model card (Markdown) next to a model file, None if there is none."""
     card = path.with_suffix(".md")
     try:
         return card.read_text(encoding="utf-8") if card.is_file() else None
@@ -57,11 +56,11 @@ def model_card(path: Path) -> str | None:
 
 
 def load_task(path: str | Path) -> TaskDescription:
-    """The task description of a model file; reads nothing else.
+    """Return the task description of a model file; nothing else is read.
 
     Raises:
-        ModelFileError: the file is missing, unreadable, truncated, no TorchScript or without a
-            usable task description.
+        ModelFileError: the file is missing, unreadable, truncated, not TorchScript or without
+            a usable task description.
     """
     path = Path(path)
     if path.is_dir():

@@ -3,7 +3,7 @@
 """The task a model was trained for: everything that must be equal offline and online.
 
 The description is stored as JSON in the exported file (extra file ``task.json``), so the node
-builds exactly the input that training built, and needs neither the network code nor a side file.
+builds exactly the input of the training and needs neither the network code nor a further file.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, from_dict, option
 
 SCHEMA_VERSION = 1
-"""Raised whenever an older runner could no longer serve a newer file."""
+"""Incremented whenever an older runner can no longer run a newer file."""
 
 TASK_FILE = "task.json"
 """Name of the extra file inside the TorchScript archive."""
@@ -49,20 +49,20 @@ CONTEXT_FEATURES = {
 
 @dataclass(frozen=True)
 class HistoryConfig:
-    """How observations become the window (design D1, section 4 Resampling).
+    """How observations become the window (docs/design.md, decisions 1 and 13).
 
     Attributes:
         dt_s: grid step (s).
         steps: grid samples T, the present one included.
-        max_gap_s: longest time between two observations of an agent that is bridged (s).
-        max_extrapolation_s: longest time an agent is carried on to the common time t (s).
+        max_gap_s: longest time between two observations that is interpolated (s).
+        max_extrapolation_s: longest extrapolation of an agent to the common time t (s).
         velocity_source: ``message``: the message's where it has one, else estimated;
             ``estimated``: always the causal estimate from past positions.
-        acceleration_source: likewise, from past velocities.
+        acceleration_source: the same choice; the estimate is made from past velocities.
         velocity_tau_s: time constant of the causal velocity estimate (s).
         acceleration_tau_s: time constant of the causal acceleration estimate (s).
-        max_speed_mps: an observation faster than this, as given or as moved since the last one, is
-            rejected or starts a new track (m/s).
+        max_speed_mps: an observation faster than this is rejected; a faster move since the last
+            observation starts a new track (m/s).
     """
 
     dt_s: float = option(0.2, low=1e-3)
@@ -80,7 +80,7 @@ class HistoryConfig:
 
     @property
     def grid_ns(self) -> tuple[int, ...]:
-        """Times of the T grid samples before the common time (ns), from the oldest to 0."""
+        """Times of the T grid samples relative to the common time (ns), from the oldest to 0."""
         dt_ns = round(self.dt_s * 1e9)
         return tuple(range((1 - self.steps) * dt_ns, 1, dt_ns))
 
@@ -96,22 +96,22 @@ class HistoryConfig:
 
     @property
     def keep_ns(self) -> int:
-        """How long a track is remembered after its last observation (ns)."""
+        """How long a track is kept after its last observation (ns)."""
         return max(self.max_gap_ns, self.max_extrapolation_ns) - self.grid_ns[0]
 
 
 @dataclass(frozen=True)
 class SceneConfig:
-    """Which agents share a graph and in which frame they stand (design D12 to D14).
+    """Which agents share a graph, and their frame (docs/design.md, decisions 12 to 14).
 
     Attributes:
         policy: graph policy, one of ``GRAPH_POLICIES``.
-        max_neighbours: agents of a graph beside its centre, the nearest first.
+        max_neighbours: agents of a graph besides its centre, the nearest first.
         radius_m: an agent farther than this from the centre is not its neighbour (m).
         frame: scene-frame policy, one of ``FRAME_POLICIES``.
         site_origin: origin for ``site_origin``, in the fixed frame (m).
         context: context features, one of ``CONTEXTS``.
-        leader_reach_m: how far the contexts ``leaders`` and ``traffic`` look (m).
+        leader_reach_m: range of the contexts ``leaders`` and ``traffic`` (m).
         classes: class names of the one-hot static feature, in order.
     """
 
@@ -144,7 +144,7 @@ class SceneConfig:
 
 @dataclass(frozen=True)
 class TaskDescription:
-    """All that a model carries about itself.
+    """Everything that a model file states about its model.
 
     Attributes:
         name: short name of the model.
@@ -174,16 +174,16 @@ class TaskDescription:
     schema_version: int = SCHEMA_VERSION
 
     def to_json(self) -> str:
-        """The JSON text that is stored in the exported file."""
+        """Return the JSON text that is stored in the exported file."""
         return json.dumps(dataclasses.asdict(self), indent=2, sort_keys=True)
 
     @classmethod
     def from_json(cls, text: str) -> TaskDescription:
-        """The description stored in ``text``.
+        """Return the description stored in ``text``.
 
         Raises:
-            ConfigurationError: the text is no JSON object, has an unknown or ill-typed field, or
-                comes from a newer schema; the sentence names the field.
+            ConfigurationError: the text is not a JSON object, has an unknown or ill-typed field,
+                or has another schema version; the sentence names the field.
         """
         try:
             data = json.loads(text)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.history.track_index import NameArray, find_names, names_of
+from mtpgo_core.history.track_index import SortKeyArray, find_sort_keys, sort_keys
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import (
     BoolArray,
@@ -93,16 +93,16 @@ class Recording:
         return keys_from_integers(self.track_id.tolist())
 
     @cached_property
-    def _sorted_names(self) -> tuple[NameArray, Int64Array]:
+    def _sorted_names(self) -> tuple[SortKeyArray, Int64Array]:
         """The names of the keys in ascending order, and the track of each."""
-        names = names_of(self.key)
+        names = sort_keys(self.key)
         order = np.argsort(names, kind="stable")
         return names[order], order
 
     def find_tracks(self, key: KeyArray) -> Int64Array:
         """[n] index of the track with each [n, 4] key, -1 for a key that no track has."""
         names, track = self._sorted_names
-        place = find_names(names, names_of(key))
+        place = find_sort_keys(names, sort_keys(key))
         return np.where(place >= 0, track[place], -1) if len(track) else place
 
     @cached_property

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, MtpgoError, RecordingError
-from mtpgo_core.history.track_index import names_of
+from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.resources import find_resource
 from mtpgo_core.task.model_file import find_model, load_task
 from mtpgo_core.task.task_description import TaskDescription
@@ -198,9 +198,13 @@ def score_recordings(
                 name=report.MODEL,
                 protocol=report.PROTOCOL,
             )
-        observed = {states.stamp_ns: names_of(states.key) for states in recording.states()}
+        observed = {states.stamp_ns: sort_keys(states.key) for states in recording.states()}
         predicted = [
-            (received.prediction.stamp_ns, received.received_ns, names_of(received.prediction.key))
+            (
+                received.prediction.stamp_ns,
+                received.received_ns,
+                sort_keys(received.prediction.key),
+            )
             for received in predictions
         ]
         own = timing(observed, recorded.observed, predicted, rate_hz)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.history.track_index import NameArray
+from mtpgo_core.history.track_index import SortKeyArray
 
 Int64Array = NDArray[np.int64]
 
@@ -90,16 +90,16 @@ def missed_cycles(observed: Int64Array, predicted: Int64Array, period_ns: int) -
 
 
 def timing(
-    observed: Mapping[int, NameArray],
+    observed: Mapping[int, SortKeyArray],
     received: Mapping[int, int],
-    predicted: Sequence[tuple[int, int, NameArray]],
+    predicted: Sequence[tuple[int, int, SortKeyArray]],
     rate: float,
 ) -> PublicationTiming:
     """Return the timing of one recording.
 
     Args:
         observed: stamp of each observation that was played (ns) -> [n] names of its road users,
-            see :func:`~mtpgo_core.history.track_index.names_of`.
+            see :func:`~mtpgo_core.history.track_index.sort_keys`.
         received: stamp of each observation (ns) -> time of its receipt (ns, wall clock).
         predicted: stamp (ns), time of receipt (ns, wall clock) and [m] names of the road users of
             each prediction, in order of receipt.

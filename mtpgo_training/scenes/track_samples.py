@@ -21,9 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.history.resampling import NEVER_NS, Brackets, bracket
-from mtpgo_core.history.track_index import names_of
+from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.history.track_store import SAMPLE_COLUMNS, TrackStore
-from mtpgo_core.history.track_update import derive, has_jumped, interpolate, usable
+from mtpgo_core.history.track_update import (
+    complete_samples,
+    interpolate,
+    moved_impossibly,
+    usable_observations,
+)
 from mtpgo_core.schema import Float64Array, TrackedStates, tracked_states
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import FRAME_ID, Columns, Recording
@@ -156,7 +161,7 @@ def take_in(recording: Recording, history: HistoryConfig) -> Columns:
         store = TrackStore(history, len(bounds), history.keep_ns)
         names = np.zeros((len(bounds), 4), dtype=np.uint32)
         names[:, 0] = np.arange(len(bounds))
-        slots, _ = store.admit(names_of(names), np.empty(0, dtype=np.intp))
+        slots, _ = store.allocate(sort_keys(names), np.empty(0, dtype=np.intp))
         with np.errstate(invalid="ignore", over="ignore"):
             for n in range(int(length.max())):
                 going = n < length
@@ -164,7 +169,7 @@ def take_in(recording: Recording, history: HistoryConfig) -> Columns:
                 at = mine[here]
                 _forget(history, store, slot, stamp_ns[at], states.position[here])
                 count = store.rings.count[slot]
-                sample[at] = derive(history, store, slot, stamp_ns[at], states, here)
+                sample[at] = complete_samples(history, store, slot, stamp_ns[at], states, here)
                 store.rings.append(slot, stamp_ns[at], sample[at])
                 fresh[at] = count == 0
                 replaced[at - 1] |= store.rings.count[slot] == count
@@ -197,7 +202,7 @@ def _usable_rows(recording: Recording, history: HistoryConfig) -> IntArray:
     with np.errstate(invalid="ignore", over="ignore"):
         for begin in range(0, len(good), ROWS_AT_ONCE):
             some = slice(begin, begin + ROWS_AT_ONCE)
-            finite, too_fast = usable(history, _states(recording, some))
+            finite, too_fast = usable_observations(history, _states(recording, some))
             good[some] = finite & ~too_fast
     return np.flatnonzero(good)
 
@@ -205,7 +210,7 @@ def _usable_rows(recording: Recording, history: HistoryConfig) -> IntArray:
 def _by_track(recording: Recording, rows: IntArray) -> IntArray:
     """Return the rows sorted by track (in the order of the keys) and time."""
     rank = np.empty(len(recording.track_id), dtype=np.int64)
-    rank[np.argsort(names_of(recording.key), kind="stable")] = np.arange(len(rank))
+    rank[np.argsort(sort_keys(recording.key), kind="stable")] = np.arange(len(rank))
     return rows[np.lexsort((recording.frame[rows], rank[recording.track[rows]]))]
 
 
@@ -244,6 +249,6 @@ def _forget(
     known = store.rings.count[slot] > 0
     away = known & (store.rings.last_ns[slot] < stamp_ns - history.keep_ns)
     known &= ~away
-    away[known] = has_jumped(history, store, slot[known], stamp_ns[known], position[known])
+    away[known] = moved_impossibly(history, store, slot[known], stamp_ns[known], position[known])
     if away.any():
-        store.blank(slot[away])
+        store.reset(slot[away])

@@ -9,7 +9,7 @@ import pytest
 from core_helpers import S_NS, states_of
 
 from mtpgo_core.errors import FrameError
-from mtpgo_core.frames import Pose2, PoseBuffer, lift, rotate, rotate_covariance
+from mtpgo_core.frames import Pose2, PoseBuffer, rotate, rotate_covariance, to_fixed_frame
 
 QUARTER = math.pi / 2
 
@@ -58,7 +58,7 @@ def vehicle_states():
 
 
 def test_lift_by_hand():
-    lifted = lift(vehicle_states(), Pose2(100.0, 200.0, QUARTER), "map")
+    lifted = to_fixed_frame(vehicle_states(), Pose2(100.0, 200.0, QUARTER), "map")
     assert lifted.frame_id == "map"
     np.testing.assert_allclose(lifted.position, [[98.0, 210.0]], atol=1e-12)
     np.testing.assert_allclose(lifted.velocity, [[0.0, 3.0]], atol=1e-12)
@@ -72,12 +72,14 @@ def test_relative_velocity_gains_the_vehicles_own_motion():
     pose = Pose2(0.0, 0.0, 0.0, velocity=(8.0, 0.0), yaw_rate=0.5)
     states = vehicle_states()
     states.velocity[0] = (-8.0 + 0.5 * 2.0, -0.5 * 10.0)
-    lifted = lift(states, pose, "odom", relative_velocity=True)
+    lifted = to_fixed_frame(states, pose, "odom", relative_velocity=True)
     np.testing.assert_allclose(lifted.velocity, [[0.0, 0.0]], atol=1e-12)
 
 
 def test_unknown_stays_unknown_when_lifted():
-    lifted = lift(states_of(0.0, [1], [[1.0, 1.0]], frame="base_link"), Pose2(0, 0, 1.0), "map")
+    lifted = to_fixed_frame(
+        states_of(0.0, [1], [[1.0, 1.0]], frame="base_link"), Pose2(0, 0, 1.0), "map"
+    )
     assert np.isnan(lifted.velocity).all()
     assert np.isnan(lifted.yaw).all()
     assert np.isnan(lifted.covariance).all()
@@ -85,7 +87,7 @@ def test_unknown_stays_unknown_when_lifted():
 
 def test_a_pose_that_is_not_finite_is_an_error():
     with pytest.raises(FrameError, match="expected finite numbers"):
-        lift(vehicle_states(), Pose2(0.0, math.nan, 0.0), "map")
+        to_fixed_frame(vehicle_states(), Pose2(0.0, math.nan, 0.0), "map")
 
 
 def test_poses_are_interpolated_along_the_shorter_arc():

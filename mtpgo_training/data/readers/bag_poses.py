@@ -12,7 +12,7 @@ from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.inputs.odometry import ODOMETRY, pose_of
 from mtpgo_core.errors import FrameError
-from mtpgo_core.frames import PoseBuffer, lift
+from mtpgo_core.frames import PoseBuffer, to_fixed_frame
 from mtpgo_core.schema import TrackedStates
 
 _WHOLE_BAG_S = 1e9
@@ -53,7 +53,7 @@ class BagPoses:
             return states
         fixed, poses = self._poses[states.frame_id]
         try:
-            return lift(states, poses.at(states.stamp_ns), fixed)
+            return to_fixed_frame(states, poses.at(states.stamp_ns), fixed)
         except FrameError as error:
             self.problem = str(error)
             return None

@@ -16,7 +16,7 @@ from rosbags.interfaces import Connection
 from msg_adapters.bags.bag_reader import DecodingBagReader, is_bag
 from msg_adapters.inputs.lane_markers import lanes_from_markers
 from mtpgo_core.errors import MessageError, RecordingError
-from mtpgo_core.history.track_index import names_of
+from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.schema import Float64Array, TrackedStates
 from mtpgo_training.data.readers.bag_poses import BagPoses
 from mtpgo_training.data.readers.bag_topics import MARKERS, objects_topic
@@ -188,7 +188,7 @@ def _recording(name: str, piece: _Piece, sha256: str) -> Recording:
     count = [len(states) for states in piece.states]
     frame = np.repeat(numbers, count)
     keys = np.concatenate([states.key for states in piece.states])
-    _, first, track = np.unique(names_of(keys), return_index=True, return_inverse=True)
+    _, first, track = np.unique(sort_keys(keys), return_index=True, return_inverse=True)
     key = keys[first]
     # A message that comes twice adds nothing: the first row of a frame and track counts.
     _, rows = np.unique(np.stack([frame, track], axis=1), axis=0, return_index=True)

@@ -75,7 +75,7 @@ def test_growing_keeps_what_is_there_and_blank_empties():
     assert stored(rings, 1)[1][-1, 0] == 990
     assert stored(rings, 4)[0].size == 0
     assert rings.last_ns[4] == NEVER_NS
-    rings.blank(np.array([0]))
+    rings.clear(np.array([0]))
     assert stored(rings, 0)[0].size == 0
     assert np.isnan(rings.last[0]).all()
     rings.append(np.array([0]), 5, np.array([[7.0]]))

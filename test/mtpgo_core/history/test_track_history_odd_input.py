@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Every odd observation of the design's section 4 has its outcome and its counter."""
+"""Every odd observation in the table of track_history.py has its outcome and its counter."""
 
 import dataclasses
 

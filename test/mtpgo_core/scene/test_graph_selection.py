@@ -9,7 +9,7 @@ import pytest
 from core_helpers import states_of
 
 from mtpgo_core.history.track_history import TrackHistory
-from mtpgo_core.history.track_index import names_of
+from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.scene.graph_cover import neighbourhoods
 from mtpgo_core.scene.graph_selection import GraphState, choose_graphs, graphs_around
@@ -142,7 +142,7 @@ def test_agents_belong_to_those_they_move_along_with():
     velocity = np.array([[25.0, 0.0], [-25.0, 0.0]] * 3)
     velocity[3:] = velocity[[1, 0, 1]]
     history.update(states_of(0.0, range(6), position, velocity=velocity))
-    state = GraphState(centre=names_of(keys_from_integers([0, 1])))
+    state = GraphState(centre=sort_keys(keys_from_integers([0, 1])))
     found = owners(choose_graphs(history.window(), SceneConfig(radius_m=65.0), state=state))
     assert found == {0: 0, 1: 1, 2: 0, 3: 1, 4: 0, 5: 1}
 
@@ -197,7 +197,7 @@ def test_small_motion_changes_nothing():
 
 
 def named(*agents):
-    return names_of(keys_from_integers(agents))
+    return sort_keys(keys_from_integers(agents))
 
 
 def test_an_agent_stays_until_another_centre_is_nearer_by_half():

@@ -14,7 +14,7 @@ from traffic import braking_cars
 from msg_adapters.registry import INPUTS
 from msg_adapters.types import TypestoreTypes
 from mtpgo_core.history.track_history import TrackHistory
-from mtpgo_core.history.track_index import find_names, names_of
+from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.scene.scene_builder import build_scenes
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.scenes.centre_sampling import random_cover
@@ -84,9 +84,9 @@ def test_the_size_of_a_graph_is_known_before_it_is_cut():
 
 def rows_of(keys, wanted):
     """[n] row of each of ``wanted`` [n, 4] in ``keys``."""
-    names = names_of(keys)
+    names = sort_keys(keys)
     order = np.argsort(names)
-    return order[find_names(names[order], names_of(wanted))]
+    return order[find_sort_keys(names[order], sort_keys(wanted))]
 
 
 def test_a_window_contains_nothing_that_comes_later():
