@@ -1,10 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Starts the predictor, and RViz where it is wanted.
+"""Starts the predictor and, if requested, RViz.
 
     ros2 launch mtpgo_ros predictor.launch.py objects:=/perception/objects rate:=10.0 rviz:=true
 
-Arguments go before the parameter file; those left empty leave the file's value.
+Arguments have priority over the parameter file; an empty argument keeps the file's value.
 """
 
 from pathlib import Path
@@ -22,10 +22,10 @@ PARAMETERS = {
     "model": (str, "name of an installed model or path of an exported one"),
     "graph": (str, "ego, cover, each or scene"),
     "rate": (float, "predictions per second, at most (Hz)"),
-    "input_type": (str, "kind of the objects' message, auto: as published"),
+    "input_type": (str, "message type of the objects, auto: as published"),
     "ego_id": (str, "identity of the ego"),
-    "fixed_frame": (str, "frame into which objects are lifted"),
-    "use_sim_time": (bool, "time comes from /clock"),
+    "fixed_frame": (str, "frame into which objects are transformed"),
+    "use_sim_time": (bool, "use the time of /clock"),
 }
 """Arguments that are parameters of the node: type and description."""
 
@@ -34,7 +34,7 @@ TOPICS = ("objects", "odometry", "lane_markings", "ego_id")
 
 
 def generate_launch_description() -> LaunchDescription:
-    """What ``ros2 launch`` starts."""
+    """Return what ``ros2 launch`` starts."""
     arguments = [
         DeclareLaunchArgument(
             "params_file",
@@ -66,7 +66,7 @@ def _argument(topic: str) -> str:
 
 
 def _predictor(context: object) -> list[Node]:
-    """The node, with the parameters that were given on the command line."""
+    """Return the node with the parameters from the command line."""
 
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
@@ -94,7 +94,7 @@ def _predictor(context: object) -> list[Node]:
 
 
 def _value(kind: type, name: str, text: str) -> str | float | bool:
-    """An argument's text as the parameter's type."""
+    """Return an argument's text as the parameter's type."""
     if kind is bool:
         if text.lower() not in ("true", "false"):
             raise ValueError(f"argument {name} is {text!r}, expected true or false")

@@ -1,10 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a bag into the predictor, in the bag's own time.
+"""Plays a bag to the predictor, with the bag's time as simulated time.
 
     ros2 launch mtpgo_ros replay.launch.py bag:=recording.mcap speed:=2.0 rviz:=true
 
-All ends when the bag does. The predictor's own settings stand in its parameter file.
+Everything ends with the bag. Other settings of the predictor come from its parameter file.
 """
 
 from pathlib import Path
@@ -26,7 +26,7 @@ HERE = Path(__file__).resolve().parent
 
 
 def generate_launch_description() -> LaunchDescription:
-    """What ``ros2 launch`` starts."""
+    """Return what ``ros2 launch`` starts."""
     player = Node(
         package="mtpgo_ros",
         executable="replay",
@@ -50,9 +50,11 @@ def generate_launch_description() -> LaunchDescription:
     )
     return LaunchDescription(
         [
-            DeclareLaunchArgument("bag", description="bag to be played"),
-            DeclareLaunchArgument("speed", default_value="1.0", description="speed of playing"),
-            DeclareLaunchArgument("model", default_value="", description="of the predictor"),
+            DeclareLaunchArgument("bag", description="bag to play"),
+            DeclareLaunchArgument(
+                "speed", default_value="1.0", description="speed of the playback"
+            ),
+            DeclareLaunchArgument("model", default_value="", description="model of the predictor"),
             DeclareLaunchArgument("rviz", default_value="false", description="start RViz"),
             predictor,
             player,

@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``load_generator``: publishes made-up traffic and measures what the predictor answers.
+"""``load_generator``: publishes synthetic traffic and measures the predictor's answers.
 
-Started as ``python -m mtpgo_ros.load_generator``; ``mtpgo benchmark node`` starts it. It publishes
-from its start on, waits for the first prediction, goes on for the warm-up and the duration, and
-writes when each observation was published and when each prediction was received, both on the
-monotonic clock that all processes of a machine share.
+Started as ``python -m mtpgo_ros.load_generator``, for example by ``mtpgo benchmark node``. It
+publishes from its start, waits for the first prediction, continues for the warm-up and the
+duration, and writes when each observation was published and when each prediction was received,
+both on the monotonic clock, which all processes of a machine share.
 """
 
 from __future__ import annotations
@@ -31,10 +31,11 @@ from mtpgo_ros.runtime.executable import (
 )
 
 LAST_ANSWER_S = 1.0
-"""What is not answered so long after the last observation is not waited for (s)."""
+"""Answers are awaited this long after the last observation (s); chosen: five periods at 5 Hz."""
 
-_AHEAD_S = 0.001
-"""The thread wakes so much early and waits actively for the rest (s): sleep alone is late."""
+_BUSY_WAIT_S = 0.001
+"""The thread wakes this much early and waits actively for the rest (s), since sleep alone is late;
+chosen above the usual lateness."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,9 @@ class LoadPlan:
         input_rate: observations per second (Hz).
         warm_up_s: time after the first prediction that is not measured (s).
         duration_s: time that is measured (s).
-        patience_s: how long the first prediction is waited for (s).
+        patience_s: longest wait for the first prediction (s).
         predictor: name of the node.
-        markers: listen to its markers, too.
+        markers: subscribe to its markers as well.
     """
 
     agents: int
@@ -61,10 +62,10 @@ class LoadPlan:
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
-    """Entry of the module.
+    """Run the load generator.
 
     Args:
-        argv: arguments, by default the process's; ``--ros-args`` may follow ours.
+        argv: arguments, default those of the process; ``--ros-args`` may follow ours.
 
     Returns:
         0 when the measurement was written, 2 for bad input or a predictor that never answered.
@@ -92,10 +93,10 @@ def main(argv: Sequence[str] | None = None) -> int | None:
 
 
 def _measure(plan: LoadPlan, stopped: Callable[[], bool]) -> dict[str, Any]:
-    """Publish and listen; what was measured.
+    """Publish, receive, and return the measurement.
 
     Raises:
-        MtpgoError: no prediction came, or a signal did.
+        MtpgoError: no prediction or a signal was received.
     """
     from mtpgo_ros.load.load_node import LoadNode
     from mtpgo_ros.runtime.ros_start import spin
@@ -124,7 +125,7 @@ def _measure(plan: LoadPlan, stopped: Callable[[], bool]) -> dict[str, Any]:
 def _publish(
     plan: LoadPlan, node: Any, stopped: Callable[[], bool], over: threading.Event
 ) -> None:
-    """The publishing thread: every observation has its own moment, so lateness adds up nowhere."""
+    """Publish on a fixed schedule, so that lateness does not add up; runs on a separate thread."""
     try:
         period_s = 1.0 / plan.input_rate
         begin_s, begin_ns = time.monotonic(), time.time_ns()
@@ -147,7 +148,8 @@ def _publish(
 
 
 def _sleep_until(moment_s: float) -> None:
-    left_s = moment_s - time.monotonic() - _AHEAD_S
+    """Wait until a time of the monotonic clock (s), actively at the end."""
+    left_s = moment_s - time.monotonic() - _BUSY_WAIT_S
     if left_s > 0.0:
         time.sleep(left_s)
     while time.monotonic() < moment_s:
@@ -164,7 +166,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--duration-s", type=positive, default=60.0, metavar="S", help="measured (60)")
     add("--patience-s", type=positive, default=120.0, metavar="S", help="for the first (120)")
     add("--predictor", default="/predictor", metavar="NODE", help="name of the node")
-    add("--markers", action="store_true", help="listen to the markers, too")
+    add("--markers", action="store_true", help="subscribe to the markers as well")
     return parser
 
 

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
-    """Entry of the executable ``predictor``.
+    """Run the executable ``predictor``.
 
     Args:
-        argv: arguments, by default the process's.
+        argv: arguments, default those of the process.
 
     Returns:
         0 after a signal, 2 for bad input.
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int | None:
         from mtpgo_ros.node.predictor_node import PredictorNode
 
         node = PredictorNode()
-        _serve(node, stopped)
+        _run(node, stopped)
     except MtpgoError as error:
         status = fail("predictor", error)
     if node is not None:
@@ -60,8 +60,8 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     return status
 
 
-def _serve(node: PredictorNode, stopped: Callable[[], bool]) -> None:
-    """Start the node and spin until a signal comes.
+def _run(node: PredictorNode, stopped: Callable[[], bool]) -> None:
+    """Start the node and spin until a signal is received.
 
     Raises:
         MtpgoError: the node cannot be started.
@@ -76,7 +76,7 @@ def _serve(node: PredictorNode, stopped: Callable[[], bool]) -> None:
             if not stopped() and trigger() != TransitionCallbackReturn.SUCCESS:
                 raise MtpgoError(node.failure or "the node could not be started")
         node.starting = False
-    spin(node, stopped, node.on_failure)
+    spin(node, stopped, node.events.failure)
 
 
 if __name__ == "__main__":

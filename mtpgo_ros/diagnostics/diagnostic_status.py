@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the node says about itself: three statuses for input, model and timing."""
+"""The diagnostics of the node: three statuses, for input, model and timing."""
 
 from __future__ import annotations
 
@@ -9,68 +9,37 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from mtpgo_ros.diagnostics.counters import Statistics
-
-ODD_INPUT = {
-    "malformed": "messages that could not be read",
-    "skipped_objects": "objects that could not be read",
-    "non_finite": "objects without a finite position",
-    "too_fast": "objects faster than possible",
-    "duplicate_keys": "identities twice in a message",
-    "duplicates": "objects with a repeated stamp",
-    "late": "objects older than what is known",
-    "restarted": "tracks begun anew after an impossible move",
-    "dropped": "tracks dropped for lack of room",
-    "unstamped": "messages without a stamp",
-    "future_stamp": "messages ahead of the clock",
-    "clock_reset": "jumps of the clock backwards",
-    "frame_changed": "messages in another frame",
-    "wrong_frame": "objects in another frame",
-    "not_lifted": "messages that could not be lifted into the fixed frame",
-    "qos_incompatible": "publishers with an incompatible QoS",
-    "messages_lost": "messages lost by the middleware",
-    "delay_not_compensated": "delays too long to be compensated",
-}
-"""Counters of input that is not as it should be, with their wording."""
-
-BAD_TIMING = {
-    "deadline_misses": "deadlines missed",
-    "over_budget": "cycles over budget, answered by constant velocity",
-    "cycles_skipped": "cycles skipped for a newer state",
-    "cycles_failed": "cycles without a prediction",
-}
-"""Counters of cycles that did not go as they should, with their wording."""
-
-BAD_MODEL = {
-    "model_failures": "failures of the model",
-    "non_finite_output": "agents with a model output that was not finite",
-}
-"""Counters of the model's failures, with their wording."""
+from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING, ODD_INPUT, EventLog
+from mtpgo_ros.diagnostics.latency import LatencyStatistics
 
 NEVER_KEEPS_UP = 3
-"""Cycles over budget in a row from which on the model counts as too slow for this machine."""
+"""Consecutive cycles over budget after which the model counts as too slow for this machine;
+chosen: a single busy moment of the machine is shorter."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 @dataclass
-class Facts:
-    """What is reported beside the counters; the node keeps it up to date.
+class NodeStatus:
+    """The state of the node that is reported besides the counters; the node keeps it up to date.
 
     Attributes:
         topic: resolved name of the objects' topic.
         message_type: type subscribed to.
-        waiting: what the input waits for, empty once it is subscribed.
+        waiting: what the subscription waits for, empty once it is subscribed.
         frame_id: frame of the last observation.
         input_age_s: time since the last observation came (s), None before the first.
-        input_timeout_s: limit for it (s).
-        frame_error: why the last observation could not be lifted, empty if it was.
-        degraded: why the model cannot serve at all, empty if it can.
-        notes: other reasons why the predictions are worse than they could be.
+        input_timeout_s: limit of ``input_age_s`` (s).
+        frame_error: why the last observation could not be transformed into the fixed frame, empty
+            if it was.
+        degraded: why there is no model, empty if there is one.
+        limitations: other reasons why the predictions are worse than they could be.
         agents: agents of the last prediction.
-        fallback_agents: those of them that constant velocity served.
-        over_budget_in_a_row: cycles.
-        values: further pairs for the status of the model.
+        fallback_agents: those of them predicted at constant velocity.
+        over_budget_in_a_row: consecutive cycles over budget.
+        period_ms: shortest time between two predictions (ms).
+        latency: of the predictions.
+        model: further values for the status of the model.
     """
 
     topic: str = ""
@@ -81,83 +50,84 @@ class Facts:
     input_timeout_s: float = 1.0
     frame_error: str = ""
     degraded: str = ""
-    notes: list[str] = field(default_factory=list)
+    limitations: list[str] = field(default_factory=list)
     agents: int = 0
     fallback_agents: int = 0
     over_budget_in_a_row: int = 0
     period_ms: float = 200.0
-    values: dict[str, str] = field(default_factory=dict)
+    latency: LatencyStatistics = field(default_factory=LatencyStatistics)
+    model: dict[str, str] = field(default_factory=dict)
 
 
-def statuses(name: str, facts: Facts, statistics: Statistics) -> list[DiagnosticStatus]:
-    """The three statuses of the node ``name``."""
+def diagnostic_statuses(name: str, status: NodeStatus, events: EventLog) -> list[DiagnosticStatus]:
+    """Return the three diagnostic statuses of the node ``name``."""
     return [
-        _input(name, facts, statistics),
-        _model(name, facts, statistics),
-        _timing(name, facts, statistics),
+        _input(name, status, events),
+        _model(name, status, events),
+        _timing(name, status, events),
     ]
 
 
-def _input(name: str, facts: Facts, statistics: Statistics) -> DiagnosticStatus:
-    counts = statistics.counts()
-    odd = statistics.recent(ODD_INPUT)
-    age_s, limit_s = facts.input_age_s, facts.input_timeout_s
-    if facts.waiting:
-        level, message = WARN, facts.waiting
+def _input(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
+    counts = events.counts()
+    odd = events.recent(ODD_INPUT)
+    age_s, limit_s = status.input_age_s, status.input_timeout_s
+    if status.waiting:
+        level, message = WARN, status.waiting
     elif age_s is None:
-        level, message = WARN, f"nothing has come on {facts.topic} yet"
+        level, message = WARN, f"nothing has come on {status.topic} yet"
     elif age_s > limit_s:
         level = ERROR
         message = (
-            f"input is stale: the last message on {facts.topic} came {age_s:.1f} s ago, expected"
+            f"input is stale: the last message on {status.topic} came {age_s:.1f} s ago, expected"
             f" within {limit_s:g} s"
         )
-    elif facts.frame_error:
-        level, message = ERROR, facts.frame_error
+    elif status.frame_error:
+        level, message = ERROR, status.frame_error
     elif odd:
         level, message = WARN, "odd input: " + ", ".join(odd)
     else:
         level, message = OK, "receiving"
     values = {
-        "topic": facts.topic,
-        "type": facts.message_type,
-        "frame": facts.frame_id,
+        "topic": status.topic,
+        "type": status.message_type,
+        "frame": status.frame_id,
         "age_s": "" if age_s is None else f"{age_s:.3f}",
     }
     values |= _counted(counts, ["messages", "empty_messages", "unknown_class", *ODD_INPUT])
     return _status(f"{name}: input", level, message, values)
 
 
-def _model(name: str, facts: Facts, statistics: Statistics) -> DiagnosticStatus:
-    failures = statistics.recent(BAD_MODEL)
-    if facts.degraded:
-        level, message = ERROR, f"degraded, constant velocity serves: {facts.degraded}"
+def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
+    failures = events.recent(BAD_MODEL)
+    if status.degraded:
+        level, message = ERROR, f"degraded, constant velocity serves: {status.degraded}"
     elif failures:
         level, message = WARN, "constant velocity stood in: " + ", ".join(failures)
-    elif facts.notes:
-        level, message = WARN, "; ".join(facts.notes)
-    elif facts.fallback_agents:
+    elif status.limitations:
+        level, message = WARN, "; ".join(status.limitations)
+    elif status.fallback_agents:
         level = WARN
-        message = f"constant velocity serves {facts.fallback_agents} of {facts.agents} agents"
+        message = f"constant velocity serves {status.fallback_agents} of {status.agents} agents"
     else:
         level, message = OK, "the model serves every agent"
     values = {
-        **facts.values,
-        "agents": str(facts.agents),
-        "fallback_agents": str(facts.fallback_agents),
-        "degraded": facts.degraded,
+        **status.model,
+        "agents": str(status.agents),
+        "fallback_agents": str(status.fallback_agents),
+        "degraded": status.degraded,
     }
-    values |= _counted(statistics.counts(), [*BAD_MODEL, "agents_over_limit"])
+    values |= _counted(events.counts(), [*BAD_MODEL, "agents_over_limit"])
     return _status(f"{name}: model", level, message, values)
 
 
-def _timing(name: str, facts: Facts, statistics: Statistics) -> DiagnosticStatus:
-    latency = statistics.latency()
-    bad = statistics.recent(BAD_TIMING)
-    if facts.over_budget_in_a_row >= NEVER_KEEPS_UP:
+def _timing(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
+    latency = status.latency.summary()
+    bad = events.recent(BAD_TIMING)
+    if status.over_budget_in_a_row >= NEVER_KEEPS_UP:
         level = ERROR
         message = (
-            f"the model does not keep up: {facts.over_budget_in_a_row} cycles in a row were over"
+            f"the model does not keep up: {status.over_budget_in_a_row} cycles in a row were over"
             " budget; lower max_agents or rate"
         )
     elif bad:
@@ -165,13 +135,13 @@ def _timing(name: str, facts: Facts, statistics: Statistics) -> DiagnosticStatus
     else:
         level, message = OK, "on time"
     values = {
-        "period_ms": f"{facts.period_ms:.1f}",
+        "period_ms": f"{status.period_ms:.1f}",
         "latency_ms_p50": f"{latency.p50:.3f}",
         "latency_ms_p99": f"{latency.p99:.3f}",
         "latency_ms_max": f"{latency.maximum:.3f}",
     }
     counters = ["predictions", *BAD_TIMING, "late_results_dropped"]
-    values |= _counted(statistics.counts(), counters)
+    values |= _counted(events.counts(), counters)
     return _status(f"{name}: timing", level, message, values)
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The node of the load generator: publishes observations and notes when predictions arrive."""
+"""The node of the load generator: publishes observations and records when predictions arrive."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from msg_adapters.wire.cloud import cloud_to_records
 from mtpgo_core.schema import Source
 
 _DEPTH = 10
+"""Queue length of publisher and subscriptions."""
 
 
 class LoadNode(Node):
-    """Observations out, predictions in.
+    """Publishes observations and receives predictions.
 
     Args:
         agents: vehicles in each observation.
@@ -32,10 +33,10 @@ class LoadNode(Node):
         markers: subscribe to its markers.
 
     Attributes:
-        received: of each prediction: stamp, time of its receipt (both ns), its agents, and how
-            many of them constant velocity served.
+        received: for each prediction its stamp, its time of receipt (both ns), its number of
+            agents, and how many of them were predicted at constant velocity.
         measured_from: monotonic time at which the measurement begins (ns), None before it is set.
-        measured_until: at which it ends (ns).
+        measured_until: monotonic time at which the measurement ends (ns).
     """
 
     def __init__(self, agents: int, predictor: str, markers: bool) -> None:
@@ -52,14 +53,14 @@ class LoadNode(Node):
         name = "/" + predictor.strip("/")
         self.create_subscription(PointCloud2, f"{name}/predictions", self._on_prediction, _DEPTH)
         if markers:
-            # As bytes: thousands of Python objects would hold up the predictions' receipt.
+            # Raw: decoding thousands of markers would delay the receipt of the predictions.
             topic = f"{name}/markers"
             self.create_subscription(MarkerArray, topic, self._on_markers, _DEPTH, raw=True)
-        # Receipt and publication happen on two threads; a list's append needs no lock, this does.
+        # Publication happens on another thread than everything else.
         self._lock = threading.Lock()
 
     def publish(self, time_s: float, stamp_ns: int) -> None:
-        """Publish the traffic of a time (s) under a stamp (ns)."""
+        """Publish the traffic at a time (s) with a stamp (ns)."""
         message = states_to_pointcloud2(self._traffic.at(time_s, stamp_ns), self._types)
         if self._heard_from is None and self._out.get_subscription_count() > 0:
             self._heard_from = stamp_ns
@@ -80,7 +81,7 @@ class LoadNode(Node):
         self._marker_messages += 1
 
     def result(self) -> dict[str, Any]:
-        """All that was noted, times in ns of the monotonic clock."""
+        """Return everything that was recorded; times in ns of the monotonic clock."""
         with self._lock:
             return {
                 "published": self._published,

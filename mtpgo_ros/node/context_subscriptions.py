@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The latched topics beside the objects: the chosen ego and the lane markings."""
+"""Subscriptions to the latched context topics: the ego's identity and the lane markings."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from mtpgo_core.scene.lane_map import LaneMap
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class SideInputs:
-    """Subscriptions to ``ego_id`` and, for a model that wants lanes, ``lane_markings``.
+class ContextSubscriptions:
+    """Subscriptions to ``ego_id`` and, for a model that uses lanes, ``lane_markings``.
 
     Args:
         node: the node.
-        on_ego: gets the text of a chosen ego.
-        on_lanes: gets the lane lines, None where the model does not use them.
+        on_ego: called with the text of each message on ``ego_id``.
+        on_lanes: called with the lane lines, None if the model does not use them.
     """
 
     def __init__(
@@ -37,22 +37,22 @@ class SideInputs:
         self._node = node
         self._on_ego = on_ego
         self._subscriptions = [
-            node.create_subscription(String, "ego_id", self._take_ego, _LATCHED)
+            node.create_subscription(String, "ego_id", self._receive_ego, _LATCHED)
         ]
         if on_lanes is not None:
             self._subscriptions.append(
                 node.create_subscription(
                     MarkerArray,
                     "lane_markings",
-                    lambda message: self._take_lanes(message, on_lanes),
+                    lambda message: self._receive_lanes(message, on_lanes),
                     _LATCHED,
                 )
             )
 
-    def _take_ego(self, message: Any) -> None:
+    def _receive_ego(self, message: Any) -> None:
         self._on_ego(message.data)
 
-    def _take_lanes(self, message: Any, on_lanes: Callable[[LaneMap], None]) -> None:
+    def _receive_lanes(self, message: Any, on_lanes: Callable[[LaneMap], None]) -> None:
         try:
             lanes = LaneMap(lanes_from_markers(message).polylines)
         except MtpgoError as error:
@@ -62,6 +62,6 @@ class SideInputs:
         on_lanes(lanes)
 
     def close(self) -> None:
-        """Give the subscriptions back."""
+        """Destroy the subscriptions."""
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Lifting of objects from a vehicle's frame into the fixed frame, by odometry or TF."""
+"""Transform of objects from a vehicle's frame into the fixed frame, by odometry or TF."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from rclpy.time import Time
 from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.inputs.odometry import pose_of, yaw_of
 from mtpgo_core.errors import FrameError
-from mtpgo_core.frames import Pose2, PoseBuffer, lift
+from mtpgo_core.frames import Pose2, PoseBuffer, to_fixed_frame
 from mtpgo_core.schema import TrackedStates
 
 _ODOMETRY_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-class Lifter(Protocol):
-    """Brings observations into the fixed frame."""
+class FrameTransform(Protocol):
+    """Transforms observations into the fixed frame."""
 
-    def lift(self, states: TrackedStates) -> TrackedStates:
-        """The states in the fixed frame.
+    def apply(self, states: TrackedStates) -> TrackedStates:
+        """Return the states in the fixed frame.
 
         Raises:
-            FrameError: there is no pose for them.
+            FrameError: there is no pose at their time.
         """
 
     def close(self) -> None:
-        """Give the subscriptions back."""
+        """Destroy the subscriptions."""
 
 
-class AsItComes:
-    """No lifting: the objects' own frame is the fixed one."""
+class NoTransform:
+    """No transform: the objects' own frame is the fixed one."""
 
-    def lift(self, states: TrackedStates) -> TrackedStates:
-        """The states themselves."""
+    def apply(self, states: TrackedStates) -> TrackedStates:
+        """Return the states unchanged."""
         return states
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there are no subscriptions."""
 
 
-class FixedFrameLifter:
-    """Lifts with the odometry of the objects' frame, else with TF where that is installed.
+class FixedFrameTransform:
+    """Transforms with the odometry of the objects' frame, else with TF if that is installed.
 
     Args:
         node: the node, for the subscription.
@@ -61,29 +61,29 @@ class FixedFrameLifter:
         self._poses = PoseBuffer()
         self._odometry_frames = ("", "")
         self._subscription: Subscription = node.create_subscription(
-            Odometry, "odometry", self.add, _ODOMETRY_QOS
+            Odometry, "odometry", self.add_odometry, _ODOMETRY_QOS
         )
-        self._tf = _Tf.where_installed(node)
+        self._tf = _TfPoses.if_installed(node)
 
-    def add(self, message: Any) -> None:
-        """Take in a nav_msgs/Odometry."""
+    def add_odometry(self, message: Any) -> None:
+        """Add the pose of a nav_msgs/Odometry."""
         frames = (message.header.frame_id, message.child_frame_id)
         if frames != self._odometry_frames:
             self._poses.clear()
             self._odometry_frames = frames
         self._poses.add(stamp_to_ns(message.header.stamp), pose_of(message))
 
-    def lift(self, states: TrackedStates) -> TrackedStates:
-        """The states in the fixed frame.
+    def apply(self, states: TrackedStates) -> TrackedStates:
+        """Return the states in the fixed frame.
 
         Raises:
-            FrameError: neither odometry nor TF knows the pose at the observation's time.
+            FrameError: neither odometry nor TF has the pose at the observation's time.
         """
         if states.frame_id == self._fixed_frame:
             return states
-        if len(states) == 0:  # Nothing to be lifted, and some messages then name no frame.
+        if len(states) == 0:  # Some empty messages name no frame.
             return dataclasses.replace(states, frame_id=self._fixed_frame)
-        return lift(states, self._pose(states), self._fixed_frame)
+        return to_fixed_frame(states, self._pose(states), self._fixed_frame)
 
     def _pose(self, states: TrackedStates) -> Pose2:
         if self._odometry_frames == (self._fixed_frame, states.frame_id):
@@ -99,18 +99,18 @@ class FixedFrameLifter:
         )
 
     def close(self) -> None:
-        """Give the subscriptions back."""
+        """Destroy the subscriptions."""
         self._node.destroy_subscription(self._subscription)
         if self._tf is not None:
             self._tf.close()
 
 
-class _Tf:
+class _TfPoses:
     """Poses from TF.
 
     Args:
         node: the node, for clock and subscriptions.
-        tf2_ros: the module.
+        tf2_ros: the module tf2_ros.
     """
 
     def __init__(self, node: Node, tf2_ros: Any) -> None:
@@ -119,8 +119,8 @@ class _Tf:
         self._listener = tf2_ros.TransformListener(self._buffer, node, spin_thread=False)
 
     @classmethod
-    def where_installed(cls, node: Node) -> _Tf | None:
-        """None where tf2_ros is not installed, as with ROS from pip."""
+    def if_installed(cls, node: Node) -> _TfPoses | None:
+        """Return None if tf2_ros is not installed, as with ROS from pip."""
         try:
             import tf2_ros
         except ImportError:
@@ -128,10 +128,10 @@ class _Tf:
         return cls(node, tf2_ros)
 
     def pose(self, fixed_frame: str, frame_id: str, stamp_ns: int) -> Pose2:
-        """Where ``frame_id`` stood in ``fixed_frame`` at a time (ns).
+        """Return the pose of ``frame_id`` in ``fixed_frame`` at a time (ns).
 
         Raises:
-            FrameError: TF does not know.
+            FrameError: TF has no transform at that time.
         """
         time = Time(nanoseconds=stamp_ns, clock_type=self._clock_type)
         try:
@@ -140,9 +140,9 @@ class _Tf:
             raise FrameError(
                 f"TF has no transform from {frame_id!r} to {fixed_frame!r}: {error}"
             ) from error
-        place, turn = found.transform.translation, found.transform.rotation
-        return Pose2(x=place.x, y=place.y, yaw=yaw_of(turn))
+        translation, rotation = found.transform.translation, found.transform.rotation
+        return Pose2(x=translation.x, y=translation.y, yaw=yaw_of(rotation))
 
     def close(self) -> None:
-        """Give the subscriptions back."""
+        """Destroy the subscriptions."""
         self._listener.unregister()

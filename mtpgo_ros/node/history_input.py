@@ -1,30 +1,30 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From an observation to the work that it starts, with every odd one counted. No ROS in here.
+"""From an observation to the window of a prediction that is due. No ROS in here.
 
-Everything here runs on the subscription's thread; what it hands on is not changed any more, so
-the worker needs no lock.
+Everything here runs on the subscription's thread. A window is not changed after it was returned,
+so the worker needs no lock.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
 from mtpgo_core.prediction.scene_predictor import ScenePredictor
-from mtpgo_core.schema import HistoryWindow, Prediction, TrackedStates
-from mtpgo_ros.diagnostics.counters import Statistics
-from mtpgo_ros.node.rate_limiter import Schedule
+from mtpgo_core.schema import HistoryWindow, TrackedStates
+from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.node.rate_limiter import RateLimiter
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
-_PATIENCE = 3
-"""Observations from the future in a row after which the stream's clock is taken as it is."""
+_CONFIRMATIONS = 3
+"""Consecutive observations from the future after which the stream's clock is accepted; chosen as
+for a jump of the clock backwards."""
 
 LONGEST_DELAY_S = 0.5
-"""Delays beyond this are not compensated: the history is not extrapolated farther (s)."""
+"""Longer delays are not compensated (s): the history is not extrapolated farther."""
 
 _COUNTED = tuple(
     field.name
@@ -33,125 +33,101 @@ _COUNTED = tuple(
 )
 
 
-@dataclass(frozen=True)
-class Work:
-    """What a prediction is made from.
-
-    Attributes:
-        window: the history up to the horizon's start.
-        stamp_ns: time of the observation (ns); the window's is later under delay compensation.
-    """
-
-    window: HistoryWindow
-    stamp_ns: int
-
-    def stamped(self, prediction: Prediction) -> Prediction:
-        """The prediction under the observation's stamp, its times counted from there."""
-        delay_s = (self.window.stamp_ns - self.stamp_ns) * 1e-9
-        if delay_s == 0.0:
-            return prediction
-        return dataclasses.replace(
-            prediction, stamp_ns=self.stamp_ns, time_s=prediction.time_s + delay_s
-        )
-
-
-class Intake:
-    """Feeds the history and decides which observations start a prediction.
+class HistoryInput:
+    """Updates the history and decides which observations start a prediction.
 
     Args:
-        history: takes the observations in.
-        predictor: forgets its graphs when the past is forgotten.
-        statistics: where odd input is counted.
-        parameters: those that count at first.
+        history: the tracks.
+        predictor: forgets its graphs when the history is cleared.
+        events: where odd input is counted.
+        parameters: the initial parameters.
     """
 
     def __init__(
         self,
         history: TrackHistory,
         predictor: ScenePredictor,
-        statistics: Statistics,
+        events: EventLog,
         parameters: PredictorParameters,
     ) -> None:
         self._history = history
         self._predictor = predictor
-        self._statistics = statistics
+        self._events = events
         self._parameters = parameters
-        self._schedule = Schedule(parameters.rate)
+        self._rate_limiter = RateLimiter(parameters.rate)
         self._ahead = 0
         self._newest_ns: int | None = None
 
     def configure(self, parameters: PredictorParameters) -> None:
-        """Take other parameters from the next observation on."""
+        """Use other parameters from the next observation on."""
         if parameters.rate != self._parameters.rate:
-            self._schedule = Schedule(parameters.rate)
+            self._rate_limiter = RateLimiter(parameters.rate)
         self._parameters = parameters
 
     def clock_jumped_back(self, now_ns: int) -> None:
-        """The node's clock was set back to ``now_ns``: forget what lies after it."""
+        """Clear the history if it is newer than ``now_ns``, to which the clock was set back."""
         tolerance_ns = round(self._parameters.stamp_tolerance * 1e9)
         if self._newest_ns is not None and self._newest_ns > now_ns + tolerance_ns:
-            self._statistics.count("clock_reset")
+            self._events.count("clock_reset")
             self.reset()
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Clear the history."""
         self._history.clear()
         self._predictor.reset()
-        self._schedule.reset()
+        self._rate_limiter.reset()
         self._newest_ns = None
         self._ahead = 0
 
-    def take(self, states: TrackedStates, now_ns: int) -> Work | None:
-        """Take an observation into the history.
+    def update(self, states: TrackedStates, now_ns: int) -> HistoryWindow | None:
+        """Add an observation to the history.
 
         Args:
             states: in the fixed frame.
             now_ns: the node's time (ns), 0 while it has none.
 
         Returns:
-            The work that the observation starts, None where none is due.
+            The window of the prediction that the observation starts, None if none is due.
         """
         if states.stamp_ns == 0:
-            self._statistics.count("unstamped")
+            self._events.count("unstamped")
             return None
-        if self._from_the_future(states.stamp_ns, now_ns):
+        if self._is_from_the_future(states.stamp_ns, now_ns):
             return None
         report = self._history.update(states)
         for name in _COUNTED:
-            self._statistics.count(name, int(getattr(report, name)))
-        unknown = int(np.count_nonzero(states.agent_class == 0))
-        self._statistics.count("unknown_class", unknown)
+            self._events.count(name, int(getattr(report, name)))
+        self._events.count("unknown_class", int(np.count_nonzero(states.agent_class == 0)))
         if report.frame_changed and not report.accepted:
             return None
         if report.clock_reset or report.frame_changed:
-            self._schedule.reset()
+            self._rate_limiter.reset()
             self._newest_ns = None
         self._newest_ns = max(states.stamp_ns, self._newest_ns or 0)
-        if not self._schedule.due(states.stamp_ns):
+        if not self._rate_limiter.due(states.stamp_ns):
             return None
-        start_ns = states.stamp_ns + self._delay_ns(states.stamp_ns, now_ns)
-        return Work(self._history.window(start_ns), states.stamp_ns)
+        return self._history.window(states.stamp_ns + self._delay_ns(states.stamp_ns, now_ns))
 
-    def _from_the_future(self, stamp_ns: int, now_ns: int) -> bool:
-        """Whether to drop an observation because of a stamp ahead of the clock.
+    def _is_from_the_future(self, stamp_ns: int, now_ns: int) -> bool:
+        """Return whether to drop an observation because its stamp is ahead of the clock.
 
-        One such stamp would make all that follow look old. A stream that stays ahead has another
-        clock than the node: it is served, and counted.
+        A single such stamp would make all later ones look old. A stream that stays ahead has
+        another clock than the node: it is accepted, and counted.
         """
         tolerance_ns = round(self._parameters.stamp_tolerance * 1e9)
         if now_ns == 0 or stamp_ns <= now_ns + tolerance_ns:
             self._ahead = 0
             return False
-        self._statistics.count("future_stamp")
+        self._events.count("future_stamp")
         self._ahead += 1
-        return self._ahead < _PATIENCE
+        return self._ahead < _CONFIRMATIONS
 
     def _delay_ns(self, stamp_ns: int, now_ns: int) -> int:
-        """How far after the observation the horizon starts (ns)."""
+        """Return how long after the observation the horizon starts (ns)."""
         if not self._parameters.delay_compensation or now_ns == 0:
             return 0
         delay_ns = now_ns - stamp_ns
         if delay_ns > round(LONGEST_DELAY_S * 1e9):
-            self._statistics.count("delay_not_compensated")
+            self._events.count("delay_not_compensated")
             return 0
         return max(0, delay_ns)

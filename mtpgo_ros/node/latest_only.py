@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A thread that always takes up the newest item and lets older ones go."""
+"""A thread that handles only the newest of the submitted items."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ Item = TypeVar("Item")
 
 
 class LatestOnly(Generic[Item]):
-    """Handles items on a thread of its own; an item that waits is replaced by a newer one.
+    """Handles items on a separate thread; a waiting item is replaced by a newer one.
 
     Args:
-        handle: called with each item taken up; must not raise.
+        handle: called with each item; must not raise.
         name: of the thread.
     """
 
@@ -28,13 +28,13 @@ class LatestOnly(Generic[Item]):
         self._thread.start()
 
     def submit(self, item: Item) -> None:
-        """Make ``item`` the next one."""
+        """Handle ``item`` next, instead of one that still waits."""
         with self._condition:
             self._waiting = item
             self._condition.notify()
 
     def stop(self, timeout_s: float = 1.0) -> bool:
-        """Take up no more; true when the thread has ended within ``timeout_s``."""
+        """Handle no more items; return true if the thread has ended within ``timeout_s``."""
         with self._condition:
             self._stopped = True
             self._waiting = None

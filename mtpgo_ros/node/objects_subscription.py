@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The subscription to tracked objects: the type that is published, and what came of it."""
+"""The subscription to the tracked objects, with the message type that is published."""
 
 from __future__ import annotations
 
@@ -18,84 +18,83 @@ from msg_adapters.adapter import InputAdapter
 from msg_adapters.registry import INPUTS, adapter_for_type, input_adapter
 from msg_adapters.types import message_class
 from mtpgo_core.errors import MessageError
-from mtpgo_ros.diagnostics.counters import Statistics
+from mtpgo_ros.diagnostics.event_log import EventLog
 
 TOPIC = "objects"
 
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Best effort takes reliable publishers too; of a backlog only the newest five count."""
+"""Best effort is compatible with reliable publishers; of a backlog only the newest five are
+kept."""
 
 _POLL_S = 0.1
-_REPEAT_S = 5.0
-"""The same complaint is logged again after this long (s)."""
+"""Time between two checks of the published type (s); chosen."""
 
 Handler = Callable[[Any, InputAdapter, int], None]
-"""Message, its adapter, and the monotonic time at which it came (ns)."""
+"""Takes a message, its adapter, and the time of its receipt (ns of the monotonic clock)."""
 
 
-class ObjectsInput:
+class ObjectsSubscription:
     """Subscribes to ``objects`` as soon as the type is known.
 
     Args:
         node: the node.
         input_type: name of an adapter, or ``auto`` for the type of the topic's publisher.
-        handler: gets every message.
-        statistics: where QoS trouble is counted.
+        handler: called with every message.
+        events: where lost messages and incompatible publishers are counted.
 
     Attributes:
-        status: what the input waits for, empty once it is subscribed.
+        topic: resolved name of the topic.
+        status: what the subscription waits for, empty once it is subscribed.
 
     Raises:
         MessageError: the named type's message package is not installed.
     """
 
-    def __init__(
-        self, node: Node, input_type: str, handler: Handler, statistics: Statistics
-    ) -> None:
+    def __init__(self, node: Node, input_type: str, handler: Handler, events: EventLog) -> None:
         self._node = node
         self._handler = handler
-        self._statistics = statistics
+        self._events = events
         self._subscription: Subscription | None = None
         self._adapter: InputAdapter | None = None
         self.topic = node.resolve_topic_name(TOPIC)
-        self.status = f"nobody publishes on {self.topic} yet"
+        self.status = f"no publisher on {self.topic} yet"
         self._timer = None
         if input_type != "auto":
             self._subscribe(input_adapter(input_type))
             return
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(_POLL_S, self._look, clock=steady)
+        self._timer = node.create_timer(_POLL_S, self._check_type, clock=steady)
 
     @property
     def message_type(self) -> str:
-        """Type subscribed to, empty before."""
+        """Message type of the subscription, empty before."""
         return self._adapter.message_type if self._adapter is not None else ""
 
     def close(self) -> None:
-        """Give the subscription back."""
+        """Destroy the subscription."""
         if self._timer is not None:
             self._node.destroy_timer(self._timer)
         self._unsubscribe()
 
-    def _look(self) -> None:
-        """Subscribe to the published type that comes first in the order of the adapters."""
+    def _check_type(self) -> None:
+        """Subscribe to a published type; types with an adapter are preferred."""
         published = {
             info.topic_type for info in self._node.get_publishers_info_by_topic(self.topic)
         }
         if not published or self.message_type in published:
             return
-        refusals = []
+        errors = []
         known = {adapter.message_type for adapter in INPUTS.values()}
         for name in sorted(published, key=lambda name: name not in known):
             try:
                 adapter = adapter_for_type(name)
                 self._subscribe(adapter)
             except MessageError as error:
-                refusals.append(str(error))
+                errors.append(str(error))
             else:
                 return
-        self.status = f"topic {self.topic}: {refusals[0]}"
-        self._node.get_logger().error(self.status, throttle_duration_sec=_REPEAT_S)
+        self.status = f"topic {self.topic}: {errors[0]}"
+        self._events.log("objects type", self.status, is_error=True)
 
     def _subscribe(self, adapter: InputAdapter) -> None:
         kind = message_class(adapter.message_type)
@@ -127,31 +126,32 @@ class ObjectsInput:
             self._handler(message, self._adapter, _received_ns(info))
 
     def _on_matched(self, event: Any) -> None:
-        # Discovery ends on the two sides at different times, and what a publisher sends before it
-        # has ended here is not heard: who must not lose the first message waits for this line.
+        # Discovery ends on the two sides at different times, and messages sent before it has ended
+        # here are lost. Scripts that must not lose the first message wait for this line.
         if event.current_count_change > 0:
             self._node.get_logger().info(
                 f"hearing {event.current_count} publisher(s) on {self.topic}"
             )
 
     def _on_incompatible_qos(self, event: Any) -> None:
-        self._statistics.count("qos_incompatible", event.total_count_change)
         policy = qos_policy_name_from_kind(event.last_policy_kind)
-        self._node.get_logger().error(
+        self._events.count(
+            "qos_incompatible",
+            event.total_count_change,
             f"a publisher on {self.topic} cannot be heard: its QoS policy {policy} does not fit"
             " best effort, volatile, without a deadline",
-            throttle_duration_sec=_REPEAT_S,
+            is_error=True,
         )
 
     def _on_message_lost(self, event: Any) -> None:
-        self._statistics.count("messages_lost", event.total_count_change)
+        self._events.count("messages_lost", event.total_count_change)
 
 
 def _received_ns(info: dict[str, Any]) -> int:
-    """When the middleware took the message in, on the monotonic clock (ns).
+    """Return when the middleware received the message (ns of the monotonic clock).
 
-    The middleware tells it by the system clock; time in its queue must count as latency. A system
-    clock that is set meanwhile must not, so at most one second is believed.
+    The middleware gives the time of the system clock. The time in its queue counts as latency, but
+    a system clock that was set in the meantime must not, so at most one second is accepted.
     """
     waited_ns = time.time_ns() - int(info.get("received_timestamp", 0))
     if not 0 <= waited_ns <= 1_000_000_000:

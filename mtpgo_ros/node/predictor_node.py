@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The lifecycle node ``predictor``: which of its parts exist when.
+"""The lifecycle node ``predictor``: which of its parts exist in which state.
 
-Model and publishers are made at configuration, what listens and predicts at activation; each is
-given back at the opposite transition, so that a new configuration starts from nothing.
+Model and publishers are created at configuration, the pipeline at activation; each is destroyed at
+the opposite transition, so that a new configuration starts from nothing.
 """
 
 from __future__ import annotations
@@ -17,33 +17,24 @@ from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.diagnostics.counters import Statistics
-from mtpgo_ros.diagnostics.diagnostic_status import BAD_MODEL, BAD_TIMING, ODD_INPUT, Facts
+from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
-from mtpgo_ros.diagnostics.throttled_log import Complaints
-from mtpgo_ros.node.model_host import Engine
-from mtpgo_ros.node.pipeline import Reporting, Service
-from mtpgo_ros.node.publishers import Outputs
+from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.latency import LatencyStatistics
+from mtpgo_ros.node.model_host import ModelHost
+from mtpgo_ros.node.prediction_pipeline import PredictionPipeline
+from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.parameter_server import ParameterServer
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
-
-_EXPLAINED = ("malformed", "not_lifted", "qos_incompatible", "model_failures", "cycles_failed")
-"""Counters whose steps are logged with their reason, where that is known."""
-
-_WORDING = {
-    name: wording
-    for name, wording in {**ODD_INPUT, **BAD_TIMING, **BAD_MODEL}.items()
-    if name not in _EXPLAINED
-}
 
 Transition = Callable[["PredictorNode", LifecycleState], TransitionCallbackReturn]
 
 
-def _told(transition: Transition) -> Transition:
-    """A transition whose failure is kept and logged: rclpy itself passes over exceptions."""
+def _record_failure(transition: Transition) -> Transition:
+    """Return a transition whose failure is stored and logged: rclpy itself ignores exceptions."""
 
     @functools.wraps(transition)
-    def told(node: PredictorNode, state: LifecycleState) -> TransitionCallbackReturn:
+    def recorded(node: PredictorNode, state: LifecycleState) -> TransitionCallbackReturn:
         try:
             node.failure = ""
             return transition(node, state)
@@ -57,11 +48,11 @@ def _told(transition: Transition) -> Transition:
             node.get_logger().error(f"transition refused: {node.failure}")
         return result
 
-    return told
+    return recorded
 
 
 class PredictorNode(LifecycleNode):
-    """Predicts the objects on ``objects`` and publishes under its own name.
+    """Predicts the objects on ``objects`` and publishes the predictions under its own name.
 
     Args:
         node_options: of :class:`rclpy.node.Node`.
@@ -69,29 +60,27 @@ class PredictorNode(LifecycleNode):
     Attributes:
         failure: why the last transition failed, empty if it did not.
         starting: the executable starts the node and prints a failure itself.
+        events: where everything unusual is counted and logged.
 
     Raises:
-        ConfigurationError: a parameter was given a value that is not allowed.
+        ConfigurationError: a parameter has a value that is not allowed.
     """
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("predictor", **node_options)
         self.failure = ""
         self.starting = False
-        self._engine: Engine | None = None
-        self._outputs: Outputs | None = None
-        self._service: Service | None = None
-        self._complain = Complaints(lambda line: self.get_logger().warning(line))
+        self._model: ModelHost | None = None
+        self._outputs: Publishers | None = None
+        self._pipeline: PredictionPipeline | None = None
+        self.events = EventLog(self.get_logger())
         self._server = ParameterServer(
             self,
-            may_reconfigure=lambda: self._engine is None,
+            may_reconfigure=lambda: self._model is None,
             on_change=self._on_parameters,
         )
-        self._statistics = Statistics(self._on_count)
-        self._facts = Facts()
-        self._diagnostics = DiagnosticsPublisher(
-            self, self._facts, lambda: self._statistics, self._refresh_facts
-        )
+        self._status = NodeStatus()
+        self._diagnostics = DiagnosticsPublisher(self, self.events, self._current_status)
         self._diagnostics.set_period(self.parameters.diagnostic_period)
         self._jumps = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1)),
@@ -100,117 +89,106 @@ class PredictorNode(LifecycleNode):
 
     @property
     def parameters(self) -> PredictorParameters:
-        """The parameters that count now."""
+        """The current parameters."""
         return self._server.value
 
-    @_told
+    @_record_failure
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Load the model and advertise."""
+        """Load the model and create the publishers."""
         parameters = self.parameters
-        engine = Engine(parameters)
-        engine.warm_up()
-        self._engine = engine
-        self._statistics = Statistics(self._on_count)
-        self._facts.degraded = engine.degraded
-        if engine.degraded:
-            self.get_logger().error(f"degraded, constant velocity serves: {engine.degraded}")
-        self._outputs = Outputs(self, parameters.output, parameters.max_modes, self.on_failure)
+        model = ModelHost(parameters)
+        model.warm_up()
+        self._model = model
+        self.events.reset()
+        self._status.latency = LatencyStatistics()
+        self._status.degraded = model.degraded
+        if model.degraded:
+            self.get_logger().error(f"degraded, constant velocity serves: {model.degraded}")
+        self._outputs = Publishers(self, parameters.output, parameters.max_modes, self.events)
         return super().on_configure(state)
 
-    @_told
+    @_record_failure
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribe and start the worker."""
-        assert self._engine is not None
+        assert self._model is not None
         assert self._outputs is not None
-        self._service = Service(
-            self,
-            self._engine,
-            self._outputs,
-            self.parameters,
-            Reporting(self._statistics, self._facts, self._complain, self.on_failure),
+        self._pipeline = PredictionPipeline(
+            self, self._model, self._outputs, self.parameters, self.events, self._status
         )
         done = super().on_activate(state)
-        about = self._engine.describe()
+        about = self._model.describe()
         self.get_logger().info(
             f"ready: {about['model']} predicts {about['horizon_s']} s ahead at"
-            f" {self.parameters.rate:g} Hz, waiting for {self._service.objects.topic}"
+            f" {self.parameters.rate:g} Hz, waiting for {self._pipeline.objects.topic}"
         )
         return done
 
-    @_told
+    @_record_failure
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop listening and predicting."""
-        self._stop()
+        """Stop subscribing and predicting."""
+        self._close_pipeline()
         return super().on_deactivate(state)
 
-    @_told
+    @_record_failure
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Give model and publishers back."""
+        """Release model and publishers."""
         done = super().on_cleanup(state)
         self._release()
         return done
 
-    @_told
+    @_record_failure
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop for good."""
-        self._stop()
+        """Stop finally."""
+        self._close_pipeline()
         done = super().on_shutdown(state)
         self._release()
         return done
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Back to unconfigured after a transition that raised."""
-        self._stop()
+        """Return to unconfigured after a transition that raised."""
+        self._close_pipeline()
         self._release()
         return super().on_error(state)
 
     def stop(self) -> bool:
-        """End all threads before the process ends; false if the model is still running."""
-        idle = self._stop()
+        """End all threads before the process ends; return false if the model is still running."""
+        idle = self._close_pipeline()
         self._release()
         return idle
 
-    def on_failure(self, what: str, error: Exception) -> None:
-        """Log an exception that the node survived; from any thread."""
-        text = " ".join(str(error).split()) or "no message"
-        self._complain(what, f"{what}: {type(error).__name__}: {text}")
-
-    def _stop(self) -> bool:
-        service, self._service = self._service, None
-        return service is None or service.close()
+    def _close_pipeline(self) -> bool:
+        pipeline, self._pipeline = self._pipeline, None
+        return pipeline is None or pipeline.close()
 
     def _release(self) -> None:
         if self._outputs is not None:
             self._outputs.close()
         self._outputs = None
-        self._engine = None
+        self._model = None
 
     def _on_parameters(self, parameters: PredictorParameters) -> None:
         self._diagnostics.set_period(parameters.diagnostic_period)
         if self._outputs is not None:
             self._outputs.configure(parameters.output, parameters.max_modes)
-        if self._service is not None:
-            self._service.configure(parameters)
+        if self._pipeline is not None:
+            self._pipeline.configure(parameters)
 
     def _on_clock_jump(self) -> None:
-        if self._service is not None:
-            self._service.clock_jumped_back()
+        if self._pipeline is not None:
+            self._pipeline.clock_jumped_back()
 
-    def _on_count(self, name: str, number: int) -> None:
-        if name in _WORDING:
-            self._complain(name, f"{_WORDING[name]} ({number} more)")
-
-    def _refresh_facts(self) -> None:
-        """Bring up to date what the diagnostics tell beside the counters."""
-        facts, parameters = self._facts, self.parameters
-        facts.period_ms = parameters.period_s * 1e3
-        facts.input_timeout_s = parameters.input_timeout
-        facts.waiting, facts.notes = "the node is not active", []
-        if self._engine is not None:
-            facts.values = self._engine.describe()
-        if self._engine is not None and self._service is not None:
-            objects = self._service.objects
-            facts.waiting = objects.status
-            facts.topic, facts.message_type = objects.topic, objects.message_type
-            facts.notes = self._engine.notes()
-            facts.input_age_s = self._service.input_age_s()
+    def _current_status(self) -> NodeStatus:
+        """Return the node's status, brought up to date."""
+        status, parameters = self._status, self.parameters
+        status.period_ms = parameters.period_s * 1e3
+        status.input_timeout_s = parameters.input_timeout
+        status.waiting, status.limitations = "the node is not active", []
+        if self._model is not None:
+            status.model = self._model.describe()
+        if self._model is not None and self._pipeline is not None:
+            objects = self._pipeline.objects
+            status.waiting = objects.status
+            status.topic, status.message_type = objects.topic, objects.message_type
+            status.limitations = self._model.limitations()
+            status.input_age_s = self._pipeline.input_age_s()
+        return status

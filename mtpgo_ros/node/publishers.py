@@ -1,16 +1,15 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the node publishes of a prediction.
+"""The publishers of the node.
 
-The cloud is the answer: it is made and published at once. Markers and the messages of other
-stacks are larger; a thread of their own makes them where somebody listens, of the newest
-prediction, so they delay nothing.
+The point cloud is published immediately. The secondary outputs, markers and the messages of other
+stacks, are larger: a separate thread builds them from the newest prediction, and only while they
+have subscribers, so that they delay nothing.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks
@@ -23,6 +22,7 @@ from msg_adapters.registry import Writer, output_adapter
 from msg_adapters.types import RclpyTypes
 from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import Prediction
+from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.latest_only import LatestOnly
 
 _QOS = QoSProfile(depth=5)
@@ -34,14 +34,14 @@ _TOPICS = {
 }
 
 
-class Outputs:
-    """Publishers of all kinds wanted that can be published here; the choice may change.
+class Publishers:
+    """One publisher for each selected kind of output; the selection may change.
 
     Args:
         node: the node that owns the publishers.
-        kinds: wanted kinds.
-        max_modes: modes of an agent.
-        failed: told of an exception, with what was being done.
+        kinds: selected kinds; those whose messages are not installed are left out.
+        max_modes: most modes of an agent.
+        events: where failures are logged.
     """
 
     def __init__(
@@ -49,24 +49,24 @@ class Outputs:
         node: LifecycleNode,
         kinds: tuple[str, ...],
         max_modes: int,
-        failed: Callable[[str, Exception], None],
+        events: EventLog,
     ) -> None:
         self._node = node
-        self._failed = failed
+        self._events = events
         self._types = RclpyTypes()
-        # Held while a message is made or the choice changes.
-        self._cloud_lock, self._side_lock = threading.Lock(), threading.Lock()
+        # Held while a message is built or the selection changes.
+        self._cloud_lock, self._secondary_lock = threading.Lock(), threading.Lock()
         self._publishers: dict[str, LifecyclePublisher] = {}
         self._writers: dict[str, Writer] = {}
         self._kinds: tuple[str, ...] = ()
         self._max_modes = 0
         self._time = node.create_lifecycle_publisher(Float64, "~/debug/processing_time_ms", _QOS)
         self.configure(kinds, max_modes)
-        self._side = LatestOnly(self._publish_side, "side outputs")
+        self._secondary = LatestOnly(self._publish_secondary, "secondary outputs")
 
     def configure(self, kinds: tuple[str, ...], max_modes: int) -> None:
         """Publish these kinds from the next prediction on."""
-        with self._cloud_lock, self._side_lock:
+        with self._cloud_lock, self._secondary_lock:
             if _MARKERS in self._writers and (
                 max_modes != self._max_modes or _MARKERS not in kinds
             ):
@@ -74,14 +74,14 @@ class Outputs:
             if max_modes != self._max_modes:
                 self._writers = {}
             self._max_modes = max_modes
-            self._kinds = tuple(kind for kind in kinds if self._prepared(kind))
+            self._kinds = tuple(kind for kind in kinds if self._prepare(kind))
 
-    def _prepared(self, kind: str) -> bool:
-        """Make publisher and writer of a kind; false, with a log line, where that cannot be."""
+    def _prepare(self, kind: str) -> bool:
+        """Create publisher and writer of a kind; log and return false if that is impossible."""
         adapter = output_adapter(kind)
         try:
             if kind not in self._writers:
-                # Bytes of markers take a twenty-fifth of the time of message objects.
+                # Serialized markers take a twenty-fifth of the time of message objects (measured).
                 self._writers[kind] = adapter.writer(
                     self._types, max_modes=self._max_modes, serialized=True
                 )
@@ -104,8 +104,8 @@ class Outputs:
         return True
 
     def _on_matched(self, event: Any) -> None:
-        # Until discovery has ended on this side nothing is sent to a new subscriber: who must not
-        # miss the first prediction waits for this line.
+        # Nothing is sent to a new subscriber before discovery has ended on this side. Scripts that
+        # must not miss the first prediction wait for this line.
         if event.current_count_change > 0:
             topic = self._node.resolve_topic_name(_TOPICS[_CLOUD])
             self._node.get_logger().info(
@@ -113,40 +113,41 @@ class Outputs:
             )
 
     def publish(self, prediction: Prediction) -> None:
-        """Publish the answer itself; safe from several threads."""
+        """Publish the point cloud; thread-safe."""
         with self._cloud_lock:
             if _CLOUD in self._kinds:
                 self._publishers[_CLOUD].publish(self._writers[_CLOUD](prediction))
 
-    def publish_rest(self, prediction: Prediction, processing_time_ms: float) -> None:
-        """Publish the processing time, and hand the prediction on to the other kinds."""
+    def publish_secondary(self, prediction: Prediction, processing_time_ms: float) -> None:
+        """Publish the processing time, and start the secondary outputs."""
         self._time.publish(Float64(data=processing_time_ms))
-        if any(self._listened(kind) for kind in self._kinds):
-            self._side.submit(prediction)
+        if any(self._has_subscribers(kind) for kind in self._kinds):
+            self._secondary.submit(prediction)
 
-    def _listened(self, kind: str) -> bool:
+    def _has_subscribers(self, kind: str) -> bool:
+        """Return whether a secondary kind has subscribers."""
         return kind != _CLOUD and self._publishers[kind].get_subscription_count() > 0
 
-    def _publish_side(self, prediction: Prediction) -> None:
+    def _publish_secondary(self, prediction: Prediction) -> None:
         for kind in self._kinds:
             try:
-                with self._side_lock:
-                    if kind in self._kinds and self._listened(kind):
+                with self._secondary_lock:
+                    if kind in self._kinds and self._has_subscribers(kind):
                         self._publishers[kind].publish(self._writers[kind](prediction))
             except Exception as error:
-                self._failed(f"output {kind} could not be published", error)
+                self._events.failure(f"output {kind} could not be published", error)
 
     def _clear_markers(self) -> None:
-        """Take what has been drawn off the displays, and forget it."""
+        """Delete all published markers from the displays."""
         publisher = self._publishers[_MARKERS]
         if publisher.is_activated:
             publisher.publish(clear_markers(self._types, stamp_ns=0, frame_id="map"))
         del self._writers[_MARKERS]
 
     def close(self) -> None:
-        """Give the publishers back."""
-        self._side.stop()
-        with self._cloud_lock, self._side_lock:
+        """Destroy the publishers."""
+        self._secondary.stop()
+        with self._cloud_lock, self._secondary_lock:
             self._kinds = ()
             for publisher in (self._time, *self._publishers.values()):
                 self._node.destroy_lifecycle_publisher(publisher)

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which observations start a prediction.
 
-Predictions are driven by observations, never by a timer: so the latency holds computation only,
-and a stream without observations has no predictions. Of a stream faster than the wanted rate, the
-observations nearest to the multiples of the period are taken: the mean rate is then exact for any
-input rate, and the times of a jittering input do not drift.
+Predictions are started by observations, never by a timer: the latency then contains computation
+only, and a stream without observations has no predictions. Of a stream faster than the rate, the
+observations nearest to the multiples of the period are selected: the mean rate is then exact for
+any input rate, and a jittering input causes no drift.
 """
 
 from __future__ import annotations
@@ -15,33 +15,33 @@ from collections import deque
 import numpy as np
 
 
-class Schedule:
-    """Choice of observations by their stamps, at most ``rate`` a second in the mean.
+class RateLimiter:
+    """Selects observations by their stamps, on average at most ``rate`` per second.
 
     Args:
-        rate: wanted predictions per second of the observations' time (Hz).
+        rate: highest number of predictions per second of the observations' time (Hz).
     """
 
     def __init__(self, rate: float) -> None:
         self.rate = rate
         self._due_ns: int | None = None
         self._last_ns: int | None = None
-        self._steps: deque[int] = deque(maxlen=9)
+        self._steps: deque[int] = deque(maxlen=9)  # ns, for the median period of the input
 
     @property
     def period_ns(self) -> int:
-        """Wanted time between two predictions (ns)."""
+        """Time between two predictions (ns)."""
         return round(1e9 / self.rate)
 
     def reset(self) -> None:
-        """Forget the stream: the next observation starts a prediction."""
+        """Start again: the next observation starts a prediction."""
         self._due_ns = self._last_ns = None
         self._steps.clear()
 
     def due(self, stamp_ns: int) -> bool:
-        """Whether the observation of this time (ns) starts a prediction.
+        """Return whether the observation of this time (ns) starts a prediction.
 
-        Observations not newer than the last one never do.
+        An observation that is not newer than the last one never does.
         """
         if self._last_ns is not None:
             if stamp_ns <= self._last_ns:
@@ -53,13 +53,13 @@ class Schedule:
             return True
         if stamp_ns < self._due_ns - self._tolerance_ns():
             return False
-        # After a gap the multiples are counted from this observation on: nothing is caught up.
+        # After a gap the multiples are counted from this observation: nothing is caught up.
         behind = stamp_ns - self._due_ns > self.period_ns // 2
         self._due_ns = (stamp_ns if behind else self._due_ns) + self.period_ns
         return True
 
     def _tolerance_ns(self) -> int:
-        """Half the input's period: an observation this early is the nearest to the due time."""
+        """Return half the input's period: an observation this early is the nearest to its time."""
         if not self._steps:
             return 0
         return min(int(np.median(self._steps)) // 2, self.period_ns // 2)

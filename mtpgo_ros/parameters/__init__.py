@@ -1,3 +1,3 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of the predictor and their declaration to rclpy."""
+"""The parameters of the predictor and their declaration in rclpy."""

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""rclpy's side of the parameters: declaration, conversion and the check of changes."""
+"""Declaration of the parameters in rclpy, with conversion and check of changes."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _TYPE_NAMES = {
 
 
 class ParameterServer:
-    """Keeps a node's ROS parameters and its :class:`PredictorParameters` the same.
+    """Keeps a node's ROS parameters and its :class:`PredictorParameters` equal.
 
-    A change is checked as a whole before any part of it counts; a whole number is taken for a
-    real one (``rate:=5``) and for text (``ego_id:=17``), since the command line and YAML write
-    them alike.
+    A change is checked as a whole before any part of it takes effect. A whole number is accepted
+    for a real one (``rate:=5``) and for text (``ego_id:=17``), since the command line and YAML do
+    not distinguish them.
 
     Attributes:
-        value: the parameters that count now.
+        value: the current parameters.
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class ParameterServer:
         may_reconfigure: Callable[[], bool],
         on_change: Callable[[PredictorParameters], None],
     ) -> None:
-        """Declare all parameters on ``node`` and take what the command line gives.
+        """Declare all parameters on ``node``, with the values of the command line.
 
         Args:
             node: the node.
-            may_reconfigure: true while the values that only count at configuration may change.
+            may_reconfigure: returns whether parameters of the configuration may change.
             on_change: called after a change was accepted.
 
         Raises:
@@ -62,7 +62,7 @@ class ParameterServer:
         self._may_reconfigure = may_reconfigure
         self._on_change = on_change
         fields = dataclasses.fields(PredictorParameters)
-        given = {field.name: _kindred(field, _given(node, field)) for field in fields}
+        given = {field.name: _converted(field, _given(node, field)) for field in fields}
         self.value = updated(PredictorParameters(), given)
         for field in fields:
             node.declare_parameter(
@@ -100,7 +100,7 @@ class ParameterServer:
 
 
 def descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
-    """What rclpy tells others about the parameter of a field."""
+    """Return the ROS description of a field's parameter."""
     limits: Limits = field.metadata["limits"]
     change: Change = field.metadata["change"]
     constraints = [f"One of {listed(limits.choices)}."] if limits.choices else []
@@ -122,10 +122,10 @@ def descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
 
 
 def _given(node: Node, field: dataclasses.Field[Any]) -> Any:
-    """The value that the command line or a parameter file gives, else the default.
+    """Return the value from the command line or a parameter file, else the default.
 
-    rclpy shows it only through a declaration, and refuses one of a kindred type: so the parameter
-    is declared without a type for a moment.
+    rclpy gives it only through a declaration, and refuses values of a related type: the parameter
+    is therefore declared temporarily without a type.
     """
     default = list(field.default) if isinstance(field.default, tuple) else field.default
     value = node.declare_parameter(
@@ -136,21 +136,21 @@ def _given(node: Node, field: dataclasses.Field[Any]) -> Any:
 
 
 def _convert(parameters: Sequence[Parameter]) -> list[Parameter]:
-    """The same parameters, values of a kindred type converted to the declared one."""
+    """Return the parameters with values of a related type converted to the declared one."""
     fields = {field.name: field for field in dataclasses.fields(PredictorParameters)}
     out = []
     for parameter in parameters:
         field = fields.get(parameter.name)
         if field is not None:
-            # What cannot be converted stays: rclpy refuses it with a sentence about the type.
+            # Other values are kept: rclpy refuses them with a sentence about the type.
             with suppress(ConfigurationError):
-                parameter = Parameter(parameter.name, value=_kindred(field, parameter.value))
+                parameter = Parameter(parameter.name, value=_converted(field, parameter.value))
         out.append(parameter)
     return out
 
 
-def _kindred(field: dataclasses.Field[Any], value: Any) -> Any:
-    """``value`` in the type of the field where nothing is lost by it.
+def _converted(field: dataclasses.Field[Any], value: Any) -> Any:
+    """Return ``value`` converted to the type of the field if nothing is lost.
 
     Raises:
         ConfigurationError: the value is of another type.

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The predictor's parameters: defaults, descriptions, ranges and the check of the whole set.
 
-No ROS in here: :mod:`mtpgo_ros.parameters.parameter_server` tells rclpy about these fields, so
-the defaults stand in one place and a configuration can be checked without a node.
+No ROS in here: :mod:`mtpgo_ros.parameters.parameter_server` declares these fields in rclpy, so
+each default is written once and a configuration can be checked without a node.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ TWIST_FRAMES = ("default", "object", "header")
 
 
 class Change(Enum):
-    """When a new value may be given, and from when on it counts."""
+    """When a parameter may change, and when the new value takes effect."""
 
     NOW = "at any time"
-    CONFIGURE = "while the node is unconfigured, it counts from the next configuration on"
+    CONFIGURE = "while the node is unconfigured, takes effect at the next configuration"
     START = "only at the start of the process"
 
 
 def _field(default: Any, description: str, *, change: Change = Change.NOW, **limits: Any) -> Any:
-    """A dataclass field that carries what rclpy needs to know about the parameter."""
+    """Return a dataclass field with everything that rclpy needs to declare the parameter."""
     return option(default, description=description, change=change, **limits)
 
 
@@ -48,7 +48,7 @@ class PredictorParameters:
     require_model: bool = _field(
         True,
         "A model that cannot be loaded ends the process with status 2; if false, constant"
-        " velocity serves instead and the diagnostics say so.",
+        " velocity is predicted instead and the diagnostics report it.",
         change=Change.CONFIGURE,
     )
     rate: float = _field(
@@ -56,56 +56,56 @@ class PredictorParameters:
     )
     input_type: str = _field(
         "auto",
-        "What is published on the topic objects; auto takes the type of its publisher.",
+        "Message type of the topic objects; auto uses the type of its publisher.",
         choices=INPUT_TYPES,
         change=Change.CONFIGURE,
     )
     graph: str = _field(
         "",
-        "Which agents share a graph; empty takes the policy that the model was trained with.",
+        "Which agents share a graph; empty uses the policy that the model was trained with.",
         choices=("", *GRAPH_POLICIES),
     )
     ego_id: str = _field(
         "",
         "Identity of the ego or another chosen object: a number, a UUID or the tracker's text;"
-        " empty takes the one published on the topic ego_id.",
+        " empty uses the one published on the topic ego_id.",
     )
     max_agents: int = _field(
         128,
-        "Agents that the model serves in a cycle, the nearest first; constant velocity serves the"
-        " rest.",
+        "Most agents that the model predicts in a cycle, the nearest first; the rest is predicted at"
+        " constant velocity.",
         low=1,
         high=4096,
     )
     max_neighbours: int = _field(
         0,
-        "Agents of a graph beside its centre, the nearest first; 0 takes the number that the model"
+        "Agents of a graph besides its centre, the nearest first; 0 uses the number that the model"
         " was trained with. The graph 'scene' has no such limit.",
         low=0,
         high=4096,
     )
     radius: float = _field(
         0.0,
-        "Agents farther than this from a graph's centre are not its neighbours (m); 0 takes the"
+        "Agents farther than this from a graph's centre are not its neighbours (m); 0 uses the"
         " radius that the model was trained with.",
         low=0.0,
         high=10000.0,
     )
     fixed_frame: str = _field(
         "",
-        "Frame into which objects are lifted with the topic odometry or TF; empty takes the"
-        " objects' frame as it comes, which must then be a fixed one.",
+        "Frame into which objects are transformed with the topic odometry or TF; empty uses the"
+        " objects' own frame, which must then be a fixed one.",
         change=Change.CONFIGURE,
     )
     output: tuple[str, ...] = _field(
-        ("pointcloud2", "markers"), "What is published.", choices=OUTPUT_KINDS
+        ("pointcloud2", "markers"), "Kinds of output that are published.", choices=OUTPUT_KINDS
     )
     max_modes: int = _field(
-        8, "Modes published of each agent, the most probable first.", low=1, high=64
+        8, "Most modes published of each agent, the most probable first.", low=1, high=64
     )
     num_threads: int = _field(
         1,
-        "Threads of the model; measure before taking more than one.",
+        "Threads of the model; measure before using more than one.",
         low=1,
         high=64,
         change=Change.CONFIGURE,
@@ -115,18 +115,18 @@ class PredictorParameters:
     )
     twist_frame: str = _field(
         "default",
-        "Frame of the velocities in the messages: along the object's axes, along the header"
-        " frame's, or what publishers of that type usually do.",
+        "Frame of the velocities in the messages: the object's axes, the header's frame, or by"
+        " default the one that publishers of that type usually use.",
         choices=TWIST_FRAMES,
     )
     delay_compensation: bool = _field(
         False,
         "The horizon starts at the node's present time, at most 0.5 s after the observation,"
-        " instead of at the observation; stamp and frame stay the observation's.",
+        " instead of at the observation; stamp and frame remain those of the observation.",
     )
     input_timeout: float = _field(
         1.0,
-        "The input counts as stale when nothing has come for this long (s).",
+        "The input counts as stale when no message has come for this long (s).",
         low=0.05,
         high=3600.0,
     )
@@ -138,8 +138,7 @@ class PredictorParameters:
     )
     budget: float = _field(
         0.85,
-        "Share of the period after which constant velocity serves in the stead of a model that is"
-        " not ready.",
+        "Share of the period after which constant velocity replaces a model that has not answered.",
         low=0.05,
         high=1.0,
     )
@@ -147,7 +146,7 @@ class PredictorParameters:
         1.0, "Time between two diagnostics without a change (s).", low=0.1, high=60.0
     )
     autostart: bool = _field(
-        True, "The node configures and activates itself.", change=Change.START
+        True, "The node configures and activates itself at its start.", change=Change.START
     )
 
     @property
@@ -157,7 +156,7 @@ class PredictorParameters:
 
 
 def check(parameters: PredictorParameters) -> None:
-    """Check every value and what the values mean together.
+    """Check every value and their combination.
 
     Raises:
         ConfigurationError: one sentence with the parameter, its value and what was expected.
@@ -180,9 +179,9 @@ def check(parameters: PredictorParameters) -> None:
 
 
 def updated(current: PredictorParameters, values: Mapping[str, Any]) -> PredictorParameters:
-    """``current`` with ``values`` replaced, checked as a whole.
+    """Return ``current`` with ``values`` replaced, checked as a whole.
 
-    Names that are no parameter of the predictor (``use_sim_time``, QoS overrides) are ignored.
+    Names that are not parameters of the predictor (``use_sim_time``, QoS overrides) are ignored.
 
     Raises:
         ConfigurationError: see :func:`check`.

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the executables of this package share: their way to end, and the allocator's settings."""
+"""Shared by the executables: exit status, signals, arguments, and settings of the allocator."""
 
 from __future__ import annotations
 
@@ -21,26 +21,28 @@ _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3
 
 
 def tune_allocator() -> bool:
-    """Let glibc keep the memory that a prediction frees for the next one.
+    """Make glibc keep the memory that a prediction frees for the next one.
 
-    By default glibc hands blocks above a threshold back to the system at once and fetches them
-    anew, page by page, in the next cycle: with many agents that costs more than the model itself.
-    The price is that the process keeps its peak memory.
+    By default glibc returns blocks above a threshold to the system immediately and requests them
+    again, page by page, in the next cycle: with many agents that takes longer than the model. The
+    disadvantage is that the process keeps its peak memory.
 
     Returns:
-        True where the settings were made; false where the C library is not glibc.
+        Whether the settings were made; false if the C library is not glibc.
     """
     libc = ctypes.CDLL(None)
     if not hasattr(libc, "gnu_get_libc_version"):
         return False
+    # Bytes; chosen: blocks up to 32 MB (glibc's maximum) come from the heap, of which 1 GB may be
+    # free before it is trimmed, and which grows in steps of 64 MB.
     settings = ((_M_MMAP_THRESHOLD, 1 << 25), (_M_TRIM_THRESHOLD, 1 << 30), (_M_TOP_PAD, 64 << 20))
     return all(libc.mallopt(name, value) == 1 for name, value in settings)
 
 
 def return_free_memory() -> None:
-    """Give the system back what has been freed so far; once, after something costly is over.
+    """Return freed memory to the system; call it once after a memory-intensive step.
 
-    Reading a TorchScript file frees some 80 MB that a node would otherwise hold for good.
+    Reading a TorchScript file frees some 80 MB (measured) that the process would otherwise keep.
     """
     libc = ctypes.CDLL(None)
     if hasattr(libc, "malloc_trim"):  # glibc's
@@ -55,10 +57,10 @@ def fail(program: str, error: object) -> int:
 
 
 def leave(status: int) -> NoReturn:
-    """End the process at once, whatever its other threads are doing.
+    """End the process immediately, without waiting for its other threads.
 
-    A thread inside the model cannot be interrupted, and the interpreter's own way out would run
-    into it. Call this when all files are closed.
+    A thread inside the model cannot be interrupted, and the interpreter's normal exit would wait
+    for it or crash. Call this after all files are closed.
     """
     sys.stdout.flush()
     sys.stderr.flush()
@@ -66,12 +68,12 @@ def leave(status: int) -> NoReturn:
 
 
 def stop_on_signals() -> Callable[[], bool]:
-    """Take SIGINT and SIGTERM as the wish to end in order, from now to the end of the process.
+    """Treat SIGINT and SIGTERM as requests for an orderly end, until the process ends.
 
-    A further one changes nothing: cleaning up must not be torn apart.
+    Further signals have no effect, so that cleaning up is not interrupted.
 
     Returns:
-        A function that says whether one has come.
+        A function that returns whether a signal was received.
     """
     stopped: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -80,15 +82,15 @@ def stop_on_signals() -> Callable[[], bool]:
 
 
 class ArgumentParser(argparse.ArgumentParser):
-    """Answers wrong arguments with one line instead of the whole usage."""
+    """Reports wrong arguments in one line instead of the whole usage."""
 
     def error(self, message: str) -> NoReturn:
-        """Print ``message`` on stderr and end with the exit status of bad input."""
+        """Print ``message`` on stderr and exit with the status of bad input."""
         self.exit(fail(self.prog, f"{message} (see {self.prog} --help)"))
 
 
 def positive(text: str) -> float:
-    """An argument that must be a number above zero."""
+    """Return a command-line argument that must be a number above zero."""
     value = _number(text)
     if not value > 0.0:
         raise argparse.ArgumentTypeError(f"{text} given, expected a number above 0")
@@ -96,7 +98,7 @@ def positive(text: str) -> float:
 
 
 def not_negative(text: str) -> float:
-    """An argument that must be a number, zero or above."""
+    """Return a command-line argument that must be a number of at least zero."""
     value = _number(text)
     if not value >= 0.0:
         raise argparse.ArgumentTypeError(f"{text} given, expected a number of at least 0")

@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""rclpy's start and spinning, with our own way to end.
+"""Starting and spinning rclpy with our own handling of signals.
 
-The executables take signals themselves: rclpy's handlers would shut the context down under a
-node that is being made or that still has a bag to close.
+The executables handle signals themselves: rclpy's handlers would shut the context down while a
+node is being created or still has a bag to close.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from rclpy.utilities import remove_ros_args
 
 from mtpgo_core.errors import ConfigurationError
 
-_LOOK_S = 0.1
-"""A wish to stop is noticed after this long at most."""
+_CHECK_PERIOD_S = 0.1
+"""A request to stop is noticed after at most this time (s); chosen."""
 
 _IDLE_PASSES = 10
-"""So many times nothing was handled: a pass may also serve a timer."""
+"""Passes without a handled message after which none is left: a pass may also run a timer."""
 
 
 def own_arguments(arguments: Sequence[str]) -> list[str]:
-    """The arguments without those that ``--ros-args`` begins.
+    """Return the arguments without those after ``--ros-args``.
 
     Raises:
         ConfigurationError: the ROS arguments cannot be read.
@@ -39,7 +39,7 @@ def own_arguments(arguments: Sequence[str]) -> list[str]:
 
 
 def start(arguments: Sequence[str]) -> None:
-    """Start rclpy, without its signal handlers.
+    """Start rclpy without its signal handlers.
 
     Raises:
         ConfigurationError: the ROS arguments or the middleware are not usable.
@@ -56,22 +56,22 @@ def spin(
     failed: Callable[[str, Exception], None] | None = None,
     handled: Callable[[], int] | None = None,
 ) -> None:
-    """Serve the node until asked to stop.
+    """Run the node's callbacks until asked to stop.
 
     Args:
         node: the node.
-        stopped: says whether to stop.
-        failed: told of an exception that a callback or rclpy raised, after which the node is
-            served on; without it the exception ends the spinning.
-        handled: a count of what was handled; given, what has arrived by the stop is handled too,
-            until the count stands still.
+        stopped: returns whether to stop.
+        failed: called with a description and an exception that a callback or rclpy raised, after
+            which spinning continues; without it the exception is raised.
+        handled: returns the number of handled messages. If given, messages that arrived before the
+            stop are handled as well, until the number no longer changes.
     """
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         while not stopped():
             try:
-                executor.spin_once(timeout_sec=_LOOK_S)
+                executor.spin_once(timeout_sec=_CHECK_PERIOD_S)
             except Exception as error:
                 if failed is None:
                     raise
@@ -83,7 +83,7 @@ def spin(
 
 
 def _drain(executor: SingleThreadedExecutor, handled: Callable[[], int]) -> None:
-    """Handle what waits, for a second at most."""
+    """Handle the waiting messages, for at most one second."""
     end = time.monotonic() + 1.0
     idle = 0
     while idle < _IDLE_PASSES and time.monotonic() < end:
@@ -93,6 +93,6 @@ def _drain(executor: SingleThreadedExecutor, handled: Callable[[], int]) -> None
 
 
 def _first_sentence(error: Exception) -> str:
-    """The reason without the places in rcl's source that follow it."""
+    """Return the reason without the positions in rcl's source that follow it."""
     text = str(error).partition(", at /")[0].removeprefix("Failed to parse ROS arguments: ")
     return f"unknown {text}" if text.startswith("[") else text

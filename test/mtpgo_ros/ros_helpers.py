@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A bench for the node: real publishers and subscribers over real DDS, in one executor.
+"""A test bench for the node: real publishers and subscribers over DDS, in one executor.
 
 Nothing here waits for a fixed time: everything waits for a condition, with a limit that only a
 broken machine reaches.
@@ -34,7 +34,7 @@ from msg_adapters.registry import INPUTS
 from msg_adapters.types import RclpyTypes
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import Prediction, TrackedStates, tracked_states
-from mtpgo_ros.node.inference_worker import Job
+from mtpgo_ros.node.prediction_request import PredictionRequest
 from mtpgo_ros.node.predictor_node import PredictorNode
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -47,7 +47,7 @@ _namespaces = itertools.count()
 def traffic(
     time_s: float, agents: int = 4, *, speed_mps: float = 10.0, frame_id: str = "map"
 ) -> TrackedStates:
-    """Cars one behind the other, driving along x, at a time counted from ``START_NS``."""
+    """Return cars in one row, driving along x, at a time (s) counted from ``START_NS``."""
     row = np.arange(agents, dtype=np.float64)
     position = np.stack([12.0 * row + speed_mps * time_s, np.zeros(agents)], axis=1)
     return tracked_states(
@@ -63,12 +63,12 @@ def traffic(
 
 
 def message_of(states: TrackedStates, kind: str = "pointcloud2") -> Any:
-    """The rclpy message of tracked states."""
+    """Return the rclpy message of tracked states."""
     return INPUTS[kind].from_states(states, RclpyTypes())
 
 
 class Bench:
-    """A predictor node, started, and everything around it.
+    """A predictor node and the publishers and subscribers around it.
 
     Attributes:
         predictions: what was published, decoded, in order.
@@ -119,14 +119,14 @@ class Bench:
         self.until(lambda: self.peer.count_publishers(topic) > 0)
         if self.objects is not None:
             self.until(lambda: self.objects.get_subscription_count() > 0)
-            self.until(lambda: self.node._service.objects._subscription.get_publisher_count() > 0)
+            self.until(lambda: self.node._pipeline.objects._subscription.get_publisher_count() > 0)
         return self
 
     def be_patient(self) -> Bench:
-        """Give the model all the time it wants, so that a busy machine changes no outcome."""
+        """Give the model unlimited time, so that a busy machine changes no outcome."""
         limit_ns = round(LIMIT_S * 1e9)
-        self.node._service._job = lambda work, received_ns: Job(
-            work, received_ns, budget_ns=limit_ns, deadline_ns=limit_ns
+        self.node._pipeline._request = lambda window, stamp_ns, received_ns: PredictionRequest(
+            window, stamp_ns, received_ns, budget_ns=limit_ns, deadline_ns=limit_ns
         )
         return self
 
@@ -135,7 +135,7 @@ class Bench:
         assert self.comes_true(condition, limit_s), "the condition did not come true in time"
 
     def comes_true(self, condition: Callable[[], Any], limit_s: float) -> bool:
-        """Spin until the condition holds; whether it does within the time."""
+        """Spin until the condition holds; return whether it does within the time."""
         end = time.monotonic() + limit_s
         while not condition():
             if time.monotonic() >= end:
@@ -144,31 +144,31 @@ class Bench:
         return True
 
     def count(self, name: str) -> int:
-        """A counter of the node."""
-        return self.node._statistics.counts().get(name, 0)
+        """Return a counter of the node."""
+        return self.node.events.counts().get(name, 0)
 
     def send(self, message: Any) -> None:
-        """Publish a message of objects and wait until the node has taken it."""
+        """Publish a message of objects and wait until the node has received it."""
         before = self.count("messages")
         self.objects.publish(message)
         self.until(lambda: self.count("messages") > before)
 
     def predict(self, states: TrackedStates) -> Prediction:
-        """Publish states that are due and wait for their prediction."""
+        """Publish states that are due and return their prediction."""
         self.send(message_of(states))
         return self.prediction(states.stamp_ns)
 
     def prediction(self, stamp_ns: int) -> Prediction:
-        """The prediction with this stamp, once it has come."""
+        """Wait for the prediction with this stamp and return it."""
         self.until(lambda: any(p.stamp_ns == stamp_ns for p in self.predictions))
         return next(p for p in self.predictions if p.stamp_ns == stamp_ns)
 
     def answered(self, number: int) -> None:
-        """Wait until so many predictions were published, and no more are under way."""
+        """Wait until exactly so many predictions were published."""
         self.until(lambda: self.count("predictions") == number)
 
     def status(self, name: str, level: bytes, word: str = "", **expected: str) -> dict[str, str]:
-        """Wait for a level, a word in the message and values of a status; returns its values."""
+        """Wait for level, word and values of a status; return all of its values."""
 
         def values() -> dict[str, str]:
             return {pair.key: pair.value for pair in self.statuses[name].values}
@@ -184,7 +184,7 @@ class Bench:
         return values()
 
     def call(self, kind: type, service: str, request: Any) -> Any:
-        """The answer of one of the node's services."""
+        """Return the answer of one of the node's services."""
         client = self.peer.create_client(kind, f"predictor/{service}")
         self.until(client.service_is_ready)
         future = client.call_async(request)
@@ -194,17 +194,17 @@ class Bench:
 
     def close(self) -> None:
         """Stop and destroy everything."""
-        service = self.node._service
+        pipeline = self.node._pipeline
         if not self.node.stop():
             # The test process lives on: its interpreter must not end under a running model.
-            assert service.worker.stop(LIMIT_S)
+            assert pipeline.worker.stop(LIMIT_S)
         self.executor.shutdown()
         self.node.destroy_node()
         self.peer.destroy_node()
 
 
 class Process:
-    """One of the executables, as a process of its own; its output is read as it comes.
+    """One of the executables as a separate process, whose output is read continuously.
 
     Attributes:
         out, err: lines seen so far.
@@ -231,7 +231,7 @@ class Process:
             thread.start()
 
     def wait_for(self, word: str, meanwhile: Callable[[], Any] = lambda: time.sleep(0.02)) -> str:
-        """Wait until a line of either stream holds ``word``."""
+        """Wait for a line of either stream that contains ``word`` and return it."""
         end = time.monotonic() + LIMIT_S
         while True:
             ended = self.popen.poll() is not None
@@ -245,7 +245,7 @@ class Process:
             meanwhile()
 
     def finish(self) -> tuple[int, str, str]:
-        """Exit status, stdout and stderr of a process that ends by itself."""
+        """Return exit status, stdout and stderr of a process that ends by itself."""
         try:
             status = self.popen.wait(LIMIT_S)
         finally:
@@ -255,13 +255,13 @@ class Process:
         return status, "".join(self.out), "".join(self.err)
 
     def interrupt(self, number: int = signal.SIGINT) -> tuple[int, str, str]:
-        """Send a signal and wait for the end."""
+        """Send a signal, wait for the end and return the same as :meth:`finish`."""
         self.popen.send_signal(number)
         return self.finish()
 
 
 def _die_with_parent() -> None:
-    """Even a test run that is killed leaves no process behind."""
+    """End the process with its parent, so that a killed test run leaves none running."""
     set_parent_death_signal = 1
     ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGKILL)
 
@@ -272,23 +272,23 @@ def _collect(pipe: Any, lines: list[str]) -> None:
 
 
 def run_process(module: str, *arguments: str | Path) -> tuple[int, str, str]:
-    """Exit status, stdout and stderr of an executable that ends by itself."""
+    """Return exit status, stdout and stderr of an executable that ends by itself."""
     return Process(module, *arguments).finish()
 
 
 def one_line(text: str) -> str:
-    """The only line of a text."""
+    """Return the only line of a text."""
     lines = [line for line in text.splitlines() if line.strip()]
     assert len(lines) == 1, text
     return lines[0]
 
 
 def init() -> None:
-    """rclpy for the whole test process, without its signal handlers."""
+    """Start rclpy for the whole test process, without its signal handlers."""
     if not rclpy.ok():
         rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
 
 
 def parameters_of(values: dict[str, Any]) -> Sequence[Any]:
-    """Parameter messages."""
+    """Return parameter messages."""
     return [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]

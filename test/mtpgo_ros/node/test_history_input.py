@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From observation to work, without ROS and without a model."""
+"""From an observation to the window of a due prediction, without ROS and without a model."""
 
 import dataclasses
 
@@ -8,9 +8,10 @@ import pytest
 from ros_helpers import START_NS, traffic
 
 from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.prediction.output_assembly import with_time_origin
 from mtpgo_core.prediction.scene_predictor import ScenePredictor
-from mtpgo_ros.diagnostics.counters import Statistics
-from mtpgo_ros.node.history_input import Intake
+from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.node.history_input import HistoryInput
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
 
@@ -18,12 +19,12 @@ from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 def make():
     def make(**values):
         parameters = dataclasses.replace(PredictorParameters(), **values)
-        statistics = Statistics()
-        pipeline = ScenePredictor(None)
+        events = EventLog()
+        predictor = ScenePredictor(None)
         return (
-            Intake(TrackHistory(pipeline.task.history), pipeline, statistics, parameters),
-            statistics,
-            pipeline,
+            HistoryInput(TrackHistory(predictor.task.history), predictor, events, parameters),
+            events,
+            predictor,
         )
 
     return make
@@ -34,54 +35,54 @@ def at(time_s):
 
 
 def test_due_observations_give_a_window_at_their_time(make):
-    intake, statistics, _ = make()
-    works = [intake.take(traffic(k / 10), at(k / 10)) for k in range(5)]
-    assert [work is not None for work in works] == [True, False, True, False, True]
-    assert works[4].stamp_ns == works[4].window.stamp_ns == at(0.4)
-    assert works[4].window.valid[:, -3:].all()
-    assert not works[4].window.valid[:, :-3].any()
-    assert not statistics.counts()
+    history, events, _ = make()
+    windows = [history.update(traffic(k / 10), at(k / 10)) for k in range(5)]
+    assert [window is not None for window in windows] == [True, False, True, False, True]
+    assert windows[4].stamp_ns == at(0.4)
+    assert windows[4].valid[:, -3:].all()
+    assert not windows[4].valid[:, :-3].any()
+    assert not events.counts()
 
 
-def test_delay_compensation_takes_the_window_at_the_present_time(make):
-    intake, statistics, pipeline = make(delay_compensation=True)
-    work = intake.take(traffic(0.0), at(0.3))
-    assert work.window.stamp_ns - work.stamp_ns == 300_000_000
-    assert work.window.position[:, -1, 0] == pytest.approx([3.0, 15.0, 27.0, 39.0])
-    prediction = work.stamped(pipeline.predict(work.window))
+def test_delay_compensation_gives_the_window_at_the_present_time(make):
+    history, events, predictor = make(delay_compensation=True)
+    window = history.update(traffic(0.0), at(0.3))
+    assert window.stamp_ns - at(0.0) == 300_000_000
+    assert window.position[:, -1, 0] == pytest.approx([3.0, 15.0, 27.0, 39.0])
+    prediction = with_time_origin(predictor.predict(window), at(0.0))
     assert prediction.stamp_ns == at(0.0)
     assert prediction.time_s[:2] == pytest.approx([0.5, 0.7])
     assert prediction.mean[0, 0, :2, 0] == pytest.approx([5.0, 7.0])
     # A clock behind the stamp gives no negative delay, one far ahead gives none at all.
-    assert intake.take(traffic(1.0), at(0.9)).window.stamp_ns == at(1.0)
-    assert intake.take(traffic(2.0), at(2.6)).window.stamp_ns == at(2.0)
-    assert statistics.counts() == {"delay_not_compensated": 1}
+    assert history.update(traffic(1.0), at(0.9)).stamp_ns == at(1.0)
+    assert history.update(traffic(2.0), at(2.6)).stamp_ns == at(2.0)
+    assert events.counts() == {"delay_not_compensated": 1}
 
 
-def test_a_node_without_time_takes_stamps_as_they_are(make):
-    intake, statistics, _ = make(delay_compensation=True)
-    assert intake.take(traffic(0.0), 0).window.stamp_ns == at(0.0)
-    assert not statistics.counts()
+def test_a_node_without_time_uses_stamps_as_they_are(make):
+    history, events, _ = make(delay_compensation=True)
+    assert history.update(traffic(0.0), 0).stamp_ns == at(0.0)
+    assert not events.counts()
 
 
-def test_the_clocks_jump_back_forgets_what_lies_ahead_of_it(make):
-    intake, statistics, _ = make()
+def test_a_jump_back_of_the_clock_clears_a_history_that_is_ahead_of_it(make):
+    history, events, _ = make()
     for k in range(10):
-        intake.take(traffic(k / 5), at(k / 5))
-    intake.clock_jumped_back(at(1.5))  # within the tolerance: the history knows better
-    assert intake._history.newest_stamp_ns == at(1.8)
-    intake.clock_jumped_back(at(0.0))
-    assert intake._history.newest_stamp_ns is None
-    work = intake.take(traffic(0.1), at(0.1))
-    assert work.window.valid[:, -1].all()
-    assert not work.window.valid[:, :-1].any()
-    assert statistics.counts() == {"clock_reset": 1}
+        history.update(traffic(k / 5), at(k / 5))
+    history.clock_jumped_back(at(1.5))  # within the tolerance: the stamps decide
+    assert history._history.newest_stamp_ns == at(1.8)
+    history.clock_jumped_back(at(0.0))
+    assert history._history.newest_stamp_ns is None
+    window = history.update(traffic(0.1), at(0.1))
+    assert window.valid[:, -1].all()
+    assert not window.valid[:, :-1].any()
+    assert events.counts() == {"clock_reset": 1}
 
 
 def test_a_new_rate_counts_from_the_next_observation(make):
-    intake, _, _ = make()
-    assert intake.take(traffic(0.0), at(0.0)) is not None
-    assert intake.take(traffic(0.1), at(0.1)) is None
-    intake.configure(dataclasses.replace(PredictorParameters(), rate=10.0))
-    assert intake.take(traffic(0.2), at(0.2)) is not None
-    assert intake.take(traffic(0.3), at(0.3)) is not None
+    history, _, _ = make()
+    assert history.update(traffic(0.0), at(0.0)) is not None
+    assert history.update(traffic(0.1), at(0.1)) is None
+    history.configure(dataclasses.replace(PredictorParameters(), rate=10.0))
+    assert history.update(traffic(0.2), at(0.2)) is not None
+    assert history.update(traffic(0.3), at(0.3)) is not None

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The worker and its watchdog, with a model that the test holds by the hand."""
+"""The worker and its watchdog, with a model that the test releases step by step."""
 
 import threading
 import time
@@ -8,23 +8,40 @@ from collections import Counter
 
 import pytest
 
-from mtpgo_ros.node.inference_worker import Hooks, InferenceWorker, Job
+from mtpgo_ros.node.inference_worker import InferenceWorker
+from mtpgo_ros.node.prediction_request import PredictionRequest
 
 LONG_NS = 60_000_000_000
 LIMIT_S = 30.0
 
 
-class Scene:
-    """A worker whose model waits until it is let go, job by job."""
+class Events:
+    """Counts events and wakes those that wait for them."""
 
     def __init__(self):
-        self.published, self.counts, self.failures = [], Counter(), []
+        self.counts, self.failures = Counter(), []
+        self.changed = threading.Condition()
+
+    def count(self, name):
+        with self.changed:
+            self.counts[name] += 1
+            self.changed.notify_all()
+
+    def failure(self, what, error, counter):
+        self.failures.append((what, str(error)))
+        self.count(counter)
+
+
+class Scene:
+    """A worker whose model waits until it is released, request by request."""
+
+    def __init__(self):
+        self.published, self.events = [], Events()
+        self.counts, self.failures = self.events.counts, self.events.failures
         self.begun, self.go = threading.Semaphore(0), threading.Semaphore(0)
-        self.event = threading.Condition()
+        self.event = self.events.changed
         self.broken = False
-        self.worker = InferenceWorker(
-            Hooks(self.predict, self.fallback, self.publish, self.count, self.failed)
-        )
+        self.worker = InferenceWorker(self.predict, self.fallback, self.publish, self.events)
         self.worker.start()
 
     def predict(self, name):
@@ -39,21 +56,15 @@ class Scene:
             raise ValueError("broken too")
         return f"fallback {name}"
 
-    def publish(self, job, answer):
+    def publish(self, request, answer):
         with self.event:
             self.published.append(answer)
             self.event.notify_all()
 
-    def count(self, name):
-        with self.event:
-            self.counts[name] += 1
-            self.event.notify_all()
-
-    def failed(self, what, error):
-        self.failures.append((what, str(error)))
-
     def submit(self, name, budget_ns=LONG_NS):
-        self.worker.submit(Job(name, time.monotonic_ns(), budget_ns, 2 * budget_ns))
+        self.worker.submit(
+            PredictionRequest(name, 0, time.monotonic_ns(), budget_ns, 2 * budget_ns)
+        )
 
     def until(self, condition):
         with self.event:
@@ -68,14 +79,14 @@ def scene():
     assert one.worker.stop(LIMIT_S)
 
 
-def test_an_answer_in_time_is_the_models(scene):
+def test_an_answer_in_time_comes_from_the_model(scene):
     scene.submit("a")
     scene.go.release()
     scene.until(lambda: scene.published == ["model a"])
     assert not scene.counts
 
 
-def test_of_the_waiting_only_the_newest_is_run(scene):
+def test_of_the_waiting_requests_only_the_newest_is_run(scene):
     scene.submit("a")
     assert scene.begun.acquire(timeout=LIMIT_S)  # the model holds a
     scene.submit("b")
@@ -95,12 +106,12 @@ def test_over_budget_the_fallback_answers_and_the_late_result_is_dropped(scene):
     assert scene.counts == {"over_budget": 1, "late_results_dropped": 1}
 
 
-def test_a_job_that_waits_behind_a_stuck_model_is_answered_too(scene):
+def test_a_request_that_waits_behind_a_stuck_model_is_answered_too(scene):
     scene.submit("a", budget_ns=1_000_000)
     scene.until(lambda: scene.published == ["fallback a"])
     scene.submit("b", budget_ns=1_000_000)
     scene.until(lambda: scene.published == ["fallback a", "fallback b"])
-    scene.go.release()  # b was answered: the model does not run for it any more
+    scene.go.release()  # b was answered: the model is not run for it
     scene.until(lambda: scene.counts["late_results_dropped"] == 1)
     scene.submit("c")
     scene.go.release()
@@ -108,7 +119,7 @@ def test_a_job_that_waits_behind_a_stuck_model_is_answered_too(scene):
     assert scene.counts == {"over_budget": 2, "late_results_dropped": 1}
 
 
-def test_a_failing_model_is_stood_in_for(scene):
+def test_the_fallback_answers_for_a_failing_model(scene):
     scene.submit("bad")
     scene.go.release()
     scene.until(lambda: scene.published == ["fallback bad"])
@@ -139,30 +150,28 @@ def test_stopping_says_whether_the_model_still_runs(scene):
     assert not scene.worker.stop(timeout_s=0.01)
     scene.go.release()
     assert scene.worker.stop(LIMIT_S)
-    assert not scene.published  # what comes after the stop is not published
+    assert not scene.published  # a result after the stop is not published
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_every_job_is_answered_once_or_skipped(seed):
+def test_every_request_is_answered_once_or_skipped(seed):
     """Budgets as long as the work: worker and watchdog race for every answer."""
-    answers, counts, lock = Counter(), Counter(), threading.Lock()
+    answers, events = Counter(), Events()
+    counts, lock = events.counts, events.changed
 
-    def count(name):
+    def publish(request, answer):
         with lock:
-            counts[name] += 1
-
-    def publish(job, answer):
-        with lock:
-            answers[job.input] += 1
+            answers[request.window] += 1
 
     def predict(name):
         time.sleep(0.001)
         return name
 
-    worker = InferenceWorker(Hooks(predict, lambda name: name, publish, count, print))
+    worker = InferenceWorker(predict, lambda name: name, publish, events)
     worker.start()
     for name in range(200):
-        worker.submit(Job(name, time.monotonic_ns(), 1_000_000 + 50_000 * seed, LONG_NS))
+        budget_ns = 1_000_000 + 50_000 * seed
+        worker.submit(PredictionRequest(name, 0, time.monotonic_ns(), budget_ns, LONG_NS))
         time.sleep(0.0005 * (1 + name % 4))
     end = time.monotonic() + LIMIT_S
     while time.monotonic() < end:

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The node in ordinary service, over DDS."""
+"""The node in normal operation, over DDS."""
 
 import sys
 import types
@@ -46,7 +46,7 @@ def test_every_agent_is_predicted_under_the_observations_stamp_and_frame(bench):
     assert (last.source == Source.MODEL).all()
     assert last.weight[0] == pytest.approx([0.5, 0.3, 0.2], abs=1e-6)
     assert last.time_s == pytest.approx(0.2 * np.arange(1, 26), abs=1e-5)
-    # Agent i stands at 12 i + 10 * 0.4 m and drives 10 m/s.
+    # Agent i is at 12 i + 10 * 0.4 m and drives at 10 m/s.
     expected = 12.0 * np.arange(6)[:, None] + 4.0 + 10.0 * last.time_s
     assert last.mean[:, 0, :, 0] == pytest.approx(expected, abs=1e-3)
     assert last.covariance[0, 0, 4, 0, 0] == pytest.approx(0.1 + 1.0**2, abs=1e-4)
@@ -57,10 +57,10 @@ def test_every_agent_is_predicted_under_the_observations_stamp_and_frame(bench):
     assert 0.0 < float(values["latency_ms_p50"]) <= float(values["latency_ms_max"])
 
 
-def test_markers_cost_nothing_unheard_and_stale_ones_are_deleted(bench):
+def test_markers_are_built_for_subscribers_only_and_stale_ones_are_deleted(bench):
     b = bench(max_modes=2)
     writers, built = b.node._outputs._writers, []
-    writer = writers["markers"]  # ready, though nobody listens
+    writer = writers["markers"]  # exists, though there is no subscriber
 
     def counted(prediction):
         built.append(prediction)
@@ -80,7 +80,7 @@ def test_markers_cost_nothing_unheard_and_stale_ones_are_deleted(bench):
     drawn = {(m.ns, m.id) for m in heard[0].markers if m.action == Marker.ADD}
     assert drawn
     assert {m.header.stamp.nanosec for m in heard[0].markers} == {200_000_000}
-    # Agents 2 and 3 leave; after half a second they are not carried on any more.
+    # Agents 2 and 3 leave; after half a second they are no longer extrapolated.
     for step in (2, 3, 4, 5):
         b.predict(traffic(0.2 * step, agents=1))
     b.until(lambda: any(len(array.markers) for array in heard[1:]))
@@ -92,7 +92,7 @@ def test_markers_cost_nothing_unheard_and_stale_ones_are_deleted(bench):
 
 
 def _alive(arrays):
-    """Markers that a display would show after these arrays."""
+    """Return the markers that a display would show after these arrays."""
     alive = set()
     for array in arrays:
         for marker in array.markers:
@@ -127,7 +127,7 @@ def test_life_cycle_by_services(bench):
     b.until(lambda: b.objects.get_subscription_count() == 0)
     assert change(Transition.TRANSITION_CLEANUP)
     assert state() == State.PRIMARY_STATE_UNCONFIGURED
-    # A model that is not there leaves the node unconfigured, and it can be mended.
+    # A missing model leaves the node unconfigured, and the parameter can be corrected.
     good = b.node.parameters.model
     answer = b.call(
         SetParameters,
@@ -142,7 +142,7 @@ def test_life_cycle_by_services(bench):
     assert change(Transition.TRANSITION_CONFIGURE)
     assert change(Transition.TRANSITION_ACTIVATE)
     b.until(lambda: b.objects.get_subscription_count() == 1)
-    b.until(lambda: b.node._service.objects._subscription.get_publisher_count() == 1)
+    b.until(lambda: b.node._pipeline.objects._subscription.get_publisher_count() == 1)
     assert len(b.predict(traffic(10.0))) == 4
     assert change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
     assert state() == State.PRIMARY_STATE_FINALIZED
@@ -155,7 +155,7 @@ def test_parameters_by_services(bench):
         request = SetParametersAtomically.Request(parameters=parameters_of(values))
         return b.call(SetParametersAtomically, "set_parameters_atomically", request).result
 
-    # A whole set that makes no sense leaves everything as it was.
+    # A set that is not allowed as a whole changes nothing.
     answer = set_together(max_modes=1, rate=0.5)
     assert not answer.successful
     assert "input_timeout" in answer.reason
@@ -177,14 +177,14 @@ def test_parameters_by_services(bench):
     assert "'cover'" in graph.additional_constraints
 
 
-def test_objects_in_the_vehicles_frame_are_lifted_by_odometry(bench):
+def test_objects_in_the_vehicles_frame_are_transformed_by_odometry(bench):
     b = bench(fixed_frame="odom")
     odometry = b.peer.create_publisher(Odometry, "odometry", 10)
     b.until(lambda: odometry.get_subscription_count() == 1)
     states = traffic(0.0, agents=2, frame_id="base_link")
     b.send(message_of(states))
     b.status("input", ERROR, "base_link", not_lifted="1")
-    # The vehicle drives north (along y) at 5 m/s; at 0.1 s it has come half of a metre.
+    # The vehicle drives north (along y) at 5 m/s; at 0.1 s it has moved half a metre.
     for time_ns in (0, 200_000_000):
         message = Odometry(child_frame_id="base_link")
         message.header.frame_id = "odom"
@@ -194,21 +194,23 @@ def test_objects_in_the_vehicles_frame_are_lifted_by_odometry(bench):
         message.pose.pose.orientation.z = message.pose.pose.orientation.w = np.sqrt(0.5)
         message.twist.twist.linear.x = 5.0
         odometry.publish(message)
-    b.until(lambda: len(b.node._service.lifter._poses) == 2)
+    b.until(lambda: len(b.node._pipeline.transform._poses) == 2)
     prediction = b.predict(traffic(0.1, agents=2, frame_id="base_link"))
     assert prediction.frame_id == "odom"
     # Agent 2, at 12 + 1 m ahead, moving ahead at 10 m/s: in odom it moves along y.
     reached = 0.5 + 13.0 + 10.0 * prediction.time_s
     assert prediction.mean[1, 0, :, 1] == pytest.approx(reached, abs=1e-3)
     assert prediction.mean[1, 0, :, 0] == pytest.approx(np.full(25, 100.0), abs=1e-3)
-    assert b.node._facts.frame_error == ""
+    assert b.node._status.frame_error == ""
     b.status("input", WARN, "lifted")
-    assert b.predict(traffic(0.3, agents=0, frame_id="")).frame_id == "odom"  # nothing to lift
+    assert (
+        b.predict(traffic(0.3, agents=0, frame_id="")).frame_id == "odom"
+    )  # an empty message names no frame
     assert b.count("not_lifted") == 1
 
 
-def test_tf_lifts_where_it_is_installed(bench, monkeypatch):
-    """tf2 cannot be had from pip: what we call of it is stood in for."""
+def test_tf_is_used_where_it_is_installed(bench, monkeypatch):
+    """tf2 is not on pip: a stub replaces the calls that the node makes."""
     asked = []
 
     class Buffer:
@@ -254,21 +256,21 @@ def test_lane_markings_come_latched_to_a_model_that_wants_them(bench):
     lines = [np.array([[-100.0, y], [500.0, y]]) for y in (2.0, -2.0)]
     publisher = b.peer.create_publisher(MarkerArray, "lane_markings", LATCHED)
     publisher.publish(lanes_to_markers(lines, RclpyTypes(), stamp_ns=0, frame_id="map"))
-    b.until(lambda: len(b.node._engine.pipeline.lanes) == 2)
+    b.until(lambda: len(b.node._model.predictor.lanes) == 2)
     assert len(b.predict(traffic(0.2))) == 4
     b.status("model", OK)
 
 
-def test_the_ego_comes_by_topic_and_a_missing_one_is_told(bench):
+def test_the_ego_comes_by_topic_and_a_missing_one_is_reported(bench):
     b = bench(graph="ego")
     b.predict(traffic(0.0))
     b.status("model", WARN, "no ego")
     publisher = b.peer.create_publisher(String, "ego_id", LATCHED)
     publisher.publish(String(data="3"))
-    b.until(lambda: b.node._service.ego_topic == "3")
+    b.until(lambda: b.node._pipeline.ego_topic == "3")
     b.predict(traffic(0.2))
     b.status("model", OK)
-    assert b.node._engine._ego_key.tolist() == [3, 0, 0, 0]
+    assert b.node._model._ego_key.tolist() == [3, 0, 0, 0]
 
 
 def test_delay_compensation_shifts_the_horizon_and_keeps_the_stamp(bench):
@@ -281,7 +283,7 @@ def test_delay_compensation_shifts_the_horizon_and_keeps_the_stamp(bench):
     assert 0.1 <= delay_s < 0.5
     assert prediction.mean[0, 0, :, 0] == pytest.approx(10.0 * prediction.time_s, abs=1e-3)
     # An old recording without its clock cannot be compensated; it is predicted all the same.
-    b.node._service.intake.reset()
+    b.node._pipeline.history.reset()
     assert b.predict(traffic(0.0)).time_s[0] == pytest.approx(0.2, abs=1e-6)
     assert b.count("delay_not_compensated") == 1
 
@@ -310,10 +312,10 @@ def test_simulated_time_and_its_jump_back(bench):
 
     tick(100.0)
     b.predict(traffic(100.0))
-    # Stamps are held against the simulated time, not against the machine's.
+    # Stamps are compared with the simulated time, not with the machine's.
     b.send(message_of(traffic(200.0)))
     assert b.count("future_stamp") == 1
-    tick(10.0)  # the bag begins anew: what lies ahead is forgotten before its first message
+    tick(10.0)  # the bag starts again: the history is cleared before its first message
     assert b.count("clock_reset") == 1
     assert len(b.predict(traffic(10.0))) == 4
     assert b.count("clock_reset") == 1

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Odd input over DDS: each has its outcome and its counter, and the node serves on."""
+"""Odd input over DDS: each kind has its outcome and its counter, and the node keeps predicting."""
 
 import dataclasses
 
@@ -35,8 +35,8 @@ def served(bench):
     return b
 
 
-def still_serves(b, time_s, agents=4):
-    """The next observation is predicted, by the model and for all."""
+def still_predicts(b, time_s, agents=4):
+    """Check that the model predicts all agents of the next observation."""
     prediction = b.predict(traffic(time_s, agents=agents))
     assert len(prediction) == agents
     assert (prediction.source == Source.MODEL).all()
@@ -47,12 +47,12 @@ def still_serves(b, time_s, agents=4):
 def test_a_position_that_is_not_finite_leaves_that_agent_out(served, value):
     b = served
     prediction = b.predict(spoilt(traffic(0.2, agents=6), "position", 4, value))
-    # Agent 5 was never seen at a place; the others are predicted, the sixth with one sample.
+    # Agent 5 never had a position; the others are predicted, the sixth with one sample.
     assert prediction.key[:, 0].tolist() == [1, 2, 3, 4, 6]
     assert np.isfinite(prediction.mean).all()
     assert b.count("non_finite") == 1
     b.status("input", WARN, "without a finite position", non_finite="1")
-    still_serves(b, 0.4, agents=6)
+    still_predicts(b, 0.4, agents=6)
 
 
 @pytest.mark.parametrize("name", ["velocity", "acceleration", "yaw", "size", "covariance", "z"])
@@ -65,13 +65,13 @@ def test_other_fields_that_are_not_finite_are_estimated(served, name, value):
     assert np.isfinite(prediction.mean).all()
     # Moved 2 m in 0.2 s: the velocity is estimated where it is missing.
     assert prediction.mean[:, 0, 0, 2] == pytest.approx(np.full(4, 10.0), abs=0.5)
-    still_serves(b, 0.4)
+    still_predicts(b, 0.4)
 
 
 def test_an_absurd_speed_is_rejected(served):
     b = served
     prediction = b.predict(spoilt(traffic(0.2), "velocity", 0, 5000.0))
-    assert len(prediction) == 4  # the first agent is carried on from the last observation
+    assert len(prediction) == 4  # the first agent is extrapolated from its last observation
     assert prediction.mean[0, 0, 0, 0] == pytest.approx(4.0, abs=1e-3)
     assert b.count("too_fast") == 1
 
@@ -80,7 +80,7 @@ def test_unknown_classes_are_predicted_as_unknown(served):
     b = served
     prediction = b.predict(spoilt(traffic(0.2), "agent_class", slice(None), 200))
     assert len(prediction) == 4
-    # What the tracker said before still counts for known agents; new ones are unknown.
+    # Known agents keep their last known class; new ones are unknown.
     fresh = b.predict(spoilt(traffic(0.4, agents=5), "agent_class", slice(None), 77))
     assert fresh.agent_class.tolist() == [AgentClass.CAR] * 4 + [AgentClass.UNKNOWN]
     assert b.count("unknown_class") == 9
@@ -89,11 +89,11 @@ def test_unknown_classes_are_predicted_as_unknown(served):
 def test_an_empty_array_lets_time_go_on(served):
     b = served
     prediction = b.predict(traffic(0.2, agents=0))
-    assert len(prediction) == 4  # carried on for half a second
+    assert len(prediction) == 4  # extrapolated for half a second
     prediction = b.predict(traffic(0.8, agents=0))
-    assert len(prediction) == 0  # published all the same: the scene is known to be empty
+    assert len(prediction) == 0  # published nevertheless: the scene is known to be empty
     assert b.count("empty_messages") == 2
-    still_serves(b, 1.0)
+    still_predicts(b, 1.0)
 
 
 def test_empty_from_the_start(bench):
@@ -109,10 +109,10 @@ def test_a_thousand_objects_are_all_predicted(bench):
     assert (prediction.source == Source.MODEL).sum() == 100
     assert b.count("agents_over_limit") == 900
     b.status("model", WARN, "900 of 1000")
-    # The same with all modes: twelve megabytes and a half in one message.
+    # The same with all modes: 12.5 MB in one message.
     b.node.set_parameters_atomically([_parameter("max_modes", 8)])
     assert len(b.predict(traffic(0.2, agents=1000))) == 1000
-    still_serves(b, 1.0)
+    still_predicts(b, 1.0)
 
 
 def _parameter(name, value):
@@ -125,29 +125,29 @@ def test_a_repeated_message_starts_nothing(served):
     b = served
     b.send(message_of(traffic(0.0)))
     assert b.count("duplicates") == 4
-    still_serves(b, 0.2)
+    still_predicts(b, 0.2)
     b.answered(2)
 
 
 def test_older_stamps_start_nothing(served):
     b = served
-    still_serves(b, 0.2)
+    still_predicts(b, 0.2)
     b.send(message_of(traffic(0.1)))
     b.send(message_of(traffic(-0.2)))
     assert b.count("late") == 8
-    still_serves(b, 0.4)
+    still_predicts(b, 0.4)
     b.answered(3)
     assert b.count("clock_reset") == 0
 
 
-def test_a_jump_back_in_time_begins_anew(served):
+def test_a_jump_back_in_time_clears_the_history(served):
     b = served
-    still_serves(b, 10.0)
+    still_predicts(b, 10.0)
     prediction = b.predict(traffic(1.0))  # the bag has looped
     assert len(prediction) == 4
     assert b.count("clock_reset") == 1
     b.status("input", WARN, "backwards")
-    still_serves(b, 1.2)
+    still_predicts(b, 1.2)
 
 
 def test_one_stamp_from_the_future_is_dropped(bench):
@@ -162,7 +162,7 @@ def test_one_stamp_from_the_future_is_dropped(bench):
     assert b.count("future_stamp") == 1
     assert len(b.predict(live(0.2))) == 4
     b.answered(2)
-    # A stream that stays ahead has a clock of its own: it is served from its third message on.
+    # A stream that stays ahead has another clock: it is accepted from its third message on.
     for step in range(4):
         b.send(message_of(live(3600.0 + 0.2 * step)))
     b.prediction(live(3600.6).stamp_ns)
@@ -173,7 +173,7 @@ def test_a_message_without_a_stamp_is_dropped(served):
     b = served
     b.send(message_of(changed(traffic(0.2), stamp_ns=0)))
     assert b.count("unstamped") == 1
-    still_serves(b, 0.4)
+    still_predicts(b, 0.4)
     assert b.count("clock_reset") == 0
 
 
@@ -181,8 +181,8 @@ def test_one_message_in_another_frame_is_rejected(served):
     b = served
     b.send(message_of(traffic(0.2, frame_id="base_link")))
     assert (b.count("frame_changed"), b.count("wrong_frame")) == (1, 4)
-    still_serves(b, 0.4)
-    # A stream that stays in its new frame begins anew there.
+    still_predicts(b, 0.4)
+    # A stream that stays in its new frame starts a new history there.
     for step in range(3):
         b.send(message_of(traffic(0.6 + 0.2 * step, frame_id="odom")))
     prediction = b.prediction(traffic(1.0).stamp_ns)
@@ -200,7 +200,7 @@ def test_a_cloud_of_something_else_is_left_out(served, fields):
     b.send(PointCloud2(fields=fields, width=3, height=1, point_step=4, row_step=12))
     assert b.count("malformed") == 1
     b.status("input", WARN, "could not be read")
-    still_serves(b, 0.2)
+    still_predicts(b, 0.2)
 
 
 def test_a_cloud_that_is_cut_off_is_left_out(served):
@@ -209,7 +209,7 @@ def test_a_cloud_that_is_cut_off_is_left_out(served):
     message.data = message.data[: len(message.data) // 2]
     b.send(message)
     assert b.count("malformed") == 1
-    still_serves(b, 0.4)
+    still_predicts(b, 0.4)
 
 
 def test_objects_as_markers_are_recognised_by_their_type(bench):
@@ -219,18 +219,18 @@ def test_objects_as_markers_are_recognised_by_their_type(bench):
     prediction = b.prediction(traffic(0.2).stamp_ns)
     assert len(prediction) == 4
     assert prediction.mean[:, 0, 0, 2] == pytest.approx(np.full(4, 10.0), abs=0.5)
-    assert b.node._service.objects.message_type == "visualization_msgs/msg/MarkerArray"
+    assert b.node._pipeline.objects.message_type == "visualization_msgs/msg/MarkerArray"
 
 
-def test_a_type_that_carries_no_objects_is_told(bench):
+def test_a_type_without_objects_is_reported(bench):
     b = bench(objects_type=None)
     publisher = b.peer.create_publisher(String, "objects", 1)
     b.status("input", WARN, "std_msgs/msg/String")
-    # When the right publisher comes instead, it is taken.
+    # A publisher with a known type replaces it.
     b.peer.destroy_publisher(publisher)
     b.objects = b.peer.create_publisher(PointCloud2, "objects", 5)
     b.until(lambda: b.objects.get_subscription_count() == 1)
-    b.until(lambda: b.node._service.objects._subscription.get_publisher_count() == 1)
+    b.until(lambda: b.node._pipeline.objects._subscription.get_publisher_count() == 1)
     b.predict(traffic(0.0))
 
 
@@ -246,20 +246,20 @@ def test_an_output_that_is_not_installed_is_left_out(bench):
     assert len(b.predict(traffic(0.0))) == 4
 
 
-def test_a_model_over_its_budget_is_stood_in_for(bench):
+def test_constant_velocity_answers_for_a_model_over_its_budget(bench):
     b = bench("slow", budget=0.05, patient=False)  # ten milliseconds
     prediction = b.predict(traffic(0.0, speed_mps=20.0))
     assert (prediction.source == Source.CONSTANT_VELOCITY).all()
     reached = 12.0 * np.arange(4)[:, None] + 20.0 * prediction.time_s
     assert prediction.mean[:, 0, :, 0] == pytest.approx(reached, abs=1e-3)
     b.status("timing", WARN, "over budget", over_budget="1")
-    # On a busy machine the budget may be used up before the model begins, and no result is late.
+    # On a busy machine the budget may end before the model begins, and then no result is late.
     steps = 0
     while not b.comes_true(lambda: b.count("late_results_dropped") > 0, 3.0):
         steps += 1
         assert steps < 12, "the model never began within its budget"
         b.predict(traffic(0.2 * steps, speed_mps=20.0))
-    # Given its time, the model serves again.
+    # With enough time the model predicts again.
     b.be_patient()
     b.predict(traffic(5.0, speed_mps=0.0))
     assert (b.predictions[-1].source == Source.MODEL).all()
@@ -275,7 +275,7 @@ def test_a_model_that_never_keeps_up_is_an_error(bench):
     b.status("timing", ERROR, "does not keep up")
 
 
-def test_output_that_is_not_finite_is_stood_in_for(bench):
+def test_constant_velocity_replaces_output_that_is_not_finite(bench):
     b = bench("poison")
     states = spoilt(traffic(0.0), "velocity", 1, (90.0, 0.0))
     prediction = b.predict(states)
@@ -285,7 +285,7 @@ def test_output_that_is_not_finite_is_stood_in_for(bench):
     b.status("model", WARN, "not finite", non_finite_output="1", fallback_agents="1")
 
 
-def test_without_a_model_constant_velocity_serves(bench):
+def test_without_a_model_all_agents_get_constant_velocity(bench):
     b = bench("/no/such/model.pt", require_model=False)
     prediction = b.predict(traffic(0.0))
     assert (prediction.source == Source.CONSTANT_VELOCITY).all()

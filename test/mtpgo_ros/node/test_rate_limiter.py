@@ -1,16 +1,16 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which observations are predicted from, by hand-worked streams."""
+"""Which observations start a prediction, by hand-worked streams."""
 
 import numpy as np
 import pytest
 
-from mtpgo_ros.node.rate_limiter import Schedule
+from mtpgo_ros.node.rate_limiter import RateLimiter
 
 
 def chosen(times_s, rate=5.0):
     """Times (s) of those that are due."""
-    schedule = Schedule(rate)
+    schedule = RateLimiter(rate)
     return [t for t in times_s if schedule.due(round(t * 1e9))]
 
 
@@ -54,7 +54,7 @@ def test_repeated_and_older_stamps_are_never_due():
 
 
 def test_after_a_reset_the_next_one_is_due():
-    schedule = Schedule(5.0)
+    schedule = RateLimiter(5.0)
     assert schedule.due(10**10)
     assert not schedule.due(10**9)
     schedule.reset()

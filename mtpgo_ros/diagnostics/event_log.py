@@ -1,0 +1,168 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Counts and logs everything that does not go as it should. No ROS in here.
+
+Every odd message, late cycle and failure takes this one route: a counter, which the diagnostics
+show, and a log line with the reason, at most one per kind in a few seconds.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import numpy as np
+
+RECENT_S = 2.0
+"""How long an event keeps its status at WARN (s); chosen so that two reports show it."""
+
+REPEAT_S = 5.0
+"""Shortest time between two log lines of one kind (s); chosen."""
+
+ODD_INPUT = {
+    "malformed": "messages that could not be read",
+    "skipped_objects": "objects that could not be read",
+    "non_finite": "objects without a finite position",
+    "too_fast": "objects faster than possible",
+    "duplicate_keys": "identities twice in a message",
+    "duplicates": "objects with a repeated stamp",
+    "late": "objects older than what is known",
+    "restarted": "tracks restarted after an impossible move",
+    "dropped": "tracks dropped for lack of room",
+    "unstamped": "messages without a stamp",
+    "future_stamp": "messages ahead of the clock",
+    "clock_reset": "jumps of the clock backwards",
+    "frame_changed": "messages in another frame",
+    "wrong_frame": "objects in another frame",
+    "not_lifted": "messages that could not be lifted into the fixed frame",
+    "qos_incompatible": "publishers with an incompatible QoS",
+    "messages_lost": "messages lost by the middleware",
+    "delay_not_compensated": "delays too long to be compensated",
+}
+"""Counters of unusual input and their descriptions."""
+
+BAD_TIMING = {
+    "deadline_misses": "deadlines missed",
+    "over_budget": "cycles over budget, answered by constant velocity",
+    "cycles_skipped": "cycles skipped for a newer state",
+    "cycles_failed": "cycles without a prediction",
+}
+"""Counters of late, skipped and failed cycles and their descriptions."""
+
+BAD_MODEL = {
+    "model_failures": "failures of the model",
+    "non_finite_output": "agents with a model output that was not finite",
+}
+"""Counters of the model's failures and their descriptions."""
+
+_DESCRIPTIONS = {**ODD_INPUT, **BAD_TIMING, **BAD_MODEL}
+
+
+class Logger(Protocol):
+    """What is needed of a logger; rclpy's has it."""
+
+    def warning(self, message: str) -> object:
+        """Log a warning."""
+
+    def error(self, message: str) -> object:
+        """Log an error."""
+
+
+class EventLog:
+    """Counters with the time of their last increment, and throttled log lines; thread-safe.
+
+    Args:
+        logger: takes the log lines; without one nothing is logged.
+        clock: monotonic time (s).
+    """
+
+    def __init__(
+        self, logger: Logger | None = None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._logger = logger
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._counts: Counter[str] = Counter()
+        self._last_counted_s: dict[str, float] = {}
+        self._last_logged_s: dict[str, float] = {}
+
+    def count(
+        self, name: str, number: int = 1, reason: str = "", *, is_error: bool = False
+    ) -> None:
+        """Add to a counter and log the reason; zero changes nothing.
+
+        Args:
+            name: of the counter.
+            number: how many to add.
+            reason: log line; without it the counter's description is logged, if it has one.
+            is_error: log an error instead of a warning.
+        """
+        if not number:
+            return
+        with self._lock:
+            self._counts[name] += number
+            self._last_counted_s[name] = self._clock()
+        if reason:
+            self.log(name, reason, is_error=is_error)
+        elif name in _DESCRIPTIONS:
+            self.log(name, f"{_DESCRIPTIONS[name]} ({number} more)", is_error=is_error)
+
+    def failure(self, what: str, error: Exception, counter: str = "") -> None:
+        """Log an exception that the node survived, and count it.
+
+        Args:
+            what: what failed, and with which consequence.
+            error: the exception.
+            counter: name of the counter, empty for none.
+        """
+        text = " ".join(str(error).split()) or "no message"
+        line = f"{what}: {type(error).__name__}: {text}"
+        if counter:
+            self.count(counter, reason=line)
+        else:
+            self.log(what, line)
+
+    def log(self, kind: str, line: str, *, is_error: bool = False) -> None:
+        """Log ``line`` unless one of its ``kind`` was logged within :data:`REPEAT_S`."""
+        now_s = self._clock()
+        with self._lock:
+            if now_s - self._last_logged_s.get(kind, -np.inf) < REPEAT_S:
+                return
+            self._last_logged_s[kind] = now_s
+        if self._logger is None:
+            return
+        if is_error:
+            self._logger.error(line)
+        else:
+            self._logger.warning(line)
+
+    def reset(self) -> None:
+        """Set all counters to zero."""
+        with self._lock:
+            self._counts.clear()
+            self._last_counted_s.clear()
+
+    def counts(self) -> Mapping[str, int]:
+        """Return all counters that are not zero."""
+        with self._lock:
+            return dict(self._counts)
+
+    def recent(self, descriptions: Mapping[str, str]) -> list[str]:
+        """Return the descriptions of the counters that increased within :data:`RECENT_S`.
+
+        Args:
+            descriptions: from counter to description.
+
+        Returns:
+            Descriptions, each with the counter's total.
+        """
+        with self._lock:
+            since_s = self._clock() - RECENT_S
+            return [
+                f"{description} ({self._counts[name]} in all)"
+                for name, description in descriptions.items()
+                if self._last_counted_s.get(name, -np.inf) >= since_s
+            ]

@@ -1,0 +1,195 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The data path of an active node: from a message to a published prediction.
+
+The subscription's callback decodes the message, transforms it into the fixed frame and updates the
+history; when a prediction is due, it hands a window to the worker, which predicts and publishes.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any, cast
+
+from rclpy.clock import ROSClock
+from rclpy.lifecycle import LifecycleNode
+
+from msg_adapters.adapter import InputAdapter
+from mtpgo_core.errors import FrameError, MtpgoError
+from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.prediction.output_assembly import with_time_origin
+from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
+from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
+from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
+from mtpgo_ros.node.frame_transform import FixedFrameTransform, FrameTransform, NoTransform
+from mtpgo_ros.node.history_input import HistoryInput
+from mtpgo_ros.node.inference_worker import InferenceWorker
+from mtpgo_ros.node.model_host import ModelHost
+from mtpgo_ros.node.objects_subscription import ObjectsSubscription
+from mtpgo_ros.node.prediction_request import PredictionRequest
+from mtpgo_ros.node.publishers import Publishers
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+
+_VEHICLE_FRAMES = ("base_link", "base_footprint", "ego_vehicle", "vehicle", "hero")
+"""Usual names of frames that move, for a warning."""
+
+
+class PredictionPipeline:
+    """Subscribes and predicts from its construction until it is closed.
+
+    Args:
+        node: the node, for subscriptions, clock and log.
+        model: the model.
+        publishers: the outputs.
+        parameters: the initial parameters.
+        events: where everything unusual is counted and logged.
+        status: the state that the diagnostics report, updated here.
+
+    Attributes:
+        objects: the subscription to the objects.
+        transform: into the fixed frame.
+        history: the history and its rate limit.
+        worker: the threads of the model and its watchdog.
+        ego_topic: last text on the topic ``ego_id``.
+
+    Raises:
+        MtpgoError: the input cannot be subscribed to.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        model: ModelHost,
+        publishers: Publishers,
+        parameters: PredictorParameters,
+        events: EventLog,
+        status: NodeStatus,
+    ) -> None:
+        self._node, self._model, self._publishers = node, model, publishers
+        self._parameters, self._events, self._status = parameters, events, status
+        self.ego_topic = ""
+        self._received_s: float | None = None
+        self._received_ros_ns = 0
+        model.predictor.reset()
+        model.configure(parameters, self.ego_topic)
+        status.frame_error = ""
+        self.history = HistoryInput(
+            TrackHistory(model.predictor.task.history), model.predictor, events, parameters
+        )
+        self.objects = ObjectsSubscription(node, parameters.input_type, self._on_objects, events)
+        self.transform: FrameTransform = NoTransform()
+        if parameters.fixed_frame:
+            self.transform = FixedFrameTransform(node, parameters.fixed_frame)
+        self._context = ContextSubscriptions(
+            node, self._on_ego, model.set_lanes if model.uses_lanes else None
+        )
+        self.worker = InferenceWorker(self._predict, model.fallback, self._publish, events)
+        self.worker.start()
+
+    def close(self) -> bool:
+        """Stop subscribing and predicting; return false if the model is still running."""
+        self.objects.close()
+        self._context.close()
+        self.transform.close()
+        return self.worker.stop()
+
+    def configure(self, parameters: PredictorParameters) -> None:
+        """Use other parameters from the next observation on."""
+        self._parameters = parameters
+        self.history.configure(parameters)
+        self._model.configure(parameters, self.ego_topic)
+
+    def clock_jumped_back(self) -> None:
+        """Clear a history that is newer than the node's clock."""
+        self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds)
+
+    def input_age_s(self) -> float | None:
+        """Return the time since the last message (s), None before the first.
+
+        A simulation that is paused or slow does not make the input stale: the smaller of the times
+        on the machine's and the node's clock is returned.
+        """
+        if self._received_s is None:
+            return None
+        age_s = time.monotonic() - self._received_s
+        clock = cast(ROSClock, self._node.get_clock())
+        if clock.ros_time_is_active:
+            passed_ns = clock.now().nanoseconds - self._received_ros_ns
+            age_s = min(age_s, max(0.0, passed_ns * 1e-9))
+        return age_s
+
+    def _on_objects(self, message: Any, adapter: InputAdapter, received_ns: int) -> None:
+        dropped = f"message on {self.objects.topic} left out"
+        self._events.count("messages")
+        self._received_s = time.monotonic()
+        self._received_ros_ns = self._node.get_clock().now().nanoseconds
+        try:
+            states = self._read(message, adapter, self._received_ros_ns)
+            window = self.history.update(states, self._received_ros_ns)
+        except FrameError as error:
+            self._status.frame_error = str(error)
+            self._events.count("not_lifted", reason=f"{dropped}: {error}")
+        except MtpgoError as error:
+            self._events.count("malformed", reason=f"{dropped}: {error}")
+        except Exception as error:  # Whatever a message contains, the node keeps running.
+            self._events.failure(dropped, error, "malformed")
+        else:
+            if window is not None:
+                self.worker.submit(self._request(window, states.stamp_ns, received_ns))
+
+    def _read(self, message: Any, adapter: InputAdapter, now_ns: int) -> TrackedStates:
+        """Return the states of a message in the fixed frame."""
+        decoded = adapter.decode(
+            message, twist_frame=self._parameters.twist_frame, fallback_stamp_ns=now_ns
+        )
+        self._events.count("skipped_objects", decoded.skipped_total)
+        self._events.count("empty_messages", int(len(decoded.states) == 0))
+        self._warn_of_moving_frame(decoded.states)
+        states = self.transform.apply(decoded.states)
+        self._status.frame_error, self._status.frame_id = "", states.frame_id
+        return states
+
+    def _warn_of_moving_frame(self, states: TrackedStates) -> None:
+        if not self._parameters.fixed_frame and states.frame_id in _VEHICLE_FRAMES:
+            self._events.log(
+                "moving frame",
+                f"objects come in frame {states.frame_id!r}, which usually moves with the vehicle:"
+                " set the parameter fixed_frame and publish odometry",
+            )
+
+    def _request(
+        self, window: HistoryWindow, stamp_ns: int, received_ns: int
+    ) -> PredictionRequest:
+        period_ns = round(self._parameters.period_s * 1e9)
+        budget_ns = round(self._parameters.budget * period_ns)
+        return PredictionRequest(window, stamp_ns, received_ns, budget_ns, deadline_ns=period_ns)
+
+    def _predict(self, window: HistoryWindow) -> Prediction:
+        """Return the prediction of a window; called by the worker."""
+        prediction = self._model.predict(window)
+        report = self._model.predictor.last_report
+        self._events.count("non_finite_output", report.unusable)
+        self._events.count("agents_over_limit", report.over_limit)
+        return prediction
+
+    def _publish(self, request: PredictionRequest, prediction: Prediction) -> None:
+        """Publish a prediction; called by the worker and its watchdog."""
+        prediction = with_time_origin(prediction, request.stamp_ns)
+        self._publishers.publish(prediction)
+        latency_ns = time.monotonic_ns() - request.received_ns
+        status = self._status
+        self._events.count("predictions")
+        self._events.count("deadline_misses", int(latency_ns > request.deadline_ns))
+        status.latency.add(latency_ns * 1e-6)
+        status.over_budget_in_a_row = status.over_budget_in_a_row + 1 if request.over_budget else 0
+        status.agents = len(prediction)
+        status.fallback_agents = int((prediction.source != Source.MODEL).sum())
+        self._publishers.publish_secondary(prediction, latency_ns * 1e-6)
+
+    def _on_ego(self, text: str) -> None:
+        self.ego_topic = text
+        self._model.configure(self._parameters, text)
+        if not self._parameters.ego_id:
+            line = f"ego is {text!r}" if text else "no ego is chosen any more"
+            self._node.get_logger().info(line)

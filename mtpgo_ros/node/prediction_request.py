@@ -1,0 +1,51 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""One request for a prediction, and the protocol by which it is answered exactly once."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field
+
+from mtpgo_core.schema import HistoryWindow
+
+
+@dataclass(eq=False)
+class PredictionRequest:
+    """A history window that is to be predicted in time.
+
+    Claim protocol: the inference worker and the deadline watchdog may both want to answer a
+    request. Each calls :meth:`claim` first, and only the first caller gets true: it answers the
+    request, or drops it on purpose. The other one discards its result. A claim is never given
+    back.
+
+    Attributes:
+        window: the model's input.
+        stamp_ns: time of the observation (ns); the window's is later under delay compensation.
+        received_ns: receipt of the observation (ns of the monotonic clock).
+        budget_ns: time after ``received_ns`` from which on the fallback answers (ns).
+        deadline_ns: time after ``received_ns`` from which on an answer is late (ns).
+        over_budget: the fallback answers because the model was not ready.
+    """
+
+    window: HistoryWindow
+    stamp_ns: int
+    received_ns: int
+    budget_ns: int
+    deadline_ns: int
+    over_budget: bool = False
+    _claim: threading.Lock = field(default_factory=threading.Lock, repr=False)
+
+    @property
+    def due_ns(self) -> int:
+        """When the fallback answers (ns of the monotonic clock)."""
+        return self.received_ns + self.budget_ns
+
+    @property
+    def claimed(self) -> bool:
+        """Whether the request has been claimed."""
+        return self._claim.locked()
+
+    def claim(self) -> bool:
+        """Take the right to answer; return true for the first caller only. Any thread."""
+        return self._claim.acquire(blocking=False)

@@ -1,0 +1,109 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Counters and throttled log lines, by a clock that the test sets."""
+
+import threading
+
+import pytest
+
+from mtpgo_ros.diagnostics.event_log import RECENT_S, REPEAT_S, EventLog
+
+
+class ManualClock:
+    """A clock that the test moves."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+class RecordingLogger:
+    """Keeps the log lines."""
+
+    def __init__(self):
+        self.warnings, self.errors = [], []
+
+    def warning(self, line):
+        self.warnings.append(line)
+
+    def error(self, line):
+        self.errors.append(line)
+
+
+@pytest.fixture
+def clock():
+    return ManualClock()
+
+
+@pytest.fixture
+def logger():
+    return RecordingLogger()
+
+
+def test_counters_are_recent_for_a_while(clock):
+    events = EventLog(clock=clock)
+    events.count("late", 3)
+    events.count("late", 2)
+    events.count("never", 0)
+    assert events.counts() == {"late": 5}
+    descriptions = {"late": "objects too old", "never": "x"}
+    clock.now += RECENT_S
+    assert events.recent(descriptions) == ["objects too old (5 in all)"]
+    clock.now += 0.01
+    assert events.recent(descriptions) == []
+    events.reset()
+    assert events.counts() == {}
+
+
+def test_a_counter_logs_its_description_or_the_reason(logger, clock):
+    events = EventLog(logger, clock)
+    events.count("late", 3)
+    events.count("late", 2)  # counted, but within the time in which its line is not repeated
+    events.count("malformed", 0, "not logged")
+    events.count("malformed", reason="message left out: no field x")
+    events.count("qos_incompatible", reason="cannot be heard", is_error=True)
+    events.count("messages")  # nothing unusual: no line
+    assert logger.warnings == [
+        "objects older than what is known (3 more)",
+        "message left out: no field x",
+    ]
+    assert logger.errors == ["cannot be heard"]
+    assert events.counts() == {"late": 5, "malformed": 1, "qos_incompatible": 1, "messages": 1}
+
+
+def test_a_failure_is_one_line_and_counted_where_it_has_a_counter(logger, clock):
+    events = EventLog(logger, clock)
+    events.failure("the model failed", ValueError("no\n  good"), "model_failures")
+    events.failure("a callback failed", KeyError())
+    assert logger.warnings == [
+        "the model failed: ValueError: no good",
+        "a callback failed: KeyError: no message",
+    ]
+    assert events.counts() == {"model_failures": 1}
+
+
+def test_counting_from_many_threads_loses_nothing():
+    events = EventLog()
+
+    def count():
+        for _ in range(2000):
+            events.count("x")
+
+    threads = [threading.Thread(target=count) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert events.counts() == {"x": 8000}
+
+
+def test_lines_of_a_kind_are_logged_once_in_a_while(logger, clock):
+    events = EventLog(logger, clock)
+    events.log("a", "one")
+    events.log("a", "two")
+    events.log("b", "three")
+    clock.now += REPEAT_S
+    events.log("a", "four")
+    assert logger.warnings == ["one", "three", "four"]
