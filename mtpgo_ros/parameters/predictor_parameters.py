@@ -72,8 +72,8 @@ class PredictorParameters:
     )
     max_agents: int = _field(
         128,
-        "Most agents that the model predicts in a cycle, the nearest first; the rest is predicted at"
-        " constant velocity.",
+        "Most agents that the model predicts in a cycle, the nearest first; the rest is predicted"
+        " at constant velocity.",
         low=1,
         high=4096,
     )
@@ -138,7 +138,8 @@ class PredictorParameters:
     )
     budget: float = _field(
         0.85,
-        "Share of the period after which constant velocity replaces a model that has not answered.",
+        "Share of the period after which constant velocity replaces a model that has not"
+        " answered.",
         low=0.05,
         high=1.0,
     )

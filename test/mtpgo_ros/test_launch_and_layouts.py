@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mtpgo_ros.diagnostics.diagnostic_status import BAD_MODEL, BAD_TIMING, ODD_INPUT
+from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING, ODD_INPUT
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
 ROOT = Path(__file__).resolve().parents[2]
