@@ -71,7 +71,8 @@ def assemble(
     if scene.shape[-1] == 2:
         mean[..., 2:] = _differences(mean[..., :2], initial[agent, :2], dt_s)
 
-    covariance = _rotated(output.covariance.astype(np.float64), cos, sin)
+    with np.errstate(invalid="ignore"):  # infinite covariances are rejected below
+        covariance = _rotated(output.covariance.astype(np.float64), cos, sin)
     weight = _weights(output.log_weight.astype(np.float64))
     usable = _usable(weight, mean, covariance)
 
