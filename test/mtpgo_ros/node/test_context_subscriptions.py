@@ -1,0 +1,59 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Latched context topics: an ego's identity and lane markings."""
+
+import itertools
+import time
+
+import numpy as np
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from ros_helpers import LATCHED, LIMIT_S
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters.inputs.lane_markers import lanes_to_markers
+from msg_adapters.types import RclpyTypes
+from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
+
+_namespaces = itertools.count()
+
+
+@pytest.fixture
+def node():
+    one = Node("context", namespace=f"/context{next(_namespaces)}")
+    yield one
+    one.destroy_node()
+
+
+def spin_until(node, condition):
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    end = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < end
+        executor.spin_once(timeout_sec=0.02)
+    executor.shutdown()
+
+
+def test_messages_published_before_the_subscription_are_received(node):
+    lines = [np.array([[0.0, y], [100.0, y], [200.0, y]]) for y in (2.0, -2.0)]
+    node.create_publisher(String, "ego_id", LATCHED).publish(String(data="7"))
+    node.create_publisher(MarkerArray, "lane_markings", LATCHED).publish(
+        lanes_to_markers(lines, RclpyTypes(), stamp_ns=0, frame_id="map")
+    )
+    egos, lanes = [], []
+    context = ContextSubscriptions(node, egos.append, lanes.append)
+    spin_until(node, lambda: egos and lanes)
+    assert egos == ["7"]
+    assert len(lanes[0]) == 4  # two lines of two segments
+    context.close()
+    assert node.count_subscribers("ego_id") == node.count_subscribers("lane_markings") == 0
+
+
+def test_a_model_without_lanes_does_not_subscribe_to_them(node):
+    context = ContextSubscriptions(node, print, None)
+    assert node.count_subscribers("ego_id") == 1
+    assert node.count_subscribers("lane_markings") == 0
+    context.close()

@@ -1,0 +1,84 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Transform into the fixed frame by odometry, by hand; TF is tested with the node."""
+
+import numpy as np
+import pytest
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from ros_helpers import START_NS, traffic
+
+from mtpgo_core.errors import FrameError
+from mtpgo_ros.node.frame_transform import FixedFrameTransform, NoTransform
+
+
+@pytest.fixture
+def transform():
+    node = Node("transform")
+    one = FixedFrameTransform(node, "odom")
+    yield one
+    one.close()
+    node.destroy_node()
+
+
+def odometry(time_s, x, *, child="base_link", parent="odom"):
+    """A pose at (x, 0) m, turned by a quarter to the left, driving ahead at 5 m/s."""
+    message = Odometry(child_frame_id=child)
+    message.header.frame_id = parent
+    stamp_ns = START_NS + round(time_s * 1e9)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    message.pose.pose.position.x = x
+    message.pose.pose.orientation.z = message.pose.pose.orientation.w = np.sqrt(0.5)
+    message.twist.twist.linear.x = 5.0
+    return message
+
+
+def test_without_a_fixed_frame_states_are_unchanged():
+    states = traffic(0.0, frame_id="base_link")
+    assert NoTransform().apply(states) is states
+
+
+def test_states_of_the_vehicle_are_rotated_and_shifted_by_its_pose(transform):
+    transform.add_odometry(odometry(0.0, 100.0))
+    transform.add_odometry(odometry(0.2, 104.0))
+    # Agents at (1, 0) and (13, 0) m in the vehicle's frame, half way between the poses.
+    states = transform.apply(traffic(0.1, agents=2, frame_id="base_link"))
+    assert (states.frame_id, states.stamp_ns) == ("odom", START_NS + 100_000_000)
+    assert states.position == pytest.approx(np.array([[102.0, 1.0], [102.0, 13.0]]))
+    assert states.velocity == pytest.approx(np.array([[0.0, 10.0]] * 2), abs=1e-9)
+    assert states.yaw == pytest.approx([np.pi / 2] * 2)
+
+
+def test_after_the_last_pose_the_vehicle_is_extrapolated_by_its_velocity(transform):
+    transform.add_odometry(odometry(0.0, 100.0))
+    states = transform.apply(traffic(0.2, agents=1, frame_id="base_link"))
+    # The vehicle drives along y: 1 m in 0.2 s; the agent is 2 m ahead of it.
+    assert states.position == pytest.approx(np.array([[100.0, 3.0]]))
+    with pytest.raises(FrameError, match=r"0\.300 s away, expected at most 0\.200 s"):
+        transform.apply(traffic(0.3, agents=1, frame_id="base_link"))
+
+
+def test_states_in_the_fixed_frame_and_empty_messages_need_no_pose(transform):
+    states = traffic(0.0, frame_id="odom")
+    assert transform.apply(states) is states
+    empty = transform.apply(traffic(0.0, agents=0, frame_id=""))
+    assert (empty.frame_id, len(empty)) == ("odom", 0)
+
+
+def test_a_missing_pose_is_reported_with_what_was_received(transform):
+    with pytest.raises(FrameError, match=r"'base_link', expected 'odom'.*nothing came there"):
+        transform.apply(traffic(0.0, frame_id="base_link"))
+    transform.add_odometry(odometry(0.0, 0.0, child="camera", parent="map"))
+    with pytest.raises(FrameError, match="it gives 'camera' in 'map'"):
+        transform.apply(traffic(0.0, frame_id="base_link"))
+
+
+def test_poses_of_other_frames_are_not_mixed(transform):
+    transform.add_odometry(odometry(0.0, 100.0))
+    transform.add_odometry(odometry(0.1, 0.0, child="camera"))
+    transform.add_odometry(odometry(0.2, 200.0))
+    states = transform.apply(traffic(0.2, agents=1, frame_id="base_link"))
+    assert states.position[0, 0] == pytest.approx(200.0)
+    # The pose of 0.0 s was dropped with the change of frames: it is 0.2 s before the first one.
+    states = transform.apply(traffic(0.0, agents=1, frame_id="base_link"))
+    assert states.position == pytest.approx(np.array([[200.0, -1.0]]))

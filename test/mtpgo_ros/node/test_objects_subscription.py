@@ -1,0 +1,107 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The subscription to the objects follows the type of the publisher."""
+
+import itertools
+import time
+
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from ros_helpers import LIMIT_S, message_of, traffic
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+
+from mtpgo_core.errors import MessageError
+from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.node.objects_subscription import ObjectsSubscription, _received_ns
+
+RELIABLE = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+_namespaces = itertools.count()
+
+
+class Setup:
+    """A node with the subscription and another one that publishes."""
+
+    def __init__(self, input_type="auto"):
+        namespace = f"/objects{next(_namespaces)}"
+        self.node, self.peer = (Node(name, namespace=namespace) for name in ("node", "peer"))
+        self.events, self.received = EventLog(), []
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.peer)
+        self.objects = ObjectsSubscription(
+            self.node, input_type, lambda *given: self.received.append(given), self.events
+        )
+
+    def until(self, condition):
+        end = time.monotonic() + LIMIT_S
+        while not condition():
+            assert time.monotonic() < end, "the condition did not come true in time"
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def close(self):
+        self.objects.close()
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.peer.destroy_node()
+
+
+@pytest.fixture
+def make():
+    made = []
+
+    def make(**options):
+        made.append(Setup(**options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def test_it_waits_for_a_publisher_and_takes_its_type(make):
+    setup = make()
+    assert (setup.objects.message_type, "no publisher" in setup.objects.status) == ("", True)
+    publisher = setup.peer.create_publisher(PointCloud2, "objects", RELIABLE)
+    setup.until(lambda: publisher.get_subscription_count() == 1)
+    assert setup.objects.message_type == "sensor_msgs/msg/PointCloud2"
+    assert setup.objects.status == ""
+    setup.until(lambda: setup.objects._subscription.get_publisher_count() == 1)
+    before_ns = time.monotonic_ns()
+    publisher.publish(message_of(traffic(0.0)))
+    setup.until(lambda: setup.received)
+    message, adapter, received_ns = setup.received[0]
+    assert (message.width, adapter.name) == (4, "pointcloud2")
+    assert before_ns - 1_000_000_000 <= received_ns <= time.monotonic_ns()
+
+
+def test_a_type_without_objects_is_named_in_the_status(make):
+    setup = make()
+    setup.peer.create_publisher(String, "objects", RELIABLE)
+    setup.until(lambda: "std_msgs/msg/String" in setup.objects.status)
+    assert setup.objects.message_type == ""
+
+
+def test_a_given_type_is_subscribed_immediately(make):
+    setup = make(input_type="markers")
+    assert setup.objects.message_type == "visualization_msgs/msg/MarkerArray"
+
+
+def test_a_given_type_that_is_not_installed_is_an_error():
+    node = Node("not_installed")
+    with pytest.raises(MessageError, match="ros-jazzy-autoware-perception-msgs"):
+        ObjectsSubscription(node, "autoware", print, EventLog())
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("waited_ns", "counted_ns"),
+    [(20_000_000, 20_000_000), (2_000_000_000, 0), (-5_000_000_000, 0)],
+)
+def test_the_time_in_the_queue_counts_unless_the_system_clock_was_set(waited_ns, counted_ns):
+    info = {"received_timestamp": time.time_ns() - waited_ns}
+    found_ns = time.monotonic_ns() - _received_ns(info)
+    # The two clocks are read one after the other: on a busy machine some time passes between.
+    assert counted_ns - 1_000_000 <= found_ns < counted_ns + 5_000_000_000
