@@ -11,6 +11,7 @@ from mtpgo_core.errors import ModelFileError
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import Source
+from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
@@ -20,9 +21,7 @@ def parameters(model, **values):
 
 
 def window():
-    history = TrackHistory(
-        ModelHost(parameters("/none", require_model=False)).predictor.task.history
-    )
+    history = TrackHistory(HistoryConfig())
     history.update(traffic(0.0))
     return history.window()
 

@@ -1,18 +1,16 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters as a set of values, and the files that set them."""
+"""The parameters as a set of values, and the file that sets them."""
 
 import dataclasses
 from pathlib import Path
 
 import pytest
-from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_dict_from_yaml_file
 
 from msg_adapters.conversions import TWIST_FRAMES as ADAPTER_TWIST_FRAMES
 from msg_adapters.registry import INPUTS, OUTPUTS
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_ros.parameters.parameter_server import ParameterServer
 from mtpgo_ros.parameters.predictor_parameters import (
     INPUT_TYPES,
     OUTPUT_KINDS,
@@ -76,41 +74,3 @@ def test_the_parameter_file_holds_every_parameter_with_its_default():
     assert values == defaults
     types = {name: type(value) for name, value in values.items()}
     assert types == {name: type(value) for name, value in defaults.items()}
-
-
-def test_the_command_lines_kindred_types_are_taken():
-    node = Node(
-        "kindred",
-        parameter_overrides=[
-            Parameter("rate", value=4),
-            Parameter("ego_id", value=17),
-            Parameter("output", value="markers"),
-        ],
-    )
-    changes = []
-    server = ParameterServer(node, may_reconfigure=lambda: False, on_change=changes.append)
-    assert (server.value.rate, server.value.ego_id) == (4.0, "17")
-    assert server.value.output == ("markers",)
-    result = node.set_parameters_atomically([Parameter("radius", value=30)])
-    assert result.successful
-    assert server.value.radius == 30.0
-    assert [change.radius for change in changes] == [30.0]
-    assert node.get_parameter("radius").value == 30.0
-    node.destroy_node()
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("rate", "fast", "a number"),
-        ("max_agents", 3.5, "a whole number"),
-        ("require_model", 1, "true or false"),
-        ("output", 7, "a list of text"),
-        ("model", True, "text"),
-    ],
-)
-def test_a_value_of_another_type_is_refused_with_a_sentence(name, value, words):
-    node = Node("wrong", parameter_overrides=[Parameter(name, value=value)])
-    with pytest.raises(ConfigurationError, match=words):
-        ParameterServer(node, may_reconfigure=lambda: True, on_change=print)
-    node.destroy_node()

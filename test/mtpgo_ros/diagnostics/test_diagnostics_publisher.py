@@ -1,0 +1,61 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""When diagnostics are published: regularly, and when a level changes."""
+
+import time
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from ros_helpers import LIMIT_S
+
+from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
+from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
+from mtpgo_ros.diagnostics.event_log import EventLog
+
+
+@pytest.fixture
+def setup():
+    """The publisher of a node, and a list in which its messages are collected."""
+    node, published = Node("diagnosed", namespace="/robot"), []
+    status, events = NodeStatus(input_age_s=0.0), EventLog()
+    publisher = DiagnosticsPublisher(node, events, lambda: status)
+    publisher._publisher.publish = published.append
+    yield node, publisher, status, published
+    node.destroy_node()
+
+
+def spin(node, condition):
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    end = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < end
+        executor.spin_once(timeout_sec=0.02)
+    executor.shutdown()
+
+
+def test_without_a_change_the_period_passes_between_two_messages(setup):
+    node, publisher, _, _ = setup
+    publisher.set_period(0.3)
+    times = []
+    publisher._publisher.publish = lambda message: times.append(time.monotonic())
+    spin(node, lambda: len(times) == 3)
+    # Checks come every 0.1 s: a message is due when less than half of a check is missing.
+    assert times[2] - times[0] >= 2 * 0.2
+
+
+def test_a_change_of_level_is_published_before_the_period_ends(setup):
+    node, publisher, status, published = setup
+    publisher.set_period(3600.0)
+    spin(node, lambda: published)
+    assert [one.name for one in published[0].status] == [
+        "robot/diagnosed: input",
+        "robot/diagnosed: model",
+        "robot/diagnosed: timing",
+    ]
+    assert {one.level for one in published[0].status} == {DiagnosticStatus.OK}
+    status.degraded = "no file"
+    spin(node, lambda: len(published) == 2)
+    assert published[1].status[1].level == DiagnosticStatus.ERROR

@@ -1,0 +1,59 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments, signals and exit status of the executables."""
+
+import argparse
+import os
+import platform
+import signal
+
+import pytest
+
+from mtpgo_ros.runtime.executable import (
+    ArgumentParser,
+    fail,
+    not_negative,
+    positive,
+    stop_on_signals,
+    tune_allocator,
+)
+
+
+def test_the_allocator_is_tuned_if_it_is_glibcs():
+    assert tune_allocator() == (platform.libc_ver()[0] == "glibc")
+
+
+def test_an_error_is_one_line_on_stderr_and_status_two(capsys):
+    assert fail("program", ValueError("no\n   good")) == 2
+    assert capsys.readouterr().err == "program: no good\n"
+
+
+def test_wrong_arguments_are_one_line(capsys):
+    with pytest.raises(SystemExit) as caught:
+        ArgumentParser(prog="program").parse_args(["--nope"])
+    assert caught.value.code == 2
+    said = "program: unrecognized arguments: --nope (see program --help)\n"
+    assert capsys.readouterr().err == said
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_are_remembered(number):
+    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        stopped = stop_on_signals()
+        assert not stopped()
+        os.kill(os.getpid(), number)
+        os.kill(os.getpid(), number)
+        assert stopped()
+    finally:
+        for n, handler in handlers.items():
+            signal.signal(n, handler)
+
+
+def test_numbers_of_the_command_line():
+    assert (positive("0.5"), not_negative("0")) == (0.5, 0.0)
+    for convert, text in ((positive, "0"), (not_negative, "-1"), (positive, "inf")):
+        with pytest.raises(argparse.ArgumentTypeError, match=text):
+            convert(text)
+    with pytest.raises(argparse.ArgumentTypeError, match="'x' given, expected a finite number"):
+        positive("x")
