@@ -103,7 +103,7 @@ def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
     if status.degraded:
         level, message = ERROR, f"degraded, constant velocity serves: {status.degraded}"
     elif failures:
-        level, message = WARN, "constant velocity stood in: " + ", ".join(failures)
+        level, message = WARN, "constant velocity serves instead: " + ", ".join(failures)
     elif status.limitations:
         level, message = WARN, "; ".join(status.limitations)
     elif status.fallback_agents:

@@ -12,7 +12,7 @@ from mtpgo_ros.node.prediction_request import PredictionRequest
 
 
 class DeadlineWatchdog:
-    """Claims each watched request that nobody else has claimed when its budget ends.
+    """Claims each watched request that is still unclaimed when its budget ends.
 
     It runs on its own thread, so a model that is slow or never returns cannot delay it. See
     :class:`PredictionRequest` for the claim protocol.

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the core's tests share."""
+"""Shared fixtures of the core's tests."""
 
 import sys
 from pathlib import Path

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Observations in few words, and a real TorchScript model whose answers are known by heart."""
+"""Short constructors of observations, and a TorchScript model with a known output."""
 
 import warnings
 
@@ -19,7 +19,7 @@ class StraightModel(torch.nn.Module):
     """Constant velocity; mode m drifts by m * drift along the scene's x, weights 1:2:3.
 
     The covariance grows from P_0 (given, or the unit matrix) by k on the scene's y axis. An agent
-    whose x velocity exceeds 60 m/s gets NaN, as a model gone wrong would give.
+    whose x velocity exceeds 60 m/s gets NaN, as a failing model would give.
     """
 
     def __init__(self, order: int, horizon: int, modes: int, dt_s: float):
@@ -74,14 +74,14 @@ def write_model(path, order=2, task=None, **changes):
 
 
 def states_of(stamp_s, ids, position, frame="map", **more):
-    """Tracked states of integer ids; ``stamp_s`` in seconds."""
+    """Return tracked states of integer ids; ``stamp_s`` in seconds."""
     position = np.asarray(position, dtype=float).reshape(-1, 2)
     more = {k: np.asarray(v) for k, v in more.items()}
     return tracked_states(round(stamp_s * S_NS), frame, keys_from_integers(ids), position, **more)
 
 
 def window_of(position, velocity, yaw, valid=None, acceleration=None, size=None):
-    """A window of arrays [n, T, ...]; everything stands at its place."""
+    """Return a window of the given arrays [n, T, ...], at time 0."""
     position = np.asarray(position, dtype=float)
     n, steps = position.shape[:2]
     valid = np.ones((n, steps), dtype=bool) if valid is None else np.asarray(valid)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the tests of the ROS edge share."""
+"""Shared fixtures of the ROS tests."""
 
 import sys
 import warnings
@@ -38,7 +38,7 @@ def models(tmp_path_factory):
 
 @pytest.fixture
 def bench(models):
-    """Makes started benches; all are closed at the end."""
+    """Return a function that starts test benches; all are closed at the end."""
     made = []
 
     def make(model="quick", *, started=True, patient=True, **parameters):
@@ -56,7 +56,7 @@ def bench(models):
 
 @pytest.fixture
 def process():
-    """Makes processes; those still running at the end are killed."""
+    """Return a function that starts processes; those still running at the end are killed."""
     made = []
 
     def make(module, *arguments):
@@ -71,7 +71,7 @@ def process():
 
 @pytest.fixture
 def peer():
-    """A node to talk to processes."""
+    """A node to communicate with processes."""
     node = Node("peer")
     yield node
     node.destroy_node()

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Launch files, display layouts and the node's page, held against the code."""
+"""Launch files, display layouts and the node's documentation, compared with the code."""
 
 import ast
 import dataclasses

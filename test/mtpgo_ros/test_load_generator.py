@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The load generator's own half; with the node it is tested by the benchmark's tests."""
+"""The arguments of the load generator; the benchmark's tests run it with the node."""
 
 import pytest
 

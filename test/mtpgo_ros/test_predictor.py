@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The executable ``predictor`` as a process: its start, its end and its exit status."""
+"""The executable ``predictor`` as a process: start, end and exit status."""
 
 import itertools
 import signal
@@ -54,7 +54,7 @@ def test_bad_arguments_end_the_process_with_one_sentence(given, words):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_node_in_order(process, models, number):
+def test_a_signal_ends_the_node_with_status_zero(process, models, number):
     predictor = process("predictor", *arguments(models["quick"]))
     predictor.wait_for("ready")
     status, out, err = predictor.interrupt(number)
@@ -66,7 +66,7 @@ def test_a_signal_during_the_start_is_no_error(process, models):
     predictor = process("predictor", *arguments(models["quick"]))
     command = Path(f"/proc/{predictor.popen.pid}/cmdline")
     while b"mtpgo_ros" not in command.read_bytes():
-        pass  # Python has begun; how far it gets from here must not matter.
+        pass  # Python has started; the signal may come at any moment from here.
     status, _, err = predictor.interrupt(signal.SIGTERM)
     assert "Traceback" not in err
     assert status in (0, -signal.SIGTERM)  # the latter before main() has been reached
@@ -89,19 +89,19 @@ def test_a_signal_ends_the_node_while_the_model_runs(process, models, peer):
     assert "terminate" not in err
 
 
-def test_without_a_model_the_process_serves_constant_velocity(process, peer):
+def test_without_a_model_the_process_predicts_constant_velocity(process, peer):
     predictor = process("predictor", *arguments("/no/such/model.pt", require_model=False))
     predictor.wait_for("degraded")
     predictor.wait_for("ready")
-    heard = []
-    peer.create_subscription(PointCloud2, "/predictor/predictions", heard.append, 5)
+    received = []
+    peer.create_subscription(PointCloud2, "/predictor/predictions", received.append, 5)
     objects = peer.create_publisher(PointCloud2, "/objects", 5)
     end = time.monotonic() + LIMIT_S
     for step in itertools.count():
         objects.publish(message_of(traffic(0.2 * step)))
         rclpy.spin_once(peer, timeout_sec=0.1)
-        if heard or time.monotonic() > end:
+        if received or time.monotonic() > end:
             break
-    prediction = prediction_from_pointcloud2(heard[0])
+    prediction = prediction_from_pointcloud2(received[0])
     assert (prediction.source == Source.CONSTANT_VELOCITY).all()
     assert predictor.interrupt()[0] == 0

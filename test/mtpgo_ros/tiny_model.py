@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A model file as the exporter writes it, with almost nothing in it: modes at constant velocity.
+"""A minimal model file in the exporter's format: modes at constant velocity.
 
 ``work`` makes it as slow as a test wants, ``poison`` makes it answer NaN for fast agents.
 """

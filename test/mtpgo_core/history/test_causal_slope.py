@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The recursive slope against the fit that it stands for, and what it is used for."""
+"""The recursive slope against the fit that it computes, and its properties."""
 
 import numpy as np
 import pytest

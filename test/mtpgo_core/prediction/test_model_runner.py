@@ -134,8 +134,8 @@ def test_agents_without_a_prediction_are_nan(model_file):
     window = history.window()
     given = runner.predict(window, build_scenes(window, SceneConfig()))
     assert np.isfinite(given.weight).all(axis=1).tolist() == [False, True]
-    nobody = window.select(np.zeros(2, dtype=bool))
-    empty = runner.predict(nobody, build_scenes(nobody, SceneConfig()))
+    no_agents = window.select(np.zeros(2, dtype=bool))
+    empty = runner.predict(no_agents, build_scenes(no_agents, SceneConfig()))
     assert empty.mean.shape == (0, MODES, HORIZON, 4)
 
 

@@ -118,8 +118,8 @@ def test_beyond_max_agents_the_nearest_keep_the_model(runner):
     given = stream.predict()
     check_complete(given, range(12))
     assert len(given) == 12
-    served = np.flatnonzero(given.source == Source.MODEL)
-    assert served.tolist() in ([3, 4, 5, 6, 7], [4, 5, 6, 7, 8])  # around the middle
+    by_model = np.flatnonzero(given.source == Source.MODEL)
+    assert by_model.tolist() in ([3, 4, 5, 6, 7], [4, 5, 6, 7, 8])  # around the middle
     assert stream.predictor.last_report.over_limit == 7
     given = stream.predict(ego_key=keys_from_integers([11])[0])
     assert np.flatnonzero(given.source == Source.MODEL).tolist() == [7, 8, 9, 10, 11]
@@ -139,15 +139,15 @@ def test_agents_at_the_limit_do_not_take_turns(runner):
     draw = np.random.default_rng(0)
     stream = Stream(runner, options=PredictorOptions(max_agents=10))
     angle = np.linspace(0, 2 * np.pi, 20, endpoint=False)
-    served = set()
+    by_model = set()
     for k in range(20):
         ring = 30.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         stream.history.update(
             states_of(0.1 * k, range(20), ring + draw.normal(size=(20, 2)) * 0.5)
         )
         given = stream.predict()
-        served |= set(np.flatnonzero(given.source == Source.MODEL).tolist())
-    assert len(served) == 10
+        by_model |= set(np.flatnonzero(given.source == Source.MODEL).tolist())
+    assert len(by_model) == 10
 
 
 def test_options_change_while_running(runner):

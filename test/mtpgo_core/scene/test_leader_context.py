@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The two agents ahead, by hand-worked numbers and an obvious loop."""
+"""Features of the two agents ahead, by hand-worked numbers and a simple loop."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ REACH_M = 80.0
 
 
 def test_two_leaders_northbound_by_hand():
-    # Heading north; 10 m and 30 m ahead in the lane, one beside, one behind, one beyond reach.
+    # Heading north; 10 m and 30 m ahead in the lane, one next to it, one behind, one beyond reach.
     position = [[0, 0], [0.5, 10], [-1, 30], [3.5, 5], [0, -8], [0, 95]]
     velocity = [[0, 12], [0, 9], [0, 15], [0, 1], [0, 1], [0, 1]]
     acceleration = [[0, 0], [0, -2], [0, 1], [0, 9], [0, 9], [0, 9]]
@@ -34,13 +34,13 @@ def test_two_leaders_northbound_by_hand():
     np.testing.assert_allclose(got, expected, atol=1e-12)
 
 
-def test_nobody_ahead_is_far_and_neutral():
+def test_without_an_agent_ahead_the_features_are_neutral():
     window = window_of([[[0, 0]], [[-5, 0]]], np.zeros((2, 1, 2)), np.zeros((2, 1)))
     got = leader_features(window, np.array([0]))[0, 0]
     np.testing.assert_array_equal(got, [REACH_M, 0, 0, 0] * 2)
 
 
-def test_an_absent_agent_is_nobody_s_leader_at_that_step():
+def test_an_absent_agent_is_no_leader_at_that_step():
     window = window_of(
         np.array([[[0, 0], [0, 0]], [[10, 0], [10, 0]]]),
         np.zeros((2, 2, 2)),

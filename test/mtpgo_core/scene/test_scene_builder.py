@@ -21,7 +21,7 @@ NORTH = math.pi / 2
 
 
 def window_of(offset=(0.0, 0.0), heading=NORTH, steps=4):
-    """Agent 1 drives along ``heading`` at 5 m/s, agent 2 stands 4 m to its left at t."""
+    """Agent 1 drives along ``heading`` at 5 m/s, agent 2 is 4 m to its left at t."""
     history = TrackHistory(HISTORY)
     forward = np.array([math.cos(heading), math.sin(heading)])
     left = np.array([-forward[1], forward[0]])
@@ -104,7 +104,7 @@ def test_lane_context_is_the_lane_maps():
     config = SceneConfig(context="lanes")
     batch = build_scenes(window_of(heading=0.0), config, centres=np.array([0]), lanes=lanes)
     np.testing.assert_allclose(batch.features[0, 0, :, 8:], [[0.0, 0.5]] * 4, atol=1e-6)
-    # The other one stands against the lines: no lane of its own, hence zeros.
+    # The other one faces against the lines: it has no lane, hence zeros.
     np.testing.assert_array_equal(batch.features[0, 1, :, 8:], 0.0)
     with pytest.raises(ConfigurationError, match="no lane lines are given"):
         build_scenes(window_of(), config)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What drives around, by hand-worked numbers and an obvious loop."""
+"""Features of the surrounding agents, by hand-worked numbers and a simple loop."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from mtpgo_core.task.task_description import CONTEXT_FEATURES, SceneConfig
 
 REACH_M = 80.0
 NAMES = CONTEXT_FEATURES["traffic"]
-NOBODY = {"gap": REACH_M, "near": 0.0, "dv": 0.0, "ax": 0.0, "across": 0.0}
+NO_AGENT = {"gap": REACH_M, "near": 0.0, "dv": 0.0, "ax": 0.0, "across": 0.0}
 
 
 def named(row) -> dict[str, float]:
@@ -37,7 +37,7 @@ def test_a_northbound_queue_by_hand():
         size=size,
     )
     got = named(traffic_features(window, np.array([0]), REACH_M)[0, 0])
-    expected = {name: NOBODY.get(name.split("_")[-1], 0.0) for name in NAMES}
+    expected = {name: NO_AGENT.get(name.split("_")[-1], 0.0) for name in NAMES}
     expected |= {"length": 5.0, "lead1_across": -0.5}
     for place, gap, dv in (
         ("lead1", 20 - 10.0, -3.0),
@@ -56,11 +56,11 @@ def test_alone_and_of_unknown_size():
     window = window_of([[[0, 0]]], [[[3, 0]]], [[0]])
     got = named(traffic_features(window, np.array([0]), REACH_M)[0, 0])
     assert got["length"] == USUAL_LENGTH_M
-    assert all(got[name] == NOBODY[name.split("_")[-1]] for name in NAMES[1:])
+    assert all(got[name] == NO_AGENT[name.split("_")[-1]] for name in NAMES[1:])
 
 
 def nearest(found, many):
-    """The ``many`` nearest as columns gap, near, dv, ax, nobody where there are fewer."""
+    """Return gap, near, dv, ax of the ``many`` nearest, neutral where there are fewer."""
     rows = [row[1:] for row in sorted(found)]
     return [*rows, *[(REACH_M, 0.0, 0.0, 0.0, 0.0)] * many][:many]
 
@@ -106,7 +106,7 @@ def test_many_random_agents_against_a_loop(monkeypatch: pytest.MonkeyPatch):
             np.testing.assert_allclose(got[i, k], expected, atol=1e-9)
 
 
-def test_far_from_the_frame_s_origin_nothing_is_lost():
+def test_far_from_the_origin_no_precision_is_lost():
     position = np.array([[[0.0, 0.0]], [[30.0, 1.9]], [[60.0, 1.0]], [[0.0, 3.0]]])
     arrays = (np.zeros((4, 1, 2)), np.zeros((4, 1)))
     near, far = (

@@ -182,8 +182,8 @@ def test_every_shipped_model_is_found_by_name_and_has_a_card():
 
 
 def test_an_unknown_name_is_answered_with_the_names_there_are():
-    with pytest.raises(ModelFileError, match=r"'nobody' is neither .* one of .*default"):
-        find_model("nobody")
+    with pytest.raises(ModelFileError, match=r"'unknown_name' is neither .* one of .*default"):
+        find_model("unknown_name")
 
 
 def test_a_file_without_a_card_has_none(tmp_path):

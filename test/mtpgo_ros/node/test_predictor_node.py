@@ -68,27 +68,27 @@ def test_markers_are_built_for_subscribers_only_and_stale_ones_are_deleted(bench
 
     writers["markers"] = counted
     b.predict(traffic(0.0, agents=3))
-    heard = []
-    b.peer.create_subscription(MarkerArray, "predictor/markers", heard.append, 20)
+    received = []
+    b.peer.create_subscription(MarkerArray, "predictor/markers", received.append, 20)
     topic = b.namespace + "/predictor/markers"
     b.until(lambda: b.node.count_subscribers(topic) == 1 and b.peer.count_publishers(topic) == 1)
     b.until(lambda: b.node._outputs._publishers["markers"].get_subscription_count() == 1)
-    assert not heard
+    assert not received
     b.predict(traffic(0.2, agents=3))
-    b.until(lambda: len(heard) == 1)
+    b.until(lambda: len(received) == 1)
     assert len(built) == 1
-    drawn = {(m.ns, m.id) for m in heard[0].markers if m.action == Marker.ADD}
+    drawn = {(m.ns, m.id) for m in received[0].markers if m.action == Marker.ADD}
     assert drawn
-    assert {m.header.stamp.nanosec for m in heard[0].markers} == {200_000_000}
+    assert {m.header.stamp.nanosec for m in received[0].markers} == {200_000_000}
     # Agents 2 and 3 leave; after half a second they are no longer extrapolated.
     for step in (2, 3, 4, 5):
         b.predict(traffic(0.2 * step, agents=1))
-    b.until(lambda: any(len(array.markers) for array in heard[1:]))
-    b.until(lambda: _alive(heard) < drawn)
-    alive = _alive(heard)
+    b.until(lambda: any(len(array.markers) for array in received[1:]))
+    b.until(lambda: _alive(received) < drawn)
+    alive = _alive(received)
     assert 0 < len(alive) <= len(drawn) // 2
     b.node.set_parameters_atomically([_parameter("output", ["pointcloud2"])])
-    b.until(lambda: heard[-1].markers[0].action == Marker.DELETEALL)
+    b.until(lambda: received[-1].markers[0].action == Marker.DELETEALL)
 
 
 def _alive(arrays):

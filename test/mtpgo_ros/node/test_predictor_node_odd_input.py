@@ -28,7 +28,7 @@ def spoilt(states, name, row, value):
 
 
 @pytest.fixture
-def served(bench):
+def predicting(bench):
     """A bench that has predicted four agents at time zero."""
     b = bench()
     b.predict(traffic(0.0))
@@ -44,8 +44,8 @@ def still_predicts(b, time_s, agents=4):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_position_that_is_not_finite_leaves_that_agent_out(served, value):
-    b = served
+def test_a_position_that_is_not_finite_leaves_that_agent_out(predicting, value):
+    b = predicting
     prediction = b.predict(spoilt(traffic(0.2, agents=6), "position", 4, value))
     # Agent 5 never had a position; the others are predicted, the sixth with one sample.
     assert prediction.key[:, 0].tolist() == [1, 2, 3, 4, 6]
@@ -57,8 +57,8 @@ def test_a_position_that_is_not_finite_leaves_that_agent_out(served, value):
 
 @pytest.mark.parametrize("name", ["velocity", "acceleration", "yaw", "size", "covariance", "z"])
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_other_fields_that_are_not_finite_are_estimated(served, name, value):
-    b = served
+def test_other_fields_that_are_not_finite_are_estimated(predicting, name, value):
+    b = predicting
     states = traffic(0.2)
     prediction = b.predict(spoilt(states, name, slice(None), value))
     assert len(prediction) == 4
@@ -68,16 +68,16 @@ def test_other_fields_that_are_not_finite_are_estimated(served, name, value):
     still_predicts(b, 0.4)
 
 
-def test_an_absurd_speed_is_rejected(served):
-    b = served
+def test_an_absurd_speed_is_rejected(predicting):
+    b = predicting
     prediction = b.predict(spoilt(traffic(0.2), "velocity", 0, 5000.0))
     assert len(prediction) == 4  # the first agent is extrapolated from its last observation
     assert prediction.mean[0, 0, 0, 0] == pytest.approx(4.0, abs=1e-3)
     assert b.count("too_fast") == 1
 
 
-def test_unknown_classes_are_predicted_as_unknown(served):
-    b = served
+def test_unknown_classes_are_predicted_as_unknown(predicting):
+    b = predicting
     prediction = b.predict(spoilt(traffic(0.2), "agent_class", slice(None), 200))
     assert len(prediction) == 4
     # Known agents keep their last known class; new ones are unknown.
@@ -86,8 +86,8 @@ def test_unknown_classes_are_predicted_as_unknown(served):
     assert b.count("unknown_class") == 9
 
 
-def test_an_empty_array_lets_time_go_on(served):
-    b = served
+def test_an_empty_array_advances_the_time(predicting):
+    b = predicting
     prediction = b.predict(traffic(0.2, agents=0))
     assert len(prediction) == 4  # extrapolated for half a second
     prediction = b.predict(traffic(0.8, agents=0))
@@ -121,16 +121,16 @@ def _parameter(name, value):
     return Parameter(name, value=value)
 
 
-def test_a_repeated_message_starts_nothing(served):
-    b = served
+def test_a_repeated_message_starts_nothing(predicting):
+    b = predicting
     b.send(message_of(traffic(0.0)))
     assert b.count("duplicates") == 4
     still_predicts(b, 0.2)
     b.answered(2)
 
 
-def test_older_stamps_start_nothing(served):
-    b = served
+def test_older_stamps_start_nothing(predicting):
+    b = predicting
     still_predicts(b, 0.2)
     b.send(message_of(traffic(0.1)))
     b.send(message_of(traffic(-0.2)))
@@ -140,8 +140,8 @@ def test_older_stamps_start_nothing(served):
     assert b.count("clock_reset") == 0
 
 
-def test_a_jump_back_in_time_clears_the_history(served):
-    b = served
+def test_a_jump_back_in_time_clears_the_history(predicting):
+    b = predicting
     still_predicts(b, 10.0)
     prediction = b.predict(traffic(1.0))  # the bag has looped
     assert len(prediction) == 4
@@ -169,16 +169,16 @@ def test_one_stamp_from_the_future_is_dropped(bench):
     b.status("input", WARN, "ahead of the clock")
 
 
-def test_a_message_without_a_stamp_is_dropped(served):
-    b = served
+def test_a_message_without_a_stamp_is_dropped(predicting):
+    b = predicting
     b.send(message_of(changed(traffic(0.2), stamp_ns=0)))
     assert b.count("unstamped") == 1
     still_predicts(b, 0.4)
     assert b.count("clock_reset") == 0
 
 
-def test_one_message_in_another_frame_is_rejected(served):
-    b = served
+def test_one_message_in_another_frame_is_rejected(predicting):
+    b = predicting
     b.send(message_of(traffic(0.2, frame_id="base_link")))
     assert (b.count("frame_changed"), b.count("wrong_frame")) == (1, 4)
     still_predicts(b, 0.4)
@@ -195,16 +195,16 @@ def test_one_message_in_another_frame_is_rejected(served):
     [[], [PointField(name="x", offset=0, datatype=PointField.FLOAT32, count=1)]],
     ids=["no fields", "x only"],
 )
-def test_a_cloud_of_something_else_is_left_out(served, fields):
-    b = served
+def test_a_cloud_of_something_else_is_left_out(predicting, fields):
+    b = predicting
     b.send(PointCloud2(fields=fields, width=3, height=1, point_step=4, row_step=12))
     assert b.count("malformed") == 1
     b.status("input", WARN, "could not be read")
     still_predicts(b, 0.2)
 
 
-def test_a_cloud_that_is_cut_off_is_left_out(served):
-    b = served
+def test_a_cloud_that_is_cut_off_is_left_out(predicting):
+    b = predicting
     message = message_of(traffic(0.2))
     message.data = message.data[: len(message.data) // 2]
     b.send(message)

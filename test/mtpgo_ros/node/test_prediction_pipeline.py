@@ -1,0 +1,200 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""From a message to a published prediction, by direct calls of the subscription's callback."""
+
+import dataclasses
+import itertools
+import queue
+import time
+
+import pytest
+from rclpy.lifecycle import LifecycleNode
+from ros_helpers import LIMIT_S, START_NS, message_of, traffic
+
+from msg_adapters.registry import INPUTS
+from mtpgo_core.prediction.scene_predictor import PredictionReport
+from mtpgo_core.schema import Source
+from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
+from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.node.frame_transform import NoTransform
+from mtpgo_ros.node.model_host import ModelHost
+from mtpgo_ros.node.prediction_pipeline import PredictionPipeline
+from mtpgo_ros.node.prediction_request import PredictionRequest
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+
+ADAPTER = INPUTS["pointcloud2"]
+_namespaces = itertools.count()
+
+
+class RecordingLogger:
+    def __init__(self):
+        self.lines = []
+
+    def warning(self, line):
+        self.lines.append(line)
+
+
+class RecordingPublishers:
+    """Keeps what would be published."""
+
+    def __init__(self):
+        self.predictions, self.times_ms = queue.Queue(), queue.Queue()
+
+    def publish(self, prediction):
+        self.predictions.put(prediction)
+
+    def publish_secondary(self, _prediction, processing_time_ms):
+        self.times_ms.put(processing_time_ms)
+
+
+class Setup:
+    """A pipeline without a model, fed by the test."""
+
+    def __init__(self, **values):
+        self.node = LifecycleNode("predictor", namespace=f"/pipeline{next(_namespaces)}")
+        parameters = dataclasses.replace(
+            PredictorParameters(), model="/none.pt", require_model=False, **values
+        )
+        self.logger, self.status = RecordingLogger(), NodeStatus()
+        self.events, self.publishers = EventLog(self.logger), RecordingPublishers()
+        self.pipeline = PredictionPipeline(
+            self.node,
+            ModelHost(parameters),
+            self.publishers,
+            parameters,
+            self.events,
+            self.status,
+        )
+
+    def receive(self, message, received_ns=None):
+        received_ns = time.monotonic_ns() if received_ns is None else received_ns
+        self.pipeline._on_objects(message, ADAPTER, received_ns)
+
+    def prediction(self):
+        prediction = self.publishers.predictions.get(timeout=LIMIT_S)
+        self.publishers.times_ms.get(timeout=LIMIT_S)  # published last
+        return prediction
+
+    def close(self):
+        assert self.pipeline.close()
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def make():
+    made = []
+
+    def make(**values):
+        made.append(Setup(**values))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def test_an_observation_becomes_a_prediction_and_the_status_of_the_node(make):
+    setup = make()
+    assert setup.pipeline.input_age_s() is None
+    setup.receive(message_of(traffic(0.0, agents=3)))
+    prediction = setup.prediction()
+    assert (prediction.stamp_ns, prediction.frame_id, len(prediction)) == (START_NS, "map", 3)
+    assert setup.events.counts() == {"messages": 1, "predictions": 1}
+    status = setup.status
+    assert (status.frame_id, status.agents, status.fallback_agents) == ("map", 3, 3)
+    assert status.latency.summary().maximum > 0.0
+    assert 0.0 <= setup.pipeline.input_age_s() < LIMIT_S
+
+
+def test_what_cannot_be_read_is_counted_and_logged_with_the_reason(make):
+    setup = make()
+    message = message_of(traffic(0.0))
+    message.data = message.data[:100]
+    setup.receive(message)
+    setup.receive("not a message")  # the second line of this kind is not logged yet
+    assert setup.events.counts() == {"messages": 2, "malformed": 2}
+    (line,) = setup.logger.lines
+    assert line.startswith(f"message on {setup.pipeline.objects.topic} left out: ")
+
+
+def test_an_unexpected_exception_is_counted_as_malformed(make):
+    setup = make()
+    setup.pipeline.transform = None
+    setup.receive(message_of(traffic(0.0)))
+    assert setup.events.counts() == {"messages": 1, "malformed": 1}
+    assert "left out: AttributeError: " in setup.logger.lines[0]
+    setup.pipeline.transform = NoTransform()
+
+
+def test_a_missing_pose_is_an_error_of_the_frame_until_it_is_there(make):
+    setup = make(fixed_frame="odom")
+    setup.receive(message_of(traffic(0.0, frame_id="base_link")))
+    assert setup.events.counts() == {"messages": 1, "not_lifted": 1}
+    assert "'base_link', expected 'odom'" in setup.status.frame_error
+    assert setup.status.frame_error in setup.logger.lines[0]
+    setup.receive(message_of(traffic(0.2, frame_id="odom")))
+    assert setup.prediction().frame_id == "odom"
+    assert setup.status.frame_error == ""
+
+
+def test_a_moving_frame_is_reported_and_still_predicted(make):
+    setup = make()
+    setup.receive(message_of(traffic(0.0, frame_id="base_link")))
+    setup.prediction()
+    (line,) = setup.logger.lines
+    assert "'base_link', which usually moves with the vehicle" in line
+
+
+def test_a_late_prediction_is_published_and_counted_as_a_missed_deadline(make):
+    setup = make(rate=5.0, budget=1.0)
+    window = traffic_window(setup)
+    received_ns = time.monotonic_ns() - 200_000_001
+    request = PredictionRequest(window, START_NS, received_ns, 10**18, deadline_ns=200_000_000)
+    setup.pipeline._publish(request, setup.pipeline._predict(window))
+    assert len(setup.prediction()) == 4
+    assert setup.events.counts() == {"predictions": 1, "deadline_misses": 1}
+
+
+def test_consecutive_cycles_over_budget_are_counted(make):
+    setup = make()
+    window = traffic_window(setup)
+    for over_budget, expected in ((True, 1), (True, 2), (False, 0), (True, 1)):
+        request = PredictionRequest(window, START_NS, 0, 1, 1, over_budget=over_budget)
+        setup.pipeline._publish(request, setup.pipeline._predict(window))
+        assert setup.status.over_budget_in_a_row == expected
+
+
+def test_the_prediction_has_the_stamp_of_the_observation_not_of_the_window(make):
+    setup = make()
+    window = traffic_window(setup)
+    request = PredictionRequest(window, START_NS - 100_000_000, 0, 1, 1)
+    setup.pipeline._publish(request, setup.pipeline._predict(window))
+    prediction = setup.prediction()
+    assert prediction.stamp_ns == START_NS - 100_000_000
+    assert prediction.time_s[0] == pytest.approx(0.3)
+
+
+def test_the_budget_is_a_share_of_the_period(make):
+    setup = make(rate=10.0, budget=0.5)
+    request = setup.pipeline._request("window", START_NS, 7)
+    assert (request.received_ns, request.budget_ns, request.deadline_ns) == (
+        7,
+        50_000_000,
+        100_000_000,
+    )
+
+
+def test_the_models_report_is_counted(make):
+    setup = make()
+    setup.pipeline._model.predict = lambda window: "prediction"
+    setup.pipeline._model.predictor.last_report = PredictionReport(unusable=2, over_limit=5)
+    assert setup.pipeline._predict("window") == "prediction"
+    assert setup.events.counts() == {"non_finite_output": 2, "agents_over_limit": 5}
+
+
+def traffic_window(setup):
+    """The window of four agents at START_NS, without starting a prediction."""
+    setup.pipeline.history._history.update(traffic(0.0))
+    window = setup.pipeline.history._history.window()
+    assert (setup.pipeline._model.fallback(window).source == Source.CONSTANT_VELOCITY).all()
+    return window
