@@ -22,6 +22,11 @@ Float32Array = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 KeyArray = NDArray[np.uint32]
 ClassArray = NDArray[np.uint8]
+IndexArray = NDArray[np.intp]
+
+MOVING_MPS = 0.5
+"""Above this speed (m/s) the velocity gives the direction of motion, up to it the yaw; chosen
+above a tracker's velocity noise at standstill."""
 
 
 class AgentClass(IntEnum):
@@ -184,7 +189,7 @@ class HistoryWindow:
     def __len__(self) -> int:
         return self.key.shape[0]
 
-    def select(self, index: NDArray[np.intp] | BoolArray) -> HistoryWindow:
+    def select(self, index: IndexArray | BoolArray) -> HistoryWindow:
         """Return the window of the agents at ``index`` (integer positions or a mask)."""
         return HistoryWindow(
             stamp_ns=self.stamp_ns,

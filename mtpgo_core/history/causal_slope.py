@@ -16,9 +16,8 @@ The same class is used when a recording is read for training and when the node r
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtpgo_core.schema import Float64Array
+from mtpgo_core.schema import Float64Array, IndexArray
 
 _MIN_AGE_S = 0.03
 """Without a prior, a slope is returned once the samples span this time (s): the difference of two
@@ -51,13 +50,11 @@ class CausalSlope:
         self._age_s = np.concatenate([self._age_s, np.zeros(extra)])
         self._reference = np.concatenate([self._reference, np.zeros((extra, 2))])
 
-    def reset(self, slot: NDArray[np.intp]) -> None:
+    def reset(self, slot: IndexArray) -> None:
         """Forget the past of the signals ``slot``."""
         self._sums[slot] = 0.0
 
-    def step(
-        self, slot: NDArray[np.intp], dt_s: Float64Array, value: Float64Array
-    ) -> Float64Array:
+    def step(self, slot: IndexArray, dt_s: Float64Array, value: Float64Array) -> Float64Array:
         """Add one sample to each signal ``slot`` and return the current slopes.
 
         Args:

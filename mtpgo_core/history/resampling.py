@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.frames import wrap
-from mtpgo_core.schema import BoolArray, Float64Array
+from mtpgo_core.schema import BoolArray, Float64Array, IndexArray
 
 TOLERANCE_NS = 1_000
 """Stamps closer than this are the same time (ns): the resolution of stamps that were stored as
@@ -34,8 +34,8 @@ class Brackets:
         valid: [n, T] the track has a value at the grid time.
     """
 
-    left: NDArray[np.intp]
-    right: NDArray[np.intp]
+    left: IndexArray
+    right: IndexArray
     fraction: Float64Array
     after_s: Float64Array
     valid: BoolArray

@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.history.resampling import NEVER_NS
-from mtpgo_core.schema import Float64Array
+from mtpgo_core.schema import Float64Array, IndexArray
 
 _HIGHEST_RATE_HZ = 200.0
 """Chosen: several times the rate of any known tracker."""
 _SHORTEST = 64
 """Samples in a new ring: 3 s at 20 Hz."""
-
-IndexArray = NDArray[np.intp]
 
 
 class SampleRings:

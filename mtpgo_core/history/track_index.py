@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.schema import BoolArray, KeyArray
+from mtpgo_core.schema import BoolArray, IndexArray, KeyArray
 
 SortKeyArray = NDArray[np.bytes_]
 
@@ -22,7 +22,7 @@ def sort_keys(key: KeyArray) -> SortKeyArray:
     return words.view("S16").reshape(-1)
 
 
-def find_sort_keys(table: SortKeyArray, wanted: SortKeyArray) -> NDArray[np.intp]:
+def find_sort_keys(table: SortKeyArray, wanted: SortKeyArray) -> IndexArray:
     """Return [n] positions of the ``wanted`` keys in the sorted ``table``, -1 where absent."""
     if table.shape[0] == 0:
         return np.full(wanted.shape[0], -1, dtype=np.intp)
@@ -40,25 +40,25 @@ class TrackIndex:
 
     def __init__(self) -> None:
         self.keys: SortKeyArray = np.empty(0, dtype="S16")
-        self.slots: NDArray[np.intp] = np.empty(0, dtype=np.intp)
+        self.slots: IndexArray = np.empty(0, dtype=np.intp)
 
     def __len__(self) -> int:
         return self.keys.shape[0]
 
-    def find(self, wanted: SortKeyArray) -> NDArray[np.intp]:
+    def find(self, wanted: SortKeyArray) -> IndexArray:
         """Return [n] slots of the ``wanted`` keys, -1 where absent."""
         position = find_sort_keys(self.keys, wanted)
         if len(self) == 0:
             return position
         return np.where(position >= 0, self.slots[position], -1)
 
-    def add(self, keys: SortKeyArray, slots: NDArray[np.intp]) -> None:
+    def add(self, keys: SortKeyArray, slots: IndexArray) -> None:
         """Insert ascending ``keys``, none of which is in the index yet, with their ``slots``."""
         place = np.searchsorted(self.keys, keys)
         self.keys = np.insert(self.keys, place, keys)
         self.slots = np.insert(self.slots, place, slots)
 
-    def remove(self, rows: BoolArray) -> NDArray[np.intp]:
+    def remove(self, rows: BoolArray) -> IndexArray:
         """Remove the rows of a mask and return their slots."""
         freed = self.slots[rows]
         self.keys = self.keys[~rows]

@@ -5,12 +5,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtpgo_core.history.causal_slope import CausalSlope
 from mtpgo_core.history.sample_rings import SampleRings
 from mtpgo_core.history.track_index import SortKeyArray, TrackIndex
-from mtpgo_core.schema import BoolArray, TrackedStates
+from mtpgo_core.schema import BoolArray, IndexArray, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
 
 _ACCELERATION_PRIOR_S2 = (0.1 / 2.2) ** 2
@@ -18,8 +17,6 @@ _ACCELERATION_PRIOR_S2 = (0.1 / 2.2) ** 2
 about 2.2 m/s^2. Without it, the first estimates of a track are noise divided by a short time."""
 _FIRST_CAPACITY = 64
 """Slots of a new store; it doubles on demand."""
-
-IndexArray = NDArray[np.intp]
 
 SAMPLE_COLUMNS = 7
 POSITION, VELOCITY, ACCELERATION, YAW = slice(0, 2), slice(2, 4), slice(4, 6), 6

@@ -28,7 +28,7 @@ from mtpgo_core.history.track_store import (
     YAW,
     TrackStore,
 )
-from mtpgo_core.schema import BoolArray, Float64Array, TrackedStates
+from mtpgo_core.schema import MOVING_MPS, BoolArray, Float64Array, IndexArray, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
 
 _FARTHEST_M = 1e8
@@ -41,9 +41,6 @@ _JUMP_MPSS = 30.0
 chosen: three times full braking."""
 _HARDEST_MPSS = 200.0
 """A message's acceleration beyond this is treated as missing (m/s^2); chosen."""
-_MOVING_MPS = 0.5
-"""Above this speed the direction of motion replaces an unknown yaw (m/s); chosen above a tracker's
-velocity noise at standstill."""
 
 
 def usable_observations(
@@ -59,7 +56,7 @@ def usable_observations(
 def moved_impossibly(
     config: HistoryConfig,
     store: TrackStore,
-    slot: NDArray[np.intp],
+    slot: IndexArray,
     stamp_ns: int | NDArray[np.int64],
     position: Float64Array,
 ) -> BoolArray:
@@ -89,10 +86,10 @@ def moved_impossibly(
 def complete_samples(
     config: HistoryConfig,
     store: TrackStore,
-    slot: NDArray[np.intp],
+    slot: IndexArray,
     stamp_ns: int | NDArray[np.int64],
     states: TrackedStates,
-    row: NDArray[np.intp],
+    row: IndexArray,
 ) -> Float64Array:
     """Return [n, 7] position, velocity, acceleration and yaw, with missing values estimated.
 
@@ -124,7 +121,7 @@ def complete_samples(
         acceleration = _prefer(given, acceleration)
     sample[:, ACCELERATION] = acceleration
 
-    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > _MOVING_MPS
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > MOVING_MPS
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
     yaw = states.yaw[row]
     angle = np.abs(yaw) < 1e6  # false for NaN; anything larger is not an angle

@@ -11,11 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtpgo_core.schema import Float64Array, HistoryWindow, Prediction, Source
-
-MOVING_MPS = 0.5
-"""Up to this speed the yaw gives the direction of motion (m/s); chosen above a tracker's velocity
-noise at standstill."""
+from mtpgo_core.schema import MOVING_MPS, Float64Array, HistoryWindow, Prediction, Source
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtpgo_core.prediction.constant_velocity import initial_states, motion_yaw
 from mtpgo_core.schema import (
@@ -19,6 +18,7 @@ from mtpgo_core.schema import (
     Float32Array,
     Float64Array,
     HistoryWindow,
+    IndexArray,
     Prediction,
     SceneBatch,
     Source,
@@ -115,7 +115,7 @@ def merge(first: Prediction, other: Prediction, take_other: BoolArray) -> Predic
     return dataclasses.replace(first, **merged)
 
 
-def select(prediction: Prediction, index: NDArray[np.intp] | BoolArray) -> Prediction:
+def select(prediction: Prediction, index: IndexArray | BoolArray) -> Prediction:
     """Return the prediction of the agents at ``index`` (integer positions or a mask)."""
     whole = {"stamp_ns", "frame_id", "time_s"}
     rows = {

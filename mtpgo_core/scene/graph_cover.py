@@ -8,12 +8,9 @@ The policy ``cover`` of docs/design.md, decision 14.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtpgo_core.schema import BoolArray, Float64Array
+from mtpgo_core.schema import BoolArray, Float64Array, IndexArray
 from mtpgo_core.task.task_description import SceneConfig
-
-IndexArray = NDArray[np.intp]
 
 KEEP = 0.8
 """A centre is dropped when the others contain all its agents within this share of the limits;

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtpgo_core.history.track_index import SortKeyArray, find_sort_keys, sort_keys
-from mtpgo_core.scene.graph_cover import KEEP, IndexArray, cover_centres, neighbourhoods
-from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, KeyArray
+from mtpgo_core.scene.graph_cover import KEEP, cover_centres, neighbourhoods
+from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, IndexArray, KeyArray
 from mtpgo_core.task.task_description import SceneConfig
 
 _STAY = 0.5

@@ -13,10 +13,9 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtpgo_core.scene.neighbour_geometry import NeighbourGeometry, in_blocks, nearness
-from mtpgo_core.schema import Float64Array, HistoryWindow
+from mtpgo_core.schema import Float64Array, HistoryWindow, IndexArray
 
 LEADERS = 2
 """Agents ahead that are described."""
@@ -26,7 +25,7 @@ COLUMNS = ("gap", "near", "dv", "ax")
 
 
 def leader_features(
-    window: HistoryWindow, agents: NDArray[np.intp], reach_m: float = 80.0
+    window: HistoryWindow, agents: IndexArray, reach_m: float = 80.0
 ) -> Float64Array:
     """Return [r, T, 8] features of the next two agents ahead of each of ``agents`` [r].
 

@@ -12,9 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtpgo_core.schema import BoolArray, Float32Array, Float64Array, HistoryWindow
+from mtpgo_core.schema import BoolArray, Float32Array, Float64Array, HistoryWindow, IndexArray
 
 NEAR_M = 20.0
 """Distance over which :func:`nearness` falls to 1/e (m); chosen."""
@@ -41,14 +40,14 @@ class NeighbourGeometry:
     """
 
     window: HistoryWindow
-    agents: NDArray[np.intp]
+    agents: IndexArray
     cos: Float64Array
     sin: Float64Array
     along: Float32Array
     across: Float32Array
 
     @classmethod
-    def of(cls, window: HistoryWindow, agents: NDArray[np.intp]) -> NeighbourGeometry:
+    def of(cls, window: HistoryWindow, agents: IndexArray) -> NeighbourGeometry:
         """Return the geometry around the agents at the positions ``agents`` [r] of the window."""
         yaw = np.nan_to_num(window.yaw[agents])
         cos, sin = np.cos(yaw), np.sin(yaw)
@@ -62,7 +61,7 @@ class NeighbourGeometry:
 
     def nearest(
         self, candidate: BoolArray, distance: Float32Array
-    ) -> tuple[NDArray[np.intp], BoolArray]:
+    ) -> tuple[IndexArray, BoolArray]:
         """Return [r, T] the candidate at the least ``distance``, and whether there is one.
 
         Args:
@@ -72,21 +71,21 @@ class NeighbourGeometry:
         who = np.where(candidate, distance, np.float32(np.inf)).argmin(axis=2)
         return who, np.take_along_axis(candidate, who[..., None], axis=2)[..., 0]
 
-    def offset(self, who: NDArray[np.intp]) -> tuple[Float64Array, Float64Array]:
+    def offset(self, who: IndexArray) -> tuple[Float64Array, Float64Array]:
         """Return [r, T] the distances ahead and to the left of the agents ``who`` [r, T] (m)."""
         offset = self._of(self.window.position, who) - self.window.position[self.agents]
         return self._ahead(offset), self.cos * offset[..., 1] - self.sin * offset[..., 0]
 
-    def relative_speed(self, who: NDArray[np.intp]) -> Float64Array:
+    def relative_speed(self, who: IndexArray) -> Float64Array:
         """Return [r, T] the velocity of ``who`` [r, T] minus the agent's, along its yaw (m/s)."""
         velocity = self.window.velocity
         return self._ahead(self._of(velocity, who) - velocity[self.agents])
 
-    def acceleration(self, who: NDArray[np.intp]) -> Float64Array:
+    def acceleration(self, who: IndexArray) -> Float64Array:
         """Return [r, T] the acceleration of ``who`` [r, T] along the agent's yaw (m/s^2)."""
         return self._ahead(self._of(self.window.acceleration, who))
 
-    def _of(self, values: Float64Array, who: NDArray[np.intp]) -> Float64Array:
+    def _of(self, values: Float64Array, who: IndexArray) -> Float64Array:
         of_who: Float64Array = values[who, np.arange(who.shape[1])]
         return of_who
 
@@ -104,7 +103,7 @@ def in_blocks(
     columns: Callable[[NeighbourGeometry], Float64Array],
     count: int,
     window: HistoryWindow,
-    agents: NDArray[np.intp],
+    agents: IndexArray,
 ) -> Float64Array:
     """Return [r, T, count] features, computed block by block.
 

@@ -20,11 +20,13 @@ from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.leader_context import leader_features
 from mtpgo_core.scene.traffic_context import traffic_features
 from mtpgo_core.schema import (
+    MOVING_MPS,
     AgentClass,
     ClassArray,
     Float32Array,
     Float64Array,
     HistoryWindow,
+    IndexArray,
     KeyArray,
     SceneBatch,
 )
@@ -33,10 +35,6 @@ from mtpgo_core.task.task_description import SceneConfig
 _BY_AGENT = {"leaders": leader_features, "traffic": traffic_features}
 """Contexts that do not depend on the graph: computed once per agent."""
 
-_MOVING_MPS = 0.5
-"""Below this speed (m/s) the yaw gives the driving direction, not the velocity; chosen above a
-tracker's velocity noise at standstill."""
-
 
 def build_scenes(
     window: HistoryWindow,
@@ -44,7 +42,7 @@ def build_scenes(
     *,
     ego_key: KeyArray | None = None,
     previous: GraphState | None = None,
-    centres: NDArray[np.intp] | None = None,
+    centres: IndexArray | None = None,
     lanes: LaneMap | None = None,
 ) -> SceneBatch:
     """Return graphs, scene frames and features of the agents present at the window's time.
@@ -94,7 +92,7 @@ def build_scenes(
 
 
 def scene_frames(
-    window: HistoryWindow, config: SceneConfig, centre: NDArray[np.intp]
+    window: HistoryWindow, config: SceneConfig, centre: IndexArray
 ) -> tuple[Float64Array, Float64Array]:
     """Return origins [B, 2] (m) and rotations [B] (rad) of the scene frames around ``centre``.
 
@@ -109,7 +107,7 @@ def scene_frames(
     yaw = np.nan_to_num(window.yaw[centre, -1])
     if config.frame == "driving_direction":
         velocity = np.nan_to_num(window.velocity[centre, -1])
-        moving = np.hypot(velocity[:, 0], velocity[:, 1]) > _MOVING_MPS
+        moving = np.hypot(velocity[:, 0], velocity[:, 1]) > MOVING_MPS
         forward = np.where(moving, velocity[:, 0], np.cos(yaw)) >= 0.0
         yaw = np.where(forward, 0.0, np.pi)
     return window.position[centre, -1], yaw

@@ -13,11 +13,10 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtpgo_core.scene.leader_context import BAND_M
 from mtpgo_core.scene.neighbour_geometry import NeighbourGeometry, in_blocks, nearness
-from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow
+from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, IndexArray
 from mtpgo_core.task.task_description import CONTEXT_FEATURES
 
 LEADERS = 3
@@ -29,7 +28,7 @@ USUAL_LENGTH_M = 4.5
 
 
 def traffic_features(
-    window: HistoryWindow, agents: NDArray[np.intp], reach_m: float = 80.0
+    window: HistoryWindow, agents: IndexArray, reach_m: float = 80.0
 ) -> Float64Array:
     """Return [r, T, 29] features of the agents around each of ``agents`` [r].
 
@@ -92,7 +91,7 @@ def _around(around: NeighbourGeometry, reach_m: float) -> Float64Array:
 
 def _place(
     around: NeighbourGeometry,
-    who: NDArray[np.intp],
+    who: IndexArray,
     there: BoolArray,
     own: Float64Array,
     length: Float64Array,

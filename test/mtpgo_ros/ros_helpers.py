@@ -67,6 +67,34 @@ def message_of(states: TrackedStates, kind: str = "pointcloud2") -> Any:
     return INPUTS[kind].from_states(states, RclpyTypes())
 
 
+class RecordingLogger:
+    """Keeps the log lines.
+
+    Attributes:
+        warnings, errors: the lines so far.
+    """
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+        self.errors: list[str] = []
+
+    def warning(self, line: str) -> None:
+        """Keep a warning."""
+        self.warnings.append(line)
+
+    def error(self, line: str) -> None:
+        """Keep an error."""
+        self.errors.append(line)
+
+
+def spin_until(executor: Any, condition: Callable[[], Any]) -> None:
+    """Spin until the condition holds."""
+    end = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < end, "the condition did not come true in time"
+        executor.spin_once(timeout_sec=0.02)
+
+
 class Bench:
     """A predictor node and the publishers and subscribers around it.
 

@@ -8,7 +8,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from ros_helpers import LIMIT_S
+from ros_helpers import spin_until
 
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
@@ -29,10 +29,7 @@ def setup():
 def spin(node, condition):
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    end = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < end
-        executor.spin_once(timeout_sec=0.02)
+    spin_until(executor, condition)
     executor.shutdown()
 
 

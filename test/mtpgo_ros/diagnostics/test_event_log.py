@@ -5,6 +5,7 @@
 import threading
 
 import pytest
+from ros_helpers import RecordingLogger
 
 from mtpgo_ros.diagnostics.event_log import RECENT_S, REPEAT_S, EventLog
 
@@ -17,19 +18,6 @@ class ManualClock:
 
     def __call__(self):
         return self.now
-
-
-class RecordingLogger:
-    """Keeps the log lines."""
-
-    def __init__(self):
-        self.warnings, self.errors = [], []
-
-    def warning(self, line):
-        self.warnings.append(line)
-
-    def error(self, line):
-        self.errors.append(line)
 
 
 @pytest.fixture

@@ -3,13 +3,12 @@
 """Latched context topics: an ego's identity and lane markings."""
 
 import itertools
-import time
 
 import numpy as np
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from ros_helpers import LATCHED, LIMIT_S
+from ros_helpers import LATCHED, spin_until
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
@@ -27,13 +26,10 @@ def node():
     one.destroy_node()
 
 
-def spin_until(node, condition):
+def spin(node, condition):
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    end = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < end
-        executor.spin_once(timeout_sec=0.02)
+    spin_until(executor, condition)
     executor.shutdown()
 
 
@@ -45,7 +41,7 @@ def test_messages_published_before_the_subscription_are_received(node):
     )
     egos, lanes = [], []
     context = ContextSubscriptions(node, egos.append, lanes.append)
-    spin_until(node, lambda: egos and lanes)
+    spin(node, lambda: egos and lanes)
     assert egos == ["7"]
     assert len(lanes[0]) == 4  # two lines of two segments
     context.close()

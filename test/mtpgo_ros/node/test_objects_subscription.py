@@ -9,7 +9,7 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from ros_helpers import LIMIT_S, message_of, traffic
+from ros_helpers import message_of, spin_until, traffic
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
@@ -36,10 +36,7 @@ class Setup:
         )
 
     def until(self, condition):
-        end = time.monotonic() + LIMIT_S
-        while not condition():
-            assert time.monotonic() < end, "the condition did not come true in time"
-            self.executor.spin_once(timeout_sec=0.02)
+        spin_until(self.executor, condition)
 
     def close(self):
         self.objects.close()

@@ -9,7 +9,7 @@ import time
 
 import pytest
 from rclpy.lifecycle import LifecycleNode
-from ros_helpers import LIMIT_S, START_NS, message_of, traffic
+from ros_helpers import LIMIT_S, START_NS, RecordingLogger, message_of, traffic
 
 from msg_adapters.registry import INPUTS
 from mtpgo_core.prediction.scene_predictor import PredictionReport
@@ -24,14 +24,6 @@ from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
 ADAPTER = INPUTS["pointcloud2"]
 _namespaces = itertools.count()
-
-
-class RecordingLogger:
-    def __init__(self):
-        self.lines = []
-
-    def warning(self, line):
-        self.lines.append(line)
 
 
 class RecordingPublishers:
@@ -113,7 +105,7 @@ def test_what_cannot_be_read_is_counted_and_logged_with_the_reason(make):
     setup.receive(message)
     setup.receive("not a message")  # the second line of this kind is not logged yet
     assert setup.events.counts() == {"messages": 2, "malformed": 2}
-    (line,) = setup.logger.lines
+    (line,) = setup.logger.warnings
     assert line.startswith(f"message on {setup.pipeline.objects.topic} left out: ")
 
 
@@ -122,7 +114,7 @@ def test_an_unexpected_exception_is_counted_as_malformed(make):
     setup.pipeline.transform = None
     setup.receive(message_of(traffic(0.0)))
     assert setup.events.counts() == {"messages": 1, "malformed": 1}
-    assert "left out: AttributeError: " in setup.logger.lines[0]
+    assert "left out: AttributeError: " in setup.logger.warnings[0]
     setup.pipeline.transform = NoTransform()
 
 
@@ -131,7 +123,7 @@ def test_a_missing_pose_is_an_error_of_the_frame_until_it_is_there(make):
     setup.receive(message_of(traffic(0.0, frame_id="base_link")))
     assert setup.events.counts() == {"messages": 1, "not_lifted": 1}
     assert "'base_link', expected 'odom'" in setup.status.frame_error
-    assert setup.status.frame_error in setup.logger.lines[0]
+    assert setup.status.frame_error in setup.logger.warnings[0]
     setup.receive(message_of(traffic(0.2, frame_id="odom")))
     assert setup.prediction().frame_id == "odom"
     assert setup.status.frame_error == ""
@@ -141,7 +133,7 @@ def test_a_moving_frame_is_reported_and_still_predicted(make):
     setup = make()
     setup.receive(message_of(traffic(0.0, frame_id="base_link")))
     setup.prediction()
-    (line,) = setup.logger.lines
+    (line,) = setup.logger.warnings
     assert "'base_link', which usually moves with the vehicle" in line
 
 

@@ -3,13 +3,12 @@
 """The publishers of a node, without the node's other parts."""
 
 import itertools
-import time
 
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
-from ros_helpers import LIMIT_S, START_NS, traffic
+from ros_helpers import START_NS, RecordingLogger, spin_until, traffic
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
@@ -22,14 +21,6 @@ from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.publishers import Publishers
 
 _namespaces = itertools.count()
-
-
-class RecordingLogger:
-    def __init__(self):
-        self.lines = []
-
-    def warning(self, line):
-        self.lines.append(line)
 
 
 def prediction(agents=2, modes=3):
@@ -63,10 +54,7 @@ class Outputs:
         self.until(lambda: publisher.get_subscription_count() == 1)
 
     def until(self, condition):
-        end = time.monotonic() + LIMIT_S
-        while not condition():
-            assert time.monotonic() < end, "the condition did not come true in time"
-            self.executor.spin_once(timeout_sec=0.02)
+        spin_until(self.executor, condition)
 
     def close(self):
         self.publishers.close()
@@ -149,9 +137,9 @@ def test_a_failing_secondary_output_is_logged_and_does_not_end_the_thread(make):
 
     outputs.publishers._writers["markers"] = failing
     outputs.publishers.publish_secondary(prediction(), 1.0)
-    outputs.until(lambda: outputs.logger.lines)
+    outputs.until(lambda: outputs.logger.warnings)
     line = "output markers could not be published: ValueError: no good"
-    assert outputs.logger.lines == [line]
+    assert outputs.logger.warnings == [line]
     outputs.publishers._writers["markers"] = writer
     outputs.publishers.publish_secondary(prediction(), 1.0)
     outputs.until(lambda: outputs.markers)
