@@ -20,6 +20,7 @@ from mtpgo_core.frames import Pose2, PoseBuffer, to_fixed_frame
 from mtpgo_core.schema import TrackedStates
 
 _ODOMETRY_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Queue of odometry: half a second at 100 Hz."""
 
 
 class FrameTransform(Protocol):

@@ -26,6 +26,7 @@ from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.latest_only import LatestOnly
 
 _QOS = QoSProfile(depth=5)
+"""Reliable; a subscriber may fall behind by one second at 5 Hz."""
 _CLOUD, _MARKERS = "pointcloud2", "markers"
 _TOPICS = {
     _CLOUD: "~/predictions",

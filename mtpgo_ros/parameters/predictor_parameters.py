@@ -27,7 +27,7 @@ class Change(Enum):
     """When a parameter may change, and when the new value takes effect."""
 
     NOW = "at any time"
-    CONFIGURE = "while the node is unconfigured, takes effect at the next configuration"
+    CONFIGURE = "while the node is unconfigured, and takes effect at the next configuration"
     START = "only at the start of the process"
 
 
