@@ -242,7 +242,7 @@ class Prediction:
         initial: [n, 4] x, y, vx, vy at ``stamp_ns`` (m, m/s), velocity 0 where never known.
         initial_yaw: [n] (rad), 0 where never known.
         time_s: [H] seconds after ``stamp_ns``.
-        weight: [n, M] float64, sums to 1 over the modes (Gaussian mixture, eq. (17)).
+        weight: [n, M] float64, sums to 1 over the modes (Gaussian mixture, eq. (26)).
         mean: [n, M, H, 4] x, y, vx, vy (m, m/s).
         yaw: [n, M, H] direction of motion; at standstill the last known yaw (rad).
         covariance: [n, M, H, 2, 2] of the position (m^2).

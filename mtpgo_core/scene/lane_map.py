@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Lateral position in the lane and on the road, from lane lines (paper, lane position, eq. (1)).
+"""Lateral position in the lane and on the road, from lane lines (paper, lane position, eq. (3)).
 
 The paper assumes straight lanes along x: d_l is the distance from the lane's left line divided by
 the lane's width, scaled to [-1, 1] (-1 on the left line, 1 on the right one), and d_r the same

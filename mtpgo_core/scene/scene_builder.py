@@ -172,7 +172,7 @@ def _features(
 
 
 def _polar(position: Float64Array) -> Float64Array:
-    """Return distance and direction (cos, sin) from the scene's origin (polar context, eq. (2)).
+    """Return distance and direction (cos, sin) from the scene's origin (polar context, eq. (4)).
 
     The angle is counter-clockwise from the scene's x axis; at the origin it is 0.
     """
