@@ -20,9 +20,11 @@ from mtpgo_training.training.training_config import load_config
 
 ROOT = Path(__file__).parents[3]
 
+THREADS = int(os.environ["OMP_NUM_THREADS"])
+
 CONFIG = {
     "name": "tiny",
-    "num_threads": 1,
+    "num_threads": THREADS,
     "data": {"validation": ["03"], "stride_s": 0.4, "restart_probability": 0.0},
     "scene": {"max_neighbours": 3},
     "model": {
@@ -67,7 +69,7 @@ def test_a_run_says_what_it_does_and_what_comes_next(place, capsys):
         "train      2 of cars: ",
         "validate   1 of cars: ",
         "network    mtp-go, ",
-        "device     cpu, 1 thread(s), precision 32-true",
+        f"device     cpu, {THREADS} thread(s), precision 32-true",
         "seed 1, epochs 1 to 2",
         "best epoch ",
         f"next: mtpgo export {place / 'told'} -o other.pt",

@@ -4,6 +4,7 @@
 
 import argparse
 import dataclasses
+import os
 
 import numpy as np
 import pytest
@@ -151,7 +152,7 @@ def test_a_baseline_is_trained_by_the_same_trainer(name, tmp_path):
     """Through both losses: it comes near the truth that constant velocity misses."""
     config = TrainingConfig(
         network=name,
-        num_threads=1,
+        num_threads=int(os.environ["OMP_NUM_THREADS"]),
         data=DataConfig(validation=("03",), validation_stride_s=1.0, stride_s=0.4),
         scene=SceneConfig(max_neighbours=3),
         model={**OPTIONS, "modes": 2},

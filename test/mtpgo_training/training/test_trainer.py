@@ -5,6 +5,7 @@
 import csv
 import dataclasses
 import json
+import os
 import shutil
 import signal
 
@@ -20,8 +21,10 @@ from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
 from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import DataConfig, OptimisationConfig, TrainingConfig
 
+THREADS = int(os.environ["OMP_NUM_THREADS"])
+
 CONFIG = TrainingConfig(
-    num_threads=1,
+    num_threads=THREADS,
     data=DataConfig(
         validation=("03",), validation_stride_s=1.0, stride_s=0.4, restart_probability=0.2
     ),
@@ -73,7 +76,7 @@ def with_options(config=CONFIG, *, trainer=(), **optimisation):
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "whole"
-    torch.set_num_threads(1)
+    torch.set_num_threads(THREADS)
     return run(folder), folder
 
 
@@ -229,8 +232,8 @@ def test_only_the_same_configuration_and_data_are_resumed(whole):
 
 def test_threads_and_trainer_options_may_change_when_a_run_is_resumed(whole):
     config = with_options(trainer={"validate_every_epochs": 2})
-    done = run(whole[1], dataclasses.replace(config, num_threads=2), resume=True)
-    torch.set_num_threads(1)
+    done = run(whole[1], dataclasses.replace(config, num_threads=3 - THREADS), resume=True)
+    torch.set_num_threads(THREADS)
     assert done.state.epoch == 8
     assert_same_run(whole[0], done)
 
@@ -287,9 +290,7 @@ def test_patience_ends_a_run_without_a_better_validation(tmp_path, monkeypatch):
     assert run(tmp_path / "r", config, resume=True).state.epoch == stopped.state.epoch
 
 
-def test_without_a_validation_on_the_likelihood_patience_counts_from_the_warm_up(
-    tmp_path, monkeypatch
-):
+def test_patience_counts_no_epoch_of_the_warm_up(tmp_path, monkeypatch):
     config = with_options(epochs=16, trainer={"patience_epochs": 2})
     use_validation_errors(monkeypatch, [0.5] * 4 + [5.0, 6.0, 7.0])
     stopped = run(tmp_path / "r", config)
