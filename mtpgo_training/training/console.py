@@ -1,16 +1,14 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a training run prints: its setting, a progress bar, a line per epoch, a summary."""
+"""The text that a training run prints: its setting, a line per epoch, a summary."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import torch
-from tqdm import tqdm
 
 from mtpgo_training.data.splits import NamedRecording, Splits
 from mtpgo_training.training.data_loading import Scenes
@@ -37,83 +35,42 @@ WIDTH = 9
 """Width of the other columns (characters)."""
 
 
-class Console:
-    """Prints the progress of a run."""
+def setting_text(
+    run: TrainingRun,
+    scenes: Scenes,
+    splits: Splits,
+    folder: Path,
+    device: torch.device,
+    processes: int,
+) -> str:
+    """Return the data, the network and the device of a run."""
+    config, state = run.config, run.state
+    parameters = sum(p.numel() for p in run.model.parameters())
+    agents = sum(int(scene.primary.sum()) for scene in scenes.validation)
+    resumed = f", from batch {state.batch + 1}" if state.batch else ""
+    lines = (
+        f"train      {_count(splits.train)}: {len(scenes.training)} scenes an epoch",
+        f"validate   {_count(splits.validation)}: {len(scenes.validation)} scenes, "
+        f"{agents} agents",
+        f"test       {_count(splits.test) or 'none'}",
+        f"network    {config.network}, {parameters} parameters",
+        f"device     {_device(device, processes)}, precision {config.trainer.precision}",
+        f"run        {folder}, seed {config.seed}, epochs {state.epoch + 1} to "
+        f"{config.optimisation.epochs}{resumed}",
+    )
+    return "\n".join(lines)
 
-    def __init__(self, *, verbose: bool, progress: bool) -> None:
-        """Choose what is shown.
 
-        Args:
-            verbose: print lines.
-            progress: show a bar within each epoch.
-        """
-        self.verbose = verbose
-        self.progress = progress
-        self._bar: tqdm[Any] | None = None
+def title_line() -> str:
+    """Return the titles above the lines of the epochs."""
+    return _line([title for title, _, _ in COLUMNS])
 
-    def print_setting(
-        self,
-        run: TrainingRun,
-        scenes: Scenes,
-        splits: Splits,
-        folder: Path,
-        device: torch.device,
-        processes: int,
-    ) -> None:
-        """Print the data, the network and the device of a run."""
-        if not self.verbose:
-            return
-        config, state = run.config, run.state
-        parameters = sum(p.numel() for p in run.model.parameters())
-        agents = sum(int(scene.primary.sum()) for scene in scenes.validation)
-        resumed = f", from batch {state.batch + 1}" if state.batch else ""
-        lines = (
-            f"train      {_count(splits.train)}: {len(scenes.training)} scenes an epoch",
-            f"validate   {_count(splits.validation)}: {len(scenes.validation)} scenes, "
-            f"{agents} agents",
-            f"test       {_count(splits.test) or 'none'}",
-            f"network    {config.network}, {parameters} parameters",
-            f"device     {_device(device, processes)}, precision {config.trainer.precision}",
-            f"run        {folder}, seed {config.seed}, epochs {state.epoch + 1} to "
-            f"{config.optimisation.epochs}{resumed}",
-        )
-        print("\n".join(lines), flush=True)
 
-    def print_titles(self) -> None:
-        """Print the titles of the lines of the epochs."""
-        if self.verbose:
-            print(_line([title for title, _, _ in COLUMNS]), flush=True)
-
-    def start_epoch(self, run: TrainingRun, batches: int) -> None:
-        """Show a bar of all batches of the epoch."""
-        if self.progress:
-            epochs = run.config.optimisation.epochs
-            self._bar = tqdm(
-                total=batches,
-                initial=run.state.batch,
-                desc=f"epoch {run.state.epoch + 1}/{epochs} {run.loss_weights().name}",
-                leave=False,
-            )
-
-    def finish_step(self, run: TrainingRun) -> None:
-        """Advance the bar."""
-        if self._bar is not None:
-            self._bar.set_postfix(loss=f"{run.state.mean_loss():.3f}", refresh=False)
-            self._bar.update()
-
-    def close_bar(self) -> None:
-        """Remove the bar."""
-        if self._bar is not None:
-            self._bar.close()
-            self._bar = None
-
-    def print_epoch(self, row: Row) -> None:
-        """Print the line of a completed epoch."""
-        self.close_bar()
-        if self.verbose:
-            print(_line([_cell(row, key, form) for _, key, form in COLUMNS]), flush=True)
-            if row["skipped"]:
-                print(f"  {row['skipped']} steps were skipped: loss or gradient was not finite")
+def epoch_line(row: Row) -> str:
+    """Return the line of a completed epoch, and a second one if steps were skipped."""
+    cells = [form.format(row[key]) if key in row else "-" for _, key, form in COLUMNS]
+    skipped = f"\n  {row['skipped']} steps were skipped: loss or gradient was not finite"
+    return _line(cells) + (skipped if row["skipped"] else "")
 
 
 def summary(run: TrainingRun, folder: Path) -> str:
@@ -135,10 +92,6 @@ def summary(run: TrainingRun, folder: Path) -> str:
     if state.metrics:
         lines.append(f"next: mtpgo export {folder} -o {run.config.name}.pt")
     return "\n".join(lines)
-
-
-def _cell(row: Row, key: str, form: str) -> str:
-    return form.format(row[key]) if key in row else "-"
 
 
 def _line(cells: Sequence[str]) -> str:

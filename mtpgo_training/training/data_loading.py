@@ -18,6 +18,7 @@ from mtpgo_training.data.splits import NamedRecording, Splits
 from mtpgo_training.scenes.prepared_recording import PreparedRecording, prepare_all
 from mtpgo_training.scenes.scene_dataset import SceneDataset, validation_scenes
 from mtpgo_training.training.gradient_accumulation import process_share
+from mtpgo_training.training.run_state import RunState
 from mtpgo_training.training.training_config import TrainingConfig
 
 
@@ -86,51 +87,40 @@ def prepare_scenes(
     return Scenes(dataset, validation)
 
 
-def epoch_batches(
-    dataset: SceneDataset, config: TrainingConfig, epoch: int, rank: int, processes: int
-) -> list[list[int]]:
-    """Return the scenes of each batch of an epoch; they follow from the seed and the epoch alone.
+def epoch_loader(
+    dataset: SceneDataset, config: TrainingConfig, state: RunState, rank: int, processes: int
+) -> tuple[DataLoader, int]:
+    """Return the remaining batches of the current epoch, and the number of all its batches.
 
-    Each of several processes takes its share of every batch, so that a step sees the same scenes
-    on any number of devices. Scenes left over at the end of an epoch join the last whole batch if
-    they are fewer than half of one: the gradient of a scene or two is mostly noise.
+    They follow from the seed and the epoch alone. Each of several processes takes its share of
+    every batch, so that a step sees the same scenes on any number of devices. Scenes left over at
+    the end of an epoch join the last whole batch if they are fewer than half of one: the gradient
+    of a scene or two is mostly noise.
 
     Args:
-        dataset: the training scenes; they are sampled for the epoch.
+        dataset: the training scenes, which are sampled for the epoch.
         config: the configuration.
-        epoch: the epoch, counted from 0.
+        state: the progress, which gives the epoch and its completed batches.
         rank: number of this process.
         processes: number of processes.
     """
-    dataset.set_epoch(epoch)
-    size = config.optimisation.batch_scenes
-    # Seeds of two epochs or two runs do not meet: 1_000_003 is a prime above any number of epochs.
-    order = torch.randperm(
-        len(dataset), generator=torch.Generator().manual_seed(config.seed * 1_000_003 + epoch)
-    )
-    batches = []
-    for batch in order.tensor_split(tuple(range(size, len(order) - (size + 1) // 2 + 1, size))):
+    dataset.set_epoch(state.epoch)
+    size, workers = config.optimisation.batch_scenes, config.trainer.loader_workers
+    seed = config.seed * 1_000_003 + state.epoch  # a prime above any number of epochs
+    order = torch.randperm(len(dataset), generator=torch.Generator().manual_seed(seed))
+    batches = order.tensor_split(tuple(range(size, len(order) - (size + 1) // 2 + 1, size)))
+    shares = []
+    for batch in batches[state.batch :]:
         sizes = [dataset.items[i].agents for i in batch.tolist()]
-        batches.append(batch[process_share(sizes, rank, processes)].tolist())
-    return batches
-
-
-def scene_loader(dataset: SceneDataset, batches: list[list[int]], workers: int) -> DataLoader:
-    """Return a loader of the given batches.
-
-    Args:
-        dataset: the training scenes.
-        batches: scenes of each batch.
-        workers: processes that cut the scenes; 0 cuts them in this process.
-    """
-    return DataLoader(
+        shares.append(batch[process_share(sizes, rank, processes)].tolist())
+    loader = DataLoader(
         dataset,
-        batch_sampler=batches,
+        batch_sampler=shares,
         num_workers=workers,
-        # A fork of a process with threads may deadlock.
-        multiprocessing_context="spawn" if workers else None,
+        multiprocessing_context="spawn" if workers else None,  # a fork may deadlock on threads
         worker_init_fn=_ignore_interrupt if workers else None,
     )
+    return loader, len(batches)
 
 
 def _ignore_interrupt(worker: int) -> None:

@@ -27,6 +27,8 @@ def prepare_process(num_threads: int) -> None:
     if num_threads > 0:
         torch.set_num_threads(num_threads)
     torch.set_flush_denormal(True)
+    # In mixed precision, gradients of a weight with a cached cast are summed in half precision.
+    torch.set_autocast_cache_enabled(False)
     try:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError):

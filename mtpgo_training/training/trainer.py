@@ -22,6 +22,7 @@ from torch import Tensor, nn
 from torch.utils.tensorboard import SummaryWriter
 from torch_geometric.data import Batch
 from torch_geometric.loader import DataLoader
+from tqdm import tqdm
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.data.recording_cache import RecordingCache
@@ -29,13 +30,8 @@ from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.scenes.scene_dataset import dense
 from mtpgo_training.training.batch_loss import batch_loss
 from mtpgo_training.training.checkpointing import resume_from, save_checkpoint, start_from
-from mtpgo_training.training.console import Console
-from mtpgo_training.training.data_loading import (
-    Scenes,
-    epoch_batches,
-    prepare_scenes,
-    scene_loader,
-)
+from mtpgo_training.training.console import epoch_line, setting_text, title_line
+from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes
 from mtpgo_training.training.interruption import Interruption
 from mtpgo_training.training.networks import build_network, weights_hash
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
@@ -102,26 +98,36 @@ def train(
 
     fabric = _fabric(config)
     run.is_global_zero = fabric.is_global_zero
-    console = Console(
-        verbose=verbose and run.is_global_zero, progress=progress and run.is_global_zero
-    )
+    verbose, progress = verbose and run.is_global_zero, progress and run.is_global_zero
     creates_folder = run.is_global_zero and not resume
     if creates_folder:
         folder.require_new()
-    scenes = prepare_scenes(config, splits, horizon, cache=cache, progress=console.progress)
+    scenes = prepare_scenes(config, splits, horizon, cache=cache, progress=progress)
     if not (checkpoint or initial):
         _fit_statistics(run, scenes)
     _require_shares(fabric.world_size, config, len(scenes.training))
     if creates_folder:
         start_hash = weights_hash(run.average) if initial else ""
         folder.start(config, splits.describe(), start_hash)
-    console.print_setting(run, scenes, splits, folder.path, fabric.device, fabric.world_size)
+    if verbose:
+        device, processes = fabric.device, fabric.world_size
+        print(setting_text(run, scenes, splits, folder.path, device, processes), flush=True)
     if not run.finished:
         with _quiet():
             fabric.launch()
         prepare_process(_threads(config))  # launching several processes sets torch's threads
         with Interruption(max_minutes) as interruption:
-            _fit(fabric, run, scenes, folder, splits.describe(), checkpoint, console, interruption)
+            _fit(
+                fabric,
+                run,
+                scenes,
+                folder,
+                splits.describe(),
+                checkpoint,
+                interruption,
+                verbose,
+                progress,
+            )
     return run
 
 
@@ -132,8 +138,9 @@ def _fit(
     folder: RunFolder,
     splits: list[dict[str, str]],
     checkpoint: Checkpoint | None,
-    console: Console,
     interruption: Interruption,
+    verbose: bool,
+    progress: bool,
 ) -> None:
     """Train the remaining epochs, validate after each, write checkpoints and the log."""
     config, options, state = run.config, run.config.optimisation, run.state
@@ -170,15 +177,13 @@ def _fit(
                 best=best,
             )
 
-    console.print_titles()
+    if verbose:
+        print(title_line(), flush=True)
     while not (run.finished or run.stopping):
-        batches = epoch_batches(scenes.training, config, state.epoch, rank, processes)
-        steps = len(batches)
-        loader = scene_loader(
-            scenes.training, batches[state.batch :], config.trainer.loader_workers
-        )
-        console.start_epoch(run, steps)
-        for batch in loader:
+        loader, steps = epoch_loader(scenes.training, config, state, rank, processes)
+        title = f"epoch {state.epoch + 1}/{options.epochs} {run.loss_weights().name}"
+        bar = tqdm(loader, title, steps, initial=state.batch, leave=False, disable=not progress)
+        for batch in bar:
             stop = interruption.requested()
             run.received_signal = interruption.received_signal
             done = (state.epoch + state.batch / steps) / options.epochs
@@ -219,9 +224,10 @@ def _fit(
             due = clock - saved > 60.0 * config.trainer.checkpoint_minutes
             if (due or run.stopping) and state.batch < steps:
                 save(best=False)
-            console.finish_step(run)
+            bar.set_postfix(loss=f"{state.mean_loss():.3f}", refresh=False)
             if run.stopping:
                 break
+        bar.close()
         if state.batch < steps:
             break
 
@@ -248,8 +254,8 @@ def _fit(
                 if isinstance(value, int | float):
                     writer.add_scalar(f"epoch/{key}", value, state.step)
             writer.flush()
-        console.print_epoch(state.rows[-1])
-    console.close_bar()
+        if verbose:
+            print(epoch_line(state.rows[-1]), flush=True)
     if writer is not None:
         writer.close()
 
