@@ -4,9 +4,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import signal
 from collections.abc import Sequence
 from dataclasses import dataclass
+from multiprocessing.context import BaseContext
 
 import torch
 from torch_geometric.data import Data
@@ -117,10 +119,20 @@ def epoch_loader(
         dataset,
         batch_sampler=shares,
         num_workers=workers,
-        multiprocessing_context="spawn" if workers else None,  # a fork may deadlock on threads
+        multiprocessing_context=_worker_context() if workers else None,
         worker_init_fn=_ignore_interrupt if workers else None,
     )
     return loader, len(batches)
+
+
+def _worker_context() -> BaseContext:
+    """Return how workers are started: by a fork of this process they may deadlock on its threads.
+
+    They are forks of a server without threads that has imported torch once.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
+    return context
 
 
 def _ignore_interrupt(worker: int) -> None:

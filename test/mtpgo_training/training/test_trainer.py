@@ -42,6 +42,11 @@ CONFIG = TrainingConfig(
     ),
 )
 
+FEW_SCENES = dataclasses.replace(
+    CONFIG, data=dataclasses.replace(CONFIG.data, stride_s=2.0, validation_stride_s=2.0)
+)
+"""For tests in which it does not matter what is learned."""
+
 
 def recordings(*seeds):
     return [
@@ -166,7 +171,7 @@ BEST_AT_5 = [0.1, 0.1, 0.9, 0.8, 0.6, 0.7, 0.6, 0.9]
 @pytest.mark.parametrize(("keep", "expected"), [("best", 5), ("last", 8)])
 def test_the_best_epoch_or_the_last_is_kept(tmp_path, monkeypatch, keep, expected):
     use_validation_errors(monkeypatch, BEST_AT_5)
-    done = run(tmp_path / "r", with_options(keep=keep))
+    done = run(tmp_path / "r", with_options(FEW_SCENES, keep=keep))
     assert [row["all_ade"] for row in done.state.rows] == BEST_AT_5
     assert done.state.best_epoch == expected
     checkpoint = load_checkpoint(tmp_path / "r")
@@ -279,7 +284,8 @@ def test_a_checkpoint_of_another_architecture_is_not_resumed(whole, tmp_path):
 
 
 def test_patience_ends_a_run_without_a_better_validation(tmp_path, monkeypatch):
-    config = with_options(epochs=16, trainer={"patience_epochs": 2, "validate_every_epochs": 2})
+    trainer = {"patience_epochs": 2, "validate_every_epochs": 2}
+    config = with_options(FEW_SCENES, epochs=16, trainer=trainer)
     # NLL alone from the fifth epoch on; validated are the epochs 2, 4, 6, 8, 10.
     use_validation_errors(monkeypatch, [0.1, 0.1, 0.8, 0.7, 0.7])
     stopped = run(tmp_path / "r", config)
@@ -291,15 +297,15 @@ def test_patience_ends_a_run_without_a_better_validation(tmp_path, monkeypatch):
 
 
 def test_patience_counts_no_epoch_of_the_warm_up(tmp_path, monkeypatch):
-    config = with_options(epochs=16, trainer={"patience_epochs": 2})
+    config = with_options(FEW_SCENES, epochs=16, trainer={"patience_epochs": 2})
     use_validation_errors(monkeypatch, [0.5] * 4 + [5.0, 6.0, 7.0])
     stopped = run(tmp_path / "r", config)
     assert (stopped.state.best_epoch, stopped.state.epoch) == (5, 7)
 
 
 def test_additional_processes_that_cut_the_scenes_change_nothing(tmp_path):
-    """Nor do they fork: they would inherit the locks of threads that they do not have."""
-    short = with_options(epochs=2)
+    """The fixture ``no_fork`` checks that they are no forks of this process."""
+    short = with_options(FEW_SCENES, epochs=1)
     expected = run(tmp_path / "one", short)
     assert_same_run(
         expected, run(tmp_path / "w", with_options(short, trainer={"loader_workers": 1}))
