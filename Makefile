@@ -33,7 +33,7 @@ RUNS ?= runs
 SIMULATED := $(RUNS)/simulated
 TRAIN_ARGS ?=
 
-.PHONY: help demo test benchmark highway urban data-given check lint types format environment clean distclean
+.PHONY: help demo test numerics benchmark highway urban data-given check lint types format environment clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -46,6 +46,14 @@ demo: $(STAMP) ## play a recording through the real node and score the predictio
 test: check ## run ruff, mypy and pytest
 	@echo "== pytest"
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+# PyTorch without vector instructions rounds differently, as another CPU does. No test may depend on
+# the last digits.
+NUMERICAL_TESTS := test/models test/mtpgo_training/training test/mtpgo_training/export
+
+numerics: $(STAMP) ## run the numerical tests as on a CPU without AVX
+	@echo "== pytest, ATEN_CPU_CAPABILITY=default"
+	@ATEN_CPU_CAPABILITY=default $(BIN)/python -m pytest $(NUMERICAL_TESTS)
 
 # Prints the tables of docs/performance.md, each with its command and the machine, then tests the
 # speed ratios.

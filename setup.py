@@ -47,7 +47,7 @@ EXTRAS = {
     "training": [
         "filelock>=3.12",
         "Jinja2>=3.1",
-        "lightning>=2.5",
+        "lightning-fabric>=2.5",
         "matplotlib>=3.8",
         "pandas>=2.2",
         "platformdirs>=4.0",

@@ -25,7 +25,15 @@ COMMANDS = {
 }
 """Subcommand -> help; its ``add_parser`` is in the module ``commands.NAME``."""
 
-EXTRA_MODULES = {"jinja2", "lightning", "matplotlib", "pandas", "psutil", "tensorboard", "yaml"}
+EXTRA_MODULES = {
+    "jinja2",
+    "lightning_fabric",
+    "matplotlib",
+    "pandas",
+    "psutil",
+    "tensorboard",
+    "yaml",
+}
 """Top-level modules of the packages in the extra ``training``."""
 
 

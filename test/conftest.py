@@ -12,5 +12,6 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
 os.environ.pop("RMW_IMPLEMENTATION", None)
 # One thread per process, as on the robot: reproducible, and no overload on a busy machine.
-os.environ["OMP_NUM_THREADS"] = "1"
+# MTPGO_TEST_THREADS=2 gives the numerical tests two; their fixtures read OMP_NUM_THREADS.
+os.environ["OMP_NUM_THREADS"] = os.environ.get("MTPGO_TEST_THREADS", "1")
 os.environ["MPLBACKEND"] = "Agg"

@@ -19,7 +19,7 @@ ALLOWED = {
     "mtpgo_training": {
         "filelock",
         "jinja2",
-        "lightning",
+        "lightning_fabric",
         "matplotlib",
         "mcap",
         "models",

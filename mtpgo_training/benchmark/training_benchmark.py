@@ -27,11 +27,12 @@ from mtpgo_training.benchmark.machine import heading, markdown, write_json
 from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 from mtpgo_training.benchmark.step_workers import Step, Team, sum_gradients
 from mtpgo_training.training.batch_loss import batch_loss
-from mtpgo_training.training.losses import ewta, negative_log_likelihood
-from mtpgo_training.training.microbatch import share_of
-from mtpgo_training.training.objective import Objective
+from mtpgo_training.training.ewta_loss import ewta_loss
+from mtpgo_training.training.gradient_accumulation import process_share
+from mtpgo_training.training.likelihood_loss import negative_log_likelihood
+from mtpgo_training.training.schedules import LossWeights
 
-PHASES = {"EWTA": Objective(8, 1.0, 0.0), "NLL": Objective(1, 0.0, 1.0)}
+PHASES = {"EWTA": LossWeights(8, 1.0, 0.0), "NLL": LossWeights(1, 0.0, 1.0)}
 
 LARGEST_DIFFERENCE = 1e-3
 """Largest relative difference of losses and gradients; more is an error, not a result."""
@@ -112,21 +113,19 @@ def make_batch(scenes: int, config: ModelConfig, seed: int = 0) -> Batch:
     return Batch.from_data_list(graphs)
 
 
-def plain_loss(model: ReferenceMTPGO, batch: Batch, aim: Objective) -> Tensor:
+def plain_loss(model: ReferenceMTPGO, batch: Batch, aim: LossWeights) -> Tensor:
     """Return the loss of ``training.batch_loss``, by the reference implementation."""
     log_weight, mean, covariance = (
         part.unsqueeze(0)
-        for part in model.roll_out(
-            batch.x, batch.valid, batch.static, batch.batch, aim.nll_weight > 0.0
-        )
+        for part in model.roll_out(batch.x, batch.valid, batch.static, batch.batch, aim.nll > 0.0)
     )
     target, weight = batch.target.unsqueeze(0), batch.weight.unsqueeze(0)
     loss = mean.new_zeros(())
-    if aim.ewta_weight > 0.0:
-        loss = loss + aim.ewta_weight * ewta(mean, target, weight, aim.winners)
-    if aim.nll_weight > 0.0:
+    if aim.ewta > 0.0:
+        loss = loss + aim.ewta * ewta_loss(mean, target, weight, aim.winners)
+    if aim.nll > 0.0:
         nll = negative_log_likelihood(log_weight, mean, covariance, target, weight)
-        loss = loss + aim.nll_weight * nll
+        loss = loss + aim.nll * nll
     return loss
 
 
@@ -169,7 +168,7 @@ def make_step(name: str, phase: str, scenes: int, rank: int = 0, processes: int 
     """
     model, aim = make_model().requires_grad_(True).train(), PHASES[phase]
     whole = make_batch(scenes, model.config)
-    mine = share_of(whole.ptr.diff().tolist(), rank, processes)
+    mine = process_share(whole.ptr.diff().tolist(), rank, processes)
     batch = Batch.from_data_list(whole.index_select(mine))
     share = float(batch.weight.sum() / whole.weight.sum())
     plain = ReferenceMTPGO(model.config, model.state_dict())

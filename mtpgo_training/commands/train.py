@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo train``: recordings and a configuration in, a run folder with checkpoints out."""
+"""``mtpgo train``: train a network on recordings, into a run folder with checkpoints."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("config", type=Path, help="YAML configuration of the training")
     add_data_arguments(parser, required=True)
     parser.add_argument("--out", type=Path, required=True, help="run folder")
-    parser.add_argument("--resume", action="store_true", help="go on with an interrupted run")
+    parser.add_argument("--resume", action="store_true", help="continue an interrupted run")
     parser.add_argument(
         "--init-from",
         type=Path,
@@ -42,9 +42,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="KEY=VALUE",
         help="overrides any value of the configuration, for instance model.order=1; repeatable",
     )
-    parser.add_argument("--name", help="name of the model that comes out, overrides name")
+    parser.add_argument("--name", help="name of the resulting model, overrides name")
     parser.add_argument(
-        "--model", metavar="NETWORK", help="overrides network, and adds its name to name"
+        "--model", metavar="NETWORK", help="overrides network, and appends it to name"
     )
     parser.add_argument("--epochs", type=int, help="overrides optimisation.epochs")
     parser.add_argument("--seed", type=int, help="overrides seed")
@@ -55,7 +55,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--precision", help=f"overrides trainer.precision: {', '.join(PRECISIONS)}"
     )
     parser.add_argument(
-        "--minutes", "--max-minutes", type=float, help="stop cleanly after this long (min)"
+        "--minutes",
+        "--max-minutes",
+        type=float,
+        help="time limit (min); completes the step",
     )
     add_cache_arguments(parser)
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -64,7 +67,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo train``."""
-    # Before torch is loaded: several processes are warned about what is meant to be so.
+    # Set before torch is loaded: DDP would warn that parameters are unused, which is intended.
     os.environ.setdefault("TORCH_CPP_LOG_LEVEL", "ERROR")
     config = overridden(load_config(args.config, args.set), args)
     if args.init_from is not None and args.resume:
@@ -73,13 +76,13 @@ def run(args: argparse.Namespace) -> int:
         )
     sources = data_sources(args.data_options)
     cache = cache_from(args)
-    # Loaded here, for Lightning takes seconds and a parser needs none of it.
+    # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
     from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.training.console import summary
     from mtpgo_training.training.run_folder import RunFolder
-    from mtpgo_training.training.trainer.console import farewell
-    from mtpgo_training.training.trainer.fit import train
+    from mtpgo_training.training.trainer import train
 
-    module = train(
+    result = train(
         config,
         list(read_sources(sources, cache)),
         RunFolder(args.out),
@@ -87,22 +90,22 @@ def run(args: argparse.Namespace) -> int:
         init_from=args.init_from,
         max_minutes=args.minutes,
         cache=cache,
-        talk=not args.quiet,
+        verbose=not args.quiet,
         progress=not args.quiet and sys.stderr.isatty(),
     )
-    if not module.trainer.is_global_zero:
+    if not result.is_global_zero:
         return 0
     if not args.quiet:
-        print(farewell(module, args.out))
-    received = module.received_signal
+        print(summary(result, args.out))
+    received = result.received_signal
     return 0 if received is None else 128 + signal.Signals(received)
 
 
 def overridden(config: TrainingConfig, args: argparse.Namespace) -> TrainingConfig:
-    """The configuration with the values of the command line in place.
+    """Return the configuration with the values given on the command line.
 
     Raises:
-        ConfigurationError: a value that the configuration would refuse as well.
+        ConfigurationError: the configuration does not allow a value.
     """
 
     def given(**values: Any) -> dict[str, Any]:

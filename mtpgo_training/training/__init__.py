@@ -1,3 +1,3 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Networks, losses, the run folder and the trainer."""
+"""Training: losses, schedules, the training loop, validation, checkpoints."""

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What one batch teaches, free of files, loops and devices."""
+"""The training loss of a batch: EWTA and likelihood, weighted by the schedule."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from torch import Tensor
 from torch_geometric.data import Batch
 
 from models.trajectory_predictor import TrajectoryPredictor
-from mtpgo_training.training.losses import ewta, expected_huber, negative_log_likelihood
-from mtpgo_training.training.microbatch import grouped_loss, groups_of
-from mtpgo_training.training.objective import Objective
+from mtpgo_training.training.ewta_loss import ewta_loss
+from mtpgo_training.training.gradient_accumulation import accumulated_loss, micro_batches
+from mtpgo_training.training.likelihood_loss import expected_huber_loss, negative_log_likelihood
+from mtpgo_training.training.schedules import LossWeights
 
 Fields = Mapping[str, Tensor]
 
@@ -21,47 +22,45 @@ Fields = Mapping[str, Tensor]
 def training_loss(
     model: TrajectoryPredictor,
     fields: Fields,
-    objective: Objective,
+    weights: LossWeights,
     *,
     huber_delta: float,
     mean_weight: float = 0.0,
-    teacher: bool = False,
+    teacher_forcing: bool = False,
 ) -> Tensor:
-    """The loss of a batch under an objective of algorithm 1, a scalar.
+    """Return the loss of a dense batch, a scalar.
 
     Args:
         model: the network.
         fields: a batch from :func:`mtpgo_training.scenes.scene_dataset.dense`.
-        objective: EWTA, NLL or their blend. The covariance is computed only where NLL counts.
-        huber_delta: see :func:`mtpgo_training.training.losses.ewta`.
-        mean_weight: share of :func:`mtpgo_training.training.losses.expected_huber` beside
-            the likelihood.
-        teacher: feed the observed states to the roll-out.
+        weights: of EWTA and NLL. The covariance is computed only where NLL counts.
+        huber_delta: see :func:`mtpgo_training.training.ewta_loss.ewta_loss`.
+        mean_weight: weight of
+            :func:`mtpgo_training.training.likelihood_loss.expected_huber_loss`, relative to NLL.
+        teacher_forcing: feed the observed states to the roll-out.
     """
     states = model.config.state_size
-    target, weight = fields["target"][..., :states], fields["weight"]
-    with_covariance = objective.nll_weight > 0.0
+    target, mask = fields["target"][..., :states], fields["weight"]
+    with_covariance = weights.nll > 0.0
     log_weight, mean, covariance = model.roll_out(
         fields["x"],
         fields["valid"],
         fields["static"],
         None,
         with_covariance,
-        target if teacher else None,
-        weight > 0.0 if teacher else None,
+        target if teacher_forcing else None,
+        mask > 0.0 if teacher_forcing else None,
     )
     loss = mean.new_zeros(())
-    if objective.ewta_weight > 0.0:
-        loss = loss + objective.ewta_weight * ewta(
-            mean, target, weight, objective.winners, huber_delta
-        )
+    if weights.ewta > 0.0:
+        loss = loss + weights.ewta * ewta_loss(mean, target, mask, weights.winners, huber_delta)
     if with_covariance:
-        loss = loss + objective.nll_weight * negative_log_likelihood(
-            log_weight, mean, covariance, target, weight
+        loss = loss + weights.nll * negative_log_likelihood(
+            log_weight, mean, covariance, target, mask
         )
         if mean_weight > 0.0:
-            loss = loss + objective.nll_weight * mean_weight * expected_huber(
-                log_weight, mean, target, weight, huber_delta
+            loss = loss + weights.nll * mean_weight * expected_huber_loss(
+                log_weight, mean, target, mask, huber_delta
             )
     return loss
 
@@ -69,30 +68,30 @@ def training_loss(
 def batch_loss(
     model: TrajectoryPredictor,
     batch: Batch,
-    objective: Objective,
+    weights: LossWeights,
     *,
     huber_delta: float,
     mean_weight: float = 0.0,
-    teacher: bool = False,
+    teacher_forcing: bool = False,
 ) -> Tensor:
-    """:func:`training_loss` of a PyG batch, averaged over all its observed agent-steps.
+    """Return :func:`training_loss` of a PyG batch, averaged over all its observed agent-steps.
 
-    Computed group by group, see :mod:`mtpgo_training.training.microbatch`.
+    Computed in micro-batches, see :mod:`mtpgo_training.training.gradient_accumulation`.
 
     Args:
         model: the network.
         batch: graphs of :class:`mtpgo_training.scenes.scene_dataset.SceneDataset`.
-        objective: as in :func:`training_loss`, like the rest.
-        huber_delta: see there.
-        mean_weight: see there.
-        teacher: see there.
+        weights: this and the other arguments as in :func:`training_loss`.
+        huber_delta: see :func:`training_loss`.
+        mean_weight: see :func:`training_loss`.
+        teacher_forcing: see :func:`training_loss`.
     """
     loss = functools.partial(
         training_loss,
         model,
-        objective=objective,
+        weights=weights,
         huber_delta=huber_delta,
         mean_weight=mean_weight,
-        teacher=teacher,
+        teacher_forcing=teacher_forcing,
     )
-    return grouped_loss(model, groups_of(batch), loss)
+    return accumulated_loss(model, micro_batches(batch), loss)

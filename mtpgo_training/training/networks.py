@@ -29,23 +29,23 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 
 
-def _as_it_is(model: nn.Module) -> nn.Module:
+def _unchanged(model: nn.Module) -> nn.Module:
     return model
 
 
 @dataclass(frozen=True)
 class NetworkFamily:
-    """One kind of network.
+    """A kind of network.
 
     Attributes:
         config: its options.
-        network: makes one of its options.
-        deployed: the form of one that is exported.
+        network: creates one from its options.
+        deployed: converts one into the form that is exported.
     """
 
     config: type[NetworkConfig]
     network: Callable[[Any], TrajectoryPredictor]
-    deployed: Callable[[Any], nn.Module] = _as_it_is
+    deployed: Callable[[Any], nn.Module] = _unchanged
 
 
 MTP_GO = "mtp-go"
@@ -61,7 +61,7 @@ NETWORKS: dict[str, NetworkFamily] = {
 
 
 def family(name: str) -> NetworkFamily:
-    """The network called ``name``.
+    """Return the kind of network with this name.
 
     Raises:
         ConfigurationError: there is none.
@@ -76,16 +76,16 @@ def family(name: str) -> NetworkFamily:
 def network_config(
     name: str, options: Mapping[str, Any], history: HistoryConfig, scene: SceneConfig
 ) -> NetworkConfig:
-    """A network's configuration: ``options`` with the sizes that follow from the task.
+    """Return a network's configuration: ``options`` and the sizes that follow from the task.
 
     Args:
         name: of the network.
         options: fields of its configuration.
-        history: the task's, gives the number of steps and their length.
-        scene: the task's, gives the features and classes.
+        history: determines the number of steps and their length.
+        scene: determines the features and classes.
 
     Raises:
-        ConfigurationError: no network has this name, or it does not know an option or refuses a
+        ConfigurationError: no network has this name, or it does not have an option or rejects a
             value.
     """
     kind = family(name)
@@ -104,16 +104,15 @@ def network_config(
 def build_network(
     name: str, options: Mapping[str, Any], history: HistoryConfig, scene: SceneConfig
 ) -> TrajectoryPredictor:
-    """A new network with random weights; arguments and errors as :func:`network_config`."""
+    """Return a new network with random weights; arguments as in :func:`network_config`."""
     return family(name).network(network_config(name, options, history, scene))
 
 
 def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """What of another network's options ``name`` can be built with.
+    """Return those of another network's options that ``name`` has too.
 
-    So one configuration serves to train all networks on the same data: options that others know
-    and this one does not are left out. One that nobody knows stays and is refused when the network
-    is built.
+    This way all networks can be trained with one configuration. An option that no network has is
+    kept, and rejected when the network is built.
 
     Raises:
         ConfigurationError: no network has this name.
@@ -124,7 +123,7 @@ def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def rebuild(name: str, options: Mapping[str, Any]) -> TrajectoryPredictor:
-    """A network from its whole configuration, as a checkpoint holds it.
+    """Return a network built from its whole configuration, as stored in a checkpoint.
 
     Raises:
         ConfigurationError: no network has this name.
@@ -135,12 +134,12 @@ def rebuild(name: str, options: Mapping[str, Any]) -> TrajectoryPredictor:
 
 
 def name_of(model: TrajectoryPredictor) -> str:
-    """The name under which ``model`` is in :data:`NETWORKS`."""
+    """Return the name of ``model`` in :data:`NETWORKS`."""
     return next(name for name, kind in NETWORKS.items() if kind.network is type(model))
 
 
 def weights_hash(model: nn.Module) -> str:
-    """SHA-256 over the names and values of all parameters and buffers."""
+    """Return the SHA-256 over the names and values of all parameters and buffers."""
     digest = hashlib.sha256()
     for name, value in sorted(model.state_dict().items()):
         digest.update(name.encode())

@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The folder of a training run: what determined it, its log and its checkpoints.
+"""The folder of a training run: its configuration, log and checkpoints.
 
 ``config.yaml`` and ``run.json`` (data hashes, splits, versions, seed) are written at the start;
-``log.csv`` gets a line an epoch, ``tensorboard/`` the same and more; ``last.pt`` is where an
-interrupted run goes on, ``best.pt`` is the best by validation. Checkpoints hold plain data only,
-so they load with ``weights_only``.
+``log.csv`` gets a line per epoch, ``tensorboard/`` the same and the loss by step; an interrupted
+run is resumed from ``last.pt``; ``best.pt`` is the best epoch by validation. Checkpoints hold
+plain data only, so they load with ``weights_only``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Checkpoint = dict[str, Any]
 
 
 class RunFolder:
-    """A run's folder on disk."""
+    """The files of a training run."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -42,7 +42,7 @@ class RunFolder:
         self._log = path / "log.csv"
 
     def require_new(self) -> None:
-        """That no run is there yet.
+        """Check that the folder is new.
 
         Raises:
             ConfigurationError: the folder exists and is not empty.
@@ -58,12 +58,12 @@ class RunFolder:
         splits: list[dict[str, str]],
         initial_weights: str = "",
     ) -> None:
-        """Make the folder and write down what determines the run.
+        """Create the folder and write the configuration and the origin of the run.
 
         Args:
             config: the configuration.
-            splits: the recordings by use, with their hashes.
-            initial_weights: SHA-256 of the weights it starts from, if not random ones.
+            splits: the recordings of each split, with their hashes.
+            initial_weights: SHA-256 of the weights it starts from, if they are not random.
 
         Raises:
             ConfigurationError: the folder exists and is not empty, or cannot be written.
@@ -80,12 +80,12 @@ class RunFolder:
         write_text(self.path / "run.json", json.dumps(facts, indent=2) + "\n")
 
     def check_same(self, config: TrainingConfig, splits: list[dict[str, str]]) -> None:
-        """That a resumed run is the one that was started.
+        """Check that a resumed run has the configuration and data with which it was started.
 
-        On what it runs (section ``trainer``, threads) may differ.
+        The section ``trainer`` and the number of threads may differ.
 
         Raises:
-            ConfigurationError: no run is there, or the configuration or the data differ.
+            ConfigurationError: the folder holds no run, or the configuration or the data differ.
         """
         try:
             stored = load_config(self.path / "config.yaml")
@@ -111,11 +111,11 @@ class RunFolder:
     def save(
         self, checkpoint: Checkpoint, resumption: Checkpoint | None = None, *, best: bool
     ) -> None:
-        """Write ``last.pt``, and ``best.pt`` too if it is the best.
+        """Write ``last.pt``, and ``best.pt`` if it is the best.
 
         Args:
-            checkpoint: the averaged weights and all that an export needs.
-            resumption: what only going on needs, in ``last.pt`` beside the former.
+            checkpoint: the averaged weights and everything else that an export needs.
+            resumption: what only resuming needs, added to ``last.pt``.
             best: whether it is the best so far.
         """
         if best:
@@ -127,7 +127,7 @@ class RunFolder:
             torch.save({"format": CHECKPOINT_FORMAT, **checkpoint}, temporary)
 
     def write_log(self, rows: list[dict[str, Any]]) -> None:
-        """All lines of the log, one an epoch."""
+        """Write the whole log, one line per epoch."""
         text = io.StringIO()
         columns = list(dict.fromkeys(column for row in rows for column in row))
         writer = csv.DictWriter(text, fieldnames=columns, lineterminator="\n")
@@ -137,10 +137,10 @@ class RunFolder:
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
-    """A checkpoint, or the best one of a run folder.
+    """Load a checkpoint, or the best one of a run folder.
 
     Raises:
-        ConfigurationError: it cannot be read or is no checkpoint of this format.
+        ConfigurationError: it cannot be read or is not a checkpoint of this format.
     """
     if path.is_dir():
         path = path / "best.pt"
@@ -148,7 +148,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         raise ConfigurationError(f"the checkpoint {path} does not exist")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # for a TorchScript file
+            warnings.simplefilter("ignore", UserWarning)  # of a TorchScript file
             checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     except (OSError, RuntimeError, EOFError, ValueError, pickle.UnpicklingError) as error:
         reason = str(error).split("\n", 1)[0][:120]
@@ -161,7 +161,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
 
 
 def _first_difference(stored: TrainingConfig, given: TrainingConfig) -> str:
-    """Where two configurations differ: the field, and both of its values."""
+    """Return the first field in which two configurations differ, and both of its values."""
     before, now = dataclasses.asdict(stored), dataclasses.asdict(given)
     name = next(key for key in now if before[key] != now[key])
     if not isinstance(now[name], dict):
@@ -172,7 +172,7 @@ def _first_difference(stored: TrainingConfig, given: TrainingConfig) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what computes."""
+    """Return the versions of Python and of the numerical libraries."""
     import torch_geometric
 
     return {

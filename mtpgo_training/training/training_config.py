@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The configuration of a training: typed, with defaults, read from YAML, saved with the run."""
+"""The configuration of a training run: typed, with defaults, read from and written to YAML."""
 
 from __future__ import annotations
 
@@ -17,40 +17,40 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, from_dict, option
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig, with_preset
-from mtpgo_training.training.objective import LEARNING_RATE_SCHEDULES
+from mtpgo_training.training.schedules import LEARNING_RATE_SCHEDULES
 
 ACCELERATORS = ("auto", "cpu", "gpu", "mps")
 STRATEGIES = ("auto", "ddp")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
-"""What of Lightning's choices these networks are trained with: small, so copied to each device."""
+"""Choices of Fabric that are tested with these networks, which are small and fit on one device."""
 
 KEEP = ("best", "last")
-"""Which epoch's weights a run is for."""
+"""Which epoch's weights are exported."""
 
 
 @dataclass(frozen=True)
 class OptimisationConfig:
-    """How the weights move.
+    """Losses, optimiser and schedules.
 
     Attributes:
-        epochs: E of algorithm 1.
+        epochs: length of the schedule of Algorithm 1.
         batch_scenes: graphs in a batch.
-        learning_rate: its peak.
+        learning_rate: peak of the learning rate.
         learning_rate_schedule: one of ``LEARNING_RATE_SCHEDULES``.
         warmup_steps: optimisation steps of the linear rise.
-        learning_rate_floor: share of the peak that is left at the end of ``cosine``.
-        weight_decay: of AdamW; 0 is plain Adam.
+        learning_rate_floor: share of the peak at the end of ``cosine``.
+        weight_decay: of AdamW; 0 is Adam.
         clip_norm: largest norm of the gradient.
         huber_delta: error at which the EWTA loss turns linear (m, m/s).
-        mean_weight: share of the expected Huber loss beside the likelihood; 0 as in the paper, see
-            :func:`mtpgo_training.training.losses.expected_huber`.
+        mean_weight: weight of the expected Huber loss relative to the likelihood; 0 as in the
+            paper, see :func:`mtpgo_training.training.likelihood_loss.expected_huber_loss`.
         teacher_forcing: probability at the start that a roll-out is fed the observed states; it
             falls linearly to zero at the end of the warm-up (total / 4). The default is none: the
-            state already starts at the observed one, and a predictor must live with its own steps.
+            roll-out starts at the observed state, and a predictor has to cope with its own errors.
         average_decay: decay of the exponential moving average of the weights that is validated
             and exported; 0 for none.
         keep: which epoch is exported, one of ``KEEP``: the ``best`` by validation ADE, or the
-            ``last``, where the validation recordings show only a part of what the model is for.
+            ``last``, if the validation recordings show only a part of what the model is for.
     """
 
     epochs: int = option(40, above=0)
@@ -73,20 +73,20 @@ class OptimisationConfig:
 
 @dataclass(frozen=True)
 class TrainerConfig:
-    """On what and in which steps a training runs; another choice leaves the same training.
+    """Devices, precision, validation and checkpoints; none of it changes what is trained.
 
     Attributes:
-        accelerator: one of ``ACCELERATORS``; ``auto`` takes the GPU where there is one.
-        devices: devices, or processes on a CPU, on each machine; 0 for all that are there.
+        accelerator: one of ``ACCELERATORS``; ``auto`` takes a GPU if there is one.
+        devices: devices, or processes on a CPU, on each machine; 0 for all available.
         num_nodes: machines.
         strategy: one of ``STRATEGIES``; ``auto`` is ``ddp`` for more than one device.
         precision: one of ``PRECISIONS``. Validation is always in full precision.
-        loader_workers: processes that cut the scenes beside the one that learns; 0 for none.
-        validate_every_epochs: epochs from one validation to the next; the last is validated too.
-        patience_epochs: stop after so many epochs on the likelihood without a better validation;
-            0 for never.
-        checkpoint_minutes: time between two checkpoints within an epoch (min); one is written at
-            the end of every epoch, too.
+        loader_workers: additional processes that cut the scenes; 0 for none.
+        validate_every_epochs: epochs between validations; the last epoch is always validated.
+        patience_epochs: stop after this many epochs on the likelihood without a better
+            validation; 0 for never.
+        checkpoint_minutes: time between two checkpoints within an epoch (min); one is also written
+            at the end of every epoch.
     """
 
     accelerator: str = option("auto", choices=ACCELERATORS)
@@ -105,25 +105,24 @@ class TrainerConfig:
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """Everything that determines a training, but the recordings themselves.
+    """Everything that determines a training run, except the recordings.
 
     Attributes:
-        name: name of the model that comes out.
-        network: which one, a name in :data:`mtpgo_training.training.networks.NETWORKS`.
-        seed: of the initial weights, the order and the augmentation.
-        num_threads: threads of torch; 0 leaves torch's own choice. Several processes on a CPU have
-            one each.
+        name: name of the resulting model.
+        network: name of the network in :data:`mtpgo_training.training.networks.NETWORKS`.
+        seed: of the initial weights, the order of the scenes and the augmentation.
+        num_threads: threads of torch; 0 is torch's default. Several processes on a CPU have one
+            thread each.
         data: see :class:`DataConfig`.
-        history: see :class:`mtpgo_core.task.task_description.HistoryConfig`; travels
-            with the model.
-        scene: see :class:`mtpgo_core.task.task_description.SceneConfig`; travels with the
-        model. model: options of the network, for ``mtp-go`` the fields of
+        history: see :class:`mtpgo_core.task.task_description.HistoryConfig`; stored in the model.
+        scene: see :class:`mtpgo_core.task.task_description.SceneConfig`; stored in the model.
+        model: options of the network, for ``mtp-go`` the fields of
             :class:`models.mtp_go_config.ModelConfig`; sizes that follow from the task (features,
-            steps, classes) are set from it.
+            steps, classes) are derived.
         optimisation: see :class:`OptimisationConfig`.
         trainer: see :class:`TrainerConfig`.
-        licence: the terms of the data, written into the exported file.
-        attribution: who is to be named as the data's source, likewise.
+        licence: terms of the data, written into the exported file.
+        attribution: source of the data to be named, written into the exported file.
     """
 
     name: str = "model"
@@ -141,15 +140,15 @@ class TrainingConfig:
 
 
 def load_config(path: Path, settings: Sequence[str] = ()) -> TrainingConfig:
-    """The configuration in a YAML file.
+    """Read a configuration from a YAML file.
 
     Args:
         path: the file.
-        settings: ``KEY=VALUE`` each, a dotted path and a YAML value, as if the file said so.
+        settings: ``KEY=VALUE`` each, a dotted path and a YAML value, which override the file.
 
     Raises:
-        ConfigurationError: the file cannot be read, is no YAML mapping, or has an unknown or
-            ill-typed field; the sentence names the file and the field.
+        ConfigurationError: the file cannot be read, is not a YAML mapping, or has an unknown
+            field or a value of the wrong type; the message names the file and the field.
     """
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -169,10 +168,11 @@ def load_config(path: Path, settings: Sequence[str] = ()) -> TrainingConfig:
 
 
 def _with_setting(data: Any, setting: str) -> Any:
-    """Plain data with one ``KEY=VALUE`` in place.
+    """Return plain data with one ``KEY=VALUE`` set.
 
     Raises:
-        ConfigurationError: it is no such pair or no YAML, or its key leads into a value.
+        ConfigurationError: it is not such a pair or not YAML, or a part of its key is not a
+            mapping.
     """
     key, equals, text = setting.partition("=")
     try:
@@ -182,7 +182,7 @@ def _with_setting(data: Any, setting: str) -> Any:
     if not (key and equals):
         raise ConfigurationError(f"--set is given {setting!r}, expected KEY=VALUE in YAML")
     if isinstance(value, str) and re.fullmatch(r"[-+]?[\d.]+e[-+]?\d+", value):
-        value = float(value)  # 1e-3 is a number to everybody but YAML
+        value = float(value)  # YAML 1.1 reads 1e-3 as text
 
     def placed(inside: Any, path: list[str]) -> Any:
         if not path:
@@ -197,12 +197,12 @@ def _with_setting(data: Any, setting: str) -> Any:
 
 
 def dump_config(config: TrainingConfig) -> str:
-    """YAML text from which :func:`load_config` reads the same configuration."""
+    """Return YAML text from which :func:`load_config` reads the same configuration."""
     return yaml.safe_dump(_plain(dataclasses.asdict(config)), sort_keys=False)
 
 
 def _plain(value: Any) -> Any:
-    """Tuples as lists, which YAML can write."""
+    """Return tuples as lists, which YAML can write."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value

@@ -1,35 +1,50 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a network shows on the validation scenes: scores, and how wide its ellipses should be."""
+"""Validation: the scores of a network, and the factor that calibrates its covariances."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import torch
 from torch import Tensor
+from torch_geometric.data import Data
+from torch_geometric.loader import DataLoader
 
 from models.trajectory_predictor import TrajectoryPredictor
-from mtpgo_training.evaluation.scorebook import ScoreBook
+from mtpgo_training.evaluation.scorebook import ScoreBook, ScoreTable
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
+from mtpgo_training.scenes.scene_dataset import dense
 from mtpgo_training.training.batch_loss import Fields
+from mtpgo_training.training.run_state import Row, TrainingRun
+
+BATCH_SCENES = 64
+"""Scenes in a batch; it fits into memory without gradients, whatever the training batch is."""
+
+EWTA_PENALTY_M = 1e3
+"""Added to the ADE of epochs with an EWTA loss, more than any ADE: they are the best only until
+the first epoch trained on the likelihood alone (m)."""
+
+LOGGED_SCORES = ("ade", "fde", "mr", "anll", "min_ade", "coverage_90")
+"""Validation scores in the log."""
 
 
 @dataclass
-class Reach:
-    """How far from the heaviest mode the truths lie, in units of its covariance.
+class CovarianceCalibration:
+    """Squared Mahalanobis distances of the truth from the heaviest mode.
 
-    Counted as the coverage metric counts: over an agent's observed steps first, then over the
-    primary agents.
+    Weighted as in the coverage metric: an average over an agent's observed steps first, then over
+    the primary agents.
     """
 
-    _squared: list[Tensor] = field(default_factory=list)
+    _distances: list[Tensor] = field(default_factory=list)
     _shares: list[Tensor] = field(default_factory=list)
 
     def add(self, fields: Fields, log_weight: Tensor, mean: Tensor, covariance: Tensor) -> None:
-        """Take in a batch: what the network gives for ``fields``."""
+        """Add a batch: the network's output for ``fields``."""
         best = log_weight.argmax(dim=-1)[..., None, None, None]
         path = mean.gather(2, best.expand(-1, -1, 1, *mean.shape[3:])).squeeze(2)[..., :2]
         best = best.unsqueeze(-1).expand(-1, -1, 1, *covariance.shape[3:])
@@ -37,46 +52,47 @@ class Reach:
         offset = (fields["target"][..., :2] - path).unsqueeze(-1)
         distance = (offset.mT @ torch.linalg.inv(spread.double()).float() @ offset)[..., 0, 0]
         known = (fields["weight"] > 0.0) & fields["primary"].unsqueeze(-1)
-        self._squared.append(distance[known])
+        self._distances.append(distance[known])
         self._shares.append((known / known.sum(dim=-1, keepdim=True).clamp(min=1))[known])
 
-    def merge(self, other: Reach) -> None:
-        """Take in what another process has seen."""
-        self._squared += other._squared
+    def merge(self, other: CovarianceCalibration) -> None:
+        """Add the distances of another process."""
+        self._distances += other._distances
         self._shares += other._shares
 
     def scale(self, level: float = 0.9) -> float:
-        """The factor on the covariances at which ``level`` of the truths lie in their ellipses.
+        """Return the factor on the covariances at which ``level`` of the truth is covered.
 
-        Kept between 1/4 and 4: beyond that something else is wrong.
+        Limited to 1/4 to 4: a larger correction would hide a different problem.
 
         Args:
-            level: the ellipses' probability.
+            level: probability of the ellipses.
         """
-        distance, order = torch.cat(self._squared).double().sort()
+        distance, order = torch.cat(self._distances).double().sort()
         share = torch.cat(self._shares).double()[order].cumsum(dim=0)
-        reach = distance[int(torch.searchsorted(share, level * share[-1]))]
-        return float((reach / (-2.0 * math.log(1.0 - level))).clamp(0.25, 4.0))
+        quantile = distance[int(torch.searchsorted(share, level * share[-1]))]
+        # -2 log(1 - level) is the quantile of the chi-square distribution with two degrees.
+        return float((quantile / (-2.0 * math.log(1.0 - level))).clamp(0.25, 4.0))
 
 
 @torch.no_grad()
 def validate(
     model: TrajectoryPredictor, batches: Iterable[Fields], scale: float = 1.0
-) -> tuple[ScoreBook, Reach]:
-    """Scores of the model and of the baselines on the same agents, by both protocols.
+) -> tuple[ScoreBook, CovarianceCalibration]:
+    """Return the scores of the model and of the baselines on the same agents, by both protocols.
 
     Args:
         model: the network, on any device.
-        batches: batches of :func:`mtpgo_training.scenes.scene_dataset.validation_scenes`, in
+        batches: dense batches of :func:`mtpgo_training.scenes.scene_dataset.validation_scenes`, in
             full precision.
         scale: factor on the model's covariances.
     """
-    book, reach = ScoreBook(), Reach()
+    book, calibration = ScoreBook(), CovarianceCalibration()
     device = next(model.parameters()).device
     for fields in batches:
         given = (fields[name].to(device) for name in ("x", "valid", "static"))
         log_weight, mean, covariance = (value.cpu() for value in model(*given))
-        reach.add(fields, log_weight, mean, covariance)
+        calibration.add(fields, log_weight, mean, covariance)
         observed = fields["weight"] > 0.0
         for protocol, chosen in (("all", fields["primary"]), ("centre", fields["centre"])):
             rows = chosen & observed.any(dim=-1)
@@ -94,4 +110,79 @@ def validate(
             paths = fields["baselines"][rows].numpy()  # [n, baselines, H, 2]
             for i, name in enumerate(BASELINES):
                 book.add_path(name, protocol, path=paths[:, i], truth=truth, mask=mask)
-    return book, reach
+    return book, calibration
+
+
+def validate_epoch(
+    run: TrainingRun, scenes: Sequence[Data], rank: int, processes: int
+) -> tuple[Row, bool]:
+    """Validate the averaged weights, and keep their scores if they are the best so far.
+
+    The best epoch is the one with the lowest ADE among those trained on the likelihood alone; with
+    ``optimisation.keep: last`` it is the last one.
+
+    Args:
+        run: the run at the end of an epoch that is not in the log yet.
+        scenes: the validation scenes, of which each process computes its share.
+        rank: number of this process.
+        processes: number of processes.
+
+    Returns:
+        The validation's columns of the log, and whether the epoch is the best so far.
+    """
+    state = run.state
+    table, calibration = _validate_together(run, scenes[rank::processes], processes)
+    criterion = table.models["model"]["all"]["ade"]
+    if run.loss_weights().ewta > 0.0:
+        criterion += EWTA_PENALTY_M
+    better = criterion < state.best or run.config.optimisation.keep == "last"
+    if better:
+        state.best, state.best_epoch = criterion, state.epoch + 1
+        state.scale = calibration.scale()
+        calibrated, _ = _validate_together(run, scenes[rank::processes], processes, state.scale)
+        state.metrics = calibrated.to_dict()
+    return _columns(table), better
+
+
+def _validate_together(
+    run: TrainingRun, scenes: Sequence[Data], processes: int, scale: float = 1.0
+) -> tuple[ScoreTable, CovarianceCalibration]:
+    """Return what all processes find together, each with its own ``scenes``."""
+    batches = (dense(batch) for batch in DataLoader(scenes, batch_size=BATCH_SCENES))
+    book, calibration = validate(run.average.eval(), batches, scale)
+    if processes > 1:
+        shares: list[Any] = [None] * processes
+        torch.distributed.all_gather_object(shares, (book, calibration))
+        book, calibration = ScoreBook(), CovarianceCalibration()
+        for other_book, other_calibration in shares:
+            book.merge(other_book)
+            calibration.merge(other_calibration)
+    return book.table(), calibration
+
+
+def _columns(table: ScoreTable) -> Row:
+    row: Row = {}
+    for protocol in ("all", "centre"):
+        for key in LOGGED_SCORES:
+            row[f"{protocol}_{key}"] = round(table.models["model"][protocol][key], 4)
+    for name in ("cv", "ca"):
+        row[f"{name}_all_ade"] = round(table.models[name]["all"]["ade"], 4)
+        row[f"{name}_centre_ade"] = round(table.models[name]["centre"]["ade"], 4)
+    return row
+
+
+def scores_text(metrics: Mapping[str, Any]) -> str:
+    """Return a table of the scores in a checkpoint, over all agents.
+
+    Args:
+        metrics: scores by model and protocol, None where not defined.
+    """
+    return ScoreTable(
+        {
+            model: {
+                protocol: {k: math.nan if v is None else v for k, v in scores.items()}
+                for protocol, scores in protocols.items()
+            }
+            for model, protocols in metrics.items()
+        }
+    ).text("all")

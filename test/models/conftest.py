@@ -1,7 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by the network's tests: one thread, a fixed seed, and the folder's helper modules."""
+"""Fixtures of the networks' tests: number of threads, a fixed seed, helper modules."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -14,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 @pytest.fixture(autouse=True)
 def repeatable():
     before = torch.get_num_threads()
-    torch.set_num_threads(1)
+    torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
     torch.manual_seed(0)
     yield
     torch.set_num_threads(before)

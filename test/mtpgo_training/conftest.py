@@ -1,8 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the offline half's tests share: one thread for torch, and the helpers beside this file."""
+"""Fixtures of the offline half's tests: number of threads, a cache folder, no forks."""
 
+import os
 import sys
+import traceback
 from pathlib import Path
 
 import pytest
@@ -10,10 +12,24 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+_forks = []
+os.register_at_fork(before=lambda: _forks.append("".join(traceback.format_stack(limit=12))))
+
+
+@pytest.fixture(autouse=True)
+def no_fork():
+    """No process is started by a fork, which may deadlock: torch has threads in this process.
+
+    Starting another program does not count: no Python code runs between its fork and its exec.
+    """
+    _forks.clear()
+    yield
+    assert not _forks, f"a process was forked, expected spawn:\n{_forks[0]}"
+
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
-    """No test reads or fills the cache of whoever runs it."""
+    """No test reads or fills the user's cache."""
     patch = pytest.MonkeyPatch()
     patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
     yield
@@ -21,9 +37,9 @@ def own_cache(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def one_thread():
-    """The same numbers on any machine, and kind to a busy one."""
+def fixed_threads():
+    """The same numbers on any machine, and little load on a busy one."""
     before = torch.get_num_threads()
-    torch.set_num_threads(1)
+    torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
     yield
     torch.set_num_threads(before)

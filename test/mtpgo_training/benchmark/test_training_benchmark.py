@@ -53,7 +53,7 @@ def test_the_batch_is_a_ragged_one():
 
 
 def test_implementations_that_differ_are_an_error(monkeypatch):
-    wrong = {"NLL": replace(training.PHASES["NLL"], nll_weight=0.5)}
+    wrong = {"NLL": replace(training.PHASES["NLL"], nll=0.5)}
     right = training.plain_loss
     monkeypatch.setattr(training, "plain_loss", lambda m, b, aim: right(m, b, wrong["NLL"]))
     with pytest.raises(ConfigurationError, match="in the NLL phase the gradients of the"):

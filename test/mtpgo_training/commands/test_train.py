@@ -20,9 +20,11 @@ from mtpgo_training.training.training_config import load_config
 
 ROOT = Path(__file__).parents[3]
 
+THREADS = int(os.environ["OMP_NUM_THREADS"])
+
 CONFIG = {
     "name": "tiny",
-    "num_threads": 1,
+    "num_threads": THREADS,
     "data": {"validation": ["03"], "stride_s": 0.4, "restart_probability": 0.0},
     "scene": {"max_neighbours": 3},
     "model": {
@@ -64,10 +66,10 @@ def test_a_run_says_what_it_does_and_what_comes_next(place, capsys):
     said, errors = capsys.readouterr()
     assert (status, errors) == (0, "")
     for expected in (
-        "teach      2 of cars: ",
+        "train      2 of cars: ",
         "validate   1 of cars: ",
         "network    mtp-go, ",
-        "device     cpu, 1 thread(s), precision 32-true",
+        f"device     cpu, {THREADS} thread(s), precision 32-true",
         "seed 1, epochs 1 to 2",
         "best epoch ",
         f"next: mtpgo export {place / 'told'} -o other.pt",
@@ -175,17 +177,19 @@ def test_a_device_that_is_not_there_is_one_sentence(place, capsys):
 def test_without_the_extra_it_is_named(place, capsys, monkeypatch):
     for name in [n for n in sys.modules if n.startswith("mtpgo_training.training.trainer")]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "lightning", None)
+    monkeypatch.setitem(sys.modules, "lightning_fabric", None)
     assert cli.main(arguments(place, "no")) == 2
     errors = capsys.readouterr().err
-    assert errors.startswith("mtpgo: train needs lightning, which comes with the extra 'training'")
+    assert errors.startswith(
+        "mtpgo: train needs lightning_fabric, which comes with the extra 'training'"
+    )
     assert errors.count("\n") == 1
 
 
-def test_lightning_is_loaded_only_when_a_run_begins():
+def test_fabric_is_loaded_only_when_a_run_starts():
     code = (
         "import sys\nfrom mtpgo_training import cli\ncli.build_parser('train')\n"
-        "print('lightning' in sys.modules, 'torch' in sys.modules)"
+        "print('lightning_fabric' in sys.modules, 'torch' in sys.modules)"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT

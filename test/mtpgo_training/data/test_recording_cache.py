@@ -8,6 +8,7 @@ import os
 
 import numpy as np
 import pytest
+from cache_process import make_and_count
 from drone_files import write_highd, write_ind
 from traffic import braking_cars
 
@@ -132,19 +133,8 @@ def test_a_folder_that_cannot_be_written_is_a_warning(tmp_path, caplog):
     assert "cannot be used: Not a directory" in caplog.messages[0]
 
 
-def make_and_count(folder, made):
-    def make():
-        with made.get_lock():
-            made.value += 1
-        return {"a": np.arange(100_000), "none": np.zeros((0, 2))}
-
-    columns = RecordingCache(folder).entry({"what": "test"}, make, code=())
-    assert columns["a"][-1] == 99_999
-    assert columns["none"].shape == (0, 2)
-
-
 def test_of_several_processes_one_makes_an_entry(tmp_path):
-    context = multiprocessing.get_context("fork")
+    context = multiprocessing.get_context("spawn")
     made = context.Value("i", 0)
     folder = tmp_path / "cache"
     processes = [context.Process(target=make_and_count, args=(folder, made)) for _ in range(4)]

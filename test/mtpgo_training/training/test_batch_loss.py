@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Steps on one batch: which loss counts, and the calibration of the covariances."""
+"""The loss of one batch, and the validation with its calibration of the covariances."""
 
 import dataclasses
 
@@ -19,7 +19,7 @@ from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import dense, validation_scenes
 from mtpgo_training.training.batch_loss import training_loss
 from mtpgo_training.training.networks import NETWORKS, build_network
-from mtpgo_training.training.objective import Objective
+from mtpgo_training.training.schedules import LossWeights
 from mtpgo_training.training.training_config import DataConfig
 from mtpgo_training.training.validation import validate
 
@@ -44,7 +44,7 @@ def test_a_blend_is_the_sum_of_its_parts(model, batches):
     def loss(ewta, nll):
         with torch.no_grad():
             return float(
-                training_loss(model, batches[2], Objective(1, ewta, nll), huber_delta=1.0)
+                training_loss(model, batches[2], LossWeights(1, ewta, nll), huber_delta=1.0)
             )
 
     assert loss(0.3, 0.7) == pytest.approx(0.3 * loss(1.0, 0.0) + 0.7 * loss(0.0, 1.0), rel=1e-4)
@@ -52,7 +52,7 @@ def test_a_blend_is_the_sum_of_its_parts(model, batches):
 
 def test_the_first_phase_leaves_the_covariance_alone(model, batches):
     model.zero_grad(set_to_none=True)
-    training_loss(model, batches[2], Objective(2, 1.0, 0.0), huber_delta=1.0).backward()
+    training_loss(model, batches[2], LossWeights(2, 1.0, 0.0), huber_delta=1.0).backward()
     touched = {n.split(".")[0] for n, p in model.named_parameters() if p.grad is not None}
     assert "noise" not in touched
     assert {"encoder", "decoder", "control"} <= touched
@@ -81,14 +81,14 @@ def test_the_validation_scores_what_the_evaluation_scores(tmp_path):
 
 
 def test_a_calibrated_model_needs_no_calibration(model, batches):
-    book, reach = validate(model, batches)
-    scale = reach.scale()
+    book, calibration = validate(model, batches)
+    scale = calibration.scale()
     assert abs(scale - 1.0) > 0.02
     config = dataclasses.replace(model.config, covariance_scale=scale)
     calibrated = MTPGO(config)
     calibrated.load_state_dict(model.state_dict())
-    again, reach = validate(calibrated, batches)
-    assert reach.scale() == pytest.approx(1.0, abs=1e-3)
+    again, calibration = validate(calibrated, batches)
+    assert calibration.scale() == pytest.approx(1.0, abs=1e-3)
     before, after = book.table().models, again.table().models
     assert after["model"]["all"]["coverage_90"] == pytest.approx(0.9, abs=0.002)
     assert before["model"]["all"]["ade"] == pytest.approx(after["model"]["all"]["ade"], rel=1e-5)
@@ -103,12 +103,16 @@ def test_an_untrained_model_scores_nearly_as_constant_velocity(model, batches):
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-@pytest.mark.parametrize("aim", [Objective(2, 1.0, 0.0), Objective(1, 0.3, 0.7)], ids=["E", "N"])
+@pytest.mark.parametrize(
+    "aim", [LossWeights(2, 1.0, 0.0), LossWeights(1, 0.3, 0.7)], ids=["E", "N"]
+)
 def test_nothing_is_left_on_the_cpu_when_training_is_elsewhere(batches, name, aim):
     """The device ``meta`` computes nothing, but refuses to be mixed with others, as a GPU does."""
     options = {"hidden": 8, "modes": 3, "horizon_steps": H}
     network = build_network(name, options, HISTORY, SCENE).to("meta")
     fields = {key: value.to("meta") for key, value in batches[0].items()}
-    loss = training_loss(network, fields, aim, huber_delta=1.0, mean_weight=1.0, teacher=True)
+    loss = training_loss(
+        network, fields, aim, huber_delta=1.0, mean_weight=1.0, teacher_forcing=True
+    )
     loss.backward()
     assert loss.device.type == "meta"

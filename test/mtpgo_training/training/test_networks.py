@@ -4,6 +4,7 @@
 
 import argparse
 import dataclasses
+import os
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from mtpgo_training.training.networks import (
     rebuild,
 )
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
-from mtpgo_training.training.trainer.fit import train
+from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import DataConfig, OptimisationConfig, TrainingConfig
 
 HISTORY, SCENE = HistoryConfig(), SceneConfig(max_neighbours=3, context="polar")
@@ -148,10 +149,10 @@ def test_a_checkpoint_of_another_network_is_one_sentence(exported):
 
 @pytest.mark.parametrize("name", ["s-lstm", "gnn-rnn"])
 def test_a_baseline_is_trained_by_the_same_trainer(name, tmp_path):
-    """Through both objectives: it comes near the truth that constant velocity misses."""
+    """Through both losses: it comes near the truth that constant velocity misses."""
     config = TrainingConfig(
         network=name,
-        num_threads=1,
+        num_threads=int(os.environ["OMP_NUM_THREADS"]),
         data=DataConfig(validation=("03",), validation_stride_s=1.0, stride_s=0.4),
         scene=SceneConfig(max_neighbours=3),
         model={**OPTIONS, "modes": 2},

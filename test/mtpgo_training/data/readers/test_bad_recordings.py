@@ -17,7 +17,7 @@ from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import SceneDataset
-from mtpgo_training.training.trainer.data_module import prepare_scenes
+from mtpgo_training.training.data_loading import prepare_scenes
 from mtpgo_training.training.training_config import DataConfig
 
 

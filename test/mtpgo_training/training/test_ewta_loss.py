@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The losses by hand and against an obvious loop."""
+"""The EWTA loss by hand and against an obvious loop."""
 
 import pytest
 import torch
 
-from mtpgo_training.training.losses import ewta, expected_huber, negative_log_likelihood
+from mtpgo_training.training.ewta_loss import ewta_loss
 
 
 def slow_ewta(mean, target, mask, winners, delta):
@@ -31,52 +31,26 @@ def test_ewta_equals_a_loop_over_everything(winners):
     mean = 2.0 * torch.randn(2, 3, 4, 5, 2, generator=draw)
     target = torch.randn(2, 3, 5, 2, generator=draw)
     mask = (torch.rand(2, 3, 5, generator=draw) < 0.7).float()
-    value = ewta(mean, target, mask, winners, huber_delta=0.8)
+    value = ewta_loss(mean, target, mask, winners, huber_delta=0.8)
     assert float(value) == pytest.approx(slow_ewta(mean, target, mask, winners, 0.8), rel=1e-5)
 
 
 def test_only_the_winners_receive_a_gradient():
     mean = torch.tensor([0.1, 3.0, -0.2, 5.0]).view(1, 1, 4, 1, 1).requires_grad_()
-    ewta(mean, torch.zeros(1, 1, 1, 1), torch.ones(1, 1, 1), 2).backward()
+    ewta_loss(mean, torch.zeros(1, 1, 1, 1), torch.ones(1, 1, 1), 2).backward()
     assert (mean.grad.flatten() != 0).tolist() == [True, False, True, False]
 
 
 def test_winners_are_chosen_over_the_observed_horizon_only():
     mean = torch.tensor([[0.0, 100.0], [1.0, 0.0]]).view(1, 1, 2, 2, 1).requires_grad_()
     mask = torch.tensor([1.0, 0.0]).view(1, 1, 2)
-    ewta(mean, torch.zeros(1, 1, 2, 1), mask, 1).backward()
+    ewta_loss(mean, torch.zeros(1, 1, 2, 1), mask, 1).backward()
     assert float(mean.grad.abs().sum()) == 0.0  # mode 0 is right at the only observed step
 
 
 def test_nothing_observed_gives_zero_and_no_nan():
     mean = torch.randn(1, 2, 3, 4, 2, requires_grad=True)
-    value = ewta(mean, torch.zeros(1, 2, 4, 2), torch.zeros(1, 2, 4), 1)
+    value = ewta_loss(mean, torch.zeros(1, 2, 4, 2), torch.zeros(1, 2, 4), 1)
     value.backward()
     assert float(value.detach()) == 0.0
     assert torch.isfinite(mean.grad).all()
-
-
-def test_nll_is_the_weighted_mean_of_a_mixture_of_distributions():
-    draw = torch.Generator().manual_seed(1)
-    mean = torch.randn(2, 3, 4, 5, 4, generator=draw)
-    root = torch.randn(2, 3, 4, 5, 4, 4, generator=draw)
-    covariance = root @ root.mT + 0.5 * torch.eye(4)
-    target = torch.randn(2, 3, 5, 4, generator=draw)
-    log_weight = torch.log_softmax(torch.randn(2, 3, 4, generator=draw), dim=-1)
-    mask = torch.tensor([0.0, 0.3, 1.0, 1.0, 1.0]).expand(2, 3, 5)
-    log = torch.distributions.MultivariateNormal(mean, covariance).log_prob(target.unsqueeze(2))
-    each = -torch.logsumexp(log + log_weight.unsqueeze(-1), dim=2)
-    expected = float((each * mask).sum() / mask.sum())
-    value = negative_log_likelihood(log_weight, mean, covariance, target, mask)
-    assert float(value) == pytest.approx(expected, rel=1e-4)
-
-
-def test_expected_huber_is_weighted_by_the_mixture_and_trains_the_weights():
-    mean = torch.tensor([0.5, 3.0]).view(1, 1, 2, 1, 1)
-    logits = torch.zeros(1, 1, 2, requires_grad=True)
-    log_weight = torch.log_softmax(logits, dim=-1)
-    value = expected_huber(log_weight, mean, torch.zeros(1, 1, 1, 1), torch.ones(1, 1, 1))
-    assert float(value.detach()) == pytest.approx(0.5 * 0.125 + 0.5 * 2.5)
-    value.backward()
-    gradient = logits.grad.flatten()
-    assert gradient[0] < 0.0 < gradient[1]  # towards the nearer component

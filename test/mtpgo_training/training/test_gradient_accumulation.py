@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Groups of scenes: the same loss and gradient as the batch in one piece."""
+"""Micro-batches give the same loss and gradient as the whole batch."""
 
 import functools
 import itertools
@@ -13,16 +13,16 @@ from torch import Tensor, nn
 
 from models import MTPGO, ModelConfig
 from mtpgo_training.training.batch_loss import training_loss
-from mtpgo_training.training.microbatch import (
-    ALONE_AGENTS,
+from mtpgo_training.training.gradient_accumulation import (
+    SINGLE_AGENT_COST,
     Fields,
-    cut,
-    group_fields,
-    grouped_loss,
-    how_many,
-    share_of,
+    accumulated_loss,
+    micro_batch_count,
+    process_share,
+    split_by_size,
+    split_fields,
 )
-from mtpgo_training.training.objective import Objective
+from mtpgo_training.training.schedules import LossWeights
 
 SIZES = [3, 1, 6, 2, 2, 5, 4, 1, 3, 2]
 CONFIG = ModelConfig(history_steps=4, horizon_steps=3, modes=3, hidden=16, ode_hidden=4)
@@ -36,7 +36,7 @@ def model() -> MTPGO:
 
 @pytest.fixture
 def fields() -> dict[str, Tensor]:
-    """A dense batch; of each scene one future is unknown, and of one scene all are."""
+    """A dense batch; in each scene one future is unknown, and in one scene all are."""
     draw = torch.Generator().manual_seed(1)
     scenes, widest = len(SIZES), max(SIZES)
     there = torch.arange(widest) < torch.tensor(SIZES).unsqueeze(1)
@@ -53,8 +53,8 @@ def fields() -> dict[str, Tensor]:
     return {"x": x, "valid": valid, "static": static, "target": target, "weight": weight}
 
 
-def loss_of(model: nn.Module, aim: Objective) -> functools.partial[Tensor]:
-    return functools.partial(training_loss, model, objective=aim, huber_delta=1.0)
+def loss_of(model: nn.Module, aim: LossWeights) -> functools.partial[Tensor]:
+    return functools.partial(training_loss, model, weights=aim, huber_delta=1.0)
 
 
 def gradients(model: nn.Module) -> list[Tensor | None]:
@@ -63,56 +63,60 @@ def gradients(model: nn.Module) -> list[Tensor | None]:
     return found
 
 
-def test_cut_keeps_every_scene_once_and_sorts_by_size() -> None:
-    for groups in (1, 2, 3, 10, 20):
-        parts = cut(SIZES, groups)
-        assert len(parts) <= groups
+def test_split_keeps_every_scene_once_and_sorts_by_size() -> None:
+    for count in (1, 2, 3, 10, 20):
+        parts = split_by_size(SIZES, count)
+        assert len(parts) <= count
         assert all(parts)
         assert sorted(i for part in parts for i in part) == list(range(len(SIZES)))
         sizes = [SIZES[i] for part in parts for i in part]
         assert sizes == sorted(SIZES, reverse=True)
 
 
-def test_cut_makes_groups_of_about_equal_work() -> None:
+def test_split_makes_parts_of_about_equal_size() -> None:
     sizes = [2 + i % 15 for i in range(128)]
-    parts = cut(sizes, 4)
+    parts = split_by_size(sizes, 4)
     agents = [sum(sizes[i] for i in part) for part in parts]
     assert len(parts) == 4
     assert max(agents) - min(agents) <= 2 * max(sizes)
     assert sum(len(part) * sizes[part[0]] for part in parts) < 0.8 * 16 * 128
 
 
-def test_number_of_groups() -> None:
-    assert how_many([9] * 128, threads=1) == 6  # 1152 agents in groups of about 190
-    assert how_many([9] * 128, threads=4) == 8
-    assert how_many([9] * 128, threads=3) == 6
-    assert how_many([9] * 128, threads=64) == 14
-    assert how_many([4], threads=1) == 1
-    assert how_many([4], threads=2) == 1
-    assert how_many([], threads=2) == 1
+def test_number_of_micro_batches() -> None:
+    assert (
+        micro_batch_count([9] * 128, threads=1) == 6
+    )  # 1152 agents in micro-batches of about 190
+    assert micro_batch_count([9] * 128, threads=4) == 8
+    assert micro_batch_count([9] * 128, threads=3) == 6
+    assert micro_batch_count([9] * 128, threads=64) == 14
+    assert micro_batch_count([4], threads=1) == 1
+    assert micro_batch_count([4], threads=2) == 1
+    assert micro_batch_count([], threads=2) == 1
 
 
-def test_groups_are_as_narrow_as_their_scenes(fields: dict[str, Tensor]) -> None:
-    groups = group_fields(fields, SIZES, 3)
-    widths = [group.fields["x"].size(1) for group in groups]
+def test_micro_batches_are_as_narrow_as_their_scenes(fields: dict[str, Tensor]) -> None:
+    parts = split_fields(fields, SIZES, 3)
+    widths = [part.fields["x"].size(1) for part in parts]
     assert widths == sorted(widths, reverse=True)
     assert widths[-1] < max(SIZES)
-    assert sum(group.share for group in groups) == pytest.approx(1.0)
-    for group in groups:
-        assert group.fields["valid"][..., -1].sum() > 0
+    assert sum(part.share for part in parts) == pytest.approx(1.0)
+    for part in parts:
+        assert part.fields["valid"][..., -1].sum() > 0
 
 
-@pytest.mark.parametrize("aim", [Objective(2, 1.0, 0.0), Objective(1, 0.4, 0.6)])
+@pytest.mark.parametrize("aim", [LossWeights(2, 1.0, 0.0), LossWeights(1, 0.4, 0.6)])
 @pytest.mark.parametrize(("count", "threads"), [(1, 1), (3, 1), (4, 2), (10, 3)])
 def test_loss_and_gradient_are_those_of_the_whole_batch(
-    model: MTPGO, fields: dict[str, Tensor], aim: Objective, count: int, threads: int
+    model: MTPGO, fields: dict[str, Tensor], aim: LossWeights, count: int, threads: int
 ) -> None:
     model.double()
     fields = {k: v.double() if v.is_floating_point() else v for k, v in fields.items()}
     whole = loss_of(model, aim)(fields)
     whole.backward()
     expected = gradients(model)
-    loss = grouped_loss(model, group_fields(fields, SIZES, count), loss_of(model, aim), threads)
+    loss = accumulated_loss(
+        model, split_fields(fields, SIZES, count), loss_of(model, aim), threads
+    )
     (2.0 * loss).backward()
     torch.testing.assert_close(loss.detach(), whole.detach(), rtol=1e-10, atol=1e-12)
     for (name, _), mine, other in zip(
@@ -124,10 +128,10 @@ def test_loss_and_gradient_are_those_of_the_whole_batch(
 
 
 def test_the_same_bits_every_time(model: MTPGO, fields: dict[str, Tensor]) -> None:
-    groups = group_fields(fields, SIZES, 6)
+    parts = split_fields(fields, SIZES, 6)
     found = []
     for _ in range(4):
-        loss = grouped_loss(model, groups, loss_of(model, Objective(1, 0.0, 1.0)), 3)
+        loss = accumulated_loss(model, parts, loss_of(model, LossWeights(1, 0.0, 1.0)), 3)
         loss.backward()
         found.append([loss.detach(), *(g for g in gradients(model) if g is not None)])
     for other in found[1:]:
@@ -135,15 +139,15 @@ def test_the_same_bits_every_time(model: MTPGO, fields: dict[str, Tensor]) -> No
 
 
 def test_without_gradient(model: MTPGO, fields: dict[str, Tensor]) -> None:
-    aim = loss_of(model, Objective(2, 1.0, 0.0))
+    aim = loss_of(model, LossWeights(2, 1.0, 0.0))
     with torch.no_grad():
-        loss = grouped_loss(model, group_fields(fields, SIZES, 4), aim, 2)
+        loss = accumulated_loss(model, split_fields(fields, SIZES, 4), aim, 2)
         assert not loss.requires_grad
         torch.testing.assert_close(loss, aim(fields))
 
 
-def test_threads_work_as_their_caller_does(fields: dict[str, Tensor]) -> None:
-    """Autocast reaches the groups; each has one of torch's threads, the caller keeps its own."""
+def test_threads_use_the_modes_of_their_caller(fields: dict[str, Tensor]) -> None:
+    """Autocast reaches the threads; each has one torch thread, the caller keeps its number."""
     model = nn.Linear(8, 2)
     seen: list[tuple[torch.dtype, int]] = []
 
@@ -154,7 +158,7 @@ def test_threads_work_as_their_caller_does(fields: dict[str, Tensor]) -> None:
 
     before = torch.get_num_threads()
     with torch.autocast("cpu", torch.bfloat16):
-        grouped_loss(model, group_fields(fields, SIZES, 4), loss, 2).backward()
+        accumulated_loss(model, split_fields(fields, SIZES, 4), loss, 2).backward()
     assert seen == [(torch.bfloat16, 1)] * 4
     assert torch.get_num_threads() == before
 
@@ -162,10 +166,10 @@ def test_threads_work_as_their_caller_does(fields: dict[str, Tensor]) -> None:
 def test_distributed_training_sees_an_ordinary_loss(
     model: MTPGO, fields: dict[str, Tensor], tmp_path: Path
 ) -> None:
-    """DDP takes the gradients, and does not wait for those of the parameters no group used."""
-    aim = loss_of(model, Objective(2, 1.0, 0.0))
-    groups = group_fields(fields, SIZES, 4)
-    grouped_loss(model, groups, aim, 2).backward()
+    """DDP takes the gradients, and does not wait for those of unused parameters."""
+    aim = loss_of(model, LossWeights(2, 1.0, 0.0))
+    parts = split_fields(fields, SIZES, 4)
+    accumulated_loss(model, parts, aim, 2).backward()
     expected = gradients(model)
 
     class Loss(nn.Module):
@@ -174,7 +178,7 @@ def test_distributed_training_sees_an_ordinary_loss(
             self.model = model
 
         def forward(self) -> Tensor:
-            return grouped_loss(self.model, groups, aim, 2)
+            return accumulated_loss(self.model, parts, aim, 2)
 
     distributed = torch.distributed
     distributed.init_process_group(
@@ -194,8 +198,8 @@ def test_distributed_training_sees_an_ordinary_loss(
         distributed.destroy_process_group()
 
 
-def test_groups_need_less_memory() -> None:
-    """What the forward pass keeps for the backward pass is freed after each group."""
+def test_micro_batches_need_less_memory() -> None:
+    """What the forward pass keeps for the backward pass is freed after each micro-batch."""
     kept: list[int] = []
     most = 0
 
@@ -216,33 +220,33 @@ def test_groups_need_less_memory() -> None:
     fields = {"x": torch.ones(8, 3, 5), "weight": torch.ones(8, 3, 2)}
     for count, expected in ((1, 120), (4, 30)):
         most = 0
-        groups = group_fields(fields, [3] * 8, count)
-        grouped_loss(
-            weight, groups, lambda f: Keep.apply(f["x"], weight.weight.view(1)), 1
+        parts = split_fields(fields, [3] * 8, count)
+        accumulated_loss(
+            weight, parts, lambda f: Keep.apply(f["x"], weight.weight.view(1)), 1
         ).backward()
         assert most == expected
 
 
-def test_an_error_in_a_group_reaches_the_caller(fields: dict[str, Tensor]) -> None:
+def test_an_error_in_a_micro_batch_reaches_the_caller(fields: dict[str, Tensor]) -> None:
     def fail(some: Fields) -> Tensor:
         raise ValueError("no loss")
 
     with pytest.raises(ValueError, match="no loss"):
-        grouped_loss(nn.Linear(1, 1), group_fields(fields, SIZES, 4), fail, 2)
+        accumulated_loss(nn.Linear(1, 1), split_fields(fields, SIZES, 4), fail, 2)
 
 
 @pytest.mark.parametrize("processes", [1, 2, 3, 4])
 def test_processes_share_a_batch_by_size(processes: int) -> None:
     draw = torch.Generator().manual_seed(2)
     sizes = torch.randint(1, 17, (40,), generator=draw).tolist()
-    shares = [share_of(sizes, rank, processes) for rank in range(processes)]
+    shares = [process_share(sizes, rank, processes) for rank in range(processes)]
     assert sorted(i for share in shares for i in share) == list(range(40))
     for larger, smaller in itertools.pairwise(shares):
         assert min(sizes[i] for i in larger) >= max(sizes[i] for i in smaller)
-    work = [sum(sizes[i] * (sizes[i] + ALONE_AGENTS) for i in share) for share in shares]
-    assert max(work) - min(work) <= 2 * 16 * (16 + ALONE_AGENTS)
+    work = [sum(sizes[i] * (sizes[i] + SINGLE_AGENT_COST) for i in share) for share in shares]
+    assert max(work) - min(work) <= 2 * 16 * (16 + SINGLE_AGENT_COST)
 
 
-def test_one_process_keeps_the_order_and_few_scenes_are_dealt_out() -> None:
-    assert share_of([3, 9, 4], 0, 1) == [0, 1, 2]
-    assert [share_of([5], rank, 2) for rank in range(2)] == [[0], []]
+def test_one_process_keeps_the_order_and_few_scenes_are_distributed() -> None:
+    assert process_share([3, 9, 4], 0, 1) == [0, 1, 2]
+    assert [process_share([5], rank, 2) for rank in range(2)] == [[0], []]

@@ -1,10 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A small training: it learns, it goes on after an interruption as if nothing had happened."""
+"""A small training run: it learns, and a resumed run gives the same bits."""
 
 import csv
 import dataclasses
 import json
+import os
 import shutil
 import signal
 
@@ -17,11 +18,13 @@ from mtpgo_core.task.task_description import SceneConfig
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
-from mtpgo_training.training.trainer.fit import train
+from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import DataConfig, OptimisationConfig, TrainingConfig
 
+THREADS = int(os.environ["OMP_NUM_THREADS"])
+
 CONFIG = TrainingConfig(
-    num_threads=1,
+    num_threads=THREADS,
     data=DataConfig(
         validation=("03",), validation_stride_s=1.0, stride_s=0.4, restart_probability=0.2
     ),
@@ -38,6 +41,11 @@ CONFIG = TrainingConfig(
         epochs=8, batch_scenes=8, learning_rate=1e-2, warmup_steps=5, teacher_forcing=0.3
     ),
 )
+
+FEW_SCENES = dataclasses.replace(
+    CONFIG, data=dataclasses.replace(CONFIG.data, stride_s=2.0, validation_stride_s=2.0)
+)
+"""For tests in which it does not matter what is learned."""
 
 
 def recordings(*seeds):
@@ -56,23 +64,37 @@ def assert_same_weights(one, other):
         torch.testing.assert_close(other.state_dict()[name], value, rtol=0.0, atol=0.0)
 
 
+def assert_same_run(one, other):
+    assert_same_weights(one.model, other.model)
+    assert_same_weights(one.average, other.average)
+
+
+def with_options(config=CONFIG, *, trainer=(), **optimisation):
+    """The configuration with other values in the sections optimisation and trainer."""
+    return dataclasses.replace(
+        config,
+        optimisation=dataclasses.replace(config.optimisation, **optimisation),
+        trainer=dataclasses.replace(config.trainer, **dict(trainer)),
+    )
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "whole"
-    torch.set_num_threads(1)
+    torch.set_num_threads(THREADS)
     return run(folder), folder
 
 
 def test_it_learns_what_constant_velocity_misses(whole):
-    module, _ = whole
-    row = module.state.rows[-1]
+    done, _ = whole
+    row = done.state.rows[-1]
     assert row["all_ade"] < 0.7 * row["cv_all_ade"]
-    best = module.state.metrics
+    best = done.state.metrics
     assert best["model"]["all"]["n"] == best["cv"]["all"]["n"] > 20
     assert best["model"]["all"]["coverage_90"] == pytest.approx(0.9, abs=0.01)
 
 
-def test_the_log_has_a_line_an_epoch_with_baselines_beside(whole):
+def test_the_log_has_a_line_per_epoch_with_baselines(whole):
     _, folder = whole
     with (folder / "log.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -85,21 +107,21 @@ def test_the_log_has_a_line_an_epoch_with_baselines_beside(whole):
     assert list((folder / "tensorboard").glob("events.*"))
 
 
-def test_the_checkpoints_are_plain_data_and_say_what_they_are(whole):
-    module, folder = whole
+def test_the_checkpoints_are_plain_data_and_name_their_network(whole):
+    done, folder = whole
     best, last = load_checkpoint(folder), load_checkpoint(folder / "last.pt")
     assert best["network"] == last["network"] == "mtp-go"
-    assert best["epoch"] == module.state.best_epoch
+    assert best["epoch"] == done.state.best_epoch
     assert "optimiser" not in best
-    assert_same_weights(module.average, load_model(last))
+    assert_same_weights(done.average, load_model(last))
 
 
 class Killed(Exception):  # noqa: N818
-    """As by a signal that cannot be caught: nothing after it happens."""
+    """Stands for a signal that cannot be caught: nothing runs after it."""
 
 
 def kill_after_saves(folder, count, config=CONFIG, **options):
-    """Go on with a run and end it when it has written so many checkpoints."""
+    """Start or resume a run and end it when it has written ``count`` checkpoints."""
 
     class Folder(RunFolder):
         saves = 0
@@ -115,20 +137,50 @@ def kill_after_saves(folder, count, config=CONFIG, **options):
     return load_checkpoint(folder / "last.pt")["state"]
 
 
-@pytest.mark.parametrize("keep", ["best", "last"])
-def test_the_last_epoch_can_be_kept_in_place_of_the_best(tmp_path, keep):
-    rough = dataclasses.replace(
-        CONFIG.optimisation, learning_rate=0.2, learning_rate_schedule="constant", keep=keep
-    )
-    module = run(tmp_path / "r", dataclasses.replace(CONFIG, optimisation=rough))
-    errors = [row["all_ade"] for row in module.state.rows]
-    best = 3 + errors[2:].index(min(errors[2:]))  # the likelihood counts alone from epoch 3 on
-    assert best != 8
-    assert module.state.best_epoch == (8 if keep == "last" else best)
+def use_validation_errors(monkeypatch, errors):
+    """Replace the validation's scores: the model's ADE of each validation is given (m).
+
+    What is scored stays real, so that a validation of the best epoch with calibrated covariances
+    can follow; it repeats the error of its epoch.
+    """
+    from mtpgo_training.training import validation
+
+    real, left = validation.validate, list(errors)
+    current = []
+
+    def validate(model, batches, scale=1.0):
+        if scale == 1.0:
+            current[:] = [left.pop(0)]
+        book, calibration = real(model, batches, scale)
+        table = book.table()
+        table.models["model"]["all"]["ade"] = current[0]
+
+        class Known:
+            def table(self):
+                return table
+
+        return Known(), calibration
+
+    monkeypatch.setattr(validation, "validate", validate)
+
+
+# The losses of the 8 epochs: EWTA, EWTA and NLL, then NLL alone from the third epoch on.
+BEST_AT_5 = [0.1, 0.1, 0.9, 0.8, 0.6, 0.7, 0.6, 0.9]
+
+
+@pytest.mark.parametrize(("keep", "expected"), [("best", 5), ("last", 8)])
+def test_the_best_epoch_or_the_last_is_kept(tmp_path, monkeypatch, keep, expected):
+    use_validation_errors(monkeypatch, BEST_AT_5)
+    done = run(tmp_path / "r", with_options(FEW_SCENES, keep=keep))
+    assert [row["all_ade"] for row in done.state.rows] == BEST_AT_5
+    assert done.state.best_epoch == expected
+    checkpoint = load_checkpoint(tmp_path / "r")
+    assert checkpoint["epoch"] == expected
+    assert checkpoint["metrics"]["model"]["all"]["ade"] == BEST_AT_5[expected - 1]
 
 
 def test_a_resumed_run_ends_with_the_same_weights(whole, tmp_path):
-    module, _ = whole
+    done, _ = whole
     folder = tmp_path / "resumed"
     stopped = run(folder, max_minutes=0.0)  # the time is up after the first step
     assert (stopped.state.epoch, stopped.state.batch) == (0, 1)
@@ -136,20 +188,20 @@ def test_a_resumed_run_ends_with_the_same_weights(whole, tmp_path):
     assert (state["epoch"], state["batch"]) == (3, 0)
     again = run(folder, resume=True)
     assert again.state.epoch == 8
-    assert_same_weights(module, again)
-    assert again.state.best == module.state.best
-    names = set(module.state.rows[0]) - {"seconds", "total_seconds"}
-    for row, expected in zip(again.state.rows, module.state.rows, strict=True):
+    assert_same_run(done, again)
+    assert again.state.best == done.state.best
+    names = set(done.state.rows[0]) - {"seconds", "total_seconds"}
+    for row, expected in zip(again.state.rows, done.state.rows, strict=True):
         assert {k: row[k] for k in names} == {k: expected[k] for k in names}
 
 
-def test_a_run_killed_within_an_epoch_goes_on_from_the_checkpoint_there(whole, tmp_path):
-    module, _ = whole
-    often = dataclasses.replace(CONFIG.trainer, checkpoint_minutes=1e-9)
-    state = kill_after_saves(tmp_path / "r", 14, dataclasses.replace(CONFIG, trainer=often))
+def test_a_run_killed_within_an_epoch_resumes_from_the_checkpoint_there(whole, tmp_path):
+    done, _ = whole
+    often = with_options(trainer={"checkpoint_minutes": 1e-9})
+    state = kill_after_saves(tmp_path / "r", 14, often)
     assert state["epoch"] == 1
     assert 0 < state["batch"] < state["step"] < 20
-    assert_same_weights(module, run(tmp_path / "r", resume=True))
+    assert_same_run(done, run(tmp_path / "r", resume=True))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -183,23 +235,21 @@ def test_only_the_same_configuration_and_data_are_resumed(whole):
         train(CONFIG, recordings(1, 3), RunFolder(whole[1]), resume=True)
 
 
-def test_on_what_it_runs_may_change_when_a_run_is_resumed(whole):
-    trainer = dataclasses.replace(CONFIG.trainer, validate_every_epochs=2)
-    done = run(whole[1], dataclasses.replace(CONFIG, num_threads=2, trainer=trainer), resume=True)
-    torch.set_num_threads(1)
+def test_threads_and_trainer_options_may_change_when_a_run_is_resumed(whole):
+    config = with_options(trainer={"validate_every_epochs": 2})
+    done = run(whole[1], dataclasses.replace(config, num_threads=3 - THREADS), resume=True)
+    torch.set_num_threads(THREADS)
     assert done.state.epoch == 8
-    assert_same_weights(whole[0], done)
+    assert_same_run(whole[0], done)
 
 
-def test_nothing_to_resume_is_said(tmp_path):
+def test_a_folder_without_a_run_cannot_be_resumed(tmp_path):
     with pytest.raises(ConfigurationError, match="holds no run to resume"):
         run(tmp_path / "nothing", resume=True)
 
 
 def test_a_run_can_start_from_the_weights_of_another(whole, tmp_path):
-    short = dataclasses.replace(
-        CONFIG, optimisation=dataclasses.replace(CONFIG.optimisation, learning_rate=1e-12)
-    )
+    short = with_options(learning_rate=1e-12)
     tuned = run(tmp_path / "tuned", short, init_from=whole[1], max_minutes=0.0)
     expected = load_model(load_checkpoint(whole[1])).state_dict()
     for name, value in tuned.model.state_dict().items():
@@ -233,24 +283,37 @@ def test_a_checkpoint_of_another_architecture_is_not_resumed(whole, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_patience_ends_a_run_that_gets_no_better(tmp_path):
-    config = dataclasses.replace(
-        CONFIG,
-        optimisation=dataclasses.replace(
-            CONFIG.optimisation, warmup_steps=0, learning_rate=1e-12, epochs=16
-        ),
-        trainer=dataclasses.replace(CONFIG.trainer, patience_epochs=2, validate_every_epochs=2),
-    )
+def test_patience_ends_a_run_without_a_better_validation(tmp_path, monkeypatch):
+    trainer = {"patience_epochs": 2, "validate_every_epochs": 2}
+    config = with_options(FEW_SCENES, epochs=16, trainer=trainer)
+    # NLL alone from the fifth epoch on; validated are the epochs 2, 4, 6, 8, 10.
+    use_validation_errors(monkeypatch, [0.1, 0.1, 0.8, 0.7, 0.7])
     stopped = run(tmp_path / "r", config)
-    assert 6 <= stopped.state.epoch < 16
-    assert stopped.state.epoch - stopped.state.best_epoch >= 2
+    assert stopped.state.best_epoch == 8
+    assert stopped.state.epoch == 10
     validated = ["all_ade" in row for row in stopped.state.rows]
-    assert validated == [n % 2 == 1 for n in range(len(validated))]
+    assert validated == [n % 2 == 1 for n in range(10)]
     assert run(tmp_path / "r", config, resume=True).state.epoch == stopped.state.epoch
 
 
-def test_a_step_that_is_not_finite_is_left_out(tmp_path, monkeypatch):
-    from mtpgo_training.training.trainer import training_module as place
+def test_patience_counts_no_epoch_of_the_warm_up(tmp_path, monkeypatch):
+    config = with_options(FEW_SCENES, epochs=16, trainer={"patience_epochs": 2})
+    use_validation_errors(monkeypatch, [0.5] * 4 + [5.0, 6.0, 7.0])
+    stopped = run(tmp_path / "r", config)
+    assert (stopped.state.best_epoch, stopped.state.epoch) == (5, 7)
+
+
+def test_additional_processes_that_cut_the_scenes_change_nothing(tmp_path):
+    """The fixture ``no_fork`` checks that they are no forks of this process."""
+    short = with_options(FEW_SCENES, epochs=1)
+    expected = run(tmp_path / "one", short)
+    assert_same_run(
+        expected, run(tmp_path / "w", with_options(short, trainer={"loader_workers": 1}))
+    )
+
+
+def test_a_step_that_is_not_finite_is_skipped(tmp_path, monkeypatch):
+    from mtpgo_training.training import trainer as place
 
     real, calls = place.batch_loss, []
 
@@ -261,9 +324,7 @@ def test_a_step_that_is_not_finite_is_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr(place, "batch_loss", sometimes)
     trained = run(
         tmp_path / "r",
-        dataclasses.replace(
-            CONFIG, optimisation=dataclasses.replace(CONFIG.optimisation, epochs=1)
-        ),
+        with_options(epochs=1),
     )
     assert trained.state.rows[0]["skipped"] == 1
     assert trained.state.step == len(calls)

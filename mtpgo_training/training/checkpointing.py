@@ -1,0 +1,126 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Checkpoints of a run: save one, resume from one, start from the weights in one."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import from_dict
+from mtpgo_training.training.networks import MTP_GO
+from mtpgo_training.training.run_folder import Checkpoint, RunFolder
+from mtpgo_training.training.run_state import RunState, TrainingRun
+from mtpgo_training.training.training_config import TrainingConfig
+
+
+def save_checkpoint(
+    run: TrainingRun,
+    folder: RunFolder,
+    splits: list[dict[str, str]],
+    *,
+    optimiser: dict[str, Any],
+    precision: dict[str, Any],
+    best: bool,
+) -> None:
+    """Write ``last.pt``, ``best.pt`` if it is the best, and the log.
+
+    Args:
+        run: the run.
+        folder: its folder.
+        splits: names and hashes of the recordings.
+        optimiser: its state.
+        precision: state of the gradient scaler, if there is one.
+        best: whether the last validation is the best so far.
+    """
+    state = run.state
+    exported = {
+        "config": dataclasses.asdict(run.config),
+        "network": run.config.network,
+        "model_config": run.model.config.to_dict(),
+        "average": run.average.state_dict(),
+        "epoch": state.epoch,
+        "step": state.step,
+        "covariance_scale": state.scale,
+        "metrics": state.metrics,
+        "splits": splits,
+    }
+    resumed = {
+        "model": run.model.state_dict(),
+        "optimiser": optimiser,
+        "precision": precision,
+        "state": dataclasses.asdict(state),
+    }
+    folder.save(exported, resumed, best=best)
+    if state.rows:
+        folder.write_log(state.rows)
+
+
+def resume_from(run: TrainingRun, checkpoint: Checkpoint, path: Path) -> None:
+    """Restore the weights and the state from ``last.pt``.
+
+    Args:
+        run: a new run of the same configuration.
+        checkpoint: content of ``path``.
+        path: for the error.
+
+    Raises:
+        ConfigurationError: the checkpoint is not a ``last.pt``, or of another architecture.
+    """
+    try:
+        run.model.load_state_dict(checkpoint["model"])
+        run.average.load_state_dict(checkpoint["average"])
+        run.state = RunState(**checkpoint["state"])
+    except (KeyError, TypeError, RuntimeError) as error:
+        raise ConfigurationError(
+            f"{path} does not fit the configured network or this version's trainer: "
+            f"{_short(error)}"
+        ) from error
+
+
+def start_from(run: TrainingRun, checkpoint: Checkpoint, path: Path) -> None:
+    """Start with the averaged weights of another run.
+
+    Args:
+        run: a new run.
+        checkpoint: content of ``path``.
+        path: for the error.
+
+    Raises:
+        ConfigurationError: they belong to another architecture or to other inputs.
+    """
+    network = checkpoint.get("network", MTP_GO)
+    if network != run.config.network:
+        raise ConfigurationError(
+            f"the weights of {path} are of {network!r}, but the configured network is "
+            f"{run.config.network!r}, expected the same"
+        )
+    try:
+        stored = from_dict(TrainingConfig, checkpoint["config"], f"the configuration in {path}")
+        if _inputs(stored) != _inputs(run.config):
+            raise ConfigurationError(
+                f"the weights of {path} were trained on other inputs ({_inputs(stored)}), "
+                f"expected those of the configuration ({_inputs(run.config)})"
+            )
+        run.model.load_state_dict(checkpoint["average"])
+        run.average.load_state_dict(checkpoint["average"])
+    except (KeyError, RuntimeError) as error:
+        raise ConfigurationError(
+            f"the weights of {path} do not fit the configured network: {_short(error)}"
+        ) from error
+
+
+def _inputs(config: TrainingConfig) -> str:
+    """Describe the meaning of the numbers in a network's input."""
+    scene, history = config.scene, config.history
+    return (
+        f"frame {scene.frame}, context {scene.context}, classes {', '.join(scene.classes)}, "
+        f"{history.steps} steps of {history.dt_s:g} s"
+    )
+
+
+def _short(error: Exception) -> str:
+    """Return the error's text on one line."""
+    return " ".join(str(error).split())[:200]

@@ -1,0 +1,117 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The text that a training run prints: its setting, a line per epoch, a summary."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+
+from mtpgo_training.data.splits import NamedRecording, Splits
+from mtpgo_training.training.data_loading import Scenes
+from mtpgo_training.training.run_state import Row, TrainingRun
+from mtpgo_training.training.validation import scores_text
+
+COLUMNS = (
+    ("epoch", "epoch", "{:d}"),
+    ("objective", "objective", "{:s}"),
+    ("loss", "loss", "{:.3f}"),
+    ("ADE m", "all_ade", "{:.3f}"),
+    ("minADE m", "all_min_ade", "{:.3f}"),
+    ("cv", "cv_all_ade", "{:.3f}"),
+    ("ca", "ca_all_ade", "{:.3f}"),
+    ("in 90%", "all_coverage_90", "{:.3f}"),
+    ("seconds", "seconds", "{:.1f}"),
+)
+"""Title, column of the log and format, of the line printed for each epoch."""
+
+LEFT_ALIGNED = {"epoch": 7, "objective": 26}
+"""Width of the left-aligned columns (characters)."""
+
+WIDTH = 9
+"""Width of the other columns (characters)."""
+
+
+def setting_text(
+    run: TrainingRun,
+    scenes: Scenes,
+    splits: Splits,
+    folder: Path,
+    device: torch.device,
+    processes: int,
+) -> str:
+    """Return the data, the network and the device of a run."""
+    config, state = run.config, run.state
+    parameters = sum(p.numel() for p in run.model.parameters())
+    agents = sum(int(scene.primary.sum()) for scene in scenes.validation)
+    resumed = f", from batch {state.batch + 1}" if state.batch else ""
+    lines = (
+        f"train      {_count(splits.train)}: {len(scenes.training)} scenes an epoch",
+        f"validate   {_count(splits.validation)}: {len(scenes.validation)} scenes, "
+        f"{agents} agents",
+        f"test       {_count(splits.test) or 'none'}",
+        f"network    {config.network}, {parameters} parameters",
+        f"device     {_device(device, processes)}, precision {config.trainer.precision}",
+        f"run        {folder}, seed {config.seed}, epochs {state.epoch + 1} to "
+        f"{config.optimisation.epochs}{resumed}",
+    )
+    return "\n".join(lines)
+
+
+def title_line() -> str:
+    """Return the titles above the lines of the epochs."""
+    return _line([title for title, _, _ in COLUMNS])
+
+
+def epoch_line(row: Row) -> str:
+    """Return the line of a completed epoch, and a second one if steps were skipped."""
+    cells = [form.format(row[key]) if key in row else "-" for _, key, form in COLUMNS]
+    skipped = f"\n  {row['skipped']} steps were skipped: loss or gradient was not finite"
+    return _line(cells) + (skipped if row["skipped"] else "")
+
+
+def summary(run: TrainingRun, folder: Path) -> str:
+    """Return the scores of the best epoch, and the next command."""
+    state, options = run.state, run.config.optimisation
+    lines = []
+    if state.metrics:
+        lines += [
+            f"{options.keep} epoch {state.best_epoch}, validation, all agents, "
+            f"covariances scaled by {state.scale:.2f}:",
+            scores_text(state.metrics),
+        ]
+    minutes = (state.seconds + state.epoch_seconds) / 60.0
+    lines.append(
+        f"{state.epoch} of {options.epochs} epochs done in {minutes:.1f} min, see {folder}"
+    )
+    if run.stopping and state.epoch < options.epochs:
+        lines.append("to continue: the same command with --resume")
+    if state.metrics:
+        lines.append(f"next: mtpgo export {folder} -o {run.config.name}.pt")
+    return "\n".join(lines)
+
+
+def _line(cells: Sequence[str]) -> str:
+    text = ""
+    for cell, (title, _, _) in zip(cells, COLUMNS, strict=True):
+        left = LEFT_ALIGNED.get(title)
+        text += cell.rjust(WIDTH) if left is None else cell.ljust(left)
+    return text
+
+
+def _count(recordings: Sequence[NamedRecording]) -> str:
+    """Return the number of recordings from each directory."""
+    counts = Counter(item.source for item in recordings)
+    return ", ".join(f"{count} of {source}" for source, count in counts.items())
+
+
+def _device(device: torch.device, processes: int) -> str:
+    if device.type == "cuda":
+        return f"{processes} x {torch.cuda.get_device_name(device)}"
+    if device.type != "cpu":
+        return device.type
+    several = f"{processes} processes of " if processes > 1 else ""
+    return f"cpu, {several}{torch.get_num_threads()} thread(s)"

@@ -1,0 +1,140 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The scenes of a run and the batches of an epoch."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Sequence
+from dataclasses import dataclass
+from multiprocessing.context import BaseContext
+
+import torch
+from torch_geometric.data import Data
+from torch_geometric.loader import DataLoader
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.data.recording_cache import RecordingCache
+from mtpgo_training.data.splits import NamedRecording, Splits
+from mtpgo_training.scenes.prepared_recording import PreparedRecording, prepare_all
+from mtpgo_training.scenes.scene_dataset import SceneDataset, validation_scenes
+from mtpgo_training.training.gradient_accumulation import process_share
+from mtpgo_training.training.run_state import RunState
+from mtpgo_training.training.training_config import TrainingConfig
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """The scenes of a run.
+
+    Attributes:
+        training: sampled again for every epoch.
+        validation: the same in every epoch.
+    """
+
+    training: SceneDataset
+    validation: list[Data]
+
+
+def prepare_scenes(
+    config: TrainingConfig,
+    splits: Splits,
+    horizon_steps: int,
+    *,
+    cache: RecordingCache | None = None,
+    progress: bool,
+) -> Scenes:
+    """Prepare all recordings and cut the validation scenes.
+
+    Args:
+        config: the configuration.
+        splits: the recordings by use.
+        horizon_steps: H.
+        cache: keeps what is expensive to compute.
+        progress: show a bar.
+
+    Raises:
+        ConfigurationError: the recordings of a split hold no agent.
+    """
+
+    def prepared(named: Sequence[NamedRecording], training: bool) -> list[PreparedRecording]:
+        return prepare_all(
+            named,
+            config.history,
+            config.scene,
+            config.data,
+            training=training,
+            horizon_steps=horizon_steps,
+            seed=config.seed,
+            cache=cache,
+            progress=progress,
+        )
+
+    dataset = SceneDataset(
+        prepared(splits.train, True),
+        config.history,
+        config.scene,
+        config.data,
+        horizon_steps,
+        config.seed,
+    )
+    validation = validation_scenes(
+        prepared(splits.validation, False), config.history, config.scene, horizon_steps
+    )
+    if not len(dataset):
+        raise ConfigurationError("no agent is present in any recording of data.train")
+    if not validation:
+        raise ConfigurationError("no agent is present in any recording of data.validation")
+    return Scenes(dataset, validation)
+
+
+def epoch_loader(
+    dataset: SceneDataset, config: TrainingConfig, state: RunState, rank: int, processes: int
+) -> tuple[DataLoader, int]:
+    """Return the remaining batches of the current epoch, and the number of all its batches.
+
+    They follow from the seed and the epoch alone. Each of several processes takes its share of
+    every batch, so that a step sees the same scenes on any number of devices. Scenes left over at
+    the end of an epoch join the last whole batch if they are fewer than half of one: the gradient
+    of a scene or two is mostly noise.
+
+    Args:
+        dataset: the training scenes, which are sampled for the epoch.
+        config: the configuration.
+        state: the progress, which gives the epoch and its completed batches.
+        rank: number of this process.
+        processes: number of processes.
+    """
+    dataset.set_epoch(state.epoch)
+    size, workers = config.optimisation.batch_scenes, config.trainer.loader_workers
+    seed = config.seed * 1_000_003 + state.epoch  # a prime above any number of epochs
+    order = torch.randperm(len(dataset), generator=torch.Generator().manual_seed(seed))
+    batches = order.tensor_split(tuple(range(size, len(order) - (size + 1) // 2 + 1, size)))
+    shares = []
+    for batch in batches[state.batch :]:
+        sizes = [dataset.items[i].agents for i in batch.tolist()]
+        shares.append(batch[process_share(sizes, rank, processes)].tolist())
+    loader = DataLoader(
+        dataset,
+        batch_sampler=shares,
+        num_workers=workers,
+        multiprocessing_context=_worker_context() if workers else None,
+        worker_init_fn=_ignore_interrupt if workers else None,
+    )
+    return loader, len(batches)
+
+
+def _worker_context() -> BaseContext:
+    """Return how workers are started: by a fork of this process they may deadlock on its threads.
+
+    They are forks of a server without threads that has imported torch once.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
+    return context
+
+
+def _ignore_interrupt(worker: int) -> None:
+    """Leave Ctrl-C to the main process, which completes its step first."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

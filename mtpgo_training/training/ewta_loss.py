@@ -1,0 +1,49 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The evolving winner-takes-all (EWTA) loss, eqs. (28) and (29) of the paper.
+
+The paper sums over the horizon. Here the loss is an average over the observed agent-steps,
+weighted by ``mask``, so that its value does not depend on how many futures of a batch are known.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn.functional import huber_loss
+
+
+def ewta_loss(
+    mean: Tensor, target: Tensor, mask: Tensor, winners: int, huber_delta: float = 1.0
+) -> Tensor:
+    """Return the EWTA loss with the Huber loss as distance, a scalar.
+
+    The K components with the smallest loss over an agent's observed horizon are its winners; only
+    they receive a gradient. The mean over the winners is taken, so that shrinking K does not
+    change the scale of the loss.
+
+    Args:
+        mean: [B, N, M, H, S] predicted states.
+        target: [B, N, H, S] observed states; any finite value where not observed.
+        mask: [B, N, H] weight of each step, 0 where not observed.
+        winners: K, 1 to M.
+        huber_delta: error at which the loss turns from quadratic to linear (m and m/s).
+    """
+    loss = huber_per_mode(mean, target, mask, huber_delta)
+    best = torch.topk(loss, winners, dim=-1, largest=False).values
+    return best.mean(dim=-1).sum() / mask.sum().clamp(min=1e-6)
+
+
+def huber_per_mode(mean: Tensor, target: Tensor, mask: Tensor, huber_delta: float) -> Tensor:
+    """Return [B, N, M] the Huber loss of each mode, summed over steps and states.
+
+    Args:
+        mean: [B, N, M, H, S] predicted states.
+        target: [B, N, H, S] observed states; any finite value where not observed.
+        mask: [B, N, H] weight of each step, 0 where not observed.
+        huber_delta: error at which the loss turns from quadratic to linear (m and m/s).
+    """
+    error = huber_loss(
+        mean, target.unsqueeze(2).expand_as(mean), reduction="none", delta=huber_delta
+    ).sum(dim=-1)  # [B, N, M, H]
+    return (error * mask.unsqueeze(2)).sum(dim=-1)

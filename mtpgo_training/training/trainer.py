@@ -1,0 +1,380 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The training loop, on Lightning Fabric for devices, processes and precision.
+
+Only ``mtpgo train`` imports this module, when it runs: Fabric comes with the extra ``training``
+and takes seconds to load.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import torch
+from lightning_fabric import Fabric
+from lightning_fabric.utilities.exceptions import MisconfigurationException
+from torch import Tensor, nn
+from torch.utils.tensorboard import SummaryWriter
+from torch_geometric.data import Batch
+from torch_geometric.loader import DataLoader
+from tqdm import tqdm
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.data.recording_cache import RecordingCache
+from mtpgo_training.data.splits import NamedRecording, split, window_s
+from mtpgo_training.scenes.scene_dataset import dense
+from mtpgo_training.training.batch_loss import batch_loss
+from mtpgo_training.training.checkpointing import resume_from, save_checkpoint, start_from
+from mtpgo_training.training.console import epoch_line, setting_text, title_line
+from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes
+from mtpgo_training.training.interruption import Interruption
+from mtpgo_training.training.networks import build_network, weights_hash
+from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
+from mtpgo_training.training.run_state import TrainingRun
+from mtpgo_training.training.schedules import learning_rate
+from mtpgo_training.training.torch_process import prepare_process
+from mtpgo_training.training.training_config import TrainingConfig
+from mtpgo_training.training.validation import validate_epoch
+
+STATISTICS_SCENES = 512
+"""Scenes from which the scales of the network's inputs are taken (chosen)."""
+
+TENSORBOARD_STEPS = 10
+"""Steps between two points of the loss in TensorBoard (chosen: small files)."""
+
+
+def train(
+    config: TrainingConfig,
+    recordings: Sequence[NamedRecording],
+    folder: RunFolder,
+    *,
+    resume: bool = False,
+    init_from: Path | None = None,
+    max_minutes: float | None = None,
+    cache: RecordingCache | None = None,
+    verbose: bool = False,
+    progress: bool = False,
+) -> TrainingRun:
+    """Train a network.
+
+    Args:
+        config: the configuration.
+        recordings: all recordings; the configuration says how they are split.
+        folder: the run's folder, new unless ``resume``.
+        resume: continue the run in the folder; its configuration and data must be the same.
+        init_from: checkpoint of the same architecture whose weights to start from.
+        max_minutes: time limit of the training (min); the current step is completed.
+        cache: keeps what is expensive to compute from the recordings.
+        verbose: print the setting of the run and a line per epoch.
+        progress: show progress bars.
+
+    Returns:
+        The run in its final state.
+
+    Raises:
+        ConfigurationError: the configuration, the split, the folder, a checkpoint or the device
+            cannot be used.
+    """
+    prepare_process(_threads(config))
+    torch.manual_seed(config.seed)
+    model = build_network(config.network, config.model, config.history, config.scene)
+    horizon = model.config.horizon_steps
+    splits = split(recordings, config.data, config.seed, window_s(config.history, horizon))
+    run = TrainingRun(model, config)
+    initial = init_from and load_checkpoint(init_from)
+    checkpoint: Checkpoint | None = None
+    if resume:
+        folder.check_same(config, splits.describe())
+        checkpoint = load_checkpoint(folder.last) if folder.last.exists() else None
+    if init_from and initial:
+        start_from(run, initial, init_from)
+    if checkpoint:
+        resume_from(run, checkpoint, folder.last)
+
+    fabric = _fabric(config)
+    run.is_global_zero = fabric.is_global_zero
+    verbose, progress = verbose and run.is_global_zero, progress and run.is_global_zero
+    creates_folder = run.is_global_zero and not resume
+    if creates_folder:
+        folder.require_new()
+    scenes = prepare_scenes(config, splits, horizon, cache=cache, progress=progress)
+    if not (checkpoint or initial):
+        _fit_statistics(run, scenes)
+    _require_shares(fabric.world_size, config, len(scenes.training))
+    if creates_folder:
+        start_hash = weights_hash(run.average) if initial else ""
+        folder.start(config, splits.describe(), start_hash)
+    if verbose:
+        device, processes = fabric.device, fabric.world_size
+        print(setting_text(run, scenes, splits, folder.path, device, processes), flush=True)
+    if not run.finished:
+        with _quiet():
+            fabric.launch()
+        prepare_process(_threads(config))  # launching several processes sets torch's threads
+        with Interruption(max_minutes) as interruption:
+            _fit(
+                fabric,
+                run,
+                scenes,
+                folder,
+                splits.describe(),
+                checkpoint,
+                interruption,
+                verbose,
+                progress,
+            )
+    return run
+
+
+def _fit(
+    fabric: Fabric,
+    run: TrainingRun,
+    scenes: Scenes,
+    folder: RunFolder,
+    splits: list[dict[str, str]],
+    checkpoint: Checkpoint | None,
+    interruption: Interruption,
+    verbose: bool,
+    progress: bool,
+) -> None:
+    """Train the remaining epochs, validate after each, write checkpoints and the log."""
+    config, options, state = run.config, run.config.optimisation, run.state
+    rank, processes = fabric.global_rank, fabric.world_size
+    optimiser = torch.optim.AdamW(
+        run.model.parameters(), lr=options.learning_rate, weight_decay=options.weight_decay
+    )
+    with _quiet():
+        loss_module, fabric_optimiser = fabric.setup(_BatchLoss(run), optimiser)
+    run.average.to(fabric.device)
+    precision = fabric.strategy.precision
+    if checkpoint:
+        optimiser.load_state_dict(checkpoint["optimiser"])
+        precision.load_state_dict(checkpoint["precision"])
+    writer = SummaryWriter(str(folder.path / "tensorboard")) if run.is_global_zero else None
+    clock = saved = time.monotonic()
+
+    def count_time() -> None:
+        nonlocal clock
+        now = time.monotonic()
+        state.epoch_seconds += now - clock
+        clock = now
+
+    def save(*, best: bool) -> None:
+        nonlocal saved
+        saved = time.monotonic()
+        if writer is not None:
+            save_checkpoint(
+                run,
+                folder,
+                splits,
+                optimiser=optimiser.state_dict(),
+                precision=precision.state_dict(),
+                best=best,
+            )
+
+    if verbose:
+        print(title_line(), flush=True)
+    while not (run.finished or run.stopping):
+        loader, steps = epoch_loader(scenes.training, config, state, rank, processes)
+        title = f"epoch {state.epoch + 1}/{options.epochs} {run.loss_weights().name}"
+        bar = tqdm(loader, title, steps, initial=state.batch, leave=False, disable=not progress)
+        for batch in bar:
+            stop = interruption.requested()
+            run.received_signal = interruption.received_signal
+            done = (state.epoch + state.batch / steps) / options.epochs
+            for group in optimiser.param_groups:
+                group["lr"] = learning_rate(
+                    state.step,
+                    done,
+                    peak=options.learning_rate,
+                    schedule=options.learning_rate_schedule,
+                    warmup_steps=options.warmup_steps,
+                    floor=options.learning_rate_floor,
+                )
+            # Random numbers follow from seed, epoch and batch alone, so that a resumed run draws
+            # the same ones. The factors are primes above any number of epochs and batches.
+            torch.manual_seed((config.seed * 7919 + state.epoch) * 1_000_003 + state.batch)
+            run.model.train()
+            teacher_forcing = bool(torch.rand(()) < _teacher_forcing_probability(run))
+
+            batch = fabric.to_device(batch)
+            loss = loss_module(batch, teacher_forcing)
+            loss, mean_loss, agents, run.stopping = _share(fabric, loss, batch, stop)
+            optimiser.zero_grad()
+            fabric.backward(loss)
+            norm = fabric.clip_gradients(
+                loss_module, optimiser, max_norm=options.clip_norm, error_if_nonfinite=False
+            )
+            if norm is None or not bool(torch.isfinite(norm)):
+                optimiser.zero_grad()  # a step without gradients moves nothing
+                mean_loss = float("nan")
+            fabric_optimiser.step()
+            state.count_step(mean_loss, agents)
+            run.update_average()
+
+            count_time()
+            if writer is not None and state.step % TENSORBOARD_STEPS == 0:
+                writer.add_scalar("loss", state.mean_loss(), state.step)
+                writer.add_scalar("learning_rate", optimiser.param_groups[0]["lr"], state.step)
+            due = clock - saved > 60.0 * config.trainer.checkpoint_minutes
+            if (due or run.stopping) and state.batch < steps:
+                save(best=False)
+            bar.set_postfix(loss=f"{state.mean_loss():.3f}", refresh=False)
+            if run.stopping:
+                break
+        bar.close()
+        if state.batch < steps:
+            break
+
+        row = {
+            "epoch": state.epoch + 1,
+            "objective": run.loss_weights().name,
+            "loss": state.mean_loss(),
+            "learning_rate": optimiser.param_groups[0]["lr"],
+            "steps": state.step,
+            "skipped": state.skipped,
+            "agents": int(state.agents),
+            "seconds": round(state.epoch_seconds, 2),
+        }
+        better = False
+        last = state.epoch + 1 == options.epochs
+        if last or (state.epoch + 1) % config.trainer.validate_every_epochs == 0:
+            scores, better = validate_epoch(run, scenes.validation, rank, processes)
+            row |= scores
+        count_time()
+        state.finish_epoch(row)
+        save(best=better)
+        if writer is not None:
+            for key, value in state.rows[-1].items():
+                if isinstance(value, int | float):
+                    writer.add_scalar(f"epoch/{key}", value, state.step)
+            writer.flush()
+        if verbose:
+            print(epoch_line(state.rows[-1]), flush=True)
+    if writer is not None:
+        writer.close()
+
+
+class _BatchLoss(nn.Module):
+    """The loss of a batch as a module: DDP averages the gradients of what ``forward`` uses."""
+
+    def __init__(self, run: TrainingRun) -> None:
+        super().__init__()
+        self.model = run.model
+        self.run = run
+
+    def forward(self, batch: Batch, teacher_forcing: bool) -> Tensor:
+        options = self.run.config.optimisation
+        return batch_loss(
+            self.model,
+            batch,
+            self.run.loss_weights(),
+            huber_delta=options.huber_delta,
+            mean_weight=options.mean_weight,
+            teacher_forcing=teacher_forcing,
+        )
+
+
+def _share(
+    fabric: Fabric, loss: Tensor, batch: Batch, stop: bool
+) -> tuple[Tensor, float, float, bool]:
+    """Weight a process's loss so that the average over the processes is that of the whole batch.
+
+    A loss is an average over agent-steps, of which each process has a different number. The same
+    message distributes the request to stop, so that all processes end after the same step.
+
+    Returns:
+        The weighted loss; the loss and the number of agents of the whole batch; whether any
+        process asks to stop.
+    """
+    weight, agents = batch.weight.sum(), batch.valid[:, -1].sum()
+    if fabric.world_size == 1:
+        return loss, float(loss.detach()), float(agents), stop
+    total = fabric.all_reduce(
+        torch.stack([loss.detach() * weight, weight, agents, weight.new_tensor(stop)]),
+        reduce_op="sum",
+    )
+    assert isinstance(total, Tensor)
+    whole = total[1].clamp(min=1e-6)
+    loss = loss * (fabric.world_size * weight / whole)
+    return loss, float(total[0] / whole), float(total[2]), bool(total[3] > 0)
+
+
+def _teacher_forcing_probability(run: TrainingRun) -> float:
+    """Fall linearly to zero within the first quarter of the epochs, the warm-up of Algorithm 1."""
+    options = run.config.optimisation
+    return options.teacher_forcing * max(0.0, 1.0 - 4.0 * run.state.epoch / options.epochs)
+
+
+def _fabric(config: TrainingConfig) -> Fabric:
+    """Return Fabric for the configured devices.
+
+    Raises:
+        ConfigurationError: they are not available on this machine.
+    """
+    options = config.trainer
+    strategy = options.strategy
+    if options.devices != 1 or options.num_nodes > 1 or strategy == "ddp":
+        # No covariance is computed in the first epochs, so its parameters get no gradient there.
+        strategy = "ddp_find_unused_parameters_true"
+    try:
+        with _quiet():
+            return Fabric(
+                accelerator=options.accelerator,
+                devices=options.devices or "auto",
+                num_nodes=options.num_nodes,
+                strategy=strategy,
+                precision=options.precision,  # type: ignore[arg-type]
+            )
+    except (MisconfigurationException, RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ConfigurationError(
+            f"the section trainer (accelerator {options.accelerator!r}, {options.devices} "
+            f"device(s), precision {options.precision!r}) does not fit this machine: {reason}"
+        ) from error
+
+
+def _require_shares(processes: int, config: TrainingConfig, scenes: int) -> None:
+    """Check that every process gets a scene of every batch.
+
+    Raises:
+        ConfigurationError: a process would not.
+    """
+    size = config.optimisation.batch_scenes
+    if processes > 1 and min(size // 2, scenes) < processes:
+        raise ConfigurationError(
+            f"optimisation.batch_scenes is {size}, with {scenes} scenes an epoch, "
+            f"expected at least {2 * processes} of both for {processes} processes"
+        )
+
+
+def _threads(config: TrainingConfig) -> int:
+    """Return the number of torch's threads; several processes on a CPU have one each."""
+    options = config.trainer
+    on_cpu = options.accelerator == "cpu" or (
+        options.accelerator == "auto" and not torch.cuda.is_available()
+    )
+    return 1 if on_cpu and options.devices != 1 else config.num_threads
+
+
+def _fit_statistics(run: TrainingRun, scenes: Scenes) -> None:
+    """Set the scales of the network's inputs from random scenes of the first epoch."""
+    order = torch.Generator().manual_seed(run.config.seed)
+    loader = DataLoader(scenes.training, STATISTICS_SCENES, shuffle=True, generator=order)
+    fields = dense(next(iter(loader)))
+    run.model.fit_statistics(fields["x"], fields["valid"])
+    run.average.load_state_dict(run.model.state_dict())
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Suppress Fabric's tips and notes; this package prints what matters."""
+    logging.getLogger("lightning_fabric").setLevel(logging.ERROR)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module=r"lightning_fabric\.")
+        yield
