@@ -53,6 +53,7 @@ EXTRAS = {
         "platformdirs>=4.0",
         "psutil>=5.9",
         "PyYAML>=6.0",
+        "scipy>=1.11",
         "tensorboard>=2.16",
     ],
     "simulation": ["eclipse-sumo>=1.20"],
@@ -116,6 +117,7 @@ setup(
     install_requires=REQUIREMENTS,
     extras_require=EXTRAS,
     packages=find_packages(include=[*PACKAGES, *(f"{name}.*" for name in PACKAGES)]),
+    package_data={"mtpgo_training.reports": ["*.j2"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),

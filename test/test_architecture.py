@@ -30,6 +30,7 @@ ALLOWED = {
         "platformdirs",
         "psutil",
         "rosbags",
+        "scipy",
         "sumo",
         "torch",
         "torch_geometric",
@@ -91,6 +92,7 @@ ROOMS = {
     "mtpgo_ros": ("runtime", "parameters", "diagnostics", "bags", "load", "node", ""),
     "mtpgo_training": (
         "atomic_files",
+        "table_format",
         "data",
         "scenes",
         "evaluation",
@@ -273,6 +275,7 @@ KINDS = {
     ".cfg",
     ".csv",
     ".gz",
+    ".j2",
     ".json",
     ".md",
     ".png",

@@ -59,7 +59,7 @@ def draw(folders: Sequence[Path], path: Path) -> None:
     logs = [(folder.resolve().name, read_log(folder)) for folder in folders]
     from matplotlib.figure import Figure
 
-    from mtpgo_training.reports.figures import MODEL_COLOURS
+    from mtpgo_training.reports.series import MODEL_COLOURS
 
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.add_subplot()

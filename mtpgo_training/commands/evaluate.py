@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo evaluate``: models, or recorded predictions, against what recordings show."""
+"""``mtpgo evaluate``: scores of models or recorded predictions on recordings."""
 
 from __future__ import annotations
 
@@ -23,40 +23,13 @@ from mtpgo_training.commands.data_arguments import (
     data_sources,
 )
 from mtpgo_training.data.data_sources import named_recordings
-from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.bag_evaluation import BagResult, evaluate_bags, observed_recordings
-from mtpgo_training.evaluation.evaluator import Settings, evaluate_all, predict_recording
+from mtpgo_training.evaluation.evaluator import Evaluation, Settings, evaluate_all
 from mtpgo_training.evaluation.parallel_evaluation import evaluate_in_processes
-from mtpgo_training.evaluation.scorebook import ScoreTable
-from mtpgo_training.evaluation.summary import describe, print_result
+from mtpgo_training.evaluation.summary import summarise
 from mtpgo_training.reports.markdown import markdown_table, read_results
+from mtpgo_training.reports.terminal import print_result
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
-
-__all__ = ["add_parser", "evaluate", "predict_recording", "run"]
-
-
-def evaluate(
-    runners: dict[str, ModelRunner],
-    recordings: Sequence[Recording],
-    *,
-    policy: str | None = None,
-    stride_s: float = 0.2,
-    centre: bool = True,
-    min_future_s: float = 0.0,
-) -> ScoreTable:
-    """Average scores of models and baselines over recordings.
-
-    Args:
-        runners: models by name. The baselines use the history of the first.
-        recordings: what they are scored on.
-        policy: graph policy of the protocol ``all``, None for the models' own.
-        stride_s: time between two scored instants (s); of the protocol ``centre``, which costs a
-            graph an agent, five times as long.
-        centre: score the protocol ``centre`` too.
-        min_future_s: agents observed for a shorter time afterwards are left out (s).
-    """
-    settings = Settings(policy, stride_s, centre, min_future_s)
-    return evaluate_all(runners, [(r.name, r) for r in recordings], settings).book.table()
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -65,7 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "evaluate",
         help="score models or recorded predictions on recordings",
         description="Score models, or predictions that were recorded into bags, on recordings. "
-        "What the values mean stands in docs/evaluation.md.",
+        "docs/evaluation.md explains the values.",
     )
     add = parser.add_argument
     add(
@@ -83,26 +56,26 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         type=Path,
         default=[],
         metavar="BAG",
-        help="bags of recorded predictions; without --data, what the bags observed is the truth",
+        help="bags of recorded predictions; without --data, what they observed is the truth",
     )
-    add("--topic", help="topic of the recorded predictions, found by itself by default")
+    add("--topic", help="topic of the recorded predictions, found automatically by default")
     add("--policy", choices=GRAPH_POLICIES, help="graph policy, the model's own by default")
     add("--stride", type=float, default=0.2, help="time between two instants (s)")
     add("--min-future", type=float, default=0.0, help="leave out agents observed for less (s)")
     add(
         "--one-sample",
         action="store_true",
-        help="forget the past before each instant, as if everybody were seen for the first time",
+        help="forget the past before each instant, as if all agents were new",
     )
     add("--no-centre", action="store_true", help="score only all agents")
     add(
         "--seeds",
         action="store_true",
-        help="the models differ only in their seed: intervals over them (found by itself for "
-        "names that end in -seed1, -seed2)",
+        help="the models differ only in their seed: intervals over them (automatic for names "
+        "that end in -seed1, -seed2)",
     )
-    add("--json", type=Path, metavar="FILE", help="write all results into this file too")
-    add("--report", type=Path, metavar="DIR", help="write a page with figures into this folder")
+    add("--json", type=Path, metavar="FILE", help="also write all results to this file")
+    add("--report", type=Path, metavar="DIR", help="write a page with figures to this folder")
     add("--markdown", action="store_true", help="print the table of a model card")
     add(
         "--results",
@@ -132,13 +105,26 @@ def run(args: argparse.Namespace) -> int:
     if args.json is not None:
         require_writable(args.json)
     runners = _load_models(args.model)
-    result = _from_bags(args, runners) if args.predictions else _from_models(args, runners)
-    if not result.evaluation.book.pages:
+    settings = Settings(
+        args.policy, args.stride, not args.no_centre, args.min_future, args.one_sample
+    )
+    if args.predictions:
+        result = _from_bags(args, runners)
+    else:
+        result = BagResult(_from_models(args, runners, settings))
+    if not result.evaluation.scores:
         raise RecordingError(
-            "nothing could be scored: in the recordings nobody is predicted and observed "
+            "nothing could be scored: no agent of the recordings is predicted and observed "
             "afterwards"
         )
-    content = describe(result, runners, args)
+    content = summarise(
+        result,
+        runners,
+        settings,
+        layouts=[str(value) for key, value in args.data_options if key == "layout"],
+        from_bags=bool(args.predictions),
+        same_recipe=args.seeds,
+    )
     for sentence in content["warnings"]:
         print(f"mtpgo: warning: {sentence}", file=sys.stderr)
     if args.json is not None:
@@ -154,7 +140,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Refuse what cannot work before anything is loaded.
+    """Check the arguments before anything is loaded.
 
     Raises:
         ConfigurationError: one sentence.
@@ -182,7 +168,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _load_models(given: Sequence[str]) -> dict[str, ModelRunner]:
-    """The models by the name in their file, or by that of the file where names repeat."""
+    """Load the models; their names are those in the files, or of the files where names repeat."""
     loaded = [(str(one), ModelRunner.load(find_model(one))) for one in given]
     names = [runner.task.name for _, runner in loaded]
     if len(set(names)) < len(names):
@@ -197,25 +183,22 @@ def _load_models(given: Sequence[str]) -> dict[str, ModelRunner]:
     return dict(zip(names, (runner for _, runner in loaded), strict=True))
 
 
-def _from_models(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:
-    settings = Settings(
-        args.policy, args.stride, not args.no_centre, args.min_future, args.one_sample
-    )
+def _from_models(
+    args: argparse.Namespace, runners: dict[str, ModelRunner], settings: Settings
+) -> Evaluation:
     recordings = named_recordings(data_sources(args.data_options), cache_from(args))
     draw = list(runners) if args.report is not None else []
     hidden = args.quiet or not sys.stderr.isatty()
     if args.jobs > 1:
         files = {name: runner.path for name, runner in runners.items()}
         with tqdm(desc="evaluating", unit="recording", disable=hidden, leave=False) as whole:
-            return BagResult(
-                evaluate_in_processes(
-                    files,
-                    recordings,
-                    settings,
-                    args.jobs,
-                    draw=draw,
-                    done=lambda _: whole.update(),
-                )
+            return evaluate_in_processes(
+                files,
+                recordings,
+                settings,
+                args.jobs,
+                draw=draw,
+                done=lambda _: whole.update(),
             )
     bars: list[tqdm] = []
 
@@ -226,7 +209,7 @@ def _from_models(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> B
         return bars[0].update
 
     try:
-        return BagResult(evaluate_all(runners, recordings, settings, draw=draw, progress=progress))
+        return evaluate_all(runners, recordings, settings, draw=draw, progress=progress)
     finally:
         for bar in bars:
             bar.close()

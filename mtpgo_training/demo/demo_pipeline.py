@@ -29,7 +29,7 @@ from mtpgo_training.demo.recorded_messages import (
     read_messages,
 )
 from mtpgo_training.evaluation.moments import choose_moments
-from mtpgo_training.evaluation.scorebook import ScoreBook
+from mtpgo_training.evaluation.score_table import ScoreTable
 from mtpgo_training.evaluation.scorer import add_scores
 from mtpgo_training.reports.scene_plot import draw_picture
 
@@ -185,10 +185,10 @@ def score_recordings(
                 "is, expected the stamp of its observation"
             )
         by_recording[index].append(received)
-    whole = ScoreBook()
+    whole = ScoreTable()
     parts = []
     for recording, predictions in zip(plan.recordings, by_recording, strict=True):
-        book = ScoreBook()
+        book = ScoreTable()
         for target in (book, whole):
             add_scores(
                 target,
@@ -208,9 +208,9 @@ def score_recordings(
             for received in predictions
         ]
         own = timing(observed, recorded.observed, predicted, rate_hz)
-        parts.append(report.DemoResult(recording.name, predictions, own, book.table()))
+        parts.append(report.DemoResult(recording.name, predictions, own, book.averages()))
     together = merge_timings([part.timing for part in parts])
-    return report.DemoResult("all", recorded.predictions, together, whole.table()), parts
+    return report.DemoResult("all", recorded.predictions, together, whole.averages()), parts
 
 
 def _print_results(

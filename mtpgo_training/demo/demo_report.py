@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import json
-import math
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,8 @@ from mtpgo_core.schema import Source
 from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.demo.publication_timing import PublicationTiming
 from mtpgo_training.demo.recorded_messages import ReceivedPrediction, RecordedMessages
-from mtpgo_training.evaluation.scorebook import ScoreTable
+from mtpgo_training.evaluation.score_table import Averages
+from mtpgo_training.table_format import Row, Table, to_text
 
 MODEL, PROTOCOL = "mtpgo", "all"
 """Name of the model in the score tables, and the protocol that averages over all agents."""
@@ -56,7 +56,7 @@ class DemoResult:
     name: str
     predictions: Sequence[ReceivedPrediction]
     timing: PublicationTiming
-    scores: ScoreTable
+    scores: Averages
 
     def row(self) -> dict[str, Any]:
         """Return the values of ``summary.json``, explained in docs/demo.md; undefined is None."""
@@ -86,8 +86,7 @@ class DemoResult:
         return row
 
     def _score(self, model: str, name: str) -> float | None:
-        value = self.scores.models.get(model, {}).get(PROTOCOL, {}).get(name, math.nan)
-        return float(value) if math.isfinite(value) else None
+        return self.scores.get(model, {}).get(PROTOCOL, {}).get(name)
 
 
 def summary(
@@ -127,22 +126,16 @@ def to_json(content: Mapping[str, Any]) -> str:
 def terminal_table(content: Mapping[str, Any]) -> str:
     """Return the table that the demo prints, from the content of ``summary.json``."""
     left = ["recording", "scenes", "agents", "ADE m", "FDE m", "MR", "NLL", "in 95 %"]
-    rows = [[*left, "|", "CV ADE", "CV FDE", "CV MR", "CV NLL"]]
+    rows = []
     parts = dict(content["recordings"])
     if len(parts) > 1:
         parts["all"] = content
     for name, row in parts.items():
         own = [_cell(row[key]) for key in ("ade_m", "fde_m", "miss_rate", "nll", "coverage_95")]
         cv = [_cell(row[key]) for key in ("cv_ade_m", "cv_fde_m", "cv_miss_rate", "cv_nll")]
-        rows.append([name, str(row["scenes"]), str(row["agents_max"]), *own, "|", *cv])
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join(
-            cell.ljust(width) if i == 0 else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
+        rows.append(Row(name, [str(row["scenes"]), str(row["agents_max"]), *own, "|", *cv]))
+    heads = [*left, "|", "CV ADE", "CV FDE", "CV MR", "CV NLL"]
+    lines = to_text(Table(heads, rows)).splitlines()
     rule = "-" * len(lines[0])
     return "\n".join(
         [lines[0], rule, *lines[1:-1], *([rule] if len(parts) > 1 else []), lines[-1]]

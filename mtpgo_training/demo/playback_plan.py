@@ -11,7 +11,7 @@ from typing import Any
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.recording import DEFAULT_START_NS, Recording
-from mtpgo_training.evaluation.training_overlap import seen_hashes
+from mtpgo_training.evaluation.training_overlap import training_hashes
 
 PAUSE_S = 60.0
 """Gap between the stamps of two recordings (s). Chosen: far longer than a history (3 s)."""
@@ -62,7 +62,7 @@ def make_plan(
     Raises:
         RecordingError: no recording is left to play.
     """
-    seen = seen_hashes(training)
+    seen = training_hashes(training)
     played = [r for r in recordings if len(r) and (play_all or r.sha256 not in seen)]
     left_out = [r.name for r in recordings if len(r) and not play_all and r.sha256 in seen]
     if not played:

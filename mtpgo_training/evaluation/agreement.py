@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded predictions beside those that a model file makes offline, agent by agent."""
+"""Agreement of recorded predictions with those that a model file makes offline, per agent."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mtpgo_core.history.track_index import find_names, names_of
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.schema import Float64Array, Prediction, Source
 from mtpgo_training.data.recording import Recording
@@ -16,12 +17,13 @@ from mtpgo_training.evaluation.evaluator import make_predictor
 from mtpgo_training.scenes.history_replay import replay
 
 _SAME_WEIGHT = 1e-5
-"""Modes whose weights differ by less may have changed places on their way through float32."""
+"""Modes whose weights differ by less may be in another order after the conversion to float32;
+chosen: about a hundred times the rounding of a weight."""
 
 
 @dataclass
 class Agreement:
-    """How far two sets of predictions of the same scenes are apart.
+    """Differences between two sets of predictions of the same scenes.
 
     Attributes:
         differences_m: of each agent at each instant, the largest distance between two means over
@@ -38,13 +40,15 @@ class Agreement:
 
     @property
     def largest_m(self) -> float:
-        """The largest difference (m), NaN without any pair."""
+        """Return the largest difference (m), NaN without any pair."""
         return max(self.differences_m, default=float("nan"))
 
     def add(self, recorded: Prediction, own: Prediction, recording: Recording, name: str) -> None:
         """Compare two predictions of one instant."""
-        at = {key.tobytes(): i for i, key in enumerate(own.key)}
-        row = np.array([at.get(key.tobytes(), -1) for key in recorded.key], dtype=np.int64)
+        names = names_of(own.key)
+        order = np.argsort(names)
+        place = find_names(names[order], names_of(recorded.key))
+        row = np.where(place >= 0, order[place], -1) if len(own) else place
         both = (row >= 0) & (recorded.source == Source.MODEL)
         both &= own.source[row] == Source.MODEL
         self.unpaired += int((~both).sum())
@@ -56,14 +60,14 @@ class Agreement:
         self.resolution_m = max(self.resolution_m, float(step) / np.sqrt(2.0))
         if not apart.max() <= max(self.differences_m, default=-1.0):
             worst = int(np.flatnonzero(both)[np.argmax(apart)])
-            tracks = {key.tobytes(): i for i, key in enumerate(recording.key)}
-            track = recording.track_id[tracks[recorded.key[worst].tobytes()]]
+            (index,) = recording.find_tracks(recorded.key[worst : worst + 1])
+            track = recording.track_id[index]
             since_s = (recorded.stamp_ns - recording.stamp_ns(int(recording.frames[0]))) * 1e-9
             self.where = f"road user {track} of {name} at {since_s:.1f} s"
         self.differences_m += apart.tolist()
 
     def text(self, bag: str, model: str) -> str:
-        """One sentence for the terminal."""
+        """Return one sentence for the terminal."""
         if not self.differences_m:
             return (
                 f"{bag} and {model}: nothing to compare, no road user was predicted by the model "
@@ -78,7 +82,7 @@ class Agreement:
         )
 
     def to_dict(self) -> dict[str, float | int | str | None]:
-        """Plain data for JSON, in mm."""
+        """Return plain data for JSON, in mm."""
         values = 1e3 * np.array(self.differences_m)
         return {
             "largest_mm": float(values.max()) if len(values) else None,
@@ -93,10 +97,10 @@ class Agreement:
 def replay_offline(
     runner: ModelRunner, recording: Recording, stamps: Sequence[int]
 ) -> list[Prediction]:
-    """What the model predicts at the ascending stamps (ns), all observations taken in until then.
+    """Return the model's predictions at ascending stamps (ns), from all observations up to each.
 
-    The graphs remember the cycle before, so only the same sequence of instants gives the same
-    scenes.
+    The graphs depend on those of the cycle before, so only the same sequence of instants gives the
+    same scenes.
     """
     predictor = make_predictor(runner, recording)
     return [predictor.predict(w) for w in replay(recording, runner.task.history, stamps)]
@@ -105,7 +109,7 @@ def replay_offline(
 def _apart(
     one: Prediction, two: Prediction, first: np.ndarray, second: np.ndarray
 ) -> Float64Array:
-    """[k] largest distance of two means of agents ``first`` and ``second`` (m)."""
+    """[k] largest distance between the means of agents ``first`` and ``second`` (m)."""
     modes = min(one.weight.shape[1], two.weight.shape[1])
     steps = min(len(one.time_s), len(two.time_s))
     a, b = (p.mean[rows][:, :modes, :steps, :2] for p, rows in ((one, first), (two, second)))

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded predictions in the same table as models, and beside those agent by agent."""
+"""Evaluation of recorded predictions: scored like models, and compared with them per agent."""
 
 from __future__ import annotations
 
@@ -19,24 +19,23 @@ from mtpgo_training.evaluation.agreement import Agreement, replay_offline
 from mtpgo_training.evaluation.bag_predictions import bag_name, match, read_predictions
 from mtpgo_training.evaluation.clock_alignment import find_parts
 from mtpgo_training.evaluation.evaluator import Evaluation
-from mtpgo_training.evaluation.extreme_scenes import SceneKeeper
-from mtpgo_training.evaluation.scorebook import ScoreBook
-from mtpgo_training.evaluation.scorer import Judge
+from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
+from mtpgo_training.evaluation.scorer import Scorer
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 
 PROTOCOL = "all"
-"""A node publishes each road user once."""
+"""Protocol of recorded predictions: a node publishes each road user once."""
 
 
 @dataclass
 class BagResult:
-    """What came out.
+    """The results of an evaluation of bags.
 
     Attributes:
         evaluation: the scores of bags, models and baselines.
         agreements: by bag and model.
-        warnings: what a reader should know, one sentence each.
+        warnings: one sentence each.
     """
 
     evaluation: Evaluation
@@ -45,7 +44,7 @@ class BagResult:
 
 
 def observed_recordings(bags: Sequence[Path]) -> dict[str, Recording]:
-    """What the bags themselves observed: the truth where no other is given.
+    """Return what the bags themselves observed: the ground truth where no other is given.
 
     Raises:
         RecordingError: a bag has no tracked objects.
@@ -53,7 +52,7 @@ def observed_recordings(bags: Sequence[Path]) -> dict[str, Recording]:
     found: dict[str, Recording] = {}
     for bag in bags:
         with DecodingBagReader(bag):
-            pass  # that it is no bag is another matter than that it observed nothing
+            pass  # a file that is not a bag has an error of its own
         try:
             recordings = load_recordings(bag, "bag")
         except RecordingError as error:
@@ -77,21 +76,21 @@ def evaluate_bags(
     own_clock: bool = True,
     draw: bool = False,
 ) -> BagResult:
-    """Score recorded predictions, and beside them models at the very same instants.
+    """Score recorded predictions, and models at the same instants.
 
     Args:
         bags: recorded predictions.
         recordings: what was played, by name.
         runners: models by name, may be none. The baselines use the history of the first.
-        topic: of the predictions, found by itself by default.
+        topic: of the predictions; by default the one that holds predictions.
         min_future_s: agents observed for a shorter time afterwards are left out (s).
-        own_clock: the bags may have another clock than the recordings, which their own
-            observations tell; not where the recordings come from the bags.
+        own_clock: the bags may have another clock than the recordings, found by their own
+            observations; false where the recordings come from the bags.
         draw: keep the best and worst scenes for a picture.
 
     Raises:
         RecordingError: see :func:`read_predictions` and :func:`match`.
-        ConfigurationError: two bags, or a bag and a model, have one name.
+        ConfigurationError: two bags, or a bag and a model, have the same name.
     """
     names = [bag_name(bag) for bag in bags]
     for name in names:
@@ -100,7 +99,7 @@ def evaluate_bags(
                 f"two sets of predictions are called {name}, expected bags, models and baselines "
                 "of different names"
             )
-    result = BagResult(Evaluation(scenes={name: SceneKeeper() for name in names if draw}))
+    result = BagResult(Evaluation(scenes={name: ExtremeScenes() for name in names if draw}))
     done: set[str] = set()
     for bag, bag_called in zip(bags, names, strict=True):
         predictions = read_predictions(bag, topic)
@@ -111,21 +110,21 @@ def evaluate_bags(
                 "matched by their stamps and identities as they are"
             )
         matched = match(bag, predictions, recordings, parts)
-        if matched.strangers:
+        if matched.unmatched:
             result.warnings.append(
-                f"{matched.strangers} of the {len(predictions)} predictions in {bag} are of no "
+                f"{matched.unmatched} of the {len(predictions)} predictions in {bag} are of no "
                 "road user of the recordings and are left out"
             )
         for name, own in matched.by_recording.items():
-            played = _Played(name, recordings[name], min_future_s, runners)
-            played.score_bag(result, bag_called, own, baselines=name not in done)
-            played.score_models(result, bag_called, own, first=name not in done)
+            part = _RecordingEvaluation(name, recordings[name], min_future_s, runners)
+            part.score_bag(result, bag_called, own, baselines=name not in done)
+            part.score_models(result, bag_called, own, first=name not in done)
             done.add(name)
     return result
 
 
 def _observed(bag: Path) -> list[Recording]:
-    """What a bag observed, nothing where it has predictions alone."""
+    """Return what a bag observed, nothing where it has only predictions."""
     try:
         return load_recordings(bag, "bag")
     except RecordingError:
@@ -133,16 +132,16 @@ def _observed(bag: Path) -> list[Recording]:
 
 
 @dataclass(frozen=True)
-class _Played:
-    """A recording that was played, and the models to be put beside."""
+class _RecordingEvaluation:
+    """The evaluation of predictions and models on one recording."""
 
     name: str
     recording: Recording
     min_future_s: float
     runners: Mapping[str, ModelRunner]
 
-    def _judge(self, history: HistoryConfig) -> Judge:
-        return Judge(
+    def _scorer(self, history: HistoryConfig) -> Scorer:
+        return Scorer(
             self.recording,
             max_gap_s=history.max_gap_s,
             min_future_s=self.min_future_s,
@@ -152,31 +151,26 @@ class _Played:
     def score_bag(
         self, result: BagResult, bag: str, predictions: Sequence[Prediction], *, baselines: bool
     ) -> None:
-        """The bag's own predictions; the baselines only once for a recording."""
+        """Score the bag's own predictions; the baselines only once for a recording."""
         evaluation = result.evaluation
         evaluation.recordings[self.name] = self.recording.sha256
         history = next((r.task.history for r in self.runners.values()), HistoryConfig())
-        judge, keeper = self._judge(history), evaluation.scenes.get(bag)
+        scorer = self._scorer(history)
         stamps = [p.stamp_ns for p in predictions]
         windows = replay(self.recording, history, stamps)
         for prediction, window in zip(predictions, windows, strict=True):
-            rows, seen, scores = judge.add(evaluation.book, prediction, bag, PROTOCOL)
-            book = evaluation.book if baselines else ScoreBook()
-            cv = judge.add_baselines(book, window, seen, PROTOCOL)
-            if keeper is not None:
-                ade, age_s = scores.values["ade"], judge.age_s(seen.track, prediction.stamp_ns)
-                keeper.offer(self.recording, prediction, rows, seen.mask, ade, cv, age_s)
+            evaluation.add(bag, PROTOCOL, scorer, prediction, window, baselines=baselines)
 
     def score_models(
         self, result: BagResult, bag: str, predictions: Sequence[Prediction], *, first: bool
     ) -> None:
-        """The models at the bag's instants: compared with it, and scored once for a recording."""
+        """Compare the models with the bag at its instants; score them once for a recording."""
         stamps = [p.stamp_ns for p in predictions]
         for model, runner in self.runners.items():
             agreement = result.agreements.setdefault(bag, {}).setdefault(model, Agreement())
-            judge = self._judge(runner.task.history)
+            scorer = self._scorer(runner.task.history)
             own_all = replay_offline(runner, self.recording, stamps)
             for recorded, own in zip(predictions, own_all, strict=True):
                 agreement.add(recorded, own, self.recording, self.name)
                 if first and len(own):
-                    judge.add(result.evaluation.book, own, model, PROTOCOL)
+                    result.evaluation.add(model, PROTOCOL, scorer, own)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Predictions that were recorded into a bag, and the recordings that they belong to."""
+"""Predictions read from a bag, matched to the recordings that they were made on."""
 
 from __future__ import annotations
 
@@ -20,30 +20,31 @@ from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.clock_alignment import AlignedPart, restamped
 
 NEAR_M = 30.0
-"""A prediction belongs to the road user with its identity only if its first step is closer than
-this to where that one was (m): identities are numbers that every recording uses again."""
+"""A prediction is of the road user with its identity only if its first step is closer than this to
+where that one was (m). Identities are numbers that every recording uses again. Chosen: more
+than any road user moves in a step."""
 
 STAMP_SLACK_NS = 1_000_000
-"""A prediction this close to a frame is one of the frame: bags and layouts round differently, and
-irregular messages are put on a grid of milliseconds (ns)."""
+"""A prediction this close to a frame is one of the frame (ns): bags and layouts round differently,
+and irregular messages are put on a grid of milliseconds."""
 
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 def bag_name(path: Path) -> str:
-    """How a bag is called in tables."""
+    """Return the name of a bag in tables."""
     return path.stem if path.suffix == ".mcap" else path.resolve().name
 
 
 def read_predictions(path: Path, topic: str | None = None) -> list[Prediction]:
-    """The predictions in a bag, ascending in time, the last one of each stamp.
+    """Return the predictions in a bag, ascending in time, the last one of each stamp.
 
     Args:
         path: a rosbag2 directory or an ``.mcap`` file.
         topic: their topic; by default the one that holds predictions.
 
     Raises:
-        RecordingError: it is no bag, it is damaged, or it holds no predictions.
+        RecordingError: it is not a bag, it is damaged, or it holds no predictions.
     """
     found: dict[int, Prediction] = {}
     with DecodingBagReader(path) as reader:
@@ -92,11 +93,11 @@ class Matched:
     Attributes:
         by_recording: name -> predictions, stamped with the recording's own frames, their agents
             only those that the recording has there.
-        strangers: predictions of which no agent is in any recording.
+        unmatched: number of predictions of which no agent is in any recording.
     """
 
     by_recording: dict[str, list[Prediction]]
-    strangers: int
+    unmatched: int
 
 
 def match(
@@ -105,33 +106,33 @@ def match(
     recordings: Mapping[str, Recording],
     parts: Sequence[AlignedPart] = (),
 ) -> Matched:
-    """Find the recording of each prediction, by time, identities and places.
+    """Find the recording of each prediction, by time, identities and positions.
 
     Args:
         bag: where they come from, for the error.
         predictions: what was recorded.
         recordings: what may have been played, by name.
-        parts: what the bag's own observations say of that, if there are any.
+        parts: the parts of the bag by its own observations, if there are any.
 
     Raises:
         RecordingError: none of them belongs to any of the recordings.
     """
     by_recording: dict[str, list[Prediction]] = {}
-    places = {name: _Places(recording) for name, recording in recordings.items()}
-    strangers = 0
+    positions = {name: _PositionTable(recording) for name, recording in recordings.items()}
+    unmatched = 0
     for prediction in predictions:
         if not len(prediction):
             continue
         part = next((p for p in parts if p.name and p.holds(prediction.stamp_ns)), None)
         stamp_ns = prediction.stamp_ns if part is None else restamped(prediction, part)
         found = [
-            (name, *place.find(prediction, stamp_ns))
-            for name, place in places.items()
+            (name, *table.find(prediction, stamp_ns))
+            for name, table in positions.items()
             if part is None or part.name == name
         ]
         name, stamp_ns, rows = max(found, key=lambda item: int(item[2].sum()))
         if not rows.any():
-            strangers += 1
+            unmatched += 1
             continue
         own = dataclasses.replace(select(prediction, np.flatnonzero(rows)), stamp_ns=stamp_ns)
         by_recording.setdefault(name, []).append(own)
@@ -144,7 +145,7 @@ def match(
             f"{', '.join(recordings)}, stamped from {min(spans) * 1e-9:.1f} to "
             f"{max(spans) * 1e-9:.1f} s, expected the recordings that were played"
         )
-    return Matched(by_recording, strangers)
+    return Matched(by_recording, unmatched)
 
 
 def _span_ns(recording: Recording) -> tuple[int, int]:
@@ -152,21 +153,19 @@ def _span_ns(recording: Recording) -> tuple[int, int]:
     return recording.stamp_ns(int(frames[0])), recording.stamp_ns(int(frames[-1]))
 
 
-class _Places:
-    """Who is where at which frame of a recording."""
+class _PositionTable:
+    """Positions of the agents of a recording by frame and identity."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         self._first_ns, self._last_ns = _span_ns(recording)
-        self._tracks = {key.tobytes(): i for i, key in enumerate(recording.key)}
 
     def find(self, prediction: Prediction, stamp_ns: int) -> tuple[int, BoolArray]:
-        """The stamp in the recording's frames (ns), and [n] which agents are there."""
-        nobody = np.zeros(len(prediction), dtype=np.bool_)
+        """Return the stamp of the frame (ns), and [n] which agents the recording has there."""
         recording = self._recording
         early, late = self._first_ns - STAMP_SLACK_NS, self._last_ns + STAMP_SLACK_NS
         if not early <= stamp_ns <= late:
-            return stamp_ns, nobody
+            return stamp_ns, np.zeros(len(prediction), dtype=np.bool_)
         # An agent may be predicted for a moment after it was seen for the last time.
         frames = recording.frames
         index = int(np.searchsorted(frames, self._frame(stamp_ns) - 0.5))
@@ -176,9 +175,9 @@ class _Places:
         start, end = np.searchsorted(
             recording.frame, [self._frame(stamp_ns) - 0.6 * recording.frame_rate, after + 1]
         )
-        last = {int(t): i for i, t in enumerate(recording.track[start:end].tolist(), start)}
-        rows = [last.get(self._tracks.get(key.tobytes(), -1), -1) for key in prediction.key]
-        row = np.array(rows, dtype=np.int64)
+        last = np.full(len(recording.track_id) + 1, -1)  # row of each track; the last is for -1
+        last[recording.track[start:end]] = np.arange(start, end)
+        row = last[recording.find_tracks(prediction.key)]
         away = np.linalg.norm(prediction.mean[:, 0, 0, :2] - recording.position[row], axis=-1)
         with np.errstate(invalid="ignore"):
             return stamp_ns, (row >= 0) & (away < NEAR_M)

@@ -3,33 +3,40 @@
 """95 % confidence intervals: over recordings by the bootstrap, over seeds by Student's t.
 
 Road users of one recording share its traffic, and instants 0.2 s apart are nearly the same scene,
-so single predictions are far from independent. The recordings are what was drawn, and what the
-bootstrap draws again.
+so single predictions are far from independent. The recordings are the sample, and the bootstrap
+resamples them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mtpgo_training.evaluation.agent_scores import KEYS
+from mtpgo_training.evaluation.score_table import Averages, none
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
 DRAWS = 2000
+"""Bootstrap samples; chosen: with another seed, the ends of an interval of a normal
+distribution then move by 1.5 % of its width (standard deviation)."""
+
 LEVEL = 0.95
+"""Probability of the intervals."""
+
 SEED = 0
+"""Seed of the bootstrap samples: the same results give the same intervals."""
 
-_T_975 = (
-    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228,
-    2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086,
-)  # fmt: skip
-"""0.975 quantile of Student's t with 1, 2, ... degrees of freedom."""
+_SEED = re.compile(r"(?P<recipe>.+?)[-_.]?seed[-_]?(?P<seed>\d+)$")
 
 
-def draws(recordings: int, seed: int = SEED) -> Array | None:
-    """[DRAWS, recordings] how often each recording was drawn, None where there is but one.
+def resampling_counts(recordings: int, seed: int = SEED) -> Array | None:
+    """[DRAWS, recordings] how often each sample has each recording, None if there is only one.
 
     The same number of recordings gives the same draws, so that the intervals of differences and
     ratios of models are those of pairs.
@@ -42,19 +49,19 @@ def draws(recordings: int, seed: int = SEED) -> Array | None:
 
 
 def pooled(sums: Array, counts: Array) -> Array:
-    """[...] averages over all recordings, from sums and counts [R, ...]; NaN where none counts."""
+    """[...] averages over all recordings, from sums and counts [R, ...]; NaN without agents."""
     return _ratio(sums.sum(axis=0), counts.sum(axis=0))
 
 
 def bootstrap(sums: Array, counts: Array, drawn: Array | None) -> tuple[Array, Array]:
-    """Lower and upper end [...] of the interval of :func:`pooled`.
+    """Return lower and upper end [...] of the interval of :func:`pooled`.
 
     NaN where none can be given: with fewer than two recordings that count.
 
     Args:
         sums: [R, ...] of each recording.
         counts: [R, ...] over how many each sum is.
-        drawn: from :func:`draws`.
+        drawn: from :func:`resampling_counts`.
     """
     possible = (counts > 0).sum(axis=0) >= 2
     if drawn is None or not possible.any():
@@ -66,7 +73,7 @@ def bootstrap(sums: Array, counts: Array, drawn: Array | None) -> tuple[Array, A
 def bootstrap_ratio(
     sums: Array, counts: Array, other_sums: Array, other_counts: Array, drawn: Array | None
 ) -> Interval:
-    """Interval of the ratio of two averages over the same recordings; each argument [R]."""
+    """Return the interval of the ratio of averages over the same recordings; arguments [R]."""
     possible = np.asarray(((counts > 0) & (other_counts > 0)).sum() >= 2)
     if drawn is None or not possible:
         return float("nan"), float("nan")
@@ -77,17 +84,53 @@ def bootstrap_ratio(
 
 
 def over_seeds(values: Sequence[float]) -> tuple[float, float, float]:
-    """Mean and ends of its interval over trainings that differ in their seed alone.
+    """Return mean and ends of its interval over trainings that differ only in their seed.
 
-    NaN ends for a single one.
+    The ends are NaN for a single one.
     """
     given = np.asarray(values, dtype=np.float64)
     mean, n = float(given.mean()), len(given)
     if n < 2:
         return mean, float("nan"), float("nan")
-    quantile = _T_975[n - 2] if n - 2 < len(_T_975) else 1.96 + 2.4 / (n - 1)
+    from scipy import stats  # only here: it takes more than a second to load
+
+    quantile = float(stats.t.ppf(0.5 + 0.5 * LEVEL, n - 1))
     half = quantile * float(given.std(ddof=1)) / float(np.sqrt(n))
     return mean, mean - half, mean + half
+
+
+def over_groups(models: Averages, groups: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """Return by group its ``models``, and by protocol each value's ``mean``, ``low``, ``high``."""
+    content: dict[str, Any] = {}
+    for group, names in groups.items():
+        content[group] = {"models": list(names)}
+        for protocol in models[names[0]]:
+            row: dict[str, Any] = {}
+            for key in KEYS:
+                values = [models[name][protocol][key] for name in names]
+                given = [value for value in values if value is not None]
+                if len(given) == len(values):
+                    mean, low, high = over_seeds(given)
+                    row[key] = {"mean": mean, "low": none(low), "high": none(high)}
+            content[group][protocol] = row
+    return content
+
+
+def seed_groups(models: Sequence[str], all_together: bool = False) -> dict[str, list[str]]:
+    """Return models of one recipe that differ in their seed: ``x-seed1``, ``x-seed2`` make ``x``.
+
+    Args:
+        models: names.
+        all_together: all of them are of one recipe, whatever their names.
+    """
+    if all_together:
+        return {"seeds": list(models)}
+    groups: dict[str, list[str]] = {}
+    for name in models:
+        found = _SEED.match(name)
+        if found:
+            groups.setdefault(found["recipe"], []).append(name)
+    return {recipe: names for recipe, names in groups.items() if len(names) > 1}
 
 
 def _ends(values: Array, possible: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -1,10 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which recording was played into a bag, and how far the bag's clock is from the recording's.
+"""Which recording was played into a bag, and the offset of the bag's clock from the recording's.
 
-Whoever plays a recording may put it anywhere in time: the demo begins at the first frame, a bag
-of several recordings places one after the other. Where a bag holds observations beside its
-predictions, they tell both without doubt.
+A recording may be played at any time: the demo begins at the first frame, a bag of several
+recordings has one after the other. Where a bag holds observations next to its predictions, they
+determine both.
 """
 
 from __future__ import annotations
@@ -19,17 +19,25 @@ from mtpgo_core.schema import Prediction
 from mtpgo_training.data.recording import Int64Array, Recording
 
 SAME_PLACE_M = 0.05
-"""An observation is of a recording if that has the road user within this of its place (m)."""
+"""An observation is of a recording if the road user is within this of its position there (m);
+chosen: well above the rounding of positions in files and messages."""
 
 SAME_SHARE = 0.9
-"""This share of a bag's observations must be of a recording that was played."""
+"""At least this share of a bag's observations are of a recording that was played; chosen."""
 
 MOVING_MPS = 1.0
-"""Only who is faster shows by its place what time it is (m/s)."""
+"""Only the position of a faster road user determines the time (m/s); chosen: such a road user
+moves by ``SAME_PLACE_M`` in 50 ms."""
 
 _SAMPLE, _ASKED, _CANDIDATES = 400, 60, 8
+"""Numbers of observations that an offset is tested on, of observations that propose one, and of
+offsets that are tested; chosen."""
+
 _GRID_NS = 1_000_000
+"""Clock offsets are counted on this grid (ns): layouts and messages round stamps differently."""
+
 _OFF_GRID_NS = 2_000_000
+"""A stamp is one of a frame if it is this close to it (ns)."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +46,7 @@ class AlignedPart:
 
     Attributes:
         name: of the recording, None where it is none of those given.
-        shift_ns: the bag's clock less the recording's (ns).
+        shift_ns: the bag's clock minus the recording's (ns).
         first_ns: first and
         last_ns: last observation on the bag's clock (ns).
     """
@@ -49,14 +57,14 @@ class AlignedPart:
     last_ns: int
 
     def holds(self, stamp_ns: int) -> bool:
-        """Whether an instant of the bag's clock lies within."""
+        """Return whether an instant of the bag's clock lies within the part."""
         return self.first_ns - _GRID_NS <= stamp_ns <= self.last_ns + _GRID_NS
 
 
 def find_parts(
     observed: Sequence[Recording], recordings: Mapping[str, Recording]
 ) -> list[AlignedPart]:
-    """The parts of a bag.
+    """Return the parts of a bag in each of which one recording was played.
 
     Args:
         observed: what the bag observed, one after the other.
@@ -76,14 +84,13 @@ def _find_part(piece: Recording, recordings: Mapping[str, Recording]) -> Aligned
 
 
 def restamped(prediction: Prediction, part: AlignedPart) -> int:
-    """The prediction's stamp on the recording's clock (ns)."""
+    """Return the prediction's stamp on the recording's clock (ns)."""
     return prediction.stamp_ns - part.shift_ns
 
 
 def _shift_ns(piece: Recording, recording: Recording) -> tuple[int, float]:
-    """The clock shift that explains the most of the piece's observations, and their share."""
-    tracks = {key.tobytes(): i for i, key in enumerate(recording.key)}
-    own = np.array([tracks.get(key.tobytes(), -1) for key in piece.key], dtype=np.int64)
+    """Return the offset that fits the most of the piece's observations (ns), and their share."""
+    own = recording.find_tracks(piece.key)
     if not (own >= 0).any():
         return 0, 0.0
     rows = np.unique(np.linspace(0, len(piece) - 1, _SAMPLE).astype(np.int64))
@@ -113,7 +120,7 @@ def _shift_ns(piece: Recording, recording: Recording) -> tuple[int, float]:
 def _candidates_ns(
     piece: Recording, own: Int64Array, recording: Recording, order: Int64Array
 ) -> list[int]:
-    """No shift at all, and those that bring the most road users to where they were (ns)."""
+    """Return no offset, and those that fit the most road users' positions (ns)."""
     speed = np.nan_to_num(np.linalg.norm(piece.velocity, axis=1), nan=np.inf)
     rows = np.flatnonzero((own[piece.track] >= 0) & (speed >= MOVING_MPS))
     if not len(rows):

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Exported models on recordings, by the very path that the node takes.
+"""Evaluation of exported models on recordings, with the predictor that the node runs.
 
 Protocol ``all``: under the graph policy of the node (``cover`` by default) every agent counts once
 an instant. Protocol ``centre``: every agent is predicted in the graph of which it is the centre
@@ -19,17 +19,17 @@ from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import HistoryWindow, Prediction
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.evaluation.extreme_scenes import SceneKeeper
-from mtpgo_training.evaluation.scorebook import ScoreBook
-from mtpgo_training.evaluation.scorer import Judge
+from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
+from mtpgo_training.evaluation.score_table import Averages, ScoreTable
+from mtpgo_training.evaluation.scorer import Scorer
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.windows import frames_every
 
 CENTRE_EVERY = 5
-"""The protocol ``centre``, which costs a graph an agent, is scored at every so many instants."""
+"""The protocol ``centre`` is scored at every fifth instant: it costs a graph for each agent."""
 
 MAX_AGENTS = 10_000
-"""No agent is left to constant velocity offline."""
+"""Limit of the predictor offline; chosen so high that no agent is left to constant velocity."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class Settings:
         stride_s: time between two scored instants (s).
         centre: score the protocol ``centre`` too.
         min_future_s: agents observed for a shorter time afterwards are left out (s).
-        one_sample: forget the past before each instant, as if everybody were seen for the first
-            time.
+        one_sample: forget the past before each instant, as if all agents were observed for the
+            first time.
     """
 
     policy: str | None = None
@@ -54,30 +54,61 @@ class Settings:
 
 @dataclass
 class Evaluation:
-    """What came out.
+    """The results of an evaluation.
 
     Attributes:
-        book: the scores.
-        recordings: name in the book -> SHA-256 of its sources.
-        scenes: by model, those worth a picture; only of models named when it was made.
+        scores: of models and baselines.
+        recordings: name in the scores -> SHA-256 of its sources.
+        scenes: the best and worst scenes of those models for which an entry was made before.
     """
 
-    book: ScoreBook = field(default_factory=ScoreBook)
+    scores: ScoreTable = field(default_factory=ScoreTable)
     recordings: dict[str, str] = field(default_factory=dict)
-    scenes: dict[str, SceneKeeper] = field(default_factory=dict)
+    scenes: dict[str, ExtremeScenes] = field(default_factory=dict)
+
+    def add(
+        self,
+        model: str,
+        protocol: str,
+        scorer: Scorer,
+        prediction: Prediction,
+        window: HistoryWindow | None = None,
+        *,
+        baselines: bool = False,
+    ) -> None:
+        """Score a prediction.
+
+        Args:
+            model: name of the model or bag that it comes from.
+            protocol: ``all`` or ``centre``.
+            scorer: of the recording.
+            prediction: of any agents.
+            window: the history it was made from, needed for the baselines and the scenes.
+            baselines: score the baselines for the same agents too.
+        """
+        found = scorer.score(prediction)
+        self.scores.add(model, protocol, found.scores, found.truth.agents)
+        scenes = self.scenes.get(model) if protocol == "all" else None
+        if window is None or not (baselines or scenes is not None):
+            return
+        reference = scorer.score_baselines(window, found.truth)
+        if baselines:
+            reference.add_to(self.scores, protocol)
+        if scenes is not None:
+            scenes.update(scorer, prediction, found, reference.cv_ade)
 
     def merge(self, other: Evaluation) -> None:
-        """Take the results on other recordings in."""
-        self.book.merge(other.book)
+        """Take in the results on other recordings."""
+        self.scores.merge(other.scores)
         self.recordings.update(other.recordings)
-        for name, keeper in other.scenes.items():
-            self.scenes.setdefault(name, SceneKeeper()).merge(keeper)
+        for name, scenes in other.scenes.items():
+            self.scenes.setdefault(name, ExtremeScenes()).merge(scenes)
 
 
 def make_predictor(
     runner: ModelRunner, recording: Recording, policy: str | None = None
 ) -> ScenePredictor:
-    """What the node would run on this recording."""
+    """Return the predictor that the node would run on this recording."""
     return ScenePredictor(
         runner,
         options=PredictorOptions(policy=policy, max_agents=MAX_AGENTS),
@@ -88,7 +119,7 @@ def make_predictor(
 def predict_recording(
     runner: ModelRunner, recording: Recording, *, policy: str | None = None, stride_s: float = 0.2
 ) -> Iterator[Prediction]:
-    """The predictions that the node would publish on a recording.
+    """Yield the predictions that the node would publish on a recording.
 
     Args:
         runner: the model.
@@ -126,45 +157,24 @@ def evaluate_recording(
     first = next(iter(runners), None)
     for group in _same_history(runners):
         history = runners[group[0]].task.history
-        judge = Judge(
+        scorer = Scorer(
             recording, max_gap_s=history.max_gap_s, min_future_s=settings.min_future_s, name=name
         )
-        entries = [
-            _Entry(model, protocol, make_predictor(runners[model], recording, policy))
+        predictors = {
+            (model, protocol): make_predictor(runners[model], recording, policy)
             for model in group
             for protocol, policy in (("all", settings.policy), ("centre", "each"))
             if protocol == "all" or settings.centre
-        ]
+        }
         for window, protocols in _windows(recording, history, settings, tick):
-            for entry in entries:
-                if entry.protocol in protocols:
-                    entry.score(result, judge, window, baselines=entry.model == first)
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """One model by one protocol on one recording."""
-
-    model: str
-    protocol: str
-    predictor: ScenePredictor
-
-    def score(
-        self, result: Evaluation, judge: Judge, window: HistoryWindow, *, baselines: bool
-    ) -> None:
-        prediction = self.predictor.predict(window)
-        if not len(prediction):
-            return
-        rows, seen, scores = judge.add(result.book, prediction, self.model, self.protocol)
-        keeper = result.scenes.get(self.model) if self.protocol == "all" else None
-        cv = None
-        if baselines:
-            cv = judge.add_baselines(result.book, window, seen, self.protocol)
-        elif keeper is not None:
-            cv = judge.add_baselines(ScoreBook(), window, seen, self.protocol)
-        if keeper is not None and cv is not None:
-            ade, age_s = scores.values["ade"], judge.age_s(seen.track, prediction.stamp_ns)
-            keeper.offer(judge.recording, prediction, rows, seen.mask, ade, cv, age_s)
+            for (model, protocol), predictor in predictors.items():
+                if protocol not in protocols:
+                    continue
+                prediction = predictor.predict(window)
+                if len(prediction):
+                    result.add(
+                        model, protocol, scorer, prediction, window, baselines=model == first
+                    )
 
 
 def _windows(
@@ -173,7 +183,7 @@ def _windows(
     settings: Settings,
     tick: Callable[[], object],
 ) -> Iterator[tuple[HistoryWindow, set[str]]]:
-    """The windows of all scored instants, each with the protocols it serves."""
+    """Yield the windows of all scored instants, each with the protocols that it is scored for."""
     strides = {"all": settings.stride_s, "centre": CENTRE_EVERY * settings.stride_s}
     frames = {p: set(frames_every(recording, stride).tolist()) for p, stride in strides.items()}
     scored = sorted(set.union(*frames.values()))
@@ -189,7 +199,7 @@ def _windows(
 
 
 def _same_history(runners: Mapping[str, ModelRunner]) -> list[list[str]]:
-    """Names of models that see the same windows, together."""
+    """Return the names of the models in groups that see the same windows."""
     groups: dict[HistoryConfig, list[str]] = {}
     for name, runner in runners.items():
         groups.setdefault(runner.task.history, []).append(name)
@@ -204,18 +214,43 @@ def evaluate_all(
     draw: Sequence[str] = (),
     progress: Callable[[str, int], Callable[[], object]] = lambda name, frames: lambda: None,
 ) -> Evaluation:
-    """Scores of models and baselines over recordings, of which only one need be in memory.
+    """Evaluate models and baselines on recordings, of which only one need be in memory.
 
     Args:
         runners: models by name.
         recordings: names and recordings, taken one after the other.
         settings: see :class:`Settings`.
         draw: models whose best and worst scenes are kept for a picture.
-        progress: given each recording's name and number of steps, what to call after each.
+        progress: given each recording's name and number of steps, returns what is called after
+            each step.
     """
-    result = Evaluation(scenes={name: SceneKeeper() for name in draw})
+    result = Evaluation(scenes={name: ExtremeScenes() for name in draw})
     histories = max(1, len(_same_history(runners)))
     for name, recording in recordings:
         tick = progress(name, histories * len(recording.frames))
         evaluate_recording(result, runners, recording, settings, name=name, tick=tick)
     return result
+
+
+def evaluate(
+    runners: Mapping[str, ModelRunner],
+    recordings: Iterable[Recording],
+    *,
+    policy: str | None = None,
+    stride_s: float = 0.2,
+    centre: bool = True,
+    min_future_s: float = 0.0,
+) -> Averages:
+    """Return average scores of models and baselines over recordings.
+
+    Args:
+        runners: models by name. The baselines use the history of the first.
+        recordings: what they are scored on.
+        policy: graph policy of the protocol ``all``, None for the models' own.
+        stride_s: time between two scored instants (s); the protocol ``centre`` is scored at every
+            fifth.
+        centre: score the protocol ``centre`` too.
+        min_future_s: agents observed for a shorter time afterwards are left out (s).
+    """
+    settings = Settings(policy, stride_s, centre, min_future_s)
+    return evaluate_all(runners, [(r.name, r) for r in recordings], settings).scores.averages()

@@ -190,3 +190,10 @@ def over_steps(values: Array, mask: Mask) -> Array:
     count = mask.sum(axis=-1)
     total = np.where(mask, values, 0.0).sum(axis=-1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def running_mean(values: Array, mask: Mask) -> Array:
+    """[..., H] mean of ``values`` [..., H] where ``mask`` up to each step, NaN before any."""
+    count = mask.cumsum(axis=-1)
+    total = np.where(mask, values, 0.0).cumsum(axis=-1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)

@@ -1,8 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The moments worth a picture: where somebody does not just go on as before.
+"""Selection of moments for pictures: a road user leaves its straight path.
 
-Chosen among the model's predictions by what happened, never by how well it was predicted.
+Selected among the model's predictions by what happened, never by how well it was predicted.
 """
 
 from __future__ import annotations
@@ -17,23 +17,24 @@ from mtpgo_training.data.ground_truth import FutureTable
 from mtpgo_training.data.recording import Recording
 
 MIN_SPEED_MPS = 3.0
-"""A focal road user moves at least this fast at t (m/s)."""
+"""A focal road user moves at least this fast at t (m/s); chosen."""
 
 ASIDE_WEIGHT, ALONG_WEIGHT = 3.0, 0.3
-"""What a metre beside going straight on counts, and a metre along it: braking is common."""
+"""Weights of a metre across and of a metre along the straight path; chosen: braking is common."""
 
 LARGEST_INTEREST_M = 60.0
-"""Beyond this, more is no more interesting, and may be a tracker's error (m)."""
+"""Upper limit of the interest (m); chosen: more may be a tracker's error."""
 
 BEGUN_S = 1.0
-"""Going straight on is counted from this long before the moment (s), so that what makes the moment
-has just begun and can be seen."""
+"""The straight path begins this long before the moment (s); chosen: the manoeuvre has just begun
+then, and can be seen."""
 
 NEAR_M, NEIGHBOUR_M = 40.0, 0.3
-"""Each road user closer than the one (m) adds the other to the interest (m), up to ten."""
+"""Each road user closer than the first (m) adds the second to the interest (m), up to ten;
+chosen."""
 
 APART_S = 4.0
-"""Two moments of a recording are at least this far apart (s)."""
+"""Two moments of a recording are at least this far apart (s); chosen."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class Moment:
         recording: what was played.
         prediction: what was predicted then.
         agent: row of the road user in focus.
-        interest: by which it was chosen (m).
-        note: more to be said about it in its title.
+        interest: by which it was selected (m).
+        note: addition to its title.
     """
 
     recording: Recording
@@ -58,7 +59,7 @@ class Moment:
 def choose_moments(
     played: Sequence[tuple[Recording, Sequence[Prediction]]], count: int, past_s: float = 3.0
 ) -> list[Moment]:
-    """Up to ``count`` moments, of different sites and road users as far as there are any.
+    """Select up to ``count`` moments, of different sites and road users as far as possible.
 
     Args:
         played: each recording with its predictions.
@@ -74,7 +75,7 @@ def choose_moments(
 
 
 def choose(candidates: Sequence[Moment], count: int) -> list[Moment]:
-    """The most interesting moments, of different sites and road users as far as there are any."""
+    """Return the most interesting moments, of different sites and road users if possible."""
     left = sorted(candidates, key=lambda moment: -moment.interest)
     chosen: list[Moment] = []
     while left and len(chosen) < count:
@@ -98,7 +99,7 @@ def _differs(one: Moment, other: Moment) -> bool:
 def _best_moments(
     recording: Recording, predictions: Sequence[Prediction], past_s: float
 ) -> list[Moment]:
-    """The most interesting road user of every prediction."""
+    """Return the most interesting road user of every prediction."""
     future = FutureTable(recording)
     frame = np.full(len(recording.track_id), np.iinfo(np.int64).max)
     np.minimum.at(frame, recording.track, recording.frame)
@@ -122,30 +123,31 @@ def _best_moments(
 
 
 def _state_at(recording: Recording, stamp_ns: int, track: np.ndarray) -> Float64Array:
-    """[n, 4] position and velocity at the stamp, NaN for who is not there (m, m/s)."""
+    """[n, 4] position and velocity of tracks at the stamp, NaN where not observed (m, m/s)."""
     frame = round((stamp_ns - recording.start_time_ns) * 1e-9 * recording.frame_rate)
     left, right = np.searchsorted(recording.frame, [frame, frame + 1])
-    rows = {int(t): left + i for i, t in enumerate(recording.track[left:right])}
-    index = np.array([rows.get(int(t), -1) for t in track], dtype=np.int64)
+    rows = np.full(len(recording.track_id) + 1, -1)  # row of each track; the last is for -1
+    rows[recording.track[left:right]] = np.arange(left, right)
+    index = rows[track]
     state = np.concatenate([recording.position, recording.velocity], axis=1)[index]
     state[index < 0] = np.nan
     return state
 
 
 def _interest(now: Float64Array, end: Float64Array, time_s: float) -> Float64Array:
-    """[n] how far from going straight on (m), sideways more than along; crowds add a little.
+    """[n] distance from the straight path (m), weighted more across than along it, plus crowding.
 
     Args:
-        now: [n, 4] position and velocity to go straight on from (m, m/s).
+        now: [n, 4] position and velocity at the start of the straight path (m, m/s).
         end: [n, 2] position after ``time_s`` seconds (m).
         time_s: time between the two (s).
     """
     speed = np.linalg.norm(now[:, 2:], axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         along = now[:, 2:] / speed[:, None]
-        beside = end - (now[:, :2] + now[:, 2:] * time_s)
-        forward = np.abs(np.sum(beside * along, axis=1))
-        aside = np.abs(along[:, 0] * beside[:, 1] - along[:, 1] * beside[:, 0])
+        offset = end - (now[:, :2] + now[:, 2:] * time_s)
+        forward = np.abs(np.sum(offset * along, axis=1))
+        aside = np.abs(along[:, 0] * offset[:, 1] - along[:, 1] * offset[:, 0])
         distance = np.linalg.norm(now[:, None, :2] - now[None, :, :2], axis=-1)
         near = np.minimum((distance < NEAR_M).sum(axis=1), 10)
         interest = np.minimum(ASIDE_WEIGHT * aside + ALONG_WEIGHT * forward, LARGEST_INTEREST_M)

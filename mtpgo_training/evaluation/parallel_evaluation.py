@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The same evaluation by several processes, a recording each; the results are the same."""
+"""Evaluation in several processes, each with one recording at a time; same results as in one."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from pathlib import Path
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.evaluator import Evaluation, Settings, evaluate_all
-from mtpgo_training.evaluation.extreme_scenes import SceneKeeper
+from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 
 _runners: dict[str, ModelRunner] = {}
-"""Of a worker process, loaded when it starts."""
+"""Models of a worker process, loaded when it starts."""
 
 
 def evaluate_in_processes(
@@ -29,17 +29,17 @@ def evaluate_in_processes(
     draw: Sequence[str] = (),
     done: Callable[[str], object] = lambda name: None,
 ) -> Evaluation:
-    """Like :func:`evaluate_all`, with one torch thread in each process.
+    """Evaluate as :func:`evaluate_all` does, with one torch thread in each process.
 
     Args:
         models: files by name.
-        recordings: names and recordings, taken one after the other as processes get free.
+        recordings: names and recordings, taken one after the other as processes become free.
         settings: see :class:`Settings`.
         jobs: number of processes.
         draw: models whose best and worst scenes are kept for a picture.
         done: called with the name of each recording that is done.
     """
-    result = Evaluation(scenes={name: SceneKeeper() for name in draw})
+    result = Evaluation(scenes={name: ExtremeScenes() for name in draw})
     # A forked torch may hang on the locks of threads that it lacks.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, context, _start, (dict(models),)) as pool:
@@ -64,7 +64,7 @@ def evaluate_in_processes(
 
 
 def _start(models: dict[str, Path]) -> None:
-    """An interrupt is the parent's business."""
+    """Load the models; leave interrupts to the parent process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _runners.update({name: ModelRunner.load(path) for name, path in models.items()})
 

@@ -1,21 +1,21 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which recordings a model has already seen, by its own account: no score on them is a test."""
+"""Overlap of the evaluated recordings with a model's training data, as the model file lists it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-SEEN_USES = ("train", "validation")
-"""Uses of a recording in training after which a score on it says little."""
+OVERLAPPING_USES = ("train", "validation")
+"""Uses of a recording in training after which a score on it is no test."""
 
 
 def uses_of(training: Mapping[str, Any], sha256: str) -> list[str]:
-    """What a recording was used for, each of ``train``, ``validation`` and ``test`` at most once.
+    """Return what a recording was used for, each of ``train``, ``validation``, ``test`` once.
 
     Args:
-        training: the model's own account of its training, ``TaskDescription.training``.
+        training: the model's description of its training, ``TaskDescription.training``.
         sha256: of the recording's source files.
     """
     entries = training.get("recordings", ())
@@ -24,44 +24,46 @@ def uses_of(training: Mapping[str, Any], sha256: str) -> list[str]:
         for entry in entries
         if isinstance(entry, Mapping) and sha256 and entry.get("sha256") == sha256
     }
-    return [use for use in (*SEEN_USES, "test") if use in found]
+    return [use for use in (*OVERLAPPING_USES, "test") if use in found]
 
 
-def seen_hashes(training: Mapping[str, Any]) -> set[str]:
-    """SHA-256 of the recordings that took part in training or in choosing its best state."""
+def training_hashes(training: Mapping[str, Any]) -> set[str]:
+    """Return the SHA-256 of the recordings used in training or in choosing its best state."""
     entries = training.get("recordings", ())
     return {
         str(entry["sha256"])
         for entry in entries
-        if isinstance(entry, Mapping) and entry.get("split") in SEEN_USES and "sha256" in entry
+        if isinstance(entry, Mapping)
+        and entry.get("split") in OVERLAPPING_USES
+        and "sha256" in entry
     }
 
 
-def warnings_of(seen: Mapping[str, Mapping[str, Sequence[str]]]) -> list[str]:
-    """One sentence for each model and use that spoils a result.
+def overlap_warnings(overlaps: Mapping[str, Mapping[str, Sequence[str]]]) -> list[str]:
+    """Return one sentence for each model and use that makes a result too good.
 
     Args:
-        seen: by model and use, the names of the recordings, see :func:`seen_by`.
+        overlaps: by model and use, the names of the recordings, see :func:`overlap_by_model`.
     """
     texts = {
-        "train": "was trained on {}: its results include what it has learned by heart",
+        "train": "was trained on {}: its results include what it has memorised",
         "validation": "was chosen or calibrated on {}: its results there are a little too good",
     }
     return [
-        f"{model} {texts[use].format(', '.join(seen[model][use]))}"
-        for model in seen
-        for use in SEEN_USES
-        if seen[model].get(use)
+        f"{model} {texts[use].format(', '.join(overlaps[model][use]))}"
+        for model in overlaps
+        for use in OVERLAPPING_USES
+        if overlaps[model].get(use)
     ]
 
 
-def seen_by(
+def overlap_by_model(
     trainings: Mapping[str, Mapping[str, Any]], recordings: Mapping[str, str]
 ) -> dict[str, dict[str, list[str]]]:
-    """By model and use in its training, the names of those recordings.
+    """Return by model and use in its training, the names of those recordings.
 
     Args:
-        trainings: by model, its own account.
+        trainings: by model, its description of its training.
         recordings: by name, the SHA-256.
     """
     return {
@@ -71,7 +73,7 @@ def seen_by(
                 for name, sha256 in recordings.items()
                 if (uses := uses_of(training, sha256)) and uses[0] == use
             ]
-            for use in SEEN_USES
+            for use in OVERLAPPING_USES
         }
         for model, training in trainings.items()
     }

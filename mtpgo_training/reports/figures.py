@@ -15,15 +15,11 @@ from matplotlib.figure import Figure
 
 from mtpgo_training.atomic_files import replacing
 from mtpgo_training.evaluation import metrics
+from mtpgo_training.reports.series import PROTOCOL, colour, series_names
 
 Json = dict[str, Any]
 
-MODEL_COLOURS = ("#2a6fbb", "#e07b16", "#1f8a5f", "#8a4fb0", "#b8326b", "#4b5a66")
-BASELINE_COLOURS = {"cv": "#c0392b", "ca": "#a9adb1", "ctrv": "#7d8790"}
 INK, GRID = "#2b3036", "#e3e5e7"
-
-PROTOCOL = "all"
-"""The protocol that the figures show; the page has the tables of both."""
 
 _STYLE: Any = {
     "font.size": 10,
@@ -46,7 +42,7 @@ _STYLE: Any = {
 
 
 def draw_figures(content: Json, folder: Path) -> dict[str, Path]:
-    """All figures for which there is something to draw, by name, as PNG in a folder."""
+    """Draw all figures for which there are values; return the PNG files in a folder by name."""
     drawers: dict[str, Callable[[Json], Figure | None]] = {
         "horizon": _horizon,
         "reliability": _reliability,
@@ -64,21 +60,6 @@ def draw_figures(content: Json, folder: Path) -> dict[str, Path]:
             with replacing(paths[name]) as temporary:
                 figure.savefig(temporary, dpi=150, format="png", facecolor="white")
     return paths
-
-
-def series_names(content: Json, baselines: bool = True) -> list[str]:
-    """Models, then baselines, of those that have results of all agents."""
-    own = [n for n, p in content["models"].items() if PROTOCOL in p]
-    models = [name for name in own if name not in content["baselines"]]
-    return models + ([name for name in own if name in content["baselines"]] if baselines else [])
-
-
-def colour(content: Json, name: str) -> str:
-    """Of a model or baseline, the same in all figures."""
-    if name in content["baselines"]:
-        return BASELINE_COLOURS.get(name, "#7d8790")
-    models = series_names(content, baselines=False)
-    return MODEL_COLOURS[models.index(name) % len(MODEL_COLOURS)]
 
 
 def _new(width_in: float = 5.6, height_in: float = 3.9) -> tuple[Figure, Any]:
@@ -113,7 +94,7 @@ def _horizon(content: Json) -> Figure | None:
             axes.fill_between(time, low, high, color=colour(content, name), alpha=0.13, lw=0)
         if name != "ca":
             tops.append(np.nanmax(error))
-    # Constant acceleration may run off the top; the rest shall be seen.
+    # Constant acceleration may leave the axes at the top, so that the others can be read.
     axes.set(xlim=(0, None), ylim=(0, 1.25 * max(tops, default=1.0)))
     axes.set(xlabel="time ahead (s)", ylabel="displacement (m)")
     axes.set_title("Error over the horizon")

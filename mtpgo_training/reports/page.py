@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``index.html``: everything of an evaluation on one page, with its figures inside."""
+"""The report of an evaluation: one page, ``index.html``, that contains its figures."""
 
 from __future__ import annotations
 
@@ -14,25 +14,24 @@ import jinja2
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.evaluation.extreme_scenes import SceneKeeper
-from mtpgo_training.reports.figures import draw_figures, series_names
+from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
+from mtpgo_training.reports.figures import draw_figures
 from mtpgo_training.reports.scene_plot import draw_picture
-from mtpgo_training.reports.tables import (
-    agreement_table,
-    group_tables,
-    result_tables,
-)
-from mtpgo_training.reports.template import CAPTIONS, GLOSSARY, PAGE
+from mtpgo_training.reports.series import series_names
+from mtpgo_training.reports.tables import agreement_table, group_tables, result_tables
+from mtpgo_training.table_format import to_html
 
 Json = dict[str, Any]
 
 PAGE_NAME = "index.html"
+TEMPLATE_NAME = "page.html.j2"
+
 SCENES = 3
 """Panels of each picture of scenes."""
 
 
 def prepare_folder(folder: Path) -> None:
-    """That the folder is there and can be written, found out before long work.
+    """Create the folder and check that it can be written, before long work.
 
     Raises:
         ConfigurationError: it cannot.
@@ -49,8 +48,8 @@ def prepare_folder(folder: Path) -> None:
         ) from error
 
 
-def write_report(folder: Path, content: Json, scenes: Mapping[str, SceneKeeper]) -> Path:
-    """Write the page, and its figures as PNG beside it.
+def write_report(folder: Path, content: Json, scenes: Mapping[str, ExtremeScenes]) -> Path:
+    """Write the page, and its figures as PNG into the same folder.
 
     Args:
         folder: where to, see :func:`prepare_folder`.
@@ -61,9 +60,15 @@ def write_report(folder: Path, content: Json, scenes: Mapping[str, SceneKeeper])
         The page.
     """
     figures = draw_figures(content, folder)
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["table"] = to_html
     models = series_names(content, baselines=False)
-    text = environment.from_string(PAGE).render(
+    text = environment.get_template(TEMPLATE_NAME).render(
         title=f"Evaluation of {', '.join(models)}",
         subtitle=_subtitle(content),
         warnings=content["warnings"],
@@ -75,24 +80,23 @@ def write_report(folder: Path, content: Json, scenes: Mapping[str, SceneKeeper])
         groups=group_tables(content),
         scenes=_scenes(folder, scenes),
         facts=_facts(content),
-        glossary=GLOSSARY,
     )
     write_text(folder / PAGE_NAME, text)
     return folder / PAGE_NAME
 
 
 def _figure(name: str, path: Path) -> dict[str, str]:
-    return {"alt": CAPTIONS[name], "caption": CAPTIONS[name], "data": _embedded(path)}
+    return {"name": name, "data": _embedded(path)}
 
 
 def _embedded(path: Path) -> str:
     return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()
 
 
-def _scenes(folder: Path, scenes: Mapping[str, SceneKeeper]) -> list[dict[str, str]]:
+def _scenes(folder: Path, scenes: Mapping[str, ExtremeScenes]) -> list[dict[str, str]]:
     found = []
-    for model, keeper in scenes.items():
-        for kind, moments in (("best", keeper.best(SCENES)), ("worst", keeper.worst(SCENES))):
+    for model, extremes in scenes.items():
+        for kind, moments in (("best", extremes.best(SCENES)), ("worst", extremes.worst(SCENES))):
             if not moments:
                 continue
             path = folder / f"{kind}_{_file_name(model)}.png"
@@ -130,6 +134,6 @@ def _facts(content: Json) -> list[tuple[str, str]]:
         ("least future", f"{content['min_future_s']:g} s"),
     ]
     if content["one_sample"]:
-        facts.append(("past", "forgotten before each instant: everybody has one sample"))
+        facts.append(("past", "forgotten before each instant: each road user has one sample"))
     facts += [(f"recording {n}", f"SHA-256 {h[:16]}") for n, h in content["recordings"].items()]
     return facts

@@ -1,16 +1,26 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the page, from the content of ``mtpgo evaluate --json``."""
+"""The tables of an evaluation, from the content of ``mtpgo evaluate --json``."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from typing import Any
 
-from mtpgo_training.evaluation.scorebook import TITLES
-from mtpgo_training.evaluation.summary import HEADINGS
-from mtpgo_training.reports.figures import PROTOCOL, colour, series_names
+from mtpgo_training.evaluation.score_summary import TITLES, value_text
+from mtpgo_training.reports.series import PROTOCOL, colour, series_names
+from mtpgo_training.table_format import Cell, Row, Table
 
 Json = dict[str, Any]
+
+HEADINGS = {"all": "all agents", "centre": "each agent in the centre of its graph"}
+"""Names of the protocols, in the order in which they are shown."""
+
+INTERVAL_KEYS = ("ade", "fde", "anll", "coverage_90")
+"""The values that are given with their interval where there is no room for all."""
+
+NEES_SHARES = (0.2, 0.6, 1.0)
+"""The parts of the horizon at whose ends the NEES is printed."""
 
 _LOWER_IS_BETTER = ("ade", "fde", "mr", "apde", "anll", "fnll", "min_ade", "min_fde")
 _GROUP_KEYS = ("ade", "fde", "mr", "anll", "coverage_90")
@@ -19,138 +29,194 @@ _TEXTS = {
     "all": "Every road user once an instant, in the graph that the node would predict it in.",
     "centre": "Every road user in the graph of which it is the centre, as the paper evaluates.",
 }
+_GROUP_TEXTS = {
+    "by_manoeuvre": (
+        "By manoeuvre",
+        "Only road users that were observed for the whole horizon; docs/evaluation.md has the "
+        "rules.",
+    ),
+    "by_class": ("By class", "As the recordings name them."),
+    "by_recording": ("By recording", ""),
+}
 
 
-def result_tables(content: Json) -> list[Json]:
-    """The main table of each protocol, and of the seeds if there are several."""
+def score_cells(
+    content: Json, model: str, protocol: str, digits: int, with_interval: Collection[str]
+) -> list[Cell]:
+    """Return the averages of a model, in the columns of ``TITLES``.
+
+    Args:
+        content: of the evaluation.
+        model: its name.
+        protocol: ``all`` or ``centre``.
+        digits: after the point.
+        with_interval: the values that are given with their interval over recordings.
+    """
+    scores = content["models"][model][protocol]
+    intervals = content["intervals"].get(model, {}).get(protocol, {})
+    others = [p[protocol] for p in content["models"].values() if protocol in p]
+    return [
+        Cell(
+            value_text(scores[key], digits),
+            interval_text(intervals.get(key)) if key in with_interval else "",
+            best=key in _LOWER_IS_BETTER and _is_least(scores[key], [row[key] for row in others]),
+        )
+        for key in TITLES
+    ]
+
+
+def result_tables(content: Json) -> list[Table]:
+    """Return the main table of each protocol with all intervals, and those over seeds."""
     tables = []
     for protocol, heading in HEADINGS.items():
-        names = [n for n in content["models"] if protocol in content["models"][n]]
-        if names:
-            rows = [_row(content, name, protocol) for name in names]
-            _mark_best(rows)
-            tables.append(
-                {
-                    "heading": f"Results: {heading}",
-                    "text": _TEXTS[protocol],
-                    "heads": ["", *TITLES.values(), "ADE / cv"],
-                    "rows": rows,
-                }
+        rows = [
+            Row(
+                name,
+                [
+                    *score_cells(content, name, protocol, 3, TITLES),
+                    _relative_cell(content, name, protocol),
+                ],
+                colour(content, name) if protocol == PROTOCOL else None,
+                name in content["baselines"],
             )
-    return tables + [_seeds(group, row) for group, row in content["seeds"].items()]
+            for name, protocols in content["models"].items()
+            if protocol in protocols
+        ]
+        heads = ["", *TITLES.values(), "ADE / cv"]
+        if rows:
+            tables.append(Table(heads, rows, f"Results: {heading}", _TEXTS[protocol]))
+    return tables + [_seeds_table(group, row) for group, row in content["seeds"].items()]
 
 
-def group_tables(content: Json) -> list[Json]:
-    """Results by manoeuvre, by class and by recording, of all agents."""
-    texts = {
-        "by_manoeuvre": (
-            "By manoeuvre",
-            "Only road users that were observed for the whole horizon; docs/evaluation.md has the "
-            "rules.",
-        ),
-        "by_class": ("By class", "As the recordings name them."),
-        "by_recording": ("By recording", ""),
-    }
+def group_tables(content: Json) -> list[Table]:
+    """Return the results by manoeuvre, by class and by recording, of all agents."""
     tables = []
-    for key, (heading, text) in texts.items():
-        names = series_names(content)
-        groups = list(dict.fromkeys(g for n in names for g in content[key][n].get(PROTOCOL, {})))
-        shown = [n for n in names if n not in ("ca", "ctrv")]
-        rows = []
-        for group in groups:
-            for name in shown:
-                scores = content[key][name].get(PROTOCOL, {}).get(group)
-                if scores is not None:
-                    label = group if key == "by_recording" else group.replace("_", " ")
-                    rows.append(
-                        {
-                            "name": f"{label}: {name}",
-                            "colour": colour(content, name),
-                            "baseline": name in content["baselines"],
-                            "cells": [
-                                *({"text": _text(scores[k])} for k in _GROUP_KEYS),
-                                {"text": str(scores["n"])},
-                            ],
-                        }
-                    )
+    names = series_names(content)
+    shown = [name for name in names if name not in ("ca", "ctrv")]
+    for key, (heading, text) in _GROUP_TEXTS.items():
+        found = {name: content[key][name].get(PROTOCOL, {}) for name in names}
+        groups = list(dict.fromkeys(group for scores in found.values() for group in scores))
+        rows = [
+            Row(
+                f"{group if key == 'by_recording' else group.replace('_', ' ')}: {name}",
+                [value_text(found[name][group][k], 2) for k in (*_GROUP_KEYS, "n")],
+                colour(content, name),
+                name in content["baselines"],
+            )
+            for group in groups
+            for name in shown
+            if group in found[name]
+        ]
+        heads = ["", *(TITLES[k] for k in (*_GROUP_KEYS, "n"))]
         if rows and (key != "by_recording" or len(groups) > 1):
-            heads = ["", *(TITLES[k] for k in (*_GROUP_KEYS, "n"))]
-            tables.append({"heading": heading, "text": text, "heads": heads, "rows": rows})
+            tables.append(Table(heads, rows, heading, text))
     return tables
 
 
-def agreement_table(content: Json) -> Json | None:
-    """How far recorded and offline predictions are apart, None where nothing was compared."""
-    rows = []
-    for bag, found in content["agreement"].items():
-        for model, row in found.items():
-            cells = [
-                _text(row["largest_mm"], 3),
-                _text(row["median_mm"], 3),
-                _text(row["resolution_mm"], 3),
-                str(row["predictions"]),
-                str(row["unpaired"]),
+def agreement_table(content: Json) -> Table | None:
+    """Return the differences of recorded and offline predictions, None without any."""
+    rows = [
+        Row(
+            f"{bag} and {model}",
+            [
+                *(value_text(row[k]) for k in ("largest_mm", "median_mm", "resolution_mm")),
+                *(str(row[k]) for k in ("predictions", "unpaired")),
                 row["where"] or "-",
-            ]
-            rows.append({"name": f"{bag} and {model}", "cells": [{"text": c} for c in cells]})
+            ],
+        )
+        for bag, found in content["agreement"].items()
+        for model, row in found.items()
+    ]
     heads = ["", "largest mm", "median mm", "float32 mm", "compared", "not in both", "largest of"]
-    return {"heads": heads, "rows": rows} if rows else None
+    return Table(heads, rows) if rows else None
 
 
-def _row(content: Json, name: str, protocol: str) -> Json:
-    scores = content["models"][name][protocol]
-    intervals = content["intervals"][name][protocol]
-    cells: list[Json] = []
-    for key in TITLES:
-        if key == "n":
-            cells.append({"text": str(scores["n"])})
-            continue
-        low, high = intervals.get(key, (None, None))
-        span = None if low is None else f"{low:.2f} to {high:.2f}"
-        cells.append({"text": _text(scores[key], 3), "span": span, "key": key})
-        cells[-1]["value"] = scores[key]
-    share = content["relative"][name][protocol].get("ade")
-    cells.append({"text": "-"} if share is None else {"text": f"{share['value']:.2f}"})
-    if share is not None and share["low"] is not None and name != "cv":
-        cells[-1]["span"] = f"{share['low']:.2f} to {share['high']:.2f}"
-    return {
-        "name": name,
-        "colour": colour(content, name) if protocol == PROTOCOL else None,
-        "baseline": name in content["baselines"],
-        "cells": cells,
-    }
-
-
-def _mark_best(rows: list[Json]) -> None:
-    for i in range(len(rows[0]["cells"])):
-        column = [row["cells"][i] for row in rows]
-        values = [c["value"] for c in column if c.get("value") is not None]
-        if values and column[0].get("key") in _LOWER_IS_BETTER:
-            for cell in column:
-                cell["best"] = cell.get("value") == min(values)
-
-
-def _seeds(group: str, row: Json) -> Json:
+def interval_table(content: Json, protocol: str) -> Table:
+    """Return the intervals over recordings of the most important values."""
     rows = []
+    for model, protocols in content["intervals"].items():
+        if protocol in protocols:
+            ends = [protocols[protocol][key] for key in INTERVAL_KEYS]
+            relative = content["relative"][model].get(protocol, {}).get("ade", {})
+            ends.append((relative.get("low"), relative.get("high")))
+            rows.append(Row(model, [span_text(*end) for end in ends]))
+    heads = ["95 % interval", *(TITLES[key] for key in INTERVAL_KEYS), "ADE / cv"]
+    return Table(heads, rows)
+
+
+def manoeuvre_table(content: Json) -> Table:
+    """Return the ADE by manoeuvre of all agents that were observed for the whole horizon."""
+    found = {m: p[PROTOCOL] for m, p in content["by_manoeuvre"].items() if PROTOCOL in p}
+    names = list(dict.fromkeys(name for rows in found.values() for name in rows))
+    counts = {name: max(r[name]["n"] for r in found.values() if name in r) for name in names}
+    heads = ["ADE m", *(f"{name.replace('_', ' ')} ({counts[name]})" for name in names)]
+    rows = [
+        Row(model, [value_text(r[name]["ade"]) if name in r else "-" for name in names])
+        for model, r in found.items()
+    ]
+    return Table(heads, rows)
+
+
+def nees_table(content: Json) -> Table:
+    """Return the NEES of all agents at a few times, of the heaviest mode and of the mixture."""
+    found = {m: p[PROTOCOL] for m, p in content["by_horizon"].items() if PROTOCOL in p}
+    found = {m: row for m, row in found.items() if any(v is not None for v in row["nees"])}
+    steps = max((len(row["nees"]) for row in found.values()), default=0)
+    shown = sorted({max(0, round(steps * s) - 1) for s in NEES_SHARES}) if steps else []
+    times: list[float | None] = max((row["time_s"] for row in found.values()), key=len, default=[])
+    heads = [f"step {k + 1}" if times[k] is None else f"{times[k]:g} s" for k in shown]
+    rows = []
+    for model, row in found.items():
+        pairs = zip(row["nees"], row["nees_mixture"], strict=True)
+        cells = ["-" if a is None else f"{a:.2f} ({b:.2f})" for a, b in pairs]
+        rows.append(Row(model, [cells[k] if k < len(cells) else "-" for k in shown]))
+    return Table(["NEES (mixture), 2 is right", *heads], rows)
+
+
+def _seeds_table(group: str, row: Json) -> Table:
     keys = [key for key in TITLES if key != "n"]
-    for protocol in HEADINGS:
+    rows = []
+    for protocol, heading in HEADINGS.items():
         if protocol in row:
-            cells = []
-            for key in keys:
-                value = row[protocol].get(key)
-                cell: Json = {"text": "-" if value is None else f"{value['mean']:.3f}"}
-                if value is not None and value["low"] is not None:
-                    cell["span"] = f"{value['low']:.2f} to {value['high']:.2f}"
-                cells.append(cell)
-            rows.append({"name": HEADINGS[protocol], "cells": cells})
-    return {
-        "heading": f"Over seeds: {group}",
-        "text": f"Mean over {', '.join(row['models'])}, and the 95 % interval of that mean "
-        "(Student's t): what training again with another seed would give.",
-        "heads": ["", *(TITLES[key] for key in keys)],
-        "rows": rows,
-    }
+            given = [row[protocol].get(key) for key in keys]
+            rows.append(
+                Row(
+                    heading,
+                    [
+                        Cell(value_text(v["mean"]), interval_text((v["low"], v["high"])))
+                        if v
+                        else "-"
+                        for v in given
+                    ],
+                )
+            )
+    return Table(
+        ["", *(TITLES[key] for key in keys)],
+        rows,
+        f"Over seeds: {group}",
+        f"Mean over {', '.join(row['models'])}, and the 95 % interval of that mean (Student's t): "
+        "what training again with another seed would give.",
+    )
 
 
-def _text(value: float | None, digits: int = 2) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
+def _is_least(value: float | None, values: Sequence[float | None]) -> bool:
+    return value is not None and value == min(v for v in values if v is not None)
+
+
+def _relative_cell(content: Json, name: str, protocol: str) -> Cell:
+    relative = content["relative"][name][protocol].get("ade")
+    if relative is None:
+        return Cell("-")
+    ends = None if name == "cv" else (relative["low"], relative["high"])
+    return Cell(value_text(relative["value"], 2), interval_text(ends))
+
+
+def interval_text(ends: Sequence[float | None] | None) -> str:
+    """Return an interval as it is shown next to its value, empty where there is none."""
+    low, high = ends or (None, None)
+    return "" if low is None or high is None else f"{low:.2f} to {high:.2f}"
+
+
+def span_text(low: float | None, high: float | None) -> str:
+    """Return an interval as it is shown alone."""
+    return "-" if low is None or high is None else f"{low:.3f}..{high:.3f}"

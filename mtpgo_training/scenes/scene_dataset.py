@@ -26,7 +26,7 @@ from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.scenes.augmentation import Augmentation
 from mtpgo_training.scenes.centre_sampling import copies, draw_cover, graph_sizes, standing
-from mtpgo_training.scenes.kinematic_baselines import BASELINES
+from mtpgo_training.scenes.kinematic_baselines import predict_baselines
 from mtpgo_training.scenes.lane_change_balancing import balanced_copies, draw_balanced
 from mtpgo_training.scenes.prepared_recording import PreparedRecording
 from mtpgo_training.scenes.windows import TrackedWindow
@@ -166,13 +166,8 @@ def validation_scenes(
             for b in range(batch.features.shape[0]):
                 data = scene_data(batch, b, tracked, source, scene, history.dt_s, horizon_steps)
                 agents = batch.agent[b][batch.agent[b] >= 0]
-                paths = np.stack(
-                    [
-                        f(tracked.window.select(agents), horizon_steps, history.dt_s)
-                        for f in BASELINES.values()
-                    ],
-                    axis=1,
-                )
+                own = predict_baselines(tracked.window.select(agents), horizon_steps, history.dt_s)
+                paths = np.stack([path.position for path in own.values()], axis=1)
                 local = to_scene(paths - batch.origin[b], batch.rotation[b])
                 data.baselines = torch.from_numpy(np.nan_to_num(local).astype(np.float32))
                 scenes.append(data)

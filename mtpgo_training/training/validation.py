@@ -15,7 +15,8 @@ from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 
 from models.trajectory_predictor import TrajectoryPredictor
-from mtpgo_training.evaluation.scorebook import ScoreBook, ScoreTable
+from mtpgo_training.evaluation.agent_scores import score_agents, score_paths
+from mtpgo_training.evaluation.score_table import Averages, ScoreTable
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 from mtpgo_training.scenes.scene_dataset import dense
 from mtpgo_training.training.batch_loss import Fields
@@ -78,7 +79,7 @@ class CovarianceCalibration:
 @torch.no_grad()
 def validate(
     model: TrajectoryPredictor, batches: Iterable[Fields], scale: float = 1.0
-) -> tuple[ScoreBook, CovarianceCalibration]:
+) -> tuple[ScoreTable, CovarianceCalibration]:
     """Return the scores of the model and of the baselines on the same agents, by both protocols.
 
     Args:
@@ -87,7 +88,7 @@ def validate(
             full precision.
         scale: factor on the model's covariances.
     """
-    book, calibration = ScoreBook(), CovarianceCalibration()
+    scores, calibration = ScoreTable(), CovarianceCalibration()
     device = next(model.parameters()).device
     for fields in batches:
         given = (fields[name].to(device) for name in ("x", "valid", "static"))
@@ -98,19 +99,18 @@ def validate(
             rows = chosen & observed.any(dim=-1)
             truth = fields["target"][rows][..., :2].numpy()
             mask = observed[rows].numpy()
-            book.add(
-                "model",
-                protocol,
-                mean=mean[rows][..., :2].numpy(),
-                weight=log_weight[rows].exp().numpy(),
-                covariance=scale * covariance[rows][..., :2, :2].numpy(),
-                truth=truth,
-                mask=mask,
+            scored = score_agents(
+                mean[rows][..., :2].numpy(),
+                log_weight[rows].exp().numpy(),
+                scale * covariance[rows][..., :2, :2].numpy(),
+                truth,
+                mask,
             )
+            scores.add("model", protocol, scored)
             paths = fields["baselines"][rows].numpy()  # [n, baselines, H, 2]
             for i, name in enumerate(BASELINES):
-                book.add_path(name, protocol, path=paths[:, i], truth=truth, mask=mask)
-    return book, calibration
+                scores.add(name, protocol, score_paths(paths[:, i], truth, mask))
+    return scores, calibration
 
 
 def validate_epoch(
@@ -131,8 +131,9 @@ def validate_epoch(
         The validation's columns of the log, and whether the epoch is the best so far.
     """
     state = run.state
-    table, calibration = _validate_together(run, scenes[rank::processes], processes)
-    criterion = table.models["model"]["all"]["ade"]
+    averages, calibration = _validate_together(run, scenes[rank::processes], processes)
+    criterion = averages["model"]["all"]["ade"]
+    assert criterion is not None, "no agent of the validation scenes was observed"
     if run.loss_weights().ewta > 0.0:
         criterion += EWTA_PENALTY_M
     better = criterion < state.best or run.config.optimisation.keep == "last"
@@ -140,49 +141,36 @@ def validate_epoch(
         state.best, state.best_epoch = criterion, state.epoch + 1
         state.scale = calibration.scale()
         calibrated, _ = _validate_together(run, scenes[rank::processes], processes, state.scale)
-        state.metrics = calibrated.to_dict()
-    return _columns(table), better
+        state.metrics = calibrated
+    return _columns(averages), better
 
 
 def _validate_together(
     run: TrainingRun, scenes: Sequence[Data], processes: int, scale: float = 1.0
-) -> tuple[ScoreTable, CovarianceCalibration]:
+) -> tuple[Averages, CovarianceCalibration]:
     """Return what all processes find together, each with its own ``scenes``."""
     batches = (dense(batch) for batch in DataLoader(scenes, batch_size=BATCH_SCENES))
-    book, calibration = validate(run.average.eval(), batches, scale)
+    scores, calibration = validate(run.average.eval(), batches, scale)
     if processes > 1:
         shares: list[Any] = [None] * processes
-        torch.distributed.all_gather_object(shares, (book, calibration))
-        book, calibration = ScoreBook(), CovarianceCalibration()
-        for other_book, other_calibration in shares:
-            book.merge(other_book)
+        torch.distributed.all_gather_object(shares, (scores, calibration))
+        scores, calibration = ScoreTable(), CovarianceCalibration()
+        for other_scores, other_calibration in shares:
+            scores.merge(other_scores)
             calibration.merge(other_calibration)
-    return book.table(), calibration
+    return scores.averages(), calibration
 
 
-def _columns(table: ScoreTable) -> Row:
+def _columns(averages: Averages) -> Row:
     row: Row = {}
     for protocol in ("all", "centre"):
         for key in LOGGED_SCORES:
-            row[f"{protocol}_{key}"] = round(table.models["model"][protocol][key], 4)
+            row[f"{protocol}_{key}"] = _rounded(averages["model"][protocol][key])
     for name in ("cv", "ca"):
-        row[f"{name}_all_ade"] = round(table.models[name]["all"]["ade"], 4)
-        row[f"{name}_centre_ade"] = round(table.models[name]["centre"]["ade"], 4)
+        row[f"{name}_all_ade"] = _rounded(averages[name]["all"]["ade"])
+        row[f"{name}_centre_ade"] = _rounded(averages[name]["centre"]["ade"])
     return row
 
 
-def scores_text(metrics: Mapping[str, Any]) -> str:
-    """Return a table of the scores in a checkpoint, over all agents.
-
-    Args:
-        metrics: scores by model and protocol, None where not defined.
-    """
-    return ScoreTable(
-        {
-            model: {
-                protocol: {k: math.nan if v is None else v for k, v in scores.items()}
-                for protocol, scores in protocols.items()
-            }
-            for model, protocols in metrics.items()
-        }
-    ).text("all")
+def _rounded(value: float | None) -> float:
+    return math.nan if value is None else round(value, 4)

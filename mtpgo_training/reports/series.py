@@ -1,0 +1,30 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Order and colours of models and baselines, the same in all tables and figures of a report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+Json = dict[str, Any]
+
+MODEL_COLOURS = ("#2a6fbb", "#e07b16", "#1f8a5f", "#8a4fb0", "#b8326b", "#4b5a66")
+BASELINE_COLOURS = {"cv": "#c0392b", "ca": "#a9adb1", "ctrv": "#7d8790"}
+
+PROTOCOL = "all"
+"""The protocol of the figures and of the results by group."""
+
+
+def series_names(content: Json, baselines: bool = True) -> list[str]:
+    """Return the models, then the baselines, that have results under ``PROTOCOL``."""
+    own = [n for n, p in content["models"].items() if PROTOCOL in p]
+    models = [name for name in own if name not in content["baselines"]]
+    return models + ([name for name in own if name in content["baselines"]] if baselines else [])
+
+
+def colour(content: Json, name: str) -> str:
+    """Return the colour of a model or baseline."""
+    if name in content["baselines"]:
+        return BASELINE_COLOURS.get(name, "#7d8790")
+    models = series_names(content, baselines=False)
+    return MODEL_COLOURS[models.index(name) % len(MODEL_COLOURS)]
