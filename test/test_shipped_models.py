@@ -9,8 +9,8 @@ import pytest
 
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.model_file import find_model, load_task, model_card
-from mtpgo_training.commands.evaluate import evaluate
 from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.evaluation.evaluator import evaluate
 from mtpgo_training.training.networks import build_network
 from mtpgo_training.training.training_config import load_config
 
@@ -81,7 +81,7 @@ def test_a_model_beats_kinematic_baselines_on_the_shipped_recording(name, baseli
     table = evaluate(
         {name: ModelRunner.load(find_model(name))}, [recording], stride_s=4.0, centre=False
     )
-    scores = {model: protocols["all"] for model, protocols in table.models.items()}
+    scores = {model: protocols["all"] for model, protocols in table.items()}
     best_baseline = min(scores[baseline]["ade"] for baseline in baselines)
     assert scores[name]["ade"] < 0.9 * best_baseline
     assert 0.8 < scores[name]["coverage_90"] <= 1.0

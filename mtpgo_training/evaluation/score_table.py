@@ -271,7 +271,7 @@ def totals(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
         by: names of its columns or index levels.
     """
     if isinstance(table.columns, pd.MultiIndex):
-        return table.groupby(list(by), observed=True).sum()
+        return table.groupby(list(by), observed=True, dropna=False).sum()
     groups = [table[name] for name in by]
     columns = {key: table[key].astype(np.float64).groupby(groups, observed=True) for key in KEYS}
     parts = {

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The command `mtpgo evaluate` from files to tables, JSON and page."""
+"""The command `mtpgo evaluate` from files to tables, JSON and report."""
 
 import json
 import re
@@ -13,12 +13,15 @@ from traffic import braking_cars
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.model_file import find_model
 from mtpgo_training.cli import main
-from mtpgo_training.commands.evaluate import evaluate
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.writers.ind_writer import write_ind
-from mtpgo_training.evaluation.evaluator import Settings, evaluate_all
-from mtpgo_training.evaluation.scorebook import KEYS
-from mtpgo_training.evaluation.training_overlap import seen_by, uses_of, warnings_of
+from mtpgo_training.evaluation.agent_scores import KEYS
+from mtpgo_training.evaluation.evaluator import Settings, evaluate, evaluate_all
+from mtpgo_training.evaluation.training_overlap import (
+    overlap_by_model,
+    overlap_warnings,
+    uses_of,
+)
 
 STRIDE = ["--stride", "1.0", "--quiet"]
 
@@ -34,7 +37,7 @@ def data(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(data, tmp_path_factory):
-    """What one run writes: JSON and report."""
+    """The folder with the JSON file and the report of one run."""
     out = tmp_path_factory.mktemp("out")
     arguments = ["evaluate", "--model", "default", "--data", str(data / "a"), "--layout", "ind"]
     arguments += ["--data", str(data / "b"), "--layout", "ind", *STRIDE]
@@ -48,7 +51,7 @@ def content(results):
     return json.loads((results / "scores.json").read_text())
 
 
-def test_the_json_has_the_shape_that_is_promised(content):
+def test_the_json_has_the_documented_content(content):
     assert list(content["models"]) == ["default", "cv", "ca", "ctrv"]
     for protocols in content["models"].values():
         assert set(protocols) == {"all", "centre"}
@@ -70,7 +73,7 @@ def test_the_json_has_the_shape_that_is_promised(content):
 def test_the_library_gives_the_same_averages(content, data):
     runner = ModelRunner.load(find_model("default"))
     recordings = [r for f in ("a", "b") for r in load_recordings(data / f, "ind")]
-    scores = evaluate({"default": runner}, recordings, stride_s=1.0).models
+    scores = evaluate({"default": runner}, recordings, stride_s=1.0)
     for protocol in ("all", "centre"):
         for key in KEYS:
             assert scores["default"][protocol][key] == pytest.approx(
@@ -78,11 +81,11 @@ def test_the_library_gives_the_same_averages(content, data):
             )
 
 
-def test_models_beside_each_other_get_what_they_get_alone(data):
+def test_models_evaluated_together_have_the_scores_of_each_alone(data):
     runner = ModelRunner.load(find_model("default"))
     recordings = [(r.name, r) for r in load_recordings(data / "a", "ind")]
     settings = Settings(stride_s=1.0)
-    both = evaluate_all({"one": runner, "two": runner}, recordings, settings).book.table().models
+    both = evaluate_all({"one": runner, "two": runner}, recordings, settings).scores.averages()
     assert both["one"] == both["two"]
     assert both["cv"]["all"]["n"] == both["one"]["all"]["n"]
 
@@ -122,7 +125,7 @@ def run(data, *more):
     return main(["evaluate", "--data", str(data), "--layout", "ind", *STRIDE, *map(str, more)])
 
 
-def test_seeds_of_one_recipe_stand_together(data, tmp_path, capsys):
+def test_seeds_of_one_recipe_are_grouped(data, tmp_path, capsys):
     files = [tmp_path / f"recipe-seed{i}.pt" for i in (1, 2)]
     for path in files:
         shutil.copy(find_model("default"), path)
@@ -144,7 +147,7 @@ def test_several_processes_give_the_same(data, content, tmp_path):
     assert json.loads(out.read_text()) == content
 
 
-def test_one_sample_is_a_past_forgotten(data, content, tmp_path):
+def test_one_sample_forgets_the_past(data, content, tmp_path):
     out = tmp_path / "scores.json"
     assert run(data / "b", "--model", "default", "--no-centre", "--one-sample", "--json", out) == 0
     alone = json.loads(out.read_text())
@@ -158,7 +161,7 @@ def test_one_sample_is_a_past_forgotten(data, content, tmp_path):
     assert rows[0]["ade"] == pytest.approx(rows[1]["ade"])
 
 
-def test_a_model_is_not_called_like_a_baseline(data, tmp_path, capsys):
+def test_a_model_with_the_name_of_a_baseline_is_refused(data, tmp_path, capsys):
     files = [tmp_path / "cv.pt", tmp_path / "x.pt"]
     for path in files:
         shutil.copy(find_model("default"), path)
@@ -175,7 +178,7 @@ def test_one_recording_has_no_interval_and_says_so(data, capsys):
     assert re.search(r"ADE m +lane keep \(\d+\)", text)
 
 
-def test_what_was_trained_on_is_never_scored_in_silence():
+def test_overlap_with_training_is_always_reported():
     training = {
         "recordings": [
             {"sha256": "a", "split": "train"},
@@ -187,9 +190,11 @@ def test_what_was_trained_on_is_never_scored_in_silence():
     }
     assert uses_of(training, "a") == ["train", "test"]
     assert uses_of(training, "") == []
-    seen = seen_by({"m": training}, {"01": "a", "02": "b", "03": "c", "04": "d", "05": ""})
+    seen = overlap_by_model(
+        {"m": training}, {"01": "a", "02": "b", "03": "c", "04": "d", "05": ""}
+    )
     assert seen == {"m": {"train": ["01"], "validation": ["02"]}}
-    warnings = warnings_of(seen)
+    warnings = overlap_warnings(seen)
     assert warnings[0].startswith("m was trained on 01")
     assert warnings[1].startswith("m was chosen or calibrated on 02")
 
@@ -201,7 +206,7 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(ModelRunner, "load", classmethod(lambda cls, path: known))
     out, report = tmp_path / "scores.json", tmp_path / "report"
     assert run(data / "b", "--model", "default", "--json", out, "--report", report) == 0
-    sentence = "default was trained on 01: its results include what it has learned by heart"
+    sentence = "default was trained on 01: its results include what it has memorised"
     assert f"mtpgo: warning: {sentence}" in capsys.readouterr().err
     assert json.loads(out.read_text())["warnings"] == [sentence]
     assert sentence in (report / "index.html").read_text()

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From messages through the predictor into a bag, and out again into the offline table."""
+"""Predictions written to a bag as the node does, and evaluated from it."""
 
 import dataclasses
 import json
@@ -40,7 +40,7 @@ def recording():
 
 
 def play(recording, runner, path, *, shift_ns=0, every=2, observations=True):
-    """What the node does, in one process: every message goes over the wire as CDR and back."""
+    """Run the node's steps in one process; every message is serialised as CDR and read back."""
     adapter, store = input_adapter("pointcloud2"), bag_typestore()
     predictor, history = ScenePredictor(runner), TrackHistory(runner.task.history)
     with McapWriter(path) as bag:
@@ -69,7 +69,7 @@ def bag(recording, runner, tmp_path_factory):
 
 
 def scores(result, name):
-    return result.evaluation.book.table().models[name]["all"]
+    return result.evaluation.scores.averages()[name]["all"]
 
 
 @pytest.mark.parametrize("from_bag", [True, False])
@@ -86,17 +86,17 @@ def test_online_and_offline_agree_to_a_millimetre(bag, recording, runner, from_b
     assert len(agreement.differences_m) >= online["n"]
     assert agreement.largest_m < 1e-3
     assert "road user" in agreement.text("online", "default")
-    # The baselines stand beside, once.
-    assert result.evaluation.book.table().models["cv"]["all"]["n"] == online["n"]
+    # The baselines are scored once.
+    assert result.evaluation.scores.averages()["cv"]["all"]["n"] == online["n"]
 
 
-def test_an_offset_of_centimetres_is_seen(bag, recording, runner):
+def test_an_offset_of_centimetres_is_detected(bag, recording, runner):
     moved = dataclasses.replace(recording, position=recording.position + np.array([0.03, 0.0]))
     agreement = evaluate_bags([bag], {"01": moved}, {"default": runner}).agreements["online"]
     assert agreement["default"].largest_m == pytest.approx(0.03, abs=2e-3)
 
 
-def test_the_bags_own_observations_tell_its_clock(recording, runner, tmp_path):
+def test_a_bags_observations_determine_its_clock_offset(recording, runner, tmp_path):
     shift_ns = 3_040_000_000
     late = recording.between(2.0, None)  # the bag begins in the middle, on another clock
     bag = play(late, runner, tmp_path / "late", shift_ns=shift_ns, every=5)
@@ -119,12 +119,12 @@ def test_predictions_alone_are_matched_by_stamp_identity_and_place(recording, ru
     assert len(predictions) == 16
     matched = match(bag, predictions, {"far": far, "01": recording})
     assert list(matched.by_recording) == ["01"]
-    assert matched.strangers == 0
+    assert matched.unmatched == 0
     with pytest.raises(RecordingError, match="the truth for recorded predictions"):
         observed_recordings([bag])
 
 
-def test_predictions_that_belong_nowhere_are_refused(bag, recording):
+def test_predictions_of_no_recording_are_refused(bag, recording):
     later = dataclasses.replace(recording, start_time_ns=recording.start_time_ns + 10**12)
     predictions = read_predictions(bag)
     with pytest.raises(RecordingError, match=r"are of no road user of the recordings 01, "):
@@ -134,7 +134,7 @@ def test_predictions_that_belong_nowhere_are_refused(bag, recording):
         match(bag, predictions, {"01": others})
 
 
-def test_what_was_played_is_not_among_the_recordings(bag, recording):
+def test_a_played_recording_that_is_not_given_is_a_warning(bag, recording):
     early = recording.between(None, 4.0)
     result = evaluate_bags([bag], {"01": early}, {})
     assert any("are of no road user" in warning for warning in result.warnings)
@@ -167,7 +167,7 @@ def test_two_bags_need_two_names(bag, recording):
 
 
 def test_float32_messages_hold_a_millimetre_up_to_16_km(recording, runner, tmp_path):
-    """Beyond, the resolution is reported for what it is."""
+    """Farther away the reported resolution is that of the messages."""
     for offset, name in ((15_000.0, "near"), (600_000.0, "utm")):
         moved = dataclasses.replace(
             recording, position=recording.position + np.array([offset, 0.0])

@@ -12,9 +12,10 @@ from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.ground_truth import FutureTable
-from mtpgo_training.evaluation.scorebook import KEYS, ScoreBook
-from mtpgo_training.evaluation.scorer import add_scores, score
-from mtpgo_training.scenes.kinematic_baselines import constant_velocity
+from mtpgo_training.evaluation.agent_scores import KEYS
+from mtpgo_training.evaluation.score_table import ScoreTable
+from mtpgo_training.evaluation.scorer import Scorer, add_scores
+from mtpgo_training.scenes.kinematic_baselines import predict_baselines
 from mtpgo_training.scenes.windows import cut_windows
 
 H, DT = 10, 0.2
@@ -31,14 +32,19 @@ def predictions(recording):
     ]
 
 
-def test_constant_velocity_scores_as_the_baseline_beside_it():
+def score(predictions, recording, **options):
+    """Averages of predictions and baselines under the protocol ``all``."""
+    table = ScoreTable()
+    add_scores(table, predictions, recording, **options)
+    return {name: protocols["all"] for name, protocols in table.averages().items()}
+
+
+def test_constant_velocity_scores_as_the_baseline():
     recording = braking_cars(tracks=6)
-    table = score(predictions(recording)[::-1], recording)
+    scores = score(predictions(recording)[::-1], recording)
     for key in KEYS:
-        assert table.models["model"]["all"][key] == pytest.approx(
-            table.models["cv"]["all"][key], abs=1e-9, nan_ok=True
-        )
-    assert table.models["model"]["all"]["n"] == table.models["cv"]["all"]["n"] > 30
+        assert scores["model"][key] == pytest.approx(scores["cv"][key], abs=1e-9)
+    assert scores["model"]["n"] == scores["cv"]["n"] > 30
 
 
 def test_scores_equal_a_loop_over_agents():
@@ -46,7 +52,7 @@ def test_scores_equal_a_loop_over_agents():
     errors, finals = [], []
     future = FutureTable(recording)
     for tracked in windows(recording):
-        path = constant_velocity(tracked.window, H, DT)
+        path = predict_baselines(tracked.window, H, DT)["cv"].position
         truth = future.at(tracked.track, tracked.window.stamp_ns, H, DT)
         for i in range(len(tracked.track)):
             if tracked.window.valid[i, -1] and truth.known[i].any():
@@ -54,13 +60,13 @@ def test_scores_equal_a_loop_over_agents():
                 errors.append(distance[truth.known[i]].mean())
                 if truth.known[i, -1]:
                     finals.append(distance[-1])
-    scores = score(predictions(recording), recording).models["model"]["all"]
+    scores = score(predictions(recording), recording)["model"]
     assert scores["ade"] == pytest.approx(np.mean(errors))
     assert scores["fde"] == pytest.approx(np.mean(finals))
     assert (scores["n"], scores["n_final"]) == (len(errors), len(finals))
 
 
-def test_the_truth_itself_scores_zero_and_strangers_do_not_count():
+def test_the_truth_itself_scores_zero_and_unmatched_predictions_do_not_count():
     recording = braking_cars(tracks=5)
     future = FutureTable(recording)
     perfect = []
@@ -70,32 +76,55 @@ def test_the_truth_itself_scores_zero_and_strangers_do_not_count():
         mean = given.mean.copy()
         mean[:, 0, :, :2] = truth.position
         perfect.append(dataclasses.replace(given, mean=mean))
-    stranger = dataclasses.replace(
+    unmatched = dataclasses.replace(
         perfect[0], key=keys_from_integers(range(9000, 9000 + len(perfect[0])))
     )
-    scores = score([*perfect, stranger], recording).models["model"]["all"]
+    scores = score([*perfect, unmatched], recording)["model"]
     assert scores["ade"] == pytest.approx(0.0, abs=1e-9)
     assert scores["mr"] == 0.0
-    assert scores["n"] == score(perfect, recording).models["model"]["all"]["n"]
+    assert scores["n"] == score(perfect, recording)["model"]["n"]
 
 
 def test_a_least_future_leaves_agents_out():
     recording = braking_cars(tracks=5)
-    scores = []
-    for min_future_s in (0.0, H * DT):
-        book = ScoreBook()
-        add_scores(book, predictions(recording), recording, min_future_s=min_future_s)
-        scores.append(book.table().models["model"]["all"])
+    scores = [
+        score(predictions(recording), recording, min_future_s=min_future_s)["model"]
+        for min_future_s in (0.0, H * DT)
+    ]
     assert scores[1]["n"] == scores[1]["n_final"] == scores[0]["n_final"] < scores[0]["n"]
 
 
-def test_the_text_has_a_line_a_model():
-    recording = braking_cars(tracks=3, seconds=4.0)
-    lines = score(predictions(recording), recording, name="mine").text().splitlines()
-    assert [line.split()[0] for line in lines[1:]] == ["mine", "cv", "ca", "ctrv"]
-    assert "ADE m" in lines[0]
-    assert len({len(line) for line in lines}) == 1
+def test_the_truth_says_who_the_agents_are():
+    recording = braking_cars(tracks=3)
+    prediction = predictions(recording)[4]
+    truth = Scorer(recording).ground_truth(prediction.key, prediction.stamp_ns, H, DT)
+    agents = truth.agents
+    assert (agents.recording, agents.site) == (recording.name, recording.location)
+    assert recording.track_id[agents.track].tolist() == prediction.key[:, 0].tolist()
+    speed = np.linalg.norm(prediction.initial[:, 2:], axis=1)
+    np.testing.assert_allclose(agents.speed_mps, speed, rtol=1e-6)
+    unknown = Scorer(recording).ground_truth(
+        keys_from_integers([9000]), prediction.stamp_ns, H, DT
+    )
+    assert unknown.agents.track.tolist() == [-1]
+    assert np.isnan(unknown.agents.speed_mps).all()
+    assert not unknown.mask.any()
+
+
+def test_baselines_are_scored_for_the_agents_in_the_window():
+    recording = braking_cars(tracks=4)
+    tracked, prediction = windows(recording)[5], predictions(recording)[5]
+    scorer = Scorer(recording)
+    found = scorer.score(prediction)
+    whole = scorer.score_baselines(tracked.window, found.truth)
+    assert whole.rows.all()
+    assert set(whole.scores) == {"cv", "ca", "ctrv"}
+    some = scorer.score_baselines(tracked.window.select(np.array([2, 0])), found.truth)
+    first = recording.find_tracks(tracked.window.key[[0, 2]])
+    np.testing.assert_array_equal(some.rows, np.isin(found.truth.agents.track, first))
+    np.testing.assert_array_equal(some.cv_ade[some.rows], whole.cv_ade[some.rows])
+    assert np.isnan(some.cv_ade[~some.rows]).all()
 
 
 def test_no_predictions_give_an_empty_table():
-    assert score([], braking_cars(tracks=2)).models == {}
+    assert score([], braking_cars(tracks=2)) == {}

@@ -21,7 +21,7 @@ from mtpgo_training import cli
 from mtpgo_training.commands import evaluate as evaluation
 from mtpgo_training.commands import export as export_command
 from mtpgo_training.commands import info as info_command
-from mtpgo_training.commands.evaluate import evaluate, predict_recording
+from mtpgo_training.evaluation.evaluator import evaluate, predict_recording
 from mtpgo_training.export import exporter as export
 from mtpgo_training.scenes.windows import cut_windows
 from mtpgo_training.training.run_folder import RunFolder
@@ -192,16 +192,16 @@ def test_evaluate_scores_the_online_path_and_the_baselines(model_file, tmp_path)
     recording = braking_cars(seconds=5.0, tracks=6)
     runner = ModelRunner.load(model_file)
     table = evaluate({"tiny": runner}, [recording], stride_s=1.0)
-    assert set(table.models) == {"tiny", "cv", "ca", "ctrv"}
-    counts = {name: scores["all"]["n"] for name, scores in table.models.items()}
+    assert set(table) == {"tiny", "cv", "ca", "ctrv"}
+    counts = {name: scores["all"]["n"] for name, scores in table.items()}
     assert len(set(counts.values())) == 1
     expected = sum(
         len(p) for p in predict_recording(runner, recording, stride_s=1.0)
     )  # minus those without a future
     assert 0 < counts["tiny"] <= expected
-    assert table.models["tiny"]["centre"]["n"] > 0
-    assert np.isfinite(table.models["cv"]["all"]["anll"])
-    report = json.loads(json.dumps(table.to_dict()))
+    assert table["tiny"]["centre"]["n"] > 0
+    assert np.isfinite(table["cv"]["all"]["anll"])
+    report = json.loads(json.dumps(table))
     assert report["ca"]["all"]["anll"] is None
 
 

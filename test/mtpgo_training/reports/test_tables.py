@@ -1,41 +1,33 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
 
-import numpy as np
 import pytest
+from known_scores import add
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
-from mtpgo_training.evaluation.details import details, over_groups
-from mtpgo_training.evaluation.scorebook import ScoreBook
-from mtpgo_training.reports.figures import colour, draw_figures
+from mtpgo_training.evaluation.bootstrap import over_groups
+from mtpgo_training.evaluation.score_summary import breakdowns
+from mtpgo_training.evaluation.score_table import ScoreTable
+from mtpgo_training.reports.figures import draw_figures
 from mtpgo_training.reports.markdown import markdown_table, read_results
 from mtpgo_training.reports.page import prepare_folder
+from mtpgo_training.reports.series import colour
 from mtpgo_training.reports.tables import agreement_table, group_tables, result_tables
-
-H = 5
+from mtpgo_training.table_format import Cell
 
 
 @pytest.fixture(scope="module")
 def content():
     """Two seeds of one model and constant velocity, 1, 2 and 4 m off, on two recordings."""
-    book = ScoreBook(step_s=0.2)
+    table = ScoreTable()
     for model, error in (("x-seed1", 1.0), ("x-seed2", 2.0), ("cv", 4.0)):
         for recording, factor in (("01", 1.0), ("02", 1.5)):
-            book.add_path(
-                model,
-                "all",
-                path=np.full((3, H, 2), (error * factor, 0.0)),
-                covariance=np.tile(np.eye(2), (3, H, 1, 1)) if model != "cv" else None,
-                truth=np.zeros((3, H, 2)),
-                mask=np.ones((3, H), bool),
-                recording=recording,
-                agent_class=np.ones(3, np.uint8),
-                manoeuvres=np.ones(3, np.uint8),
-            )
-    models = book.table().to_dict()
+            spread = None if model == "cv" else 1.0
+            add(table, error * factor, recording, model, n=3, spread=spread)
+    models = table.averages()
     return {
         "models": models,
-        **details(book),
+        **breakdowns(table),
         "baselines": ["cv", "ca", "ctrv"],
         "seeds": over_groups(models, {"x": ["x-seed1", "x-seed2"]}),
         "recordings": {"01": "a", "02": "b"},
@@ -46,36 +38,28 @@ def content():
 
 def test_the_best_of_each_column_is_marked(content):
     results, seeds = result_tables(content)
-    rows = {row["name"]: row for row in results["rows"]}
+    rows = {row.name: row for row in results.rows}
     assert list(rows) == ["x-seed1", "x-seed2", "cv"]
-    ade = results["heads"].index("ADE m") - 1
-    assert [row["cells"][ade].get("best") for row in rows.values()] == [True, False, False]
-    assert rows["x-seed1"]["cells"][ade] == {
-        "text": "1.250",
-        "span": "1.00 to 1.50",
-        "key": "ade",
-        "value": pytest.approx(1.25),
-        "best": True,
-    }
-    assert rows["x-seed1"]["cells"][-1]["text"] == "0.25"
-    assert rows["cv"]["baseline"]
-    assert seeds["rows"][0]["cells"][0]["text"] == "1.875"
+    ade = results.heads.index("ADE m") - 1
+    assert [row.cells[ade].best for row in rows.values()] == [True, False, False]
+    assert rows["x-seed1"].cells[ade] == Cell("1.250", "1.00 to 1.50", best=True)
+    assert content["models"]["x-seed1"]["all"]["ade"] == pytest.approx(1.25)
+    assert rows["x-seed1"].cells[-1].text == "0.25"
+    assert rows["cv"].baseline
+    assert seeds.rows[0].cells[0].text == "1.875"
 
 
-def test_groups_have_a_line_a_model(content):
-    tables = {table["heading"]: table for table in group_tables(content)}
+def test_groups_have_a_line_for_each_model(content):
+    tables = {table.heading: table for table in group_tables(content)}
     assert set(tables) == {"By manoeuvre", "By class", "By recording"}
-    names = [row["name"] for row in tables["By manoeuvre"]["rows"]]
+    names = [row.name for row in tables["By manoeuvre"].rows]
     assert names == ["lane keep: x-seed1", "lane keep: x-seed2", "lane keep: cv"]
-    assert [row["cells"][0]["text"] for row in tables["By recording"]["rows"]][:3] == [
-        "1.00",
-        "2.00",
-        "4.00",
-    ]
+    values = [row.cells[0] for row in tables["By recording"].rows]
+    assert values[:3] == ["1.00", "2.00", "4.00"]
     assert agreement_table(content) is None
 
 
-def test_figures_have_one_colour_a_model(content, tmp_path):
+def test_figures_have_one_colour_for_each_model(content, tmp_path):
     paths = draw_figures(content, tmp_path)
     assert set(paths) == {"horizon", "reliability", "nees", "manoeuvres"}
     assert len({colour(content, name) for name in content["models"]}) == 3
@@ -90,14 +74,14 @@ def test_markdown_has_values_intervals_and_warnings(content):
     assert len({line.count("|") for line in lines[:5]}) == 1
 
 
-def test_results_that_are_none(tmp_path):
+def test_a_file_without_results_is_refused(tmp_path):
     path = tmp_path / "a.json"
     path.write_text("[1]")
     with pytest.raises(RecordingError, match="holds no results"):
         read_results(path)
 
 
-def test_the_folder_is_made_or_refused(tmp_path):
+def test_the_folder_is_created_or_refused(tmp_path):
     prepare_folder(tmp_path / "a" / "b")
     assert (tmp_path / "a" / "b").is_dir()
     (tmp_path / "file").write_text("")

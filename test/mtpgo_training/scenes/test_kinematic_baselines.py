@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mtpgo_core.schema import HistoryWindow
-from mtpgo_training.scenes.kinematic_baselines import BASELINES
+from mtpgo_training.scenes.kinematic_baselines import predict_baselines
 
 DT, T = 0.2, 16
 PAST = (np.arange(T) - (T - 1)) * DT
@@ -57,32 +57,39 @@ def turning(valid=None):
     return window(circle(PAST), velocity, np.zeros((T, 2)), valid)
 
 
+def paths(history, steps=25):
+    """Positions by the name of the baseline, [1, steps, 2] each."""
+    found = predict_baselines(history, steps, DT)
+    assert [name for name, path in found.items() if path.covariance is not None] == ["cv"]
+    return {name: path.position for name, path in found.items()}
+
+
 @pytest.mark.parametrize("name", ["cv", "ca", "ctrv"])
 def test_uniform_motion_is_exact_for_all(name):
-    path = BASELINES[name](accelerating(0.0), 25, DT)
+    path = paths(accelerating(0.0))[name]
     np.testing.assert_allclose(path[0], straight(AHEAD), atol=1e-9)
 
 
 def test_constant_acceleration_is_exact_where_constant_velocity_is_not():
     accelerated = accelerating(0.8)
     truth = straight(AHEAD, acceleration=0.8)
-    np.testing.assert_allclose(BASELINES["ca"](accelerated, 25, DT)[0], truth, atol=1e-9)
-    error = BASELINES["cv"](accelerated, 25, DT)[0] - truth
+    np.testing.assert_allclose(paths(accelerated)["ca"][0], truth, atol=1e-9)
+    error = paths(accelerated)["cv"][0] - truth
     assert np.linalg.norm(error[-1]) == pytest.approx(0.5 * 0.8 * 25 * np.hypot(1.0, 0.5))
 
 
 def test_constant_turn_rate_is_exact_on_a_circle():
-    np.testing.assert_allclose(BASELINES["ctrv"](turning(), 25, DT)[0], circle(AHEAD), atol=1e-9)
+    np.testing.assert_allclose(paths(turning())["ctrv"][0], circle(AHEAD), atol=1e-9)
 
 
 def test_a_turn_that_was_observed_too_briefly_is_ignored():
     valid = np.zeros((1, T), dtype=bool)
     valid[0, -2:] = True
-    path = BASELINES["ctrv"](turning(valid), 25, DT)
-    np.testing.assert_allclose(path, BASELINES["cv"](turning(valid), 25, DT), atol=1e-9)
+    found = paths(turning(valid))
+    np.testing.assert_allclose(found["ctrv"], found["cv"], atol=1e-9)
 
 
 def test_an_unknown_velocity_stands():
     blank = window(np.ones((T, 2)), np.full((T, 2), np.nan), np.full((T, 2), np.nan))
-    for baseline in BASELINES.values():
-        np.testing.assert_allclose(baseline(blank, 3, DT), np.ones((1, 3, 2)))
+    for path in paths(blank, 3).values():
+        np.testing.assert_allclose(path, np.ones((1, 3, 2)))

@@ -13,7 +13,7 @@ from models.mtp_go import MTPGO
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.scene.scene_builder import build_scenes
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig, TaskDescription
-from mtpgo_training.commands.evaluate import evaluate
+from mtpgo_training.evaluation.evaluator import evaluate
 from mtpgo_training.export.exporter import export_model
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import dense, validation_scenes
@@ -67,14 +67,14 @@ def test_the_validation_scores_what_the_evaluation_scores(tmp_path):
     recording = braking_cars(tracks=24)
     runner = ModelRunner.load(tmp_path / "model.pt")
     table = evaluate({"model": runner}, [recording], stride_s=0.2, centre=False)
-    offline = table.models["model"]["all"]
+    offline = table["model"]["all"]
     data = DataConfig(validation_stride_s=0.2)
     source = prepare(recording, HISTORY, scene, data, training=False)
     kept = validation_scenes([source], HISTORY, scene, H)
     fresh = [build_scenes(tracked.window, scene) for tracked in source.windows]
     assert len(kept) != sum(len(batch.features) for batch in fresh), "no centre was kept"
     batches = [dense(batch) for batch in DataLoader(kept, batch_size=64)]
-    online = validate(network, batches)[0].table().models["model"]["all"]
+    online = validate(network, batches)[0].averages()["model"]["all"]
     assert online["n"] == offline["n"]
     for metric in ("ade", "anll", "min_ade", "coverage_90"):
         assert online[metric] == pytest.approx(offline[metric], rel=1e-4)
@@ -89,13 +89,13 @@ def test_a_calibrated_model_needs_no_calibration(model, batches):
     calibrated.load_state_dict(model.state_dict())
     again, calibration = validate(calibrated, batches)
     assert calibration.scale() == pytest.approx(1.0, abs=1e-3)
-    before, after = book.table().models, again.table().models
+    before, after = book.averages(), again.averages()
     assert after["model"]["all"]["coverage_90"] == pytest.approx(0.9, abs=0.002)
     assert before["model"]["all"]["ade"] == pytest.approx(after["model"]["all"]["ade"], rel=1e-5)
 
 
 def test_an_untrained_model_scores_nearly_as_constant_velocity(model, batches):
-    models = validate(model, batches)[0].table().models
+    models = validate(model, batches)[0].averages()
     for protocol in ("all", "centre"):
         assert models["model"][protocol]["n"] == models["cv"][protocol]["n"]
         expected = models["cv"][protocol]["ade"]

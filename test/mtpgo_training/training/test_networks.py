@@ -16,8 +16,8 @@ from mtpgo_core.prediction.model_runner import ModelRunner, load_task
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.commands import export as export_command
 from mtpgo_training.commands import info as info_command
-from mtpgo_training.commands.evaluate import evaluate
 from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.evaluation.evaluator import evaluate
 from mtpgo_training.export import exporter as export
 from mtpgo_training.training.networks import (
     NETWORKS,
@@ -131,7 +131,7 @@ def test_the_file_says_which_network_it_is(exported, capsys):
 def test_the_file_is_evaluated_as_any_model_on_the_nodes_path(exported):
     _, _, path = exported
     recording = braking_cars(seconds=5.0, tracks=5)
-    models = evaluate({"rival": ModelRunner.load(path)}, [recording], stride_s=1.0).models
+    models = evaluate({"rival": ModelRunner.load(path)}, [recording], stride_s=1.0)
     assert models["rival"]["all"]["n"] == models["cv"]["all"]["n"] > 0
     for key in ("ade", "fde", "anll", "min_ade", "coverage_90"):
         assert np.isfinite(models["rival"]["all"][key])
