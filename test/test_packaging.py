@@ -94,8 +94,16 @@ def check_share(prefix: Path) -> None:
     assert not missing
 
 
+def check_template(reports: Path) -> None:
+    """Check that the template of the report is installed next to the code that reads it."""
+    template = (ROOT / "mtpgo_training/reports/page.html.j2").read_text()
+    assert (reports / "page.html.j2").read_text() == template
+
+
 def test_pip_installs_executables_and_data(prefix):
     check_share(prefix)
+    (reports,) = prefix.rglob("mtpgo_training/reports")
+    check_template(reports)
     for name in EXECUTABLES:
         assert os.access(prefix / "bin" / name, os.X_OK)
         assert os.access(prefix / "lib" / "mtpgo_ros" / name, os.X_OK)
@@ -145,7 +153,7 @@ def test_colcon_builds_it(tree, tmp_path, options):
         *("bash", "-c"),
         f"source {tmp_path}/install/setup.bash; cd /; echo $AMENT_PREFIX_PATH; {sys.executable} "
         "-c 'import mtpgo_core, importlib.util as u; print(mtpgo_core.__file__, "
-        'u.find_spec("mtpgo_ros").origin, u.find_spec("mtpgo_training.demo").origin)\'',
+        'u.find_spec("mtpgo_ros").origin, u.find_spec("mtpgo_training.reports").origin)\'',
         cwd=tree,
     )
     ament, *modules = out.split()
@@ -153,6 +161,7 @@ def test_colcon_builds_it(tree, tmp_path, options):
     for module in map(Path, modules):
         assert module.is_relative_to(tmp_path)
         assert module.resolve().is_relative_to(tree) == bool(options)
+    check_template(Path(modules[-1]).parent)
 
 
 def test_ros_tools_accept_the_manifest():

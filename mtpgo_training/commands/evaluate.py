@@ -7,13 +7,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
 from mtpgo_core.errors import ConfigurationError, RecordingError
-from mtpgo_core.prediction.model_runner import ModelRunner, find_model
+from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.atomic_files import require_writable, write_text
 from mtpgo_training.commands.data_arguments import (
@@ -24,12 +21,11 @@ from mtpgo_training.commands.data_arguments import (
 )
 from mtpgo_training.data.data_sources import named_recordings
 from mtpgo_training.evaluation.bag_evaluation import BagResult, evaluate_bags, observed_recordings
-from mtpgo_training.evaluation.evaluator import Evaluation, Settings, evaluate_all
-from mtpgo_training.evaluation.parallel_evaluation import evaluate_in_processes
+from mtpgo_training.evaluation.evaluator import Settings, load_models
+from mtpgo_training.evaluation.parallel_evaluation import evaluate_recordings
 from mtpgo_training.evaluation.summary import summarise
 from mtpgo_training.reports.markdown import markdown_table, read_results
 from mtpgo_training.reports.terminal import print_result
-from mtpgo_training.scenes.kinematic_baselines import BASELINES
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -104,14 +100,23 @@ def run(args: argparse.Namespace) -> int:
         prepare_folder(args.report)
     if args.json is not None:
         require_writable(args.json)
-    runners = _load_models(args.model)
+    runners = load_models(args.model)
     settings = Settings(
         args.policy, args.stride, not args.no_centre, args.min_future, args.one_sample
     )
     if args.predictions:
         result = _from_bags(args, runners)
     else:
-        result = BagResult(_from_models(args, runners, settings))
+        result = BagResult(
+            evaluate_recordings(
+                runners,
+                named_recordings(data_sources(args.data_options), cache_from(args)),
+                settings,
+                jobs=args.jobs,
+                draw=list(runners) if args.report is not None else [],
+                progress=not args.quiet and sys.stderr.isatty(),
+            )
+        )
     if not result.evaluation.scores:
         raise RecordingError(
             "nothing could be scored: no agent of the recordings is predicted and observed "
@@ -165,54 +170,6 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigurationError("--one-sample is given with --predictions, which have a past")
     if args.topic is not None and not args.predictions:
         raise ConfigurationError("--topic is given without --predictions")
-
-
-def _load_models(given: Sequence[str]) -> dict[str, ModelRunner]:
-    """Load the models; their names are those in the files, or of the files where names repeat."""
-    loaded = [(str(one), ModelRunner.load(find_model(one))) for one in given]
-    names = [runner.task.name for _, runner in loaded]
-    if len(set(names)) < len(names):
-        names = [runner.path.stem for _, runner in loaded]
-    if len(set(names)) < len(names):
-        names = [one for one, _ in loaded]
-    if len(set(names)) < len(names):
-        raise ConfigurationError(f"--model names {' '.join(given)}, expected each model once")
-    taken = next((name for name in names if name in BASELINES), None)
-    if taken is not None:
-        raise ConfigurationError(f"a model is called {taken}, which is the name of a baseline")
-    return dict(zip(names, (runner for _, runner in loaded), strict=True))
-
-
-def _from_models(
-    args: argparse.Namespace, runners: dict[str, ModelRunner], settings: Settings
-) -> Evaluation:
-    recordings = named_recordings(data_sources(args.data_options), cache_from(args))
-    draw = list(runners) if args.report is not None else []
-    hidden = args.quiet or not sys.stderr.isatty()
-    if args.jobs > 1:
-        files = {name: runner.path for name, runner in runners.items()}
-        with tqdm(desc="evaluating", unit="recording", disable=hidden, leave=False) as whole:
-            return evaluate_in_processes(
-                files,
-                recordings,
-                settings,
-                args.jobs,
-                draw=draw,
-                done=lambda _: whole.update(),
-            )
-    bars: list[tqdm] = []
-
-    def progress(name: str, frames: int) -> Callable[[], object]:
-        for bar in bars:
-            bar.close()
-        bars[:] = [tqdm(total=frames, desc=name, unit="frame", disable=hidden, leave=False)]
-        return bars[0].update
-
-    try:
-        return evaluate_all(runners, recordings, settings, draw=draw, progress=progress)
-    finally:
-        for bar in bars:
-            bar.close()
 
 
 def _from_bags(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:

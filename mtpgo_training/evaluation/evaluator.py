@@ -13,7 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.prediction.model_runner import ModelRunner, find_model
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import HistoryWindow, Prediction
@@ -23,6 +24,7 @@ from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.evaluation.score_table import Averages, ScoreTable
 from mtpgo_training.evaluation.scorer import Scorer
 from mtpgo_training.scenes.history_replay import replay
+from mtpgo_training.scenes.kinematic_baselines import BASELINES
 from mtpgo_training.scenes.windows import frames_every
 
 CENTRE_EVERY = 5
@@ -103,6 +105,29 @@ class Evaluation:
         self.recordings.update(other.recordings)
         for name, scenes in other.scenes.items():
             self.scenes.setdefault(name, ExtremeScenes()).merge(scenes)
+
+
+def load_models(given: Sequence[str]) -> dict[str, ModelRunner]:
+    """Load models; their names are those in the files, or of the files where names repeat.
+
+    Args:
+        given: files or names of shipped models, as given with ``--model``.
+
+    Raises:
+        ConfigurationError: a model is given twice, or has the name of a baseline.
+    """
+    loaded = [(str(one), ModelRunner.load(find_model(one))) for one in given]
+    names = [runner.task.name for _, runner in loaded]
+    if len(set(names)) < len(names):
+        names = [runner.path.stem for _, runner in loaded]
+    if len(set(names)) < len(names):
+        names = [one for one, _ in loaded]
+    if len(set(names)) < len(names):
+        raise ConfigurationError(f"--model names {' '.join(given)}, expected each model once")
+    taken = next((name for name in names if name in BASELINES), None)
+    if taken is not None:
+        raise ConfigurationError(f"a model is called {taken}, which is the name of a baseline")
+    return dict(zip(names, (runner for _, runner in loaded), strict=True))
 
 
 def make_predictor(

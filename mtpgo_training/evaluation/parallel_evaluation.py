@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Evaluation in several processes, each with one recording at a time; same results as in one."""
+"""Evaluation with progress bars, in one process or in several with the same results."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from pathlib import Path
 
+from tqdm import tqdm
+
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.evaluator import Evaluation, Settings, evaluate_all
@@ -18,6 +20,46 @@ from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 
 _runners: dict[str, ModelRunner] = {}
 """Models of a worker process, loaded when it starts."""
+
+
+def evaluate_recordings(
+    runners: Mapping[str, ModelRunner],
+    recordings: Iterable[tuple[str, Recording]],
+    settings: Settings,
+    *,
+    jobs: int = 1,
+    draw: Sequence[str] = (),
+    progress: bool = False,
+) -> Evaluation:
+    """Evaluate models on recordings.
+
+    Args:
+        runners: models by name.
+        recordings: names and recordings, taken one after the other.
+        settings: see :class:`Settings`.
+        jobs: number of processes, each with a recording.
+        draw: models whose best and worst scenes are kept for a picture.
+        progress: show progress bars.
+    """
+    if jobs > 1:
+        files = {name: runner.path for name, runner in runners.items()}
+        with tqdm(desc="evaluating", unit="recording", disable=not progress, leave=False) as whole:
+            return evaluate_in_processes(
+                files, recordings, settings, jobs, draw=draw, done=lambda _: whole.update()
+            )
+    bars: list[tqdm] = []
+
+    def start_bar(name: str, frames: int) -> Callable[[], object]:
+        for bar in bars:
+            bar.close()
+        bars[:] = [tqdm(total=frames, desc=name, unit="frame", disable=not progress, leave=False)]
+        return bars[0].update
+
+    try:
+        return evaluate_all(runners, recordings, settings, draw=draw, progress=start_bar)
+    finally:
+        for bar in bars:
+            bar.close()
 
 
 def evaluate_in_processes(
