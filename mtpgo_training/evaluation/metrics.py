@@ -1,14 +1,14 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's metrics (section Evaluation Metrics) and their usual companions, per agent.
+"""The paper's metrics (section Evaluation Metrics) and other usual ones, per agent.
 
-Every function takes arrays with any leading axes ``...`` (agents, scenes) and returns one value an
-agent, ``[...]``, so that the caller decides over which agents to average (design D15: the centre
-agents or all). Future samples that were not observed are masked: an average over the horizon is
-one over the observed steps, and a value that needs a step which was not observed is NaN. Use
-:func:`average` to average over agents; it leaves NaN out.
+Every function takes arrays with any leading axes ``...`` (agents, scenes) and returns one value
+for each agent, ``[...]``, so that the caller decides over which agents to average (docs/design.md,
+decision 15: the centre agents or all). Future samples that were not observed are masked: an average
+over the horizon is one over the observed steps, and a value that needs a step which was not
+observed is NaN. Use :func:`average` to average over agents; it leaves NaN out.
 
-Inputs are named alike throughout: ``mean`` [..., M, H, 2] predicted positions (m), ``weight``
+Inputs have the same names throughout: ``mean`` [..., M, H, 2] predicted positions (m), ``weight``
 [..., M] mixture weights, ``covariance`` [..., M, H, 2, 2] (m^2), ``truth`` [..., H, 2] observed
 positions (m), ``mask`` [..., H] true where they were observed.
 """
@@ -22,8 +22,7 @@ Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
 MISS_THRESHOLD_M = 2.0
-"""Final displacement beyond which a prediction is a miss (m)."""
-
+"""Final displacement beyond which a prediction is a miss (m), as in the paper."""
 
 EXPECTED_NEES = 2.0
 """Average of the NEES of a position where the covariance is right: its two degrees of freedom."""
@@ -132,10 +131,11 @@ def radius_squared(level: float) -> float:
 def nees(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
     """[..., H] normalised estimation error squared of the top mode, unmasked.
 
-    The error weighed by the inverse covariance, e' C^-1 e. Of a Gaussian with the right
+    The error weighted by the inverse covariance, e' C^-1 e. Of a Gaussian with the right
     covariance it has a chi-square distribution of two degrees of freedom, so its average is 2:
-    more says that the ellipses are too small, less that they are too large. Where the heaviest
-    mode is not the one that happens, its average is more than 2 although the mixture is right.
+    a larger one means that the ellipses are too small, a smaller one that they are too large.
+    Where the heaviest mode is not the one that happens, its average is more than 2 although the
+    mixture is right.
     """
     best = np.argmax(weight, axis=-1)[..., None, None, None]
     chosen = np.take_along_axis(covariance, best[..., None], axis=-4).squeeze(-4)
@@ -144,10 +144,10 @@ def nees(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
 
 
 def mixture_nees(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
-    """[..., H] the same of the whole mixture, by its overall mean and covariance, unmasked.
+    """[..., H] NEES of the whole mixture, by its overall mean and covariance, unmasked.
 
     The covariance of a mixture is the average of the modes' covariances and of the spread of
-    their means. Whatever its shape, a mixture that tells the truth has an average of 2.
+    their means. A mixture that is the true distribution has an average of 2, whatever its shape.
     """
     w = weight[..., None, None].astype(np.float64)
     middle = (w * mean).sum(axis=-3)

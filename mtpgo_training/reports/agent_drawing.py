@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The strokes of the picture: one road user with its past, its predictions and its true future."""
+"""Drawing of one road user with its past, its predictions and its true future."""
 
 from __future__ import annotations
 
@@ -18,25 +18,26 @@ PREDICTED, FOCAL, TRUTH, CV = "#2a6fbb", "#e07b16", "#1a1a1a", "#c0392b"
 PAST, LANE, BODY, GROUND = "#7d8790", "#c3c7cb", "#dfe4ea", "#f7f7f5"
 
 SHOWN_WEIGHT = 0.05
-"""Modes below this weight are not drawn."""
+"""Modes below this weight are not drawn; chosen."""
 
 STEPS_S = (1.0, 2.0, 3.0, 4.0, 5.0)
-"""Times at which the focal road user's ellipses are drawn (s)."""
+"""Times ahead at which the ellipses of the road user in focus are drawn (s)."""
 
 DEFAULT_SIZE_M = {AgentClass.PEDESTRIAN: (0.6, 0.6), AgentClass.BICYCLE: (1.8, 0.7)}
 CAR_SIZE_M = (4.6, 1.9)
-"""Length and width of who has none, by class and for all other classes (m)."""
+"""Length and width drawn for a road user without a size, by class and for all other classes (m);
+chosen."""
 
 
 def draw_agent(axes: Any, moment: Moment, around: LocalView, agent: int, *, focal: bool) -> None:
-    """One road user: body, past, predicted modes, true future.
+    """Draw one road user: body, past, predicted modes, true future.
 
     Args:
         axes: the panel, in the frame of the road user in focus (m).
         moment: which prediction.
         around: its surroundings.
         agent: row of the road user in the prediction.
-        focal: it is the one in focus, drawn in full, with constant velocity beside.
+        focal: it is the one in focus, drawn in full and with constant velocity.
     """
     prediction = moment.prediction
     z = 10 if focal else 3
@@ -81,7 +82,7 @@ def draw_agent(axes: Any, moment: Moment, around: LocalView, agent: int, *, foca
 
 
 def _draw_modes(axes: Any, moment: Moment, around: LocalView, agent: int, *, focal: bool) -> None:
-    """Modes as lines that fade with their weight, uncertainty as two-sigma ellipses."""
+    """Draw modes as lines that fade with their weight, uncertainty as two-sigma ellipses."""
     prediction = moment.prediction
     z = 10 if focal else 3
     strongest = float(prediction.weight[agent].max())

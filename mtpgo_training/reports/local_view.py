@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Everything that a picture of a moment needs, in the frame of the road user in focus."""
+"""The content of a picture of a moment, in the frame of the road user in focus."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mtpgo_training.evaluation.moments import Moment
 
 @dataclass(frozen=True)
 class LocalView:
-    """A moment, moved and turned so that the focal road user stands at zero and heads along +x.
+    """A moment in the frame in which the focal road user is at the origin and heads along +x.
 
     Attributes:
         origin: [2] position of the focal road user in the recording's frame (m).
@@ -41,16 +41,16 @@ class LocalView:
     paths: list[Float64Array]
 
     def turn(self, points: Float64Array) -> Float64Array:
-        """[..., 2] points of the recording's frame in this one (m)."""
+        """Return points [..., 2] of the recording's frame in this one (m)."""
         return _turn(points - self.origin, self.angle)
 
     def turn_covariance(self, covariance: Float64Array) -> Float64Array:
-        """[2, 2] covariance of the recording's frame in this one (m^2)."""
+        """Return a covariance [2, 2] of the recording's frame in this one (m^2)."""
         return rotate_covariance(covariance, -self.angle)
 
 
 def surroundings(moment: Moment, past_s: float) -> LocalView:
-    """The surroundings of a moment, with the past of the last ``past_s`` seconds."""
+    """Return the view of a moment, with the past of the last ``past_s`` seconds."""
     recording, prediction = moment.recording, moment.prediction
     now = (prediction.stamp_ns - recording.start_time_ns) * 1e-9 * recording.frame_rate
     horizon = float(prediction.time_s[-1]) * recording.frame_rate
@@ -86,7 +86,7 @@ def surroundings(moment: Moment, past_s: float) -> LocalView:
 
 
 def _paths(recording: Recording) -> list[np.ndarray]:
-    """The rows of every track, in time."""
+    """Return the rows of every track, in time."""
     order = np.lexsort((recording.frame, recording.track))
     starts = np.searchsorted(recording.track[order], np.arange(1, len(recording.track_id)))
     return np.split(order, starts)

@@ -1,8 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of a few predictions: modes, ellipses, past and true future, over the lanes.
+"""Picture of a few predictions: modes, ellipses, past and true future, over the lanes.
 
-Each panel is turned so that the road user in focus drives to the right; both axes have one scale.
+Each panel is turned so that the road user in focus drives to the right, with equal scales.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from mtpgo_training.reports.agent_drawing import (
 from mtpgo_training.reports.local_view import LocalView, surroundings
 
 LOWEST, HIGHEST = 0.2, 0.46
-"""Bounds on the height of a panel over its width."""
+"""Limits of the height of a panel relative to its width; chosen."""
 
-MIN_WIDTH_M, MARGIN_M, BESIDE_M = 80.0, np.array([12.0, 6.0]), 6.0
-"""A panel is at least this wide, leaves this around what it is about (x, y), and this around the
-others beside (m)."""
+MIN_WIDTH_M, MARGIN_M, OTHERS_MARGIN_M = 80.0, np.array([12.0, 6.0]), 6.0
+"""Least width of a panel, margins (x, y) around the road user in focus and its predictions, and
+margin in y around the other road users (m); chosen."""
 
 PAST_S = 3.0
-"""How much of the past is drawn (s)."""
+"""Length of the past that is drawn (s): the history of the models."""
 
 
 def draw_picture(moments: Sequence[Moment], path: Path) -> None:
-    """One panel below the other for each moment.
+    """Draw a panel for each moment, one below the other.
 
     Args:
         moments: at least one.
@@ -99,7 +99,7 @@ def _draw_moment(
 
 
 def _window(moment: Moment, around: LocalView) -> tuple[Float64Array, Float64Array]:
-    """Corners of the panel (m): all about the focal road user, and the others beside its way."""
+    """Return the corners of a panel (m) with the focal road user and those next to its path."""
     prediction, agent = moment.prediction, moment.agent
     shown = prediction.weight[agent] >= SHOWN_WEIGHT
     points = np.concatenate(
@@ -117,9 +117,9 @@ def _window(moment: Moment, around: LocalView) -> tuple[Float64Array, Float64Arr
     left, right = middle - width / 2.0, middle + width / 2.0
 
     x, y = around.position.T
-    beside = y[(x > left) & (x < right) & (np.abs(y) < HIGHEST * width / 2.0)]
-    bottom = min(lower[1], float(beside.min(initial=0.0)) - BESIDE_M)
-    top = max(upper[1], float(beside.max(initial=0.0)) + BESIDE_M)
+    others = y[(x > left) & (x < right) & (np.abs(y) < HIGHEST * width / 2.0)]
+    bottom = min(lower[1], float(others.min(initial=0.0)) - OTHERS_MARGIN_M)
+    top = max(upper[1], float(others.max(initial=0.0)) + OTHERS_MARGIN_M)
     height = float(np.clip(top - bottom, LOWEST * width, HIGHEST * width))
     middle = float(np.clip((bottom + top) / 2.0, upper[1] - height / 2.0, lower[1] + height / 2.0))
     return np.array([left, middle - height / 2.0]), np.array([right, middle + height / 2.0])
@@ -129,7 +129,7 @@ def _draw_ground(axes: Any, around: LocalView) -> None:
     if around.lanes:
         axes.add_collection(LineCollection(around.lanes, colors=LANE, linewidths=1.1, zorder=1))
     else:
-        # Without a map the paths of all that drove here show where the road is.
+        # Without a map, the paths of all road users of the recording show where the road is.
         axes.add_collection(
             LineCollection(
                 around.paths,

@@ -20,26 +20,26 @@ def played(recording):
     return recording, [perfect_prediction(recording, frame) for frame in range(0, 121, 2)]
 
 
-def test_the_moment_is_the_one_where_somebody_turns(recording):
+def test_the_moment_is_the_one_where_a_car_turns(recording):
     (moment,) = choose_moments([played(recording)], 1)
     assert moment.prediction.key[moment.agent, 0] == 8
     time_s = (moment.prediction.stamp_ns - recording.start_time_ns) * 1e-9
-    # With the end of the turn as far from straight on as counts, and 5 s of it still observed.
+    # The end of the turn is far from the straight path, and 5 s of it are still observed.
     assert 3.0 <= time_s <= 7.0
 
 
-def test_sites_take_turns_and_nobody_is_shown_twice():
+def test_sites_alternate_and_no_road_user_is_shown_twice():
     one, two = make_recording("a", location="x"), make_recording("b", location="y")
     moments = choose_moments([played(one), played(two)], 4)
     assert [m.recording.name for m in moments] == ["a", "b"]
     assert choose_moments([], 3) == []
 
 
-def test_surroundings_stand_in_the_focal_road_users_frame(recording):
+def test_surroundings_are_in_the_frame_of_the_focal_road_user(recording):
     prediction = perfect_prediction(recording, 60)
     (moment,) = choose_moments([(recording, [prediction])], 1)
     around = surroundings(moment, past_s=3.0)
-    # At 6 s car 8 has turned by 0.6 rad; it stands at zero, heading along +x at 10 m/s.
+    # At 6 s car 8 has turned by 0.6 rad; it is at the origin, heading along +x at 10 m/s.
     assert around.angle == pytest.approx(0.6)
     np.testing.assert_allclose(around.position[1], 0.0, atol=1e-9)
     np.testing.assert_allclose(around.velocity[1], [10.0, 0.0], atol=1e-9)
@@ -65,6 +65,6 @@ def test_the_picture_is_written_whole(recording, tmp_path):
         assert image.width == 1650
         colours = image.convert("RGB").getcolors(maxcolors=1 << 24)
     shown = {colour for _, colour in colours}
-    # The focal road user's body, what happened, and constant velocity are on it.
+    # The focal road user's body, the true future and constant velocity are on it.
     assert {(0xE0, 0x7B, 0x16), (0x1A, 0x1A, 0x1A), (0xC0, 0x39, 0x2B)} <= shown
     assert list(tmp_path.iterdir()) == [path]
