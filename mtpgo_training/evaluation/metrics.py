@@ -5,7 +5,7 @@
 Every function takes arrays with any leading axes ``...`` (agents, scenes) and returns one value
 for each agent, ``[...]``, so that the caller decides over which agents to average (docs/design.md,
 decision 15: the centre agents or all). Future samples that were not observed are masked: an
-average over the horizon is one over the observed steps, and a value that needs a step which was not
+average over the horizon is one over the observed steps, and a value that needs a step that was not
 observed is NaN. Use :func:`average` to average over agents; it leaves NaN out.
 
 Inputs have the same names throughout: ``mean`` [..., M, H, 2] predicted positions (m), ``weight``

@@ -163,9 +163,13 @@ class ScoreTable:
         known = np.isfinite(scores.inside)
         levels = np.stack([np.where(known, scores.inside, 0.0), known])
         groups = rows[list(GROUPS)].tolist()
-        for group in dict.fromkeys(groups):
-            some = np.array([own == group for own in groups])
-            self._add_group(group, _Sums(steps[:, some].sum(axis=1), levels[:, some].sum(axis=1)))
+        distinct = {group: i for i, group in enumerate(dict.fromkeys(groups))}
+        member = np.zeros((len(distinct), len(groups)))  # [groups, n]
+        member[[distinct[group] for group in groups], np.arange(len(groups))] = 1.0
+        step_sums = np.tensordot(member, steps, axes=(1, 1))  # [groups, 2, H, columns]
+        level_sums = np.tensordot(member, levels, axes=(1, 1))
+        for group, own_steps, own_levels in zip(distinct, step_sums, level_sums, strict=True):
+            self._add_group(group, _Sums(own_steps, own_levels))
 
     def _add_group(self, group: tuple[int, ...], sums: _Sums) -> None:
         self._sums[group] = self._sums[group] + sums if group in self._sums else sums
