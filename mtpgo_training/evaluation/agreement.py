@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mtpgo_core.history.track_index import find_names, names_of
+from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.schema import Float64Array, Prediction, Source
 from mtpgo_training.data.recording import Recording
@@ -45,9 +45,9 @@ class Agreement:
 
     def add(self, recorded: Prediction, own: Prediction, recording: Recording, name: str) -> None:
         """Compare two predictions of one instant."""
-        names = names_of(own.key)
-        order = np.argsort(names)
-        place = find_names(names[order], names_of(recorded.key))
+        sortable = sort_keys(own.key)
+        order = np.argsort(sortable)
+        place = find_sort_keys(sortable[order], sort_keys(recorded.key))
         row = np.where(place >= 0, order[place], -1) if len(own) else place
         both = (row >= 0) & (recorded.source == Source.MODEL)
         both &= own.source[row] == Source.MODEL

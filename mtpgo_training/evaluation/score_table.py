@@ -34,8 +34,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from mtpgo_core.prediction.constant_velocity import MOVING_MPS
-from mtpgo_core.schema import AgentClass
+from mtpgo_core.schema import MOVING_MPS, AgentClass
 from mtpgo_training.evaluation.agent_scores import (
     KEYS,
     LEVELS,
