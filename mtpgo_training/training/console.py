@@ -11,9 +11,10 @@ from pathlib import Path
 import torch
 
 from mtpgo_training.data.splits import NamedRecording, Splits
+from mtpgo_training.evaluation.score_summary import averages_table
+from mtpgo_training.table_format import to_text
 from mtpgo_training.training.data_loading import Scenes
 from mtpgo_training.training.run_state import Row, TrainingRun
-from mtpgo_training.training.validation import scores_text
 
 COLUMNS = (
     ("epoch", "epoch", "{:d}"),
@@ -81,7 +82,7 @@ def summary(run: TrainingRun, folder: Path) -> str:
         lines += [
             f"{options.keep} epoch {state.best_epoch}, validation, all agents, "
             f"covariances scaled by {state.scale:.2f}:",
-            scores_text(state.metrics),
+            to_text(averages_table(state.metrics, "all")),
         ]
     minutes = (state.seconds + state.epoch_seconds) / 60.0
     lines.append(

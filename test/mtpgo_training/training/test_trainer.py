@@ -151,13 +151,13 @@ def use_validation_errors(monkeypatch, errors):
     def validate(model, batches, scale=1.0):
         if scale == 1.0:
             current[:] = [left.pop(0)]
-        book, calibration = real(model, batches, scale)
-        table = book.table()
-        table.models["model"]["all"]["ade"] = current[0]
+        scores, calibration = real(model, batches, scale)
+        averages = scores.averages()
+        averages["model"]["all"]["ade"] = current[0]
 
         class Known:
-            def table(self):
-                return table
+            def averages(self):
+                return averages
 
         return Known(), calibration
 
