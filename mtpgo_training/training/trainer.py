@@ -329,7 +329,7 @@ def _fabric(config: TrainingConfig) -> Fabric:
                 devices=options.devices or "auto",
                 num_nodes=options.num_nodes,
                 strategy=strategy,
-                precision=options.precision,
+                precision=options.precision,  # type: ignore[arg-type]
             )
     except (MisconfigurationException, RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
