@@ -60,7 +60,12 @@ class RecordingCache:
         self.folder = folder
 
     def columns(
-        self, recording: Recording, purpose: str, settings: object, make: Callable[[], Columns]
+        self,
+        recording: Recording,
+        purpose: str,
+        settings: object,
+        make: Callable[[], Columns],
+        *code: Callable[..., Any],
     ) -> Columns:
         """Return columns computed from a recording, from the cache if they are there.
 
@@ -69,6 +74,7 @@ class RecordingCache:
             purpose: name of the columns.
             settings: everything else that determines them, as JSON can write it.
             make: computes them; its code is part of the entry's name.
+            code: other functions that determine them.
         """
         if not recording.sha256:
             return make()
@@ -80,7 +86,7 @@ class RecordingCache:
             # A part of a recording has the hash of the whole.
             "rows": _checksum(recording.frame, recording.track, recording.position),
         }
-        return self.entry(facts, make, code=(make,))
+        return self.entry(facts, make, code=(make, *code))
 
     def entry(
         self,

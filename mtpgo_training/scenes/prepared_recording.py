@@ -8,6 +8,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,8 +108,12 @@ def prepare(
         cache: cache of the columns that are costly to compute.
     """
 
-    def columns(purpose: str, settings: object, make: Callable[[], Columns]) -> Columns:
-        return make() if cache is None else cache.columns(recording, purpose, settings, make)
+    def columns(
+        purpose: str, settings: object, make: Callable[[], Columns], *code: Callable[..., Any]
+    ) -> Columns:
+        if cache is None:
+            return make()
+        return cache.columns(recording, purpose, settings, make, *code)
 
     stride_s = data.stride_s if training else data.validation_stride_s
     settings = dataclasses.asdict(history)
@@ -122,6 +127,7 @@ def prepare(
             "restarted",
             {**settings, "seed": seed, "within_s": data.restart_within_s},
             functools.partial(take_in, pieces, history),
+            cut_tracks,
         )
         times_ns = windows.instants.stamp_ns
         restarted = Windows(pieces, SampleTable(table, history), times_ns, owner)

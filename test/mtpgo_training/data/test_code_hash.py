@@ -10,7 +10,7 @@ import time
 import pytest
 
 from mtpgo_training.data import code_hash
-from mtpgo_training.data.code_hash import code_sha256, followed
+from mtpgo_training.data.code_hash import code_sha256, imported_modules
 from mtpgo_training.data.ground_truth import future_columns
 from mtpgo_training.data.readers.bag_recordings import _read_bag
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS, read_highd
@@ -79,7 +79,7 @@ def _made_up_package(monkeypatch, tmp_path):
 def forget():
     for name in [name for name in sys.modules if name.partition(".")[0] == "made_up"]:
         del sys.modules[name]
-    for cached in (code_hash._describe, code_hash._followed_sha256, code_hash._lines_of):
+    for cached in (code_hash._tree, code_hash._imports, code_hash._digests):
         cached.cache_clear()
 
 
@@ -119,7 +119,6 @@ def test_the_same_code_has_the_same_hash(hash_of):
         ("    if row is None:", '    """Say what it does."""\n    if row is None:'),
         ("def helper(value)", "def helper(value: list[float]) -> list[float]"),
         ("x: float", "x: int"),
-        ("    return 1", "    return 2"),  # of a function that is not used
     ],
 )
 def test_what_does_not_change_a_result_keeps_the_hash(hash_of, old, new):
@@ -164,26 +163,29 @@ def test_a_changed_number_or_formula_changes_the_hash(hash_of, old, new):
     assert hash_of(TYPES.replace(old, new), COMPUTE.replace(old, new)) != hash_of()
 
 
-def test_lambdas_and_partial_functions_are_followed_and_data_is_not():
-    def lazily(recording, function):
-        return lambda: function(recording)
+def test_a_function_in_a_module_that_is_not_imported_keeps_the_hash(hash_of, tmp_path):
+    before = hash_of()
+    (tmp_path / "made_up" / "other.py").write_text("def other():\n    return 1\n")
+    assert hash_of() == before
 
-    assert code_sha256(lazily(1, take_in)) == code_sha256(lazily(2, take_in))
-    assert code_sha256(lazily(1, take_in)) != code_sha256(lazily(1, future_columns))
+
+def test_lambdas_and_partial_functions_are_followed_and_data_is_not():
     one, other = (functools.partial(take_in, number) for number in (1, 2))
     assert code_sha256(one) == code_sha256(other) == code_sha256(take_in)
+    assert code_sha256(take_in) != code_sha256(future_columns)
+    assert code_sha256(lambda: take_in) == code_sha256()  # of a module outside of the project
     assert code_sha256(DRONE_READERS["highd"]) == code_sha256(read_highd)
-    assert code_sha256(DRONE_READERS["ind"]) == code_sha256(DRONE_READERS["exid"])
 
 
-def test_the_functions_that_are_cached_are_followed_to_the_end():
+def test_the_modules_of_cached_functions_are_followed_to_the_end():
     samples, drone, bag = (
-        {item.__qualname__ for item in followed(root)} for root in (take_in, read_highd, _read_bag)
+        imported_modules([root.__module__]) for root in (take_in, read_highd, _read_bag)
     )
-    assert {"Recording", "HistoryConfig", "TrackStore", "derive", "CausalSlope"} <= samples
-    assert {"read_table", "AgentClass", "Recording", "wrap_angle"} <= drone
-    assert {"InputAdapter", "BagPoses", "DecodingBagReader", "cloud_to_records"} <= bag
-    assert "build_scenes" not in samples | drone | bag
+    assert {"mtpgo_core.history.track_update", "mtpgo_core.history.causal_slope"} <= samples
+    assert {"mtpgo_training.data.recording", "mtpgo_core.task.task_description"} <= samples
+    assert {"mtpgo_training.data.readers.csv_table", "mtpgo_core.schema"} <= drone
+    assert {"msg_adapters.wire.cloud", "mtpgo_training.data.readers.bag_poses"} <= bag
+    assert "mtpgo_core.scene.scene_builder" not in samples | drone | bag
 
 
 def test_the_hash_is_quick():
