@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtpgo_training.benchmark.benchmark_model import model_file
+from mtpgo_training.benchmark.measurement.benchmark_model import model_file
 from mtpgo_training.training.torch_process import prepare_process
 
 InTurns = Callable[..., float]

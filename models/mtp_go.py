@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 import torch
 from torch import Tensor
 
+from models.ablations.direct_covariance import DirectCovariance
+from models.ablations.direct_states import DirectStates
 from models.decoder import Decoder
-from models.direct_covariance import DirectCovariance
-from models.direct_states import DirectStates
 from models.ekf import EkfCovariance
 from models.encoder import Encoder
 from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead

@@ -12,9 +12,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import leaky_relu
 
+from models.ablations.direct_covariance import DirectCovariance
 from models.baselines.baseline_config import RecurrentConfig
 from models.baselines.interaction import Interaction
-from models.direct_covariance import DirectCovariance
 from models.heads import ControlHead, MixtureHead, NoiseHead
 from models.own_frame.agent_frames import Start, states_to_own, states_to_scene
 from models.own_frame.covariance_frames import rotate_blocks

@@ -24,10 +24,10 @@ from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
 from mtpgo_ros.node.frame_transform import FixedFrameTransform, FrameTransform, NoTransform
 from mtpgo_ros.node.history_input import HistoryInput
-from mtpgo_ros.node.inference_worker import InferenceWorker
+from mtpgo_ros.node.inference.inference_worker import InferenceWorker
+from mtpgo_ros.node.inference.prediction_request import PredictionRequest
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.objects_subscription import ObjectsSubscription
-from mtpgo_ros.node.prediction_request import PredictionRequest
 from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 

@@ -23,7 +23,7 @@ from msg_adapters.types import RclpyTypes
 from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import Prediction
 from mtpgo_ros.diagnostics.event_log import EventLog
-from mtpgo_ros.node.latest_only import LatestOnly
+from mtpgo_ros.node.inference.latest_only import LatestOnly
 
 _QOS = QoSProfile(depth=5)
 """Reliable; a subscriber may fall behind by one second at 5 Hz."""

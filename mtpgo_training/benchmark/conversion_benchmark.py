@@ -14,8 +14,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_training.benchmark.machine import print_heading, table, write_json
-from mtpgo_training.benchmark.process_usage import read_peak_mb, require_linux
+from mtpgo_training.benchmark.measurement.machine import print_heading, table, write_json
+from mtpgo_training.benchmark.measurement.process_usage import read_peak_mb, require_linux
 
 _POLL_S = 0.01
 """Time between two looks at the process (s). Chosen: short against the shortest step, 0.5 s."""

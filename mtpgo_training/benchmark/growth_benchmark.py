@@ -19,8 +19,8 @@ from msg_adapters.types import Types, TypestoreTypes
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.schema import Prediction
-from mtpgo_training.benchmark.benchmark_model import model_file
-from mtpgo_training.benchmark.machine import print_heading, table, write_json
+from mtpgo_training.benchmark.measurement.benchmark_model import model_file
+from mtpgo_training.benchmark.measurement.machine import print_heading, table, write_json
 from mtpgo_training.benchmark.node_benchmark import node_table, require_node_tools, run_cases
 from mtpgo_training.benchmark.node_case import NodeCase, NodeRow
 

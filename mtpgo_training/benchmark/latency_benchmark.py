@@ -20,7 +20,7 @@ from models import MTPGO, ModelConfig
 from models.inference import deployable
 from mtpgo_core.errors import ModelFileError
 from mtpgo_training.atomic_files import require_writable
-from mtpgo_training.benchmark.machine import heading, write_json
+from mtpgo_training.benchmark.measurement.machine import heading, write_json
 from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 from mtpgo_training.training.torch_process import prepare_process
 

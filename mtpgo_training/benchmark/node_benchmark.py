@@ -12,11 +12,11 @@ from tempfile import TemporaryDirectory
 
 from tqdm import tqdm
 
-from mtpgo_training.benchmark.benchmark_model import model_file
-from mtpgo_training.benchmark.machine import print_heading, table, write_json
+from mtpgo_training.benchmark.measurement.benchmark_model import model_file
+from mtpgo_training.benchmark.measurement.machine import print_heading, table, write_json
+from mtpgo_training.benchmark.measurement.process_usage import require_linux
 from mtpgo_training.benchmark.node_case import NodeCase, NodeRow
 from mtpgo_training.benchmark.node_measurement import measure
-from mtpgo_training.benchmark.process_usage import require_linux
 from mtpgo_training.demo.node_session import require_ros
 
 RESIDENT_MB = 450.0

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mtpgo_training.benchmark.process_usage import Usage, cpu_share, largest_mb
+from mtpgo_training.benchmark.measurement.process_usage import Usage, cpu_share, largest_mb
 from mtpgo_training.demo.publication_timing import missed_cycles
 
 

@@ -9,8 +9,8 @@ import os
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
+from mtpgo_training.benchmark.measurement.process_usage import ProcessMonitor
 from mtpgo_training.benchmark.node_case import NodeCase, NodeRow, evaluate
-from mtpgo_training.benchmark.process_usage import ProcessMonitor
 from mtpgo_training.demo.child_process import ChildProcess, isolated
 from mtpgo_training.demo.node_session import READY_S
 

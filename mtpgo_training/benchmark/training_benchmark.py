@@ -23,14 +23,14 @@ from tqdm import tqdm
 from models import ModelConfig
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.benchmark.latency_benchmark import make_model
-from mtpgo_training.benchmark.machine import heading, markdown, write_json
+from mtpgo_training.benchmark.measurement.machine import heading, markdown, write_json
+from mtpgo_training.benchmark.measurement.step_workers import Step, Team, sum_gradients
 from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
-from mtpgo_training.benchmark.step_workers import Step, Team, sum_gradients
-from mtpgo_training.training.batch_loss import batch_loss
-from mtpgo_training.training.ewta_loss import ewta_loss
-from mtpgo_training.training.gradient_accumulation import process_share
-from mtpgo_training.training.likelihood_loss import negative_log_likelihood
-from mtpgo_training.training.schedules import LossWeights
+from mtpgo_training.training.losses.batch_loss import batch_loss
+from mtpgo_training.training.losses.ewta_loss import ewta_loss
+from mtpgo_training.training.losses.gradient_accumulation import process_share
+from mtpgo_training.training.losses.likelihood_loss import negative_log_likelihood
+from mtpgo_training.training.losses.schedules import LossWeights
 
 PHASES = {"EWTA": LossWeights(8, 1.0, 0.0), "NLL": LossWeights(1, 0.0, 1.0)}
 

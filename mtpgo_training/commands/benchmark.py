@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.task.task_description import GRAPH_POLICIES
-from mtpgo_training.benchmark.benchmark_model import REFERENCE
 from mtpgo_training.benchmark.growth_benchmark import GrowthPlan, print_growth
-from mtpgo_training.benchmark.machine import command_line
+from mtpgo_training.benchmark.measurement.benchmark_model import REFERENCE
+from mtpgo_training.benchmark.measurement.machine import command_line
 from mtpgo_training.commands.argument_types import positive_integer, positive_number
 
 Add = Callable[..., Any]

@@ -20,7 +20,11 @@ from mtpgo_training.commands.data_arguments import (
     data_sources,
 )
 from mtpgo_training.data.data_sources import named_recordings
-from mtpgo_training.evaluation.bag_evaluation import BagResult, evaluate_bags, observed_recordings
+from mtpgo_training.evaluation.bags.bag_evaluation import (
+    BagResult,
+    evaluate_bags,
+    observed_recordings,
+)
 from mtpgo_training.evaluation.evaluator import Settings, load_models
 from mtpgo_training.evaluation.parallel_evaluation import evaluate_recordings
 from mtpgo_training.evaluation.summary import summarise

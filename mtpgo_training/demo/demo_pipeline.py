@@ -29,8 +29,8 @@ from mtpgo_training.demo.recorded_messages import (
     read_messages,
 )
 from mtpgo_training.evaluation.moments import choose_moments
-from mtpgo_training.evaluation.score_table import ScoreTable
 from mtpgo_training.evaluation.scorer import add_scores
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.reports.scene_plot import draw_picture
 
 SHIPPED, SHIPPED_LAYOUT = "highway", "highd"

@@ -17,7 +17,7 @@ from mtpgo_core.schema import Source
 from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.demo.publication_timing import PublicationTiming
 from mtpgo_training.demo.recorded_messages import ReceivedPrediction, RecordedMessages
-from mtpgo_training.evaluation.score_table import Averages
+from mtpgo_training.evaluation.scores.score_table import Averages
 from mtpgo_training.table_format import Row, Table, to_text
 
 MODEL, PROTOCOL = "mtpgo", "all"

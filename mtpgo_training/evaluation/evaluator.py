@@ -21,8 +21,8 @@ from mtpgo_core.schema import HistoryWindow, Prediction
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
-from mtpgo_training.evaluation.score_table import Averages, ScoreTable
 from mtpgo_training.evaluation.scorer import Scorer
+from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 from mtpgo_training.scenes.windows import frames_every

@@ -20,13 +20,13 @@ from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.ground_truth import FutureTable
 from mtpgo_training.data.manoeuvres import label
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.evaluation.agent_scores import (
+from mtpgo_training.evaluation.scores.agent_scores import (
     AgentScores,
     ScoredAgents,
     score_agents,
     score_paths,
 )
-from mtpgo_training.evaluation.score_table import ScoreTable
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import predict_baselines
 

@@ -9,10 +9,10 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_training.evaluation.bag_evaluation import BagResult
-from mtpgo_training.evaluation.bootstrap import over_groups, seed_groups
+from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
 from mtpgo_training.evaluation.evaluator import Settings
-from mtpgo_training.evaluation.score_summary import breakdowns
+from mtpgo_training.evaluation.scores.bootstrap import over_groups, seed_groups
+from mtpgo_training.evaluation.scores.score_summary import breakdowns
 from mtpgo_training.evaluation.training_overlap import overlap_by_model, overlap_warnings
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 

@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from mtpgo_training.atomic_files import replacing
-from mtpgo_training.evaluation import metrics
+from mtpgo_training.evaluation.scores import metrics
 from mtpgo_training.reports.series import PROTOCOL, colour, series_names
 
 Json = dict[str, Any]

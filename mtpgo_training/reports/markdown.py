@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.evaluation.score_summary import TITLES
+from mtpgo_training.evaluation.scores.score_summary import TITLES
 from mtpgo_training.reports.tables import HEADINGS, INTERVAL_KEYS, score_cells
 from mtpgo_training.table_format import Row, Table, to_markdown
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from mtpgo_training.evaluation.score_summary import TITLES, value_text
+from mtpgo_training.evaluation.scores.score_summary import TITLES, value_text
 from mtpgo_training.reports.series import PROTOCOL, colour, series_names
 from mtpgo_training.table_format import Cell, Row, Table
 

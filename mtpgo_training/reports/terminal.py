@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from mtpgo_training.evaluation.bag_evaluation import BagResult
-from mtpgo_training.evaluation.score_summary import averages_table
+from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
+from mtpgo_training.evaluation.scores.score_summary import averages_table
 from mtpgo_training.reports.tables import (
     HEADINGS,
     INTERVAL_KEYS,

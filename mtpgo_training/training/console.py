@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 
 from mtpgo_training.data.splits import NamedRecording, Splits
-from mtpgo_training.evaluation.score_summary import averages_table
+from mtpgo_training.evaluation.scores.score_summary import averages_table
 from mtpgo_training.table_format import to_text
 from mtpgo_training.training.data_loading import Scenes
 from mtpgo_training.training.run_state import Row, TrainingRun

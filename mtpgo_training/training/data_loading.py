@@ -19,7 +19,7 @@ from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, Splits
 from mtpgo_training.scenes.prepared_recording import PreparedRecording, prepare_all
 from mtpgo_training.scenes.scene_dataset import SceneDataset, validation_scenes
-from mtpgo_training.training.gradient_accumulation import process_share
+from mtpgo_training.training.losses.gradient_accumulation import process_share
 from mtpgo_training.training.run_state import RunState
 from mtpgo_training.training.training_config import TrainingConfig
 

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 
 from models.trajectory_predictor import TrajectoryPredictor
-from mtpgo_training.training.schedules import LossWeights, loss_weights
+from mtpgo_training.training.losses.schedules import LossWeights, loss_weights
 from mtpgo_training.training.training_config import TrainingConfig
 
 Row = dict[str, Any]

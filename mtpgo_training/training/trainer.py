@@ -28,15 +28,15 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.scenes.scene_dataset import dense
-from mtpgo_training.training.batch_loss import batch_loss
 from mtpgo_training.training.checkpointing import resume_from, save_checkpoint, start_from
 from mtpgo_training.training.console import epoch_line, setting_text, title_line
 from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes
 from mtpgo_training.training.interruption import Interruption
+from mtpgo_training.training.losses.batch_loss import batch_loss
+from mtpgo_training.training.losses.schedules import learning_rate
 from mtpgo_training.training.networks import build_network, weights_hash
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
 from mtpgo_training.training.run_state import TrainingRun
-from mtpgo_training.training.schedules import learning_rate
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.training_config import TrainingConfig
 from mtpgo_training.training.validation import validate_epoch

@@ -17,7 +17,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, from_dict, option
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig, with_preset
-from mtpgo_training.training.schedules import LEARNING_RATE_SCHEDULES
+from mtpgo_training.training.losses.schedules import LEARNING_RATE_SCHEDULES
 
 ACCELERATORS = ("auto", "cpu", "gpu", "mps")
 STRATEGIES = ("auto", "ddp")
@@ -43,7 +43,7 @@ class OptimisationConfig:
         clip_norm: largest norm of the gradient.
         huber_delta: error at which the EWTA loss turns linear (m, m/s).
         mean_weight: weight of the expected Huber loss relative to the likelihood; 0 as in the
-            paper, see :func:`mtpgo_training.training.likelihood_loss.expected_huber_loss`.
+            paper, see :func:`mtpgo_training.training.losses.likelihood_loss.expected_huber_loss`.
         teacher_forcing: probability at the start that a roll-out is fed the observed states; it
             falls linearly to zero at the end of the warm-up (total / 4). The default is none: the
             roll-out starts at the observed state, and a predictor has to cope with its own errors.

@@ -15,11 +15,11 @@ from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 
 from models.trajectory_predictor import TrajectoryPredictor
-from mtpgo_training.evaluation.agent_scores import score_agents, score_paths
-from mtpgo_training.evaluation.score_table import Averages, ScoreTable
+from mtpgo_training.evaluation.scores.agent_scores import score_agents, score_paths
+from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 from mtpgo_training.scenes.scene_dataset import dense
-from mtpgo_training.training.batch_loss import Fields
+from mtpgo_training.training.losses.batch_loss import Fields
 from mtpgo_training.training.run_state import Row, TrainingRun
 
 BATCH_SCENES = 64

@@ -34,7 +34,7 @@ from msg_adapters.registry import INPUTS
 from msg_adapters.types import RclpyTypes
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import Prediction, TrackedStates, tracked_states
-from mtpgo_ros.node.prediction_request import PredictionRequest
+from mtpgo_ros.node.inference.prediction_request import PredictionRequest
 from mtpgo_ros.node.predictor_node import PredictorNode
 
 ROOT = Path(__file__).resolve().parents[2]

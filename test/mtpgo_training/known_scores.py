@@ -8,8 +8,8 @@ import numpy as np
 
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.data.manoeuvres import MANOEUVRES
-from mtpgo_training.evaluation.agent_scores import ScoredAgents, score_agents
-from mtpgo_training.evaluation.score_table import ScoreTable
+from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents, score_agents
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
 
 H = 5
 KEEP, STANDS = 1 << MANOEUVRES.index("lane_keep"), 1 << MANOEUVRES.index("standing")

@@ -17,9 +17,9 @@ from mtpgo_core.schema import Source
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.frame_transform import NoTransform
+from mtpgo_ros.node.inference.prediction_request import PredictionRequest
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.prediction_pipeline import PredictionPipeline
-from mtpgo_ros.node.prediction_request import PredictionRequest
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
 ADAPTER = INPUTS["pointcloud2"]

@@ -7,8 +7,8 @@ import dataclasses
 from node_times import made
 
 from mtpgo_training.benchmark import node_benchmark as node
+from mtpgo_training.benchmark.measurement.process_usage import Usage
 from mtpgo_training.benchmark.node_case import NodeCase, NodeRow, evaluate
-from mtpgo_training.benchmark.process_usage import Usage
 
 
 def test_violated_requirements_are_named():

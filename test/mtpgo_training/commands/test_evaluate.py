@@ -15,8 +15,8 @@ from mtpgo_core.task.model_file import find_model
 from mtpgo_training.cli import main
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.writers.ind_writer import write_ind
-from mtpgo_training.evaluation.agent_scores import KEYS
 from mtpgo_training.evaluation.evaluator import Settings, evaluate, evaluate_all
+from mtpgo_training.evaluation.scores.agent_scores import KEYS
 from mtpgo_training.evaluation.training_overlap import (
     overlap_by_model,
     overlap_warnings,

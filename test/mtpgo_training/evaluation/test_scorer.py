@@ -12,9 +12,9 @@ from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.ground_truth import FutureTable
-from mtpgo_training.evaluation.agent_scores import KEYS
-from mtpgo_training.evaluation.score_table import ScoreTable
 from mtpgo_training.evaluation.scorer import Scorer, add_scores
+from mtpgo_training.evaluation.scores.agent_scores import KEYS
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.scenes.kinematic_baselines import predict_baselines
 from mtpgo_training.scenes.windows import cut_windows
 

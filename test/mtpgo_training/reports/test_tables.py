@@ -5,9 +5,9 @@ import pytest
 from known_scores import add
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
-from mtpgo_training.evaluation.bootstrap import over_groups
-from mtpgo_training.evaluation.score_summary import breakdowns
-from mtpgo_training.evaluation.score_table import ScoreTable
+from mtpgo_training.evaluation.scores.bootstrap import over_groups
+from mtpgo_training.evaluation.scores.score_summary import breakdowns
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.reports.figures import draw_figures
 from mtpgo_training.reports.markdown import markdown_table, read_results
 from mtpgo_training.reports.page import prepare_folder

@@ -1,0 +1,176 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Evaluation of recorded predictions: scored like models, and compared with them per agent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from msg_adapters.bags.bag_reader import DecodingBagReader
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.schema import Prediction
+from mtpgo_core.task.task_description import HistoryConfig
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.evaluation.bags.agreement import Agreement, replay_offline
+from mtpgo_training.evaluation.bags.bag_predictions import bag_name, match, read_predictions
+from mtpgo_training.evaluation.bags.clock_alignment import find_parts
+from mtpgo_training.evaluation.evaluator import Evaluation
+from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
+from mtpgo_training.evaluation.scorer import Scorer
+from mtpgo_training.scenes.history_replay import replay
+from mtpgo_training.scenes.kinematic_baselines import BASELINES
+
+PROTOCOL = "all"
+"""Protocol of recorded predictions: a node publishes each road user once."""
+
+
+@dataclass
+class BagResult:
+    """The results of an evaluation of bags.
+
+    Attributes:
+        evaluation: the scores of bags, models and baselines.
+        agreements: by bag and model.
+        warnings: one sentence each.
+    """
+
+    evaluation: Evaluation
+    agreements: dict[str, dict[str, Agreement]] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+
+def observed_recordings(bags: Sequence[Path]) -> dict[str, Recording]:
+    """Return what the bags themselves observed: the ground truth where no other is given.
+
+    Raises:
+        RecordingError: a bag has no tracked objects.
+    """
+    found: dict[str, Recording] = {}
+    for bag in bags:
+        with DecodingBagReader(bag):
+            pass  # a file that is not a bag has an error of its own
+        try:
+            recordings = load_recordings(bag, "bag")
+        except RecordingError as error:
+            raise RecordingError(
+                f"{error}; the truth for recorded predictions is in the bag itself, or given "
+                "with --data"
+            ) from error
+        for recording in recordings:
+            name = recording.name if recording.name not in found else f"{bag}/{recording.name}"
+            found[name] = recording
+    return found
+
+
+def evaluate_bags(
+    bags: Sequence[Path],
+    recordings: Mapping[str, Recording],
+    runners: Mapping[str, ModelRunner],
+    *,
+    topic: str | None = None,
+    min_future_s: float = 0.0,
+    own_clock: bool = True,
+    draw: bool = False,
+) -> BagResult:
+    """Score recorded predictions, and models at the same instants.
+
+    Args:
+        bags: recorded predictions.
+        recordings: what was played, by name.
+        runners: models by name, may be none. The baselines use the history of the first.
+        topic: of the predictions; by default the one that holds predictions.
+        min_future_s: agents observed for a shorter time afterwards are left out (s).
+        own_clock: the bags may have another clock than the recordings, found by their own
+            observations; false where the recordings come from the bags.
+        draw: keep the best and worst scenes for a picture.
+
+    Raises:
+        RecordingError: see :func:`read_predictions` and :func:`match`.
+        ConfigurationError: two bags, or a bag and a model, have the same name.
+    """
+    names = [bag_name(bag) for bag in bags]
+    for name in names:
+        if names.count(name) > 1 or name in runners or name in BASELINES:
+            raise ConfigurationError(
+                f"two sets of predictions are called {name}, expected bags, models and baselines "
+                "of different names"
+            )
+    result = BagResult(Evaluation(scenes={name: ExtremeScenes() for name in names if draw}))
+    done: set[str] = set()
+    for bag, bag_called in zip(bags, names, strict=True):
+        predictions = read_predictions(bag, topic)
+        parts = find_parts(_observed(bag), recordings) if own_clock else []
+        if parts and not any(part.name for part in parts):
+            result.warnings.append(
+                f"what {bag} observed is in none of the recordings, so its predictions are "
+                "matched by their stamps and identities as they are"
+            )
+        matched = match(bag, predictions, recordings, parts)
+        if matched.unmatched:
+            result.warnings.append(
+                f"{matched.unmatched} of the {len(predictions)} predictions in {bag} are of no "
+                "road user of the recordings and are left out"
+            )
+        for name, own in matched.by_recording.items():
+            part = _RecordingEvaluation(name, recordings[name], min_future_s, runners)
+            part.score_bag(result, bag_called, own, baselines=name not in done)
+            part.score_models(result, bag_called, own, first=name not in done)
+            done.add(name)
+    return result
+
+
+def _observed(bag: Path) -> list[Recording]:
+    """Return what a bag observed, nothing where it has only predictions."""
+    try:
+        return load_recordings(bag, "bag")
+    except RecordingError:
+        return []
+
+
+@dataclass(frozen=True)
+class _RecordingEvaluation:
+    """The evaluation of predictions and models on one recording."""
+
+    name: str
+    recording: Recording
+    min_future_s: float
+    runners: Mapping[str, ModelRunner]
+
+    def _scorer(self, history: HistoryConfig) -> Scorer:
+        return Scorer(
+            self.recording,
+            max_gap_s=history.max_gap_s,
+            min_future_s=self.min_future_s,
+            name=self.name,
+        )
+
+    def score_bag(
+        self, result: BagResult, bag: str, predictions: Sequence[Prediction], *, baselines: bool
+    ) -> None:
+        """Score the bag's own predictions; the baselines only once for a recording."""
+        evaluation = result.evaluation
+        evaluation.recordings[self.name] = self.recording.sha256
+        history = next((r.task.history for r in self.runners.values()), HistoryConfig())
+        scorer = self._scorer(history)
+        stamps = [p.stamp_ns for p in predictions]
+        windows = replay(self.recording, history, stamps)
+        for prediction, window in zip(predictions, windows, strict=True):
+            evaluation.add(bag, PROTOCOL, scorer, prediction, window, baselines=baselines)
+
+    def score_models(
+        self, result: BagResult, bag: str, predictions: Sequence[Prediction], *, first: bool
+    ) -> None:
+        """Compare the models with the bag at its instants; score them once for a recording."""
+        stamps = [p.stamp_ns for p in predictions]
+        for model, runner in self.runners.items():
+            agreement = result.agreements.setdefault(bag, {}).setdefault(model, Agreement())
+            scorer = self._scorer(runner.task.history)
+            own_all = replay_offline(runner, self.recording, stamps)
+            for recorded, own in zip(predictions, own_all, strict=True):
+                agreement.add(recorded, own, self.recording, self.name)
+                if first and len(own):
+                    result.evaluation.add(model, PROTOCOL, scorer, own)

@@ -1,0 +1,199 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Breakdowns of a score table as plain data: intervals, groups, the horizon, calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mtpgo_training.data.manoeuvres import MANOEUVRES, members
+from mtpgo_training.evaluation.scores import metrics
+from mtpgo_training.evaluation.scores.agent_scores import KEYS, LEVELS, STEP_KEYS
+from mtpgo_training.evaluation.scores.bootstrap import (
+    Array,
+    bootstrap,
+    bootstrap_ratio,
+    pooled,
+    resampling_counts,
+)
+from mtpgo_training.evaluation.scores.score_table import (
+    Averages,
+    ScoreTable,
+    average,
+    none,
+    scores_by,
+    totals,
+)
+from mtpgo_training.table_format import Row, Table
+
+Json = dict[str, Any]
+
+TITLES = {
+    "ade": "ADE m",
+    "fde": "FDE m",
+    "mr": "MR",
+    "apde": "APDE m",
+    "anll": "ANLL",
+    "fnll": "FNLL",
+    "min_ade": "minADE m",
+    "min_fde": "minFDE m",
+    "coverage_50": "in 50%",
+    "coverage_90": "in 90%",
+    "coverage_95": "in 95%",
+    "n": "agents",
+}
+"""Heads of the columns of tables."""
+
+REFERENCE = "cv"
+"""The baseline relative to which the errors of the models are given."""
+
+RELATIVE_KEYS = ("ade", "fde", "mr", "apde")
+"""Errors that are given relative to the baseline."""
+
+_SERIES = ["model", "protocol"]
+
+
+def breakdowns(table: ScoreTable) -> Json:
+    """Return breakdowns as plain data for JSON, by model and protocol; None for not defined.
+
+    ``intervals``: by value, low and high end of the 95 % interval over recordings.
+    ``relative``: by value, its share of constant velocity's, with low and high.
+    ``by_class``, ``by_manoeuvre``, ``by_recording``: by name, the values.
+    ``by_horizon``: ``time_s`` and by value, lists over the horizon; ``displacement_low`` and
+    ``_high`` are the ends of its interval, ``n`` the agents observed, ``nees_expected`` what the
+    two NEES would be.
+    ``reliability``: ``level`` and ``observed`` share in the ellipse of that level.
+    """
+    names, drawn = table.recordings, resampling_counts(len(table.recordings))
+    agents = table.agents()
+    by_recording = totals(agents, [*_SERIES, "recording"])
+    steps = totals(table.steps(), [*_SERIES, "recording", "step", "time_s"])
+    levels = totals(table.levels(), [*_SERIES, "level"])
+    content: Json = {
+        "intervals": {},
+        "relative": {},
+        "by_class": _nested(scores_by(agents, [*_SERIES, "agent_class"])),
+        "by_manoeuvre": _by_manoeuvre(agents),
+        "by_recording": _nested(scores_by(agents, [*_SERIES, "recording"])),
+        "by_horizon": {},
+        "reliability": {},
+    }
+    for model, protocol in by_recording.index.droplevel("recording").unique():
+        own = by_recording.loc[model, protocol].reindex(names, fill_value=0.0)
+        parts = {
+            "intervals": _intervals(own, drawn),
+            "relative": {},
+            "by_horizon": _by_horizon(steps.loc[model, protocol], names, drawn),
+            "reliability": _reliability(levels.loc[model, protocol]),
+        }
+        if (REFERENCE, protocol) in by_recording.index.droplevel("recording"):
+            other = by_recording.loc[REFERENCE, protocol].reindex(names, fill_value=0.0)
+            parts["relative"] = _relative(own, other, drawn)
+        for key, value in parts.items():
+            content[key].setdefault(model, {})[protocol] = value
+    return content
+
+
+def _nested(scores: Mapping[tuple[str, str, str], Any]) -> Json:
+    """By model, protocol and name, what is given for the three together."""
+    content: Json = {}
+    for (model, protocol, name), value in scores.items():
+        content.setdefault(model, {}).setdefault(protocol, {})[name] = value
+    return content
+
+
+def _intervals(own: pd.DataFrame, drawn: Array | None) -> Json:
+    low, high = bootstrap(own["sum"].to_numpy(), own["count"].to_numpy(), drawn)
+    return {key: [none(low[i]), none(high[i])] for i, key in enumerate(KEYS)}
+
+
+def _relative(own: pd.DataFrame, other: pd.DataFrame, drawn: Array | None) -> Json:
+    content: Json = {}
+    for key in RELATIVE_KEYS:
+        sums, counts = own["sum", key].to_numpy(), own["count", key].to_numpy()
+        others, other_counts = other["sum", key].to_numpy(), other["count", key].to_numpy()
+        if not counts.sum() or not others.sum():
+            continue
+        ratio = sums.sum() / counts.sum() / (others.sum() / other_counts.sum())
+        low, high = bootstrap_ratio(sums, counts, others, other_counts, drawn)
+        content[key] = {"value": float(ratio), "low": none(low), "high": none(high)}
+    return content
+
+
+def _by_manoeuvre(agents: pd.DataFrame) -> Json:
+    content: Json = {}
+    for model, protocol in agents.groupby(_SERIES, observed=True).groups:
+        content.setdefault(model, {})[protocol] = {}
+    for name in MANOEUVRES:
+        some = agents[members(agents["manoeuvres"].to_numpy(), name)]
+        for (model, protocol), scores in scores_by(some, _SERIES).items():
+            if scores["n"]:
+                content[model][protocol][name] = scores
+    return content
+
+
+def _by_horizon(steps: pd.DataFrame, names: Sequence[str], drawn: Array | None) -> Json:
+    """Return lists over the horizon.
+
+    Args:
+        steps: sums, and as index recording, step and time.
+        names: of all recordings.
+        drawn: see :func:`resampling_counts`.
+    """
+    index = steps.index.to_frame(index=False)
+    step = index["step"].to_numpy() - 1
+    place = pd.Index(names).get_indexer(index["recording"])
+    shape = (len(names), int(step.max()) + 1)
+    times = np.full(shape[1], np.nan)
+    times[step] = index["time_s"]
+
+    def spread(part: str, key: str) -> Array:
+        values = np.zeros(shape)
+        values[place, step] = steps[part, key]
+        return values
+
+    content: Json = {
+        "time_s": [none(time) for time in times],
+        "nees_expected": metrics.EXPECTED_NEES,
+        "n": spread("count", "displacement").sum(axis=0).tolist(),
+    }
+    for key in STEP_KEYS:
+        sums, counts = spread("sum", key), spread("count", key)
+        content[key] = [none(value) for value in pooled(sums, counts)]
+        if key == "displacement":
+            low, high = bootstrap(sums, counts, drawn)
+            content["displacement_low"] = [none(value) for value in low]
+            content["displacement_high"] = [none(value) for value in high]
+    return content
+
+
+def _reliability(levels: pd.DataFrame) -> Json:
+    if not levels["count", "inside"].sum():
+        return {}
+    return {"level": list(LEVELS), "observed": average(levels)["inside"].tolist()}
+
+
+def averages_table(averages: Averages, protocol: str = "all") -> Table:
+    """Return a row of averages for each model.
+
+    Args:
+        averages: see :meth:`ScoreTable.averages`.
+        protocol: ``all`` or ``centre``.
+    """
+    rows = [
+        Row(model, [value_text(protocols[protocol][key]) for key in TITLES])
+        for model, protocols in averages.items()
+        if protocol in protocols
+    ]
+    return Table(["", *TITLES.values()], rows)
+
+
+def value_text(value: float | None, digits: int = 3) -> str:
+    """Return a value as it is shown in tables: counts as they are, ``-`` for not defined."""
+    if isinstance(value, int):
+        return str(value)
+    return "-" if value is None else f"{value:.{digits}f}"

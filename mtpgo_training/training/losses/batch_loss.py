@@ -1,0 +1,99 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The training loss of a batch: EWTA and likelihood, weighted by the schedule."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+
+from torch import Tensor
+from torch_geometric.data import Batch
+
+from models.trajectory_predictor import TrajectoryPredictor
+from mtpgo_training.training.losses.ewta_loss import ewta_loss
+from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
+from mtpgo_training.training.losses.likelihood_loss import (
+    expected_huber_loss,
+    negative_log_likelihood,
+)
+from mtpgo_training.training.losses.schedules import LossWeights
+
+Fields = Mapping[str, Tensor]
+
+
+def training_loss(
+    model: TrajectoryPredictor,
+    fields: Fields,
+    weights: LossWeights,
+    *,
+    huber_delta: float,
+    mean_weight: float = 0.0,
+    teacher_forcing: bool = False,
+) -> Tensor:
+    """Return the loss of a dense batch, a scalar.
+
+    Args:
+        model: the network.
+        fields: a batch from :func:`mtpgo_training.scenes.scene_dataset.dense`.
+        weights: of EWTA and NLL. The covariance is computed only where NLL counts.
+        huber_delta: see :func:`.ewta_loss.ewta_loss`.
+        mean_weight: weight of :func:`.likelihood_loss.expected_huber_loss`, relative to NLL.
+        teacher_forcing: feed the observed states to the roll-out.
+    """
+    states = model.config.state_size
+    target, mask = fields["target"][..., :states], fields["weight"]
+    with_covariance = weights.nll > 0.0
+    log_weight, mean, covariance = model.roll_out(
+        fields["x"],
+        fields["valid"],
+        fields["static"],
+        None,
+        with_covariance,
+        target if teacher_forcing else None,
+        mask > 0.0 if teacher_forcing else None,
+    )
+    loss = mean.new_zeros(())
+    if weights.ewta > 0.0:
+        loss = loss + weights.ewta * ewta_loss(mean, target, mask, weights.winners, huber_delta)
+    if with_covariance:
+        loss = loss + weights.nll * negative_log_likelihood(
+            log_weight, mean, covariance, target, mask
+        )
+        if mean_weight > 0.0:
+            loss = loss + weights.nll * mean_weight * expected_huber_loss(
+                log_weight, mean, target, mask, huber_delta
+            )
+    return loss
+
+
+def batch_loss(
+    model: TrajectoryPredictor,
+    batch: Batch,
+    weights: LossWeights,
+    *,
+    huber_delta: float,
+    mean_weight: float = 0.0,
+    teacher_forcing: bool = False,
+) -> Tensor:
+    """Return :func:`training_loss` of a PyG batch, averaged over all its observed agent-steps.
+
+    Computed in micro-batches, see :mod:`mtpgo_training.training.losses.gradient_accumulation`.
+
+    Args:
+        model: the network.
+        batch: graphs of :class:`mtpgo_training.scenes.scene_dataset.SceneDataset`.
+        weights: this and the other arguments as in :func:`training_loss`.
+        huber_delta: see :func:`training_loss`.
+        mean_weight: see :func:`training_loss`.
+        teacher_forcing: see :func:`training_loss`.
+    """
+    loss = functools.partial(
+        training_loss,
+        model,
+        weights=weights,
+        huber_delta=huber_delta,
+        mean_weight=mean_weight,
+        teacher_forcing=teacher_forcing,
+    )
+    return accumulated_loss(model, micro_batches(batch), loss)

@@ -1,0 +1,51 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The negative log-likelihood, eq. (27) of the paper, and an expected Huber loss to go with it.
+
+The paper sums over the horizon. Here the losses are averages over the observed agent-steps,
+weighted by ``mask``, so that their value does not depend on how many futures of a batch are known.
+"""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from models.mixture_likelihood import mixture_nll
+from mtpgo_training.training.losses.ewta_loss import huber_per_mode
+
+
+def negative_log_likelihood(
+    log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
+) -> Tensor:
+    """Return the negative log-likelihood of the full state, a scalar (nats per step).
+
+    Args:
+        log_weight: [B, N, M] log mixture weights.
+        mean: [B, N, M, H, S].
+        covariance: [B, N, M, H, S, S].
+        target: [B, N, H, S] observed states; any finite value where not observed.
+        mask: [B, N, H] weight of each step, 0 where not observed.
+    """
+    value = mixture_nll(log_weight, mean, covariance, target, mask > 0.0)  # [B, N, H]
+    return (value * mask).sum() / mask.sum().clamp(min=1e-6)
+
+
+def expected_huber_loss(
+    log_weight: Tensor, mean: Tensor, target: Tensor, mask: Tensor, huber_delta: float = 1.0
+) -> Tensor:
+    """Return the Huber loss of the components averaged with their mixture weights, a scalar.
+
+    Not in the paper. The likelihood's gradient with respect to a mean is divided by the variance,
+    so agents with a certain future dominate it and uncertain ones hardly count, and nothing in it
+    prefers that the heaviest component is near the truth, which is what ADE measures. This term
+    does.
+
+    Args:
+        log_weight: [B, N, M] log mixture weights.
+        mean: [B, N, M, H, S] predicted states.
+        target: [B, N, H, S] observed states; any finite value where not observed.
+        mask: [B, N, H] weight of each step, 0 where not observed.
+        huber_delta: error at which the loss turns from quadratic to linear (m and m/s).
+    """
+    loss = huber_per_mode(mean, target, mask, huber_delta)
+    return (log_weight.exp() * loss).sum() / mask.sum().clamp(min=1e-6)

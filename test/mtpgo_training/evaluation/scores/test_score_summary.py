@@ -1,0 +1,93 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The breakdowns of a score table, against sums worked out by hand."""
+
+import pytest
+from known_scores import H, add, filled
+
+from mtpgo_training.evaluation.scores.agent_scores import LEVELS
+from mtpgo_training.evaluation.scores.score_summary import averages_table, breakdowns
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
+from mtpgo_training.table_format import to_text
+
+
+def test_groups_have_their_own_averages():
+    found = breakdowns(filled())
+    assert {k: v["ade"] for k, v in found["by_class"]["m"]["all"].items()} == {
+        "car": pytest.approx((4 * 1.0 + 2 * 4.0) / 6),
+        "truck": 2.0,
+    }
+    assert {k: (v["ade"], v["n"]) for k, v in found["by_manoeuvre"]["m"]["all"].items()} == {
+        "lane_keep": (1.0, 4),
+        "standing": (2.0, 2),
+    }
+    assert {k: v["ade"] for k, v in found["by_recording"]["m"]["all"].items()} == {
+        "01": 1.0,
+        "02": 2.0,
+        "03": 4.0,
+    }
+    assert found["by_class"]["m"]["all"]["truck"]["fde"] == 2.0
+
+
+def test_the_horizon_counts_observed_agents():
+    rows = breakdowns(filled())["by_horizon"]["m"]["all"]
+    assert rows["time_s"] == [0.2, 0.4, 0.6, 0.8, 1.0]
+    assert rows["n"] == [8, 8, 8, 6, 6]
+    assert rows["nees_expected"] == 2.0
+    assert rows["displacement"] == pytest.approx([2.0, 2.0, 2.0, 8 / 6, 8 / 6])
+    # With unit covariance the NEES is the squared distance, by mode and by mixture alike.
+    squared = [(4 * 1 + 2 * 4 + 2 * 16) / 8] * 3 + [(4 * 1 + 2 * 4) / 6] * 2
+    assert rows["nees"] == pytest.approx(squared)
+    assert rows["nees_mixture"] == pytest.approx(squared)
+    assert rows["displacement_low"][0] < 2.0 < rows["displacement_high"][0]
+
+
+def test_reliability_agrees_with_the_coverages():
+    table = filled()
+    found = breakdowns(table)["reliability"]["m"]["all"]
+    at = dict(zip(found["level"], found["observed"], strict=True))
+    scores = table.averages()["m"]["all"]
+    for percent in (50, 90, 95):
+        assert at[percent / 100] == pytest.approx(scores[f"coverage_{percent}"])
+    # A distance of 1 lies in the ellipses from 1 - exp(-1 / 2) = 39 % on, 2 from 86 % on.
+    assert at[0.35] == 0.0
+    assert at[0.4] == pytest.approx(4 / 8)
+    assert at[0.9] == pytest.approx(6 / 8)
+    assert found["level"] == list(LEVELS)
+
+
+def test_intervals_over_recordings_and_the_share_of_constant_velocity():
+    found = breakdowns(filled())
+    low, high = found["intervals"]["m"]["all"]["ade"]
+    assert low == pytest.approx(1.0)  # 01 drawn three times
+    assert 2.0 < high <= 4.0
+    share = found["relative"]["m"]["all"]["ade"]
+    assert share["value"] == pytest.approx(2.0 / 4.0)
+    assert share["low"] == pytest.approx(0.25)
+    assert found["relative"]["cv"]["all"]["ade"] == {"value": 1.0, "low": 1.0, "high": 1.0}
+
+
+def test_one_recording_has_no_intervals():
+    table = ScoreTable()
+    add(table, 1.0, step_s=float("nan"))
+    found = breakdowns(table)
+    assert found["intervals"]["m"]["all"]["ade"] == [None, None]
+    assert found["by_horizon"]["m"]["all"]["displacement_low"] == [None] * H
+    assert found["by_horizon"]["m"]["all"]["time_s"] == [None] * H
+    assert found["relative"]["m"]["all"] == {}
+
+
+def test_a_path_without_covariance_has_no_calibration():
+    table = ScoreTable()
+    add(table, 2**0.5, model="ca", n=2, spread=None)
+    found = breakdowns(table)
+    assert found["reliability"]["ca"]["all"] == {}
+    assert found["by_horizon"]["ca"]["all"]["nees"] == [None] * H
+    assert found["by_horizon"]["ca"]["all"]["displacement"] == pytest.approx([2**0.5] * H)
+
+
+def test_the_table_of_averages_has_a_row_for_each_model():
+    lines = to_text(averages_table(filled().averages())).splitlines()
+    assert [line.split()[0] for line in lines[1:]] == ["m", "cv"]
+    assert "ADE m" in lines[0]
+    assert len({len(line) for line in lines}) == 1
