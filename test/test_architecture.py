@@ -249,6 +249,28 @@ def test_a_folder_has_few_files():
     assert len(root) <= 8, root
 
 
+ACROSS_MODULES = {
+    "models/baselines/test_learning.py",
+    "models/test_properties.py",
+    "msg_adapters/test_docs.py",
+    "msg_adapters/test_malformed.py",
+    "msg_adapters/test_serialized.py",
+    "mtpgo_ros/test_launch_and_layouts.py",
+    "mtpgo_training/data/readers/test_bad_recordings.py",
+}
+"""Tests of something that several modules do together."""
+
+
+def test_tests_mirror_the_tree():
+    for package in PACKAGES:
+        for path in sorted((ROOT / "test" / package).rglob("test_*.py")):
+            place = path.relative_to(ROOT / "test")
+            modules = {file.stem for file in (ROOT / place.parent).glob("*.py")}
+            name = path.stem.removeprefix("test_")
+            mirrored = any(name == module or name.startswith(f"{module}_") for module in modules)
+            assert mirrored or place.as_posix() in ACROSS_MODULES, place
+
+
 def test_every_folder_with_code_is_a_package():
     for package in PACKAGES:
         for path in files_of(package):
