@@ -32,7 +32,7 @@ _PATIENCE_S = 600.0
 class Team(contextlib.AbstractContextManager["Team"]):
     """Processes that share each batch.
 
-    Between the steps they sleep, so several teams can wait beside each other.
+    Between the steps they sleep, so several teams can exist at the same time.
 
     Args:
         make_step: builds the step in each process.

@@ -7,7 +7,7 @@ from matplotlib.image import imread
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training import cli
-from mtpgo_training.commands.curve import read_log
+from mtpgo_training.reports.learning_curve import read_log
 from mtpgo_training.training.run_folder import RunFolder
 
 
@@ -21,8 +21,8 @@ def row(epoch, **more):
 
 
 def scored(epoch, ade):
-    yardsticks = {"cv_all_ade": 1.0, "ca_all_ade": 1.2}
-    return row(epoch, all_ade=ade, all_min_ade=0.5 * ade, **yardsticks)
+    baselines = {"cv_all_ade": 1.0, "ca_all_ade": 1.2}
+    return row(epoch, all_ade=ade, all_min_ade=0.5 * ade, **baselines)
 
 
 @pytest.fixture

@@ -1,0 +1,92 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Learning curves: the validation error of runs over the time of training."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import replacing
+from mtpgo_training.reports.series import MODEL_COLOURS
+
+LINES = (("all_ade", "ADE", "-"), ("all_min_ade", "minADE", "--"))
+"""Column of the log, name and line style of each curve of a run."""
+
+BASELINE_LINES = (
+    ("cv_all_ade", "constant velocity", ":"),
+    ("ca_all_ade", "constant acceleration", "-."),
+)
+"""Columns of the log that do not change from epoch to epoch."""
+
+
+def read_log(folder: Path) -> list[dict[str, str]]:
+    """Return the validated epochs in the log of a run.
+
+    Raises:
+        ConfigurationError: there is no log of `mtpgo train`, or it has no validated epoch.
+    """
+    path = folder / "log.csv"
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigurationError(f"the log {path} cannot be read: {error}") from error
+    wanted = ["total_seconds", "objective", *(column for column, _, _ in LINES + BASELINE_LINES)]
+    for column in wanted:
+        if not rows or column not in rows[0]:
+            raise ConfigurationError(
+                f"{path} has no epoch with the column {column}, expected the log of a run"
+            )
+    validated = [row for row in rows if row["all_ade"]]
+    if not validated:
+        raise ConfigurationError(f"{path} has no validated epoch yet, expected at least one")
+    return validated
+
+
+def draw_learning_curves(folders: Sequence[Path], path: Path) -> None:
+    """Draw the learning curves of runs into one PNG.
+
+    The x axis is wall-clock time (min), the y axis the error on the validation recordings (m). The
+    kinematic baselines are those of the first run. A dot marks the first epoch that is trained on
+    the likelihood alone.
+
+    Raises:
+        ConfigurationError: see :func:`read_log`.
+    """
+    logs = [(folder.resolve().name, read_log(folder)) for folder in folders]
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    highest = 0.0
+    for i, (name, rows) in enumerate(logs):
+        minutes = [float(row["total_seconds"]) / 60.0 for row in rows]
+        colour = MODEL_COLOURS[i % len(MODEL_COLOURS)]
+        for column, label, style in LINES:
+            values = [float(row[column]) for row in rows]
+            axes.plot(minutes, values, style, color=colour, label=f"{name}: {label}")
+        _mark_likelihood(axes, rows, minutes, colour)
+    first = logs[0][1][0]
+    for column, label, style in BASELINE_LINES:
+        highest = max(highest, float(first[column]))
+        axes.axhline(float(first[column]), linestyle=style, color="0.4", label=label)
+    axes.set(xlabel="training (min)", ylabel="validation, all agents (m)")
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(0.0, 1.1 * highest)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize="small", ncols=2)
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=130)
+
+
+def _mark_likelihood(
+    axes: Any, rows: Sequence[dict[str, str]], minutes: Sequence[float], colour: str
+) -> None:
+    for row, minute in zip(rows, minutes, strict=True):
+        if row["objective"] == "NLL":
+            axes.plot(minute, float(row["all_ade"]), "o", color=colour)
+            return
