@@ -29,5 +29,5 @@ class RecordingError(MtpgoError):
     """A recording (CSV, bag) that cannot be read or written."""
 
 
-class ConfigurationError(MtpgoError, ValueError):
+class ConfigurationError(MtpgoError):
     """A parameter or configuration value that is not allowed."""

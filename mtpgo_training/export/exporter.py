@@ -23,7 +23,14 @@ from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.task_description import TASK_FILE, TaskDescription
 from mtpgo_training.atomic_files import replacing
 from mtpgo_training.export.run_selection import Candidate, select_run
-from mtpgo_training.training.networks import MTP_GO, NETWORKS, name_of, rebuild, weights_hash
+from mtpgo_training.training.networks import (
+    MTP_GO,
+    NETWORKS,
+    family,
+    name_of,
+    rebuild,
+    weights_hash,
+)
 from mtpgo_training.training.run_folder import Checkpoint, versions
 from mtpgo_training.training.training_config import TrainingConfig
 
@@ -105,13 +112,15 @@ def load_model(checkpoint: Checkpoint, *, calibrated: bool = True) -> Trajectory
     Raises:
         ConfigurationError: the checkpoint belongs to another architecture.
     """
+    name = checkpoint.get("network", MTP_GO)
+    family(name)  # An unknown network is an error of its own.
     try:
         config = dict(checkpoint["model_config"])
         if calibrated:
             config["covariance_scale"] = checkpoint.get("covariance_scale", 1.0)
-        model = rebuild(checkpoint.get("network", MTP_GO), config)
+        model = rebuild(name, config)
         model.load_state_dict(checkpoint["average"])
-    except (KeyError, ValueError, RuntimeError) as error:
+    except (KeyError, ConfigurationError, RuntimeError) as error:
         reason = " ".join(str(error).split())[:200]
         raise ConfigurationError(
             f"the checkpoint does not fit this version's network: {reason}"

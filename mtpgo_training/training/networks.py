@@ -95,10 +95,7 @@ def network_config(
         "history_steps": history.steps,
         "dt_s": history.dt_s,
     }
-    try:
-        return kind.config.from_dict({**options, **sizes})
-    except ValueError as error:
-        raise ConfigurationError(f"model: {error}") from error
+    return kind.config.from_dict({**options, **sizes})
 
 
 def build_network(
@@ -126,8 +123,7 @@ def rebuild(name: str, options: Mapping[str, Any]) -> TrajectoryPredictor:
     """Return a network built from its whole configuration, as stored in a checkpoint.
 
     Raises:
-        ConfigurationError: no network has this name.
-        ValueError: see :meth:`models.network_config.NetworkConfig.from_dict`.
+        ConfigurationError: no network has this name, or an option is unknown or not allowed.
     """
     kind = family(name)
     return kind.network(kind.config.from_dict(dict(options)))

@@ -7,6 +7,7 @@ import json
 import pytest
 
 from models import ModelConfig
+from mtpgo_core.errors import ConfigurationError
 
 
 def test_round_trip_through_json():
@@ -34,13 +35,13 @@ def test_round_trip_through_json():
     ],
 )
 def test_a_bad_value_is_named(field, value, sentence):
-    with pytest.raises(ValueError, match="expected") as error:
+    with pytest.raises(ConfigurationError, match="expected") as error:
         ModelConfig.from_dict({field: value})
     assert sentence in str(error.value)
 
 
 def test_static_features_need_classes():
-    with pytest.raises(ValueError, match="static_size 0"):
+    with pytest.raises(ConfigurationError, match="static_size 0"):
         ModelConfig(static_features=True, static_size=0)
 
 

@@ -7,6 +7,7 @@ import json
 import pytest
 
 from models.baselines import GraphConfig, GridConfig, RecurrentConfig
+from mtpgo_core.errors import ConfigurationError
 
 
 @pytest.mark.parametrize(
@@ -41,7 +42,7 @@ def test_round_trip_through_json(config):
     ],
 )
 def test_a_bad_option_is_one_sentence(kind, field, value, sentence):
-    with pytest.raises(ValueError, match="expected") as error:
+    with pytest.raises(ConfigurationError, match="expected") as error:
         kind.from_dict({field: value})
     assert sentence in str(error.value)
 
