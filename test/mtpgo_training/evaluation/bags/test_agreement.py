@@ -1,0 +1,94 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Differences between recorded and offline predictions, worked by hand."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from demo_traffic import make_recording, perfect_prediction
+from recorded_bags import play
+
+from mtpgo_core.schema import Source
+from mtpgo_training.evaluation.bags.agreement import Agreement
+from mtpgo_training.evaluation.bags.bag_evaluation import evaluate_bags
+
+
+def test_an_offset_of_centimetres_is_detected(bag, recording, runner):
+    moved = dataclasses.replace(recording, position=recording.position + np.array([0.03, 0.0]))
+    agreement = evaluate_bags([bag], {"01": moved}, {"default": runner}).agreements["online"]
+    assert agreement["default"].largest_m == pytest.approx(0.03, abs=2e-3)
+
+
+def test_float32_messages_hold_a_millimetre_up_to_16_km(recording, runner, tmp_path):
+    """Farther away the reported resolution is that of the messages."""
+    for offset, name in ((15_000.0, "near"), (600_000.0, "utm")):
+        moved = dataclasses.replace(
+            recording, position=recording.position + np.array([offset, 0.0])
+        )
+        bag = play(moved.between(0.0, 3.0), runner, tmp_path / name, every=10)
+        found = evaluate_bags([bag], {"01": moved}, {"default": runner}).agreements[name]
+        agreement = found["default"]
+        assert agreement.largest_m <= agreement.resolution_m + 1e-4
+        assert agreement.largest_m > 0.1 * agreement.resolution_m
+        assert (agreement.largest_m < 1e-3) == (name == "near")
+    assert np.spacing(np.float32(16_000.0)) < 1e-3
+
+
+@pytest.fixture
+def made():
+    """A recording, and the prediction of its two road users 7 and 8 at 2 s."""
+    recording = make_recording()
+    return recording, perfect_prediction(recording, 20)
+
+
+def moved(prediction, agent, mode, step, by):
+    """Return the prediction with one mean moved by [2] metres."""
+    mean = prediction.mean.copy()
+    mean[agent, mode, step, :2] += by
+    return dataclasses.replace(prediction, mean=mean)
+
+
+def test_the_largest_difference_over_modes_and_steps_counts(made):
+    recording, own = made
+    agreement = Agreement()
+    recorded = moved(moved(own, 1, 0, 3, (0.0, 0.002)), 1, 1, 7, (0.003, 0.004))
+    agreement.add(recorded, own, recording, "made")
+    assert agreement.differences_m == pytest.approx([0.0, 0.005], abs=1e-12)
+    assert agreement.where == "road user 8 of made at 2.0 s"
+    # Positions up to 128 m are 2^-17 m apart in float32, in each of two coordinates half of it.
+    assert 64.0 < np.abs(own.mean[..., :2]).max() < 128.0
+    assert agreement.resolution_m == pytest.approx(2.0**-17 / np.sqrt(2.0))
+    assert agreement.text("bag", "model") == (
+        "bag and model, agent by agent: the means of 2 predictions differ by 5.000 mm at most "
+        "(road user 8 of made at 2.0 s), median 2.500 mm; float32 messages resolve 0.005 mm there"
+    )
+
+
+def test_modes_of_equal_weight_may_be_in_another_order(made):
+    recording, own = made
+    for weights, difference_m in (([0.5, 0.5], 0.0), ([0.75, 0.25], 1.0)):
+        first = dataclasses.replace(own, weight=np.tile(weights, (2, 1)))
+        second = dataclasses.replace(first, mean=first.mean[:, ::-1])
+        agreement = Agreement()
+        agreement.add(first, second, recording, "made")
+        assert agreement.differences_m == pytest.approx([difference_m] * 2, abs=1e-12)
+
+
+def test_agents_that_only_one_of_the_two_predicts_are_counted(made):
+    recording, own = made
+    agreement = Agreement()
+    served = np.array([Source.CONSTANT_VELOCITY, Source.MODEL], dtype=np.uint8)
+    agreement.add(own, dataclasses.replace(own, source=served), recording, "made")
+    other = dataclasses.replace(own, key=own.key[::-1].copy())
+    other.key[0, 0] = 99  # road user 8 of the recorded prediction is not in the other
+    agreement.add(own, other, recording, "made")
+    assert (len(agreement.differences_m), agreement.unpaired) == (2, 2)
+    assert agreement.text("bag", "model").endswith("; 2 not in both")
+
+
+def test_nothing_to_compare_has_no_largest_difference():
+    agreement = Agreement()
+    assert np.isnan(agreement.largest_m)
+    assert agreement.to_dict()["largest_mm"] is None
+    assert agreement.text("bag", "model").startswith("bag and model: nothing to compare")

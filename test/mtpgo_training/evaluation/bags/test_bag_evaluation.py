@@ -1,0 +1,74 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded predictions and models, scored at the same instants."""
+
+import dataclasses
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.cli import main
+from mtpgo_training.data.writers.ind_writer import write_ind
+from mtpgo_training.evaluation.bags.bag_evaluation import evaluate_bags, observed_recordings
+
+
+def scores(result, name):
+    return result.evaluation.scores.averages()[name]["all"]
+
+
+@pytest.mark.parametrize("from_bag", [True, False])
+def test_online_and_offline_agree_to_a_millimetre(bag, recording, runner, from_bag):
+    truth = observed_recordings([bag]) if from_bag else {"01": recording}
+    result = evaluate_bags([bag], truth, {"default": runner}, own_clock=not from_bag)
+    online, offline = scores(result, "online"), scores(result, "default")
+    assert online["n"] == offline["n"] > 200
+    for key in ("ade", "fde", "apde", "min_ade", "min_fde"):
+        assert online[key] == pytest.approx(offline[key], abs=1e-3)
+    assert online["anll"] == pytest.approx(offline["anll"], abs=0.02)
+    agreement = result.agreements["online"]["default"]
+    assert agreement.unpaired == 0
+    assert len(agreement.differences_m) >= online["n"]
+    assert agreement.largest_m < 1e-3
+    assert "road user" in agreement.text("online", "default")
+    # The baselines are scored once.
+    assert result.evaluation.scores.averages()["cv"]["all"]["n"] == online["n"]
+
+
+def test_a_played_recording_that_is_not_given_is_a_warning(bag, recording):
+    early = recording.between(None, 4.0)
+    result = evaluate_bags([bag], {"01": early}, {})
+    assert any("are of no road user" in warning for warning in result.warnings)
+    moved = dataclasses.replace(recording, position=recording.position + 1.0)
+    result = evaluate_bags([bag], {"01": moved}, {})
+    assert any("is in none of the recordings" in warning for warning in result.warnings)
+
+
+def test_two_bags_need_two_names(bag, recording):
+    with pytest.raises(ConfigurationError, match="two sets of predictions are called online"):
+        evaluate_bags([bag, bag], {"01": recording}, {})
+
+
+def test_the_command_compares_several_bags_with_a_model(bag, recording, tmp_path, capsys):
+    again = tmp_path / "again"
+    shutil.copytree(bag, again)
+    out, report = tmp_path / "scores.json", tmp_path / "report"
+    arguments = ["evaluate", "--predictions", str(bag), str(again), "--model", "default"]
+    write_ind(recording, tmp_path / "files")
+    arguments += ["--data", str(tmp_path / "files"), "--layout", "ind"]
+    assert main([*arguments, "--json", str(out), "--report", str(report)]) == 0
+    content = json.loads(out.read_text())
+    models = content["models"]
+    assert list(models) == ["online", "default", "again", "cv", "ca", "ctrv"]
+    assert models["online"] == models["again"]
+    assert (
+        models["cv"]["all"]["n"] == models["default"]["all"]["n"] == models["online"]["all"]["n"]
+    )
+    for found in content["agreement"].values():
+        # Files round to a tenth of a millimetre, from which accelerations are estimated.
+        assert found["default"]["largest_mm"] < 5.0
+    assert "online and default, agent by agent" in capsys.readouterr().out
+    assert "Recorded and offline predictions" in (report / "index.html").read_text()
+    assert (report / "best_online.png").is_file()
