@@ -1,14 +1,17 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Score tables of agents whose errors are known."""
+"""Score tables of agents whose errors are known, and the JSON content of such a table."""
 
 import dataclasses
+import functools
 
 import numpy as np
 
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.data.manoeuvres import MANOEUVRES
 from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents, score_agents
+from mtpgo_training.evaluation.scores.bootstrap import over_groups
+from mtpgo_training.evaluation.scores.score_summary import breakdowns
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
 
 H = 5
@@ -60,3 +63,26 @@ def filled():
     for recording, n in (("01", 4), ("02", 2), ("03", 2)):
         add(table, 4.0, recording, "cv", n=n)
     return table
+
+
+@functools.cache
+def json_content():
+    """Return the scores of two seeds and constant velocity, 1, 2 and 4 m off, on two recordings.
+
+    It is computed once for all tests, which must not change it.
+    """
+    table = ScoreTable()
+    for model, error in (("x-seed1", 1.0), ("x-seed2", 2.0), ("cv", 4.0)):
+        for recording, factor in (("01", 1.0), ("02", 1.5)):
+            spread = None if model == "cv" else 1.0
+            add(table, error * factor, recording, model, n=3, spread=spread)
+    models = table.averages()
+    return {
+        "models": models,
+        **breakdowns(table),
+        "baselines": ["cv", "ca", "ctrv"],
+        "seeds": over_groups(models, {"x": ["x-seed1", "x-seed2"]}),
+        "recordings": {"01": "a", "02": "b"},
+        "agreement": {},
+        "warnings": ["x-seed1 was trained on 01"],
+    }

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import shutil
 
-import numpy as np
 import pytest
 
 from mtpgo_core.errors import ConfigurationError

@@ -49,7 +49,9 @@ def test_two_recordings_played_one_after_the_other_have_their_own_offsets():
 def test_positions_may_differ_by_five_centimetres():
     recording = braking_cars(tracks=4)
     for offset_m, name in ((0.04, "01"), (0.06, None)):
-        moved = dataclasses.replace(recording, position=recording.position + (0.0, offset_m))
+        moved = dataclasses.replace(
+            recording, position=recording.position + np.array([0.0, offset_m])
+        )
         (part,) = find_parts([moved], {"01": recording})
         assert (part.name, part.shift_ns) == (name, 0)
 
