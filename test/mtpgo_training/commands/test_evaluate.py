@@ -15,13 +15,8 @@ from mtpgo_core.task.model_file import find_model
 from mtpgo_training.cli import main
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.writers.ind_writer import write_ind
-from mtpgo_training.evaluation.evaluator import Settings, evaluate, evaluate_all
+from mtpgo_training.evaluation.evaluator import evaluate
 from mtpgo_training.evaluation.scores.agent_scores import KEYS
-from mtpgo_training.evaluation.training_overlap import (
-    overlap_by_model,
-    overlap_warnings,
-    uses_of,
-)
 
 STRIDE = ["--stride", "1.0", "--quiet"]
 
@@ -79,15 +74,6 @@ def test_the_library_gives_the_same_averages(content, data):
             assert scores["default"][protocol][key] == pytest.approx(
                 content["models"]["default"][protocol][key], rel=1e-5
             )
-
-
-def test_models_evaluated_together_have_the_scores_of_each_alone(data):
-    runner = ModelRunner.load(find_model("default"))
-    recordings = [(r.name, r) for r in load_recordings(data / "a", "ind")]
-    settings = Settings(stride_s=1.0)
-    both = evaluate_all({"one": runner, "two": runner}, recordings, settings).scores.averages()
-    assert both["one"] == both["two"]
-    assert both["cv"]["all"]["n"] == both["one"]["all"]["n"]
 
 
 def test_the_page_is_complete_and_needs_nothing_from_outside(results):
@@ -176,27 +162,6 @@ def test_one_recording_has_no_interval_and_says_so(data, capsys):
     assert "95 % interval" not in text
     assert re.search(r"NEES \(mixture\), 2 is right +1 s +3 s +5 s\ndefault +[0-9.]+ \(", text)
     assert re.search(r"ADE m +lane keep \(\d+\)", text)
-
-
-def test_overlap_with_training_is_always_reported():
-    training = {
-        "recordings": [
-            {"sha256": "a", "split": "train"},
-            {"sha256": "a", "split": "test"},
-            {"sha256": "b", "split": "validation"},
-            {"sha256": "c", "split": "test"},
-            {"sha256": "", "split": "train"},
-        ]
-    }
-    assert uses_of(training, "a") == ["train", "test"]
-    assert uses_of(training, "") == []
-    seen = overlap_by_model(
-        {"m": training}, {"01": "a", "02": "b", "03": "c", "04": "d", "05": ""}
-    )
-    assert seen == {"m": {"train": ["01"], "validation": ["02"]}}
-    warnings = overlap_warnings(seen)
-    assert warnings[0].startswith("m was trained on 01")
-    assert warnings[1].startswith("m was chosen or calibrated on 02")
 
 
 def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):

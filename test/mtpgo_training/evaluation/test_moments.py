@@ -37,7 +37,7 @@ def test_sites_alternate_and_no_road_user_is_shown_twice():
 
 
 def test_interest_weighs_metres_across_more_than_along():
-    # At 10 m/s along y for 2 s, 1 km apart: straight on, 1 m aside, 1 m ahead, far aside, too slow.
+    # At 10 m/s along y for 2 s, 1 km apart: straight on, 1 m aside or ahead, far aside, slow.
     now = np.zeros((5, 4))
     now[:, 0] = 1000.0 * np.arange(5)
     now[:, 3] = [10.0, 10.0, 10.0, 10.0, 2.9]

@@ -4,7 +4,6 @@
 
 import argparse
 import dataclasses
-import json
 
 import numpy as np
 import pytest
@@ -21,7 +20,6 @@ from mtpgo_training import cli
 from mtpgo_training.commands import evaluate as evaluation
 from mtpgo_training.commands import export as export_command
 from mtpgo_training.commands import info as info_command
-from mtpgo_training.evaluation.evaluator import evaluate, predict_recording
 from mtpgo_training.export import exporter as export
 from mtpgo_training.scenes.windows import cut_windows
 from mtpgo_training.training.run_folder import RunFolder
@@ -186,23 +184,6 @@ def test_an_export_that_differs_from_the_eager_model_is_not_written(model, tmp_p
     with pytest.raises(ModelFileError, match="differs from the eager one"):
         export.export_model(model, export.TaskDescription(scene=CONFIG.scene), path)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_evaluate_scores_the_online_path_and_the_baselines(model_file, tmp_path):
-    recording = braking_cars(seconds=5.0, tracks=6)
-    runner = ModelRunner.load(model_file)
-    table = evaluate({"tiny": runner}, [recording], stride_s=1.0)
-    assert set(table) == {"tiny", "cv", "ca", "ctrv"}
-    counts = {name: scores["all"]["n"] for name, scores in table.items()}
-    assert len(set(counts.values())) == 1
-    expected = sum(
-        len(p) for p in predict_recording(runner, recording, stride_s=1.0)
-    )  # minus those without a future
-    assert 0 < counts["tiny"] <= expected
-    assert table["tiny"]["centre"]["n"] > 0
-    assert np.isfinite(table["cv"]["all"]["anll"])
-    report = json.loads(json.dumps(table))
-    assert report["ca"]["all"]["anll"] is None
 
 
 def test_an_ego_policy_is_refused_offline(model_file):
