@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The training benchmark compares the same function on the same weights, or fails."""
 
-import functools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -12,15 +11,7 @@ import torch
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.benchmark import training_benchmark as training
-from mtpgo_training.benchmark.reference_mtp_go import edge_list
 from mtpgo_training.cli import main
-
-
-def test_edges_by_hand():
-    """Two scenes: of 0, 1, 2 the middle one is absent and keeps its loop; 3 is alone."""
-    scene = torch.tensor([0, 0, 0, 1])
-    edges = edge_list(scene, torch.tensor([True, False, True, True]))
-    assert edges.t().tolist() == [[0, 0], [2, 0], [1, 1], [0, 2], [2, 2], [3, 3]]
 
 
 @pytest.mark.parametrize("phase", training.PHASES)
@@ -58,22 +49,6 @@ def test_implementations_that_differ_are_an_error(monkeypatch):
     monkeypatch.setattr(training, "plain_loss", lambda m, b, aim: right(m, b, wrong["NLL"]))
     with pytest.raises(ConfigurationError, match="in the NLL phase the gradients of the"):
         training.measure("NLL", scenes=2, threads=1, rounds=1)
-
-
-def test_processes_that_share_a_batch_do_the_same_steps():
-    """Summed over two processes, losses and gradients are those of one with the whole batch."""
-    step = training.make_step("ours", "EWTA", 5)
-    alone = [step() for _ in range(2)]
-    with training.Team(functools.partial(training.make_step, "ours", "EWTA", 5), 2, 1) as team:
-        shared = [team.step()[1] for _ in range(2)]
-        assert 0.0 < team.growth_mb() < 2000.0
-    assert shared == pytest.approx(alone, rel=1e-5)
-    assert alone[1] != pytest.approx(alone[0], rel=1e-5)
-
-
-def test_a_failure_in_a_process_is_one_sentence():
-    with pytest.raises(ConfigurationError, match="the training benchmark failed: KeyError"):
-        training.Team(functools.partial(training.make_step, "ours", "no phase", 1), 1, 1)
 
 
 def test_command(tmp_path: Path, capsys, monkeypatch):
