@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Evaluation of exported models on recordings, with the predictor that the node runs.
 
-Protocol ``all``: under the graph policy of the node (``cover`` by default) every agent counts once
-an instant. Protocol ``centre``: every agent is predicted in the graph of which it is the centre
-(policy ``each``), as the paper evaluates. All models see the same history windows, which are made
-once, and so are the baselines.
+Protocol ``all``: every agent counts once per instant, under the graph policy of the node
+(``cover`` by default). Protocol ``centre``: every agent is predicted in the graph of which it is
+the centre (policy ``each``), as in the paper. Models with the same history share the windows,
+which are made once; the baselines use those of the first model.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from mtpgo_training.scenes.kinematic_baselines import BASELINES
 from mtpgo_training.scenes.windows import frames_every
 
 CENTRE_EVERY = 5
-"""The protocol ``centre`` is scored at every fifth instant: it costs a graph for each agent."""
+"""The protocol ``centre`` is scored at every fifth instant; chosen: it needs a graph per agent."""
 
 MAX_AGENTS = 10_000
-"""Limit of the predictor offline; chosen so high that no agent is left to constant velocity."""
+"""Limit of the predictor offline (agents); chosen so high that the model predicts all of them."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class Evaluation:
             scenes.update(scorer, prediction, found, reference.cv_ade)
 
     def merge(self, other: Evaluation) -> None:
-        """Take in the results on other recordings."""
+        """Add the results on other recordings."""
         self.scores.merge(other.scores)
         self.recordings.update(other.recordings)
         for name, scenes in other.scenes.items():
@@ -139,23 +139,6 @@ def make_predictor(
         options=PredictorOptions(policy=policy, max_agents=MAX_AGENTS),
         lanes=LaneMap(recording.lanes) if recording.lanes else None,
     )
-
-
-def predict_recording(
-    runner: ModelRunner, recording: Recording, *, policy: str | None = None, stride_s: float = 0.2
-) -> Iterator[Prediction]:
-    """Yield the predictions that the node would publish on a recording.
-
-    Args:
-        runner: the model.
-        recording: every frame is observed.
-        policy: graph policy, None for the model's own.
-        stride_s: time between two predictions (s).
-    """
-    predictor = make_predictor(runner, recording, policy)
-    stamps_ns = map(recording.stamp_ns, frames_every(recording, stride_s).tolist())
-    for window in replay(recording, runner.task.history, stamps_ns):
-        yield predictor.predict(window)
 
 
 def evaluate_recording(
@@ -246,8 +229,8 @@ def evaluate_all(
         recordings: names and recordings, taken one after the other.
         settings: see :class:`Settings`.
         draw: models whose best and worst scenes are kept for a picture.
-        progress: given each recording's name and number of steps, returns what is called after
-            each step.
+        progress: called with each recording's name and number of steps; returns a function that is
+            called after each step.
     """
     result = Evaluation(scenes={name: ExtremeScenes() for name in draw})
     histories = max(1, len(_same_history(runners)))

@@ -20,9 +20,9 @@ from mtpgo_training.evaluation.evaluator import (
     evaluate,
     evaluate_all,
     load_models,
-    predict_recording,
 )
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
+from mtpgo_training.scenes.windows import frames_every
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +36,10 @@ def test_evaluate_scores_the_online_path_and_the_baselines(runner):
     assert set(table) == {"tiny", "cv", "ca", "ctrv"}
     counts = {name: scores["all"]["n"] for name, scores in table.items()}
     assert len(set(counts.values())) == 1
+    # Agents present at the scored instants, minus those without a future.
     expected = sum(
-        len(p) for p in predict_recording(runner, recording, stride_s=1.0)
-    )  # minus those without a future
+        len(recording.states_at(frame)) for frame in frames_every(recording, 1.0).tolist()
+    )
     assert 0 < counts["tiny"] <= expected
     assert table["tiny"]["centre"]["n"] > 0
     assert np.isfinite(table["cv"]["all"]["anll"])
