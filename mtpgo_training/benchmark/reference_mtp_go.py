@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""MTP-GO written straight from the paper's equations: what tests and benchmarks compare with.
+"""MTP-GO written directly from the paper's equations, the reference of tests and benchmarks.
 
-It takes its weights by name from a state dict and shares nothing with ``models`` but the
-configuration. Edge lists and torch_geometric's layers, a loop over time in encoder and decoder,
-Jacobians by torch.func, whole matrices for the Kalman filter. All is vectorised over agents and
-modes; nothing is slow on purpose. Equation numbers are the paper's, constants are the model's.
+It takes its weights by name from a state dict and shares only the configuration with ``models``.
+Edge lists and torch_geometric's layers, a loop over time in encoder and decoder, Jacobians by
+torch.func, whole matrices for the Kalman filter. It is vectorised over agents and modes, so that
+the comparison is fair. Equation numbers are the paper's, constants are the model's.
 """
 
 from collections.abc import Mapping
@@ -29,15 +29,15 @@ TABLEAUS = {
 
 
 def edge_list(scene: Tensor, present: Tensor) -> Tensor:
-    """Return sender and receiver [2, E]: all pairs present in a scene, and each agent's own loop.
+    """Return sender and receiver [2, E]: all pairs present in a scene, and all self-loops.
 
     Args:
-        scene: [N] to which scene each agent belongs, in order.
-        present: [N].
+        scene: [N] scene of each agent, ascending.
+        present: [N] whether the agent is present.
     """
     sizes = torch.bincount(scene)
     first = sizes.cumsum(0) - sizes
-    many = sizes[scene]  # neighbours of each agent, itself among them
+    many = sizes[scene]  # neighbours of each agent, including itself
     receiver = torch.arange(len(scene)).repeat_interleave(many)
     begin = (many.cumsum(0) - many)[receiver]
     sender = torch.arange(len(receiver)) - begin + first[scene[receiver]]
@@ -46,13 +46,15 @@ def edge_list(scene: Tensor, present: Tensor) -> Tensor:
 
 
 class ReferenceGNN:
-    """A stack of GNN layers on an edge list (eq. 8 to 12) with Gaussian edge weights (eq. 13).
+    """A stack of GraphConv, GCN, GAT or GAT+ layers, eq. (8) to (12), on an edge list.
+
+    The edge weights are Gaussian kernels of the distance, eq. (13).
 
     Args:
         config: the model's options.
         weights: the model's, by name.
         name: of the GNN in ``weights``.
-        edges: false: no agent hears of others.
+        edges: false for linear layers without neighbours (ablation).
     """
 
     def __init__(self, config: ModelConfig, weights: Weights, name: str, edges: bool):
@@ -112,7 +114,7 @@ class ReferenceGNN:
 
     def __call__(self, x: Tensor, edges: Tensor, squared_distance: Tensor) -> Tensor:
         """Return [N, out] of [N, in], edges [2, E] and their squared lengths [E] (m^2)."""
-        if self.kind in ("graphconv", "gcn"):  # without own loops, which GCN adds by itself
+        if self.kind in ("graphconv", "gcn"):  # without self-loops, which GCN adds itself
             other = edges[0] != edges[1]
             edges, squared_distance = edges[:, other], squared_distance[other]
         for k, layer in enumerate(self.layers):
@@ -134,20 +136,20 @@ class ReferenceGNN:
         return x
 
     def untied_attention(self, name: str, x: Tensor, edges: Tensor, weight: Tensor) -> Tensor:
-        """Return eq. 11 with a matrix for the value and another for the key, by an edge list."""
+        """Return the GAT layer's output, eq. (11), with different matrices for value and key."""
         sender, receiver = edges
         packed = linear(x, self.w[f"{name}.packed.weight"], self.w[f"{name}.packed.bias"])
         heads, size = self.w[f"{name}.score"].shape
         value, query, key = packed.view(len(x), 3, heads, size).unbind(1)
         z = query[receiver] + key[sender] + weight[:, None, None] * self.w[f"{name}.edge"]
-        energy = (leaky_relu(z, 0.2) * self.w[f"{name}.score"]).sum(-1)  # eq. 10
+        energy = (leaky_relu(z, 0.2) * self.w[f"{name}.score"]).sum(-1)  # eq. (10), logits
         alpha = softmax(energy, receiver, num_nodes=len(x)).unsqueeze(-1)
         out = torch.zeros_like(value).index_add(0, receiver, alpha * value[sender])
         return out.mean(1) + self.w[f"{name}.bias"]
 
 
 class ReferenceMotion:
-    """The neural ODE of one state of one agent (eq. 17 to 19) and its Runge-Kutta step.
+    """The neural ODE of one state of one agent, eq. (17) to (19), and its Runge-Kutta step.
 
     Args:
         config: the model's options.
@@ -184,7 +186,7 @@ class ReferenceMotion:
 
 
 class ReferenceMTPGO(nn.Module):
-    """The paper's model on the weights of one of ours.
+    """The paper's model with the weights of a :class:`models.mtp_go.MTPGO`.
 
     Args:
         config: the model's options.
@@ -218,7 +220,7 @@ class ReferenceMTPGO(nn.Module):
         initial: Tensor | None = None,
         teacher: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Return what :meth:`models.MTPGO.forward` does, without a meaning for absent agents.
+        """Return what ``MTPGO.forward`` returns; results of absent agents have no meaning.
 
         Args:
             features: [B, N, T, F].
@@ -377,7 +379,7 @@ class ReferenceMTPGO(nn.Module):
     # Encoder and decoder.
 
     def graph_gru(self, half: str, f: Tensor, h: Tensor, graph: tuple[Tensor, Tensor]) -> Tensor:
-        """Return the next state [N, D] (eq. 6 and 7)."""
+        """Return the next hidden state [N, D] (graph GRU, eq. 6 and 7)."""
         kr, kz, kh = self.gnn[f"{half}.gnn_f"](f, *graph).chunk(3, dim=1)
         xr, xz, xh = self.gnn[f"{half}.gnn_h"](h, *graph).chunk(3, dim=1)
         br, bz, bh = self.w[f"{half}.cell.bias"].chunk(3)
@@ -394,7 +396,7 @@ class ReferenceMTPGO(nn.Module):
         history: Tensor,
         valid: Tensor,
     ) -> Tensor:
-        """Return f [N, D] from the attended history (eq. 14, 15, 16a)."""
+        """Return the GRU input f [N, D], eq. (16), with temporal attention, eq. (14) and (15)."""
         if self.config.agent_frame:  # how far each state is from uniform motion
             uniform = torch.cat((start + velocity * step * self.config.dt_s, velocity), dim=-1)
             states = states - uniform[:, None, : states.size(-1)]
@@ -410,13 +412,13 @@ class ReferenceMTPGO(nn.Module):
     def move(
         self, state: Tensor, u: Tensor, classes: Tensor, with_jacobian: bool
     ) -> tuple[Tensor, Tensor | None]:
-        """Return the next states [N, M, S] (eq. 21a) and F [N, M, S, S] (eq. 22) where asked."""
+        """Return the next states [N, M, S], eq. (21a), and Jacobians F [N, M, S, S], eq. (22)."""
         arguments = state.flatten(0, 1), u.flatten(0, 1), classes
         if not with_jacobian:
             return torch.func.vmap(self.motion.step)(*arguments).view(state.shape), None
 
         def twice(*of_one: Tensor) -> tuple[Tensor, Tensor]:
-            """Return a step to be differentiated and to be used."""
+            """Return the step twice: to be differentiated, and as a value."""
             following = self.motion.step(*of_one)
             return following, following
 
@@ -425,7 +427,7 @@ class ReferenceMTPGO(nn.Module):
         return following.view(state.shape), jacobian.unflatten(0, state.shape[:2])
 
     def process_noise(self, h: Tensor) -> Tensor:
-        """Return Q [N, M, 2, 2] (eq. 23)."""
+        """Return the process noise Q [N, M, 2, 2], eq. (23)."""
         body = elu(self.linear("noise.body", h))
         s1 = softplus(self.linear("noise.sigma_1", body)) + 0.01
         s2 = softplus(self.linear("noise.sigma_2", body)) + 0.01
@@ -450,7 +452,7 @@ class ReferenceMTPGO(nn.Module):
         g = dt * eye
         if self.config.order == 2:
             upper = 0.0 if self.config.noise_input == "velocity" else 0.5 * dt * dt
-            g = torch.cat((upper * eye, g))  # eq. 25
+            g = torch.cat((upper * eye, g))  # constant G, eq. (25)
         p = jacobian @ p @ jacobian.transpose(-1, -2) + g @ q @ g.t()
         return p + 1e-5 * torch.diag_embed(p.diagonal(dim1=-2, dim2=-1))
 
@@ -462,7 +464,7 @@ class ReferenceMTPGO(nn.Module):
         return p[..., :size, :size]
 
     def block_diagonal(self, turn: Tensor) -> Tensor:
-        """Return [N, S, S] the rotation of whole states."""
+        """Return [N, S, S] rotations of whole states."""
         whole = turn.new_zeros(len(turn), 4, 4)
         whole[:, :2, :2] = whole[:, 2:, 2:] = turn
         return whole[:, : self.config.state_size, : self.config.state_size]

@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 OVERLAPPING_USES = ("train", "validation")
-"""Uses of a recording in training after which a score on it is no test."""
+"""Uses of a recording in training that make a score on it no test result."""
 
 
 def uses_of(training: Mapping[str, Any], sha256: str) -> list[str]:
-    """Return what a recording was used for, each of ``train``, ``validation``, ``test`` once.
+    """Return the uses of a recording in training: ``train``, ``validation``, ``test``, each once.
 
     Args:
         training: the model's description of its training, ``TaskDescription.training``.
@@ -60,7 +60,7 @@ def overlap_warnings(overlaps: Mapping[str, Mapping[str, Sequence[str]]]) -> lis
 def overlap_by_model(
     trainings: Mapping[str, Mapping[str, Any]], recordings: Mapping[str, str]
 ) -> dict[str, dict[str, list[str]]]:
-    """Return by model and use in its training, the names of those recordings.
+    """Return the names of the recordings that each model has seen, by model and use.
 
     Args:
         trainings: by model, its description of its training.

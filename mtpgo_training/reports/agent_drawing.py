@@ -21,7 +21,7 @@ SHOWN_WEIGHT = 0.05
 """Modes below this weight are not drawn; chosen."""
 
 STEPS_S = (1.0, 2.0, 3.0, 4.0, 5.0)
-"""Times ahead at which the ellipses of the road user in focus are drawn (s)."""
+"""Times ahead at which the ellipses of the road user in focus are drawn (s); chosen."""
 
 DEFAULT_SIZE_M = {AgentClass.PEDESTRIAN: (0.6, 0.6), AgentClass.BICYCLE: (1.8, 0.7)}
 CAR_SIZE_M = (4.6, 1.9)
@@ -35,7 +35,7 @@ def draw_agent(axes: Any, moment: Moment, around: LocalView, agent: int, *, foca
     Args:
         axes: the panel, in the frame of the road user in focus (m).
         moment: which prediction.
-        around: its surroundings.
+        around: the moment in the frame of the road user in focus.
         agent: row of the road user in the prediction.
         focal: it is the one in focus, drawn in full and with constant velocity.
     """

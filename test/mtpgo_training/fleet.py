@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Bags as a fleet records them: own rates, jitter, gaps, frames and topics beside the objects."""
+"""Bags as a fleet records them: other rates, jitter, gaps, frames and further topics."""
 
 import dataclasses
 
@@ -38,11 +38,11 @@ def write_bag(
     shift_s=0.0,
     extra=None,
 ):
-    """One message a frame but in the time spans ``missing`` (s).
+    """Write one message per frame, except in the time spans ``missing`` (s).
 
     With ``pose`` (time in s -> :class:`Pose2`) the objects come in the vehicle's frame, and its
-    odometry beside them, as far as ``until_s`` and with stamps moved by ``shift_s``.
-    ``extra(bag, stamp_ns)`` writes what else the bag holds.
+    odometry is written too, up to ``until_s`` and with stamps moved by ``shift_s``.
+    ``extra(bag, stamp_ns)`` writes further messages.
     """
     adapter = INPUTS[kind]
     stamps = stamps_of(recording, jitter_s=jitter_s, seed=seed)

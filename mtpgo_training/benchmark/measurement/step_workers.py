@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that do training steps when told to, so that two ways of training can take turns."""
+"""Processes that do training steps on command, so that two implementations can take turns."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.training.torch_process import prepare_process
 
 Step = Callable[[], float]
-"""One step on a process's share of the batch; returns its part of the batch's loss."""
+"""Does one step on a process's share of the batch and returns its part of the batch's loss."""
 
 MakeStep = Callable[[int, int], Step]
-"""From a process's number and their count; a function or partial that can be pickled."""
+"""Returns a step, given rank and number of processes; must be picklable."""
 
 _STATUS = Path("/proc/self/status")
 _PATIENCE_S = 600.0
+"""Longest wait for an answer of a process (s); chosen: far longer than any step."""
 
 
 class Team(contextlib.AbstractContextManager["Team"]):
     """Processes that share each batch.
 
-    Between the steps they sleep, so several teams can exist at the same time.
+    Between the steps they sleep, so that several teams can exist at the same time.
 
     Args:
         make_step: builds the step in each process.
@@ -60,13 +61,13 @@ class Team(contextlib.AbstractContextManager["Team"]):
         self._answers()  # ready
 
     def step(self) -> tuple[float, float]:
-        """One step of all: its time (s) and the whole batch's loss."""
+        """Do one step in all processes; return its time (s) and the loss of the whole batch."""
         begin = time.perf_counter()
         losses = self._ask("step")
         return time.perf_counter() - begin, sum(losses)
 
     def growth_mb(self) -> float:
-        """By how much the steps raised the processes' largest resident memory, summed (MB)."""
+        """Return the growth of the largest resident memory during the steps, summed (MB)."""
         return sum(self._ask("memory"))
 
     def _ask(self, what: str) -> list[float]:
@@ -94,7 +95,7 @@ class Team(contextlib.AbstractContextManager["Team"]):
 
 
 def sum_gradients(model: nn.Module) -> None:
-    """Replace each gradient by its sum over the processes; one without stays without."""
+    """Replace each gradient by its sum over the processes; a missing one stays missing."""
     grads = [p.grad for p in model.parameters() if p.grad is not None]
     flat = torch.cat([g.flatten() for g in grads])
     torch.distributed.all_reduce(flat)
@@ -104,8 +105,8 @@ def sum_gradients(model: nn.Module) -> None:
 
 
 def memory_mb(name: str) -> float:
-    """``VmRSS`` (now) or ``VmHWM`` (largest) of this process (MB)."""
-    # getrusage's maximum is no use where this exists: a process takes it over from its parent.
+    """Return this process's resident memory, present (``VmRSS``) or largest (``VmHWM``) (MB)."""
+    # getrusage's maximum is the fallback only: a process inherits it from its parent.
     if _STATUS.is_file():
         for line in _STATUS.read_text(encoding="ascii").splitlines():
             if line.startswith(f"{name}:"):
@@ -116,7 +117,7 @@ def memory_mb(name: str) -> float:
 def _work(
     end: Connection, make_step: MakeStep, rank: int, processes: int, threads: int, store: str
 ) -> None:
-    """What a process of a team does until it is ended."""
+    """Answer the commands of the team until the process is terminated."""
     try:
         prepare_process(threads)
         if processes > 1:

@@ -52,7 +52,7 @@ def observed_recordings(bags: Sequence[Path]) -> dict[str, Recording]:
     found: dict[str, Recording] = {}
     for bag in bags:
         with DecodingBagReader(bag):
-            pass  # a file that is not a bag has an error of its own
+            pass  # a file that is not a bag has its own error
         try:
             recordings = load_recordings(bag, "bag")
         except RecordingError as error:
@@ -76,12 +76,12 @@ def evaluate_bags(
     own_clock: bool = True,
     draw: bool = False,
 ) -> BagResult:
-    """Score recorded predictions, and models at the same instants.
+    """Score recorded predictions, and the models' predictions at the same instants.
 
     Args:
         bags: recorded predictions.
         recordings: what was played, by name.
-        runners: models by name, may be none. The baselines use the history of the first.
+        runners: models by name, may be empty. The baselines use the history of the first.
         topic: of the predictions; by default the one that holds predictions.
         min_future_s: agents observed for a shorter time afterwards are left out (s).
         own_clock: the bags may have another clock than the recordings, found by their own
@@ -124,7 +124,7 @@ def evaluate_bags(
 
 
 def _observed(bag: Path) -> list[Recording]:
-    """Return what a bag observed, nothing where it has only predictions."""
+    """Return the recordings of a bag's observations; empty if it has only predictions."""
     try:
         return load_recordings(bag, "bag")
     except RecordingError:

@@ -34,10 +34,11 @@ _SAMPLE, _ASKED, _CANDIDATES = 400, 60, 8
 offsets that are tested; chosen."""
 
 _GRID_NS = 1_000_000
-"""Clock offsets are counted on this grid (ns): layouts and messages round stamps differently."""
+"""Clock offsets are counted on this grid (ns); chosen, since layouts and
+messages round stamps differently."""
 
 _OFF_GRID_NS = 2_000_000
-"""A stamp is one of a frame if it is this close to it (ns)."""
+"""A stamp is that of a frame if it is this close to it (ns); chosen: twice the grid."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def restamped(prediction: Prediction, part: AlignedPart) -> int:
 
 
 def _shift_ns(piece: Recording, recording: Recording) -> tuple[int, float]:
-    """Return the offset that fits the most of the piece's observations (ns), and their share."""
+    """Return the offset that fits most observations of the piece (ns), and their share."""
     own = recording.find_tracks(piece.key)
     if not (own >= 0).any():
         return 0, 0.0
@@ -120,7 +121,7 @@ def _shift_ns(piece: Recording, recording: Recording) -> tuple[int, float]:
 def _candidates_ns(
     piece: Recording, own: Int64Array, recording: Recording, order: Int64Array
 ) -> list[int]:
-    """Return no offset, and those that fit the most road users' positions (ns)."""
+    """Return zero and the offsets that fit the positions of the most road users (ns)."""
     speed = np.nan_to_num(np.linalg.norm(piece.velocity, axis=1), nan=np.inf)
     rows = np.flatnonzero((own[piece.track] >= 0) & (speed >= MOVING_MPS))
     if not len(rows):

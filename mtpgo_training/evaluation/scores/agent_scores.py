@@ -42,7 +42,7 @@ STEP_KEYS = (
 """Names of the values of an agent at a horizon step, as in the JSON."""
 
 LEVELS = (*(round(0.05 * i, 2) for i in range(1, 20)), 0.99)
-"""Nominal levels of the ellipses in the reliability diagram."""
+"""Nominal levels of the ellipses in the reliability diagram; chosen."""
 
 _PERCENT = (50, 90, 95)
 
@@ -73,7 +73,7 @@ class ScoredAgents:
 
     @classmethod
     def unknown(cls, n: int) -> ScoredAgents:
-        """Return n agents of which nothing is known but their scores."""
+        """Return n agents of which only the scores are known."""
         none = np.zeros(n, dtype=np.uint8)
         return cls("", "", 0, np.nan, np.full(n, -1), none, none, np.full(n, np.nan))
 
@@ -152,7 +152,7 @@ def score_agents(
 def score_paths(
     path: Array, truth: Array, mask: Mask, covariance: Array | None = None
 ) -> AgentScores:
-    """Compute every metric of one path [n, H, 2] (m) an agent.
+    """Compute every metric of n agents with one path each.
 
     Args:
         path: [n, H, 2] (m).
