@@ -82,7 +82,7 @@ def evaluate_in_processes(
         done: called with the name of each recording that is done.
     """
     result = Evaluation(scenes={name: ExtremeScenes() for name in draw})
-    # A forked torch may hang on the locks of threads that it lacks.
+    # A forked process may hang on locks that torch's threads held, which it does not have.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, context, _start, (dict(models),)) as pool:
         waiting: deque[tuple[str, Future[Evaluation]]] = deque()

@@ -38,11 +38,6 @@ class Agreement:
     unpaired: int = 0
     where: str = ""
 
-    @property
-    def largest_m(self) -> float:
-        """Return the largest difference (m), NaN without any pair."""
-        return max(self.differences_m, default=float("nan"))
-
     def add(self, recorded: Prediction, own: Prediction, recording: Recording, name: str) -> None:
         """Compare two predictions of one instant."""
         sortable = sort_keys(own.key)
