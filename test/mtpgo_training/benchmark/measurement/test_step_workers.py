@@ -45,9 +45,11 @@ def test_the_sum_over_one_process_is_its_own_gradient(tmp_path):
     assert all(p.grad is None for p in model[1].parameters())  # not in the loss
 
 
-def test_the_largest_memory_is_at_least_the_present_one():
-    held = torch.ones(16 * 2**20 // 4)  # 16 MB
-    now, largest = memory_mb("VmRSS"), memory_mb("VmHWM")
-    assert 16.0 < now <= largest
+def test_the_largest_memory_remains_when_memory_is_freed():
+    """Linux updates both numbers with a delay of some pages per thread."""
+    held = torch.ones(64 * 2**20 // 4)  # 64 MB
+    largest = memory_mb("VmHWM")
+    assert memory_mb("VmRSS") <= largest + 2.0
     del held
-    assert memory_mb("VmHWM") >= largest
+    assert memory_mb("VmHWM") == pytest.approx(largest, abs=2.0)
+    assert memory_mb("VmRSS") < largest - 32.0
