@@ -29,7 +29,10 @@ class FastCovariance(nn.Module):
     def forward(
         self, initial: Tensor, of_q: Tensor, of_position: Tensor, noise: Tensor
     ) -> list[Tensor]:
-        """Return the blocks of P, [2, 2, H, B, N, M] each; arguments as in the other class."""
+        """Return the blocks of P, [2, 2, H, B, N, M] each.
+
+        Arguments as in :meth:`models.ekf.EkfCovariance.forward`; ``noise`` must be contiguous.
+        """
         steps, rest = noise.size(2), noise.size(3) * noise.size(4) * noise.size(5)
         p = initial.unsqueeze(-1).expand(-1, -1, -1, -1, noise.size(5)).reshape(4, 4, rest)
         flat = noise.reshape(1, 2, 1, 2, steps, rest)

@@ -46,7 +46,14 @@ class FastEncoder(nn.Module):
         self.of_input, self.of_state = attentions(encoder.cell)
 
     def forward(self, inputs: Tensor, position: Tensor, valid: Tensor, scratch: Tensor) -> Tensor:
-        """Return the states [B, N, T, D]; arguments as in the other class, and scratch memory."""
+        """Return the states [B, N, T, D].
+
+        Args:
+            inputs: see :meth:`models.encoder.Encoder.forward`.
+            position: see there.
+            valid: see there.
+            scratch: see :func:`models.inference.packed_attention.make_scratch`.
+        """
         scenes, agents, steps = valid.size(0), valid.size(1), valid.size(2)
         present = valid.permute(2, 0, 1)  # [T, B, N]
         distance = squared_distances(position.permute(2, 0, 1, 3))

@@ -40,10 +40,5 @@ def test_a_bad_value_is_named(field, value, sentence):
     assert sentence in str(error.value)
 
 
-def test_static_features_need_classes():
-    with pytest.raises(ConfigurationError, match="static_size 0"):
-        ModelConfig(static_features=True, static_size=0)
-
-
 def test_an_integer_is_accepted_for_a_float():
     assert ModelConfig(dt_s=1).dt_s == 1

@@ -1,14 +1,12 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The exported form computes what the model computes, with any block size."""
+"""The exported form computes what the model computes."""
 
 import pytest
 import torch
 from model_samples import frozen, make_model, make_scene
-from torch.nn.functional import leaky_relu
 
 from models.inference import FastMTPGO, deployable
-from models.inference.packed_attention import add_energy, make_scratch
 
 COVERED = {
     "default": {},
@@ -77,24 +75,6 @@ def test_single_precision_at_driving_speeds():
 def test_other_models_are_exported_as_they_are(choices):
     model = make_model(**choices)
     assert deployable(model) is model
-
-
-@pytest.mark.parametrize("block", [1, 90, 400, 10**6])
-def test_energy_in_blocks(block):
-    kinds, scenes, agents, channels = 2, 3, 5, 7
-    query, key = torch.randn(2, kinds, scenes, agents, channels).double()
-    edge = torch.rand(kinds, scenes, agents, agents).double()
-    slope, a = torch.randn(2, kinds, channels).double()
-    before = torch.randn(kinds, scenes, agents, agents).double()
-    score = before.clone()
-    add_energy(score, -query, key, edge, slope, 0.8 * a, make_scratch(a, agents, channels, block))
-    z = query.unsqueeze(3) + key.unsqueeze(2)
-    z = z + edge.unsqueeze(-1) * slope[:, None, None, None]
-    of_keys = (key @ a.view(kinds, 1, channels, 1)).squeeze(-1).unsqueeze(2)
-    of_edges = edge * (slope * a).sum(-1)[:, None, None, None]
-    got = score + 0.2 * (of_keys + of_edges)
-    want = before + (leaky_relu(z, 0.2) * a[:, None, None, None]).sum(-1)
-    torch.testing.assert_close(got.softmax(-1), want.softmax(-1), rtol=1e-12, atol=1e-12)
 
 
 def test_weights_are_copied_out_of_the_graph():
