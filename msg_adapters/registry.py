@@ -19,9 +19,9 @@ from msg_adapters.outputs.autoware_predictions import (
     prediction_to_predicted_objects,
     prediction_to_predicted_objects_bytes,
 )
+from msg_adapters.outputs.marker_tracker import MarkerTracker
 from msg_adapters.outputs.prediction_markers import (
     MarkerStyle,
-    MarkerTracker,
     prediction_to_marker_bytes,
     prediction_to_markers,
 )
@@ -59,7 +59,7 @@ class OutputAdapter:
     def writer(
         self, types: Types, *, max_modes: int | None = None, serialized: bool = False
     ) -> Writer:
-        """Return a function from prediction to message; that for markers has a state.
+        """Return a function from prediction to message; the one for markers keeps a state.
 
         Args:
             types: source of message classes.

@@ -51,7 +51,3 @@ class MarkerTracker:
         gone = sorted(self._drawn - drawn)
         self._drawn = drawn
         return gone
-
-    def clear(self) -> None:
-        """Forget all markers, after a :func:`clear_markers` message."""
-        self._names, self._slots, self._drawn = self._names[:0], self._slots[:0], set()

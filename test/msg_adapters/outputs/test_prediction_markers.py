@@ -5,14 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from msg_adapters.outputs.marker_tracker import MODES_PER_AGENT, MarkerTracker
 from msg_adapters.outputs.prediction_markers import (
     BOXES,
     ELLIPSES,
     LABELS,
-    MODES_PER_AGENT,
     TRAJECTORIES,
     MarkerStyle,
-    MarkerTracker,
     clear_markers,
     prediction_to_markers,
 )
@@ -122,14 +121,6 @@ def test_a_mode_that_fades_out_is_deleted(prediction, offline):
     opacity = [of(message, TRAJECTORIES)[mode].color.a for mode in range(3)]
     weight = prediction.weight[0, :3]
     np.testing.assert_allclose(opacity, np.maximum(weight / weight[0], 0.1))
-
-
-def test_slots_are_reused_only_after_all_were_used():
-    tracker = MarkerTracker(_next=2**31 // MODES_PER_AGENT - 1)
-    key = np.arange(8, dtype=np.uint32).reshape(2, 4)
-    assert tracker.slots(key[:1]) == [2**31 // MODES_PER_AGENT - 1]
-    assert tracker.slots(key) == [2**31 // MODES_PER_AGENT - 1, 0]
-    assert (2**31 // MODES_PER_AGENT - 1) * MODES_PER_AGENT + 255 == 2**31 - 1
 
 
 def test_unknown_and_non_finite_parts_are_left_out(prediction, offline):

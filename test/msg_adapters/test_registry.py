@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes written directly against the same message made of objects and serialised by rosbags."""
+"""Adapters by name, and their bytes against the same message as objects, serialised by rosbags."""
 
 import dataclasses
 import time
@@ -8,22 +8,21 @@ import time
 import numpy as np
 import pytest
 
-from msg_adapters.outputs.marker_encoding import Drawn, markers_to_cdr, markers_to_message
-from msg_adapters.registry import OUTPUTS
-from msg_adapters.wire.cdr import CdrWriter
+from msg_adapters.registry import INPUTS, OUTPUTS, adapter_for_type, input_adapter, output_adapter
+from mtpgo_core.errors import ConfigurationError, MessageError
 
 KINDS = ["markers", "autoware"]
 
 
 @pytest.fixture(params=["", "m", "map", "odom/enu", "Straße"])
 def frame_id(request):
-    """Lengths that put what follows at every alignment."""
+    """Names whose lengths put the next field at every alignment."""
     return request.param
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("agents", [0, 1, 3])
-def test_bytes_say_the_same(kind, agents, frame_id, prediction, offline, typestore):
+def test_bytes_are_those_of_the_message(kind, agents, frame_id, prediction, offline, typestore):
     output = OUTPUTS[kind]
     shared = ("stamp_ns", "frame_id", "time_s")
     fields = [f.name for f in dataclasses.fields(prediction) if f.name not in shared]
@@ -36,19 +35,6 @@ def test_bytes_say_the_same(kind, agents, frame_id, prediction, offline, typesto
         wanted = bytes(typestore.serialize_cdr(objects(part), output.message_type))
         # Nothing but padding may follow the last field.
         assert octets(part).rstrip(b"\0") == wanted.rstrip(b"\0")
-
-
-def test_labels_points_and_every_alignment(frame_id, offline, typestore):
-    rng = np.random.default_rng(0)
-    drawn = [
-        Drawn(ns=text, number=i, yaw=0.3, points=rng.normal(size=(i % 3, 3)), text=text[::-1])
-        for i, text in enumerate(["", "a", "ab", "abc", "abcd", "abcde", "naïve", "x" * 50])
-    ]
-    arguments = {"stamp_ns": 1_234_567_891_234_567_891, "frame_id": frame_id, "lifetime_s": 0.75}
-    message = markers_to_message(drawn, offline, **arguments)
-    name = "visualization_msgs/msg/MarkerArray"
-    wanted = bytes(typestore.serialize_cdr(message, name))
-    assert markers_to_cdr(drawn, **arguments).rstrip(b"\0") == wanted.rstrip(b"\0")
 
 
 def test_rclpy_reads_the_bytes(prediction, online, typestore):
@@ -66,28 +52,10 @@ def test_rclpy_reads_the_bytes(prediction, online, typestore):
     assert settled(found) == settled(wanted)
 
 
-def test_kinds_without_a_faster_way_give_the_message(prediction, offline):
+def test_an_output_without_a_byte_writer_gives_the_message(prediction, offline):
     output = OUTPUTS["pointcloud2"]
     message = output.writer(offline, serialized=True)(prediction)
     assert message.point_step == 64
-
-
-def test_alignment_by_hand():
-    writer = CdrWriter()
-    writer.pack(1, "B", 1)
-    writer.text("ab")
-    writer.doubles(np.array([1.0]))
-    writer.block(1, b"z")
-    writer.pack(2, "H", 5)
-    assert bytes(writer)[4:] == writer.content
-    assert bytes(writer) == (
-        b"\x00\x01\x00\x00"
-        b"\x01\x00\x00\x00"
-        b"\x03\x00\x00\x00ab\x00\x00"
-        b"\x00\x00\x00\x00"
-        b"\x00\x00\x00\x00\x00\x00\xf0\x3f"
-        b"z\x00\x05\x00"
-    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -144,3 +112,34 @@ def test_a_publisher_takes_the_bytes(prediction, online):
     assert [(m.ns, m.id, len(m.points)) for m in received[0].markers] == [
         (m.ns, m.id, len(m.points)) for m in wanted.markers
     ]
+
+
+def test_an_unknown_input_lists_the_known():
+    with pytest.raises(ConfigurationError, match=r"'pointcloud'.*'pointcloud2'"):
+        input_adapter("pointcloud")
+    with pytest.raises(MessageError, match=r"sensor_msgs/msg/Image.*sensor_msgs/msg/PointCloud2"):
+        adapter_for_type("sensor_msgs/msg/Image")
+    assert adapter_for_type("sensor_msgs/PointCloud2") is INPUTS["pointcloud2"]
+
+
+def test_an_unknown_output_lists_the_known():
+    with pytest.raises(ConfigurationError, match=r"'cloud'.*'pointcloud2', 'markers', 'autoware'"):
+        output_adapter("cloud")
+
+
+def test_a_type_may_be_written_with_or_without_msg():
+    for adapter in INPUTS.values():
+        package, _, name = adapter.message_type.partition("/msg/")
+        assert adapter_for_type(adapter.message_type) is adapter
+        assert adapter_for_type(f"{package}/{name}") is adapter
+    for odd in ("", "PointCloud2", "sensor_msgs/", "sensor_msgs/srv/PointCloud2"):
+        with pytest.raises(MessageError, match="carries no tracked objects"):
+            adapter_for_type(odd)
+
+
+def test_each_adapter_has_its_own_name_and_type():
+    for adapters in (INPUTS, OUTPUTS):
+        assert all(name == adapter.name for name, adapter in adapters.items())
+        types = [adapter.message_type for adapter in adapters.values()]
+        assert len(set(types)) == len(types)
+        assert all(a.message_type.startswith(f"{a.package}/msg/") for a in adapters.values())
