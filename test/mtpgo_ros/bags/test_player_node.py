@@ -1,0 +1,111 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The player's publishers, its clock and what it waits for, in this process."""
+
+import time
+
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy
+from ros_helpers import LATCHED, LIMIT_S
+from std_msgs.msg import String
+
+from msg_adapters.bags.bag_reader import BagReader
+from msg_adapters.bags.mcap_writer import McapWriter
+from mtpgo_core.errors import RecordingError
+from mtpgo_ros.bags.playback import PlaybackTiming
+from mtpgo_ros.bags.player_node import BagPlayer, Wait
+
+STEP_NS = 10_000_000
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """An open bag: five texts on /player_text, a latched one before them, and a clock."""
+    with McapWriter(tmp_path / "bag.mcap") as writer:
+        writer.add_topic("/player_ego", "std_msgs/msg/String", latched=True)
+        writer.add_topic("/player_text", "std_msgs/msg/String")
+        writer.add_topic("/clock", "rosgraph_msgs/msg/Clock")
+        make = writer.types.make
+        writer.write("/player_ego", 0, make("std_msgs/msg/String", data="ego"))
+        writer.write("/clock", 0, make("rosgraph_msgs/msg/Clock"))
+        for step in range(5):
+            text = make("std_msgs/msg/String", data=str(step))
+            writer.write("/player_text", step * STEP_NS, text)
+    with BagReader(tmp_path / "bag.mcap") as reader:
+        yield reader
+
+
+@pytest.fixture
+def player(bag):
+    """Return a function that makes a player of the bag; all are closed at the end."""
+    made = []
+
+    def make(origin_ns=0, clock_hz=0.0):
+        timing = PlaybackTiming(origin_ns, bag.end_ns, clock_hz=clock_hz)
+        made.append(BagPlayer(bag, timing, bag.topics()))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def until(condition, meanwhile=lambda: time.sleep(0.02)):
+    end = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < end, "the condition did not come true in time"
+        meanwhile()
+
+
+def test_a_recorded_clock_is_left_out_where_the_player_has_its_own(player):
+    assert set(player(clock_hz=100.0)._publishers) == {"/player_ego", "/player_text"}
+    assert set(player(clock_hz=0.0)._publishers) == {"/player_ego", "/player_text", "/clock"}
+
+
+def test_latched_topics_stay_latched(player):
+    profiles = {name: p.qos_profile for name, p in player()._publishers.items()}
+    assert profiles["/player_ego"].durability is DurabilityPolicy.TRANSIENT_LOCAL
+    assert profiles["/player_ego"].depth == 1  # as many as the bag has
+    assert profiles["/player_text"].durability is DurabilityPolicy.VOLATILE
+
+
+def test_a_late_start_publishes_what_was_latched_before(player, peer):
+    """From the third text on, and the latched message that came before it."""
+    texts, egos = [], []
+    subscriptions = [
+        peer.create_subscription(String, "/player_text", lambda m: texts.append(m.data), 10),
+        peer.create_subscription(String, "/player_ego", lambda m: egos.append(m.data), LATCHED),
+    ]
+    executor = SingleThreadedExecutor()
+    executor.add_node(peer)
+    one = player(origin_ns=2 * STEP_NS)
+    assert one.wait(Wait(1, LIMIT_S, 0.0), lambda: False)
+    publishers = [one._publishers[name] for name in ("/player_text", "/player_ego")]
+    until(lambda: all(p.get_subscription_count() > 0 for p in publishers))
+    until(lambda: all(s.get_publisher_count() > 0 for s in subscriptions))
+    report = one.run(lambda: False, loop=False, progress=False)
+    until(lambda: len(texts) == 3 and egos, lambda: executor.spin_once(timeout_sec=0.02))
+    executor.shutdown()
+    assert (texts, egos) == (["2", "3", "4"], ["ego"])
+    assert report.messages == 3  # the latched message is not part of the pass
+
+
+def test_too_few_subscribers_are_counted_and_the_topics_named(player):
+    with pytest.raises(RecordingError) as error:
+        player().wait(Wait(3, 0.05, 0.0), lambda: False)
+    sentence = "0 subscribers after 0.05 s on the topics"
+    assert str(error.value).startswith(sentence)
+    assert str(error.value).endswith("expected 3")
+    assert "/player_text" in str(error.value)
+
+
+def test_a_stop_ends_the_waiting(player):
+    assert not player().wait(Wait(3, 60.0, 60.0, paused=True), lambda: True)
+    assert player().wait(Wait(0, 60.0, 0.0), lambda: False)
+
+
+def test_a_bag_without_a_topic_that_can_be_played_is_refused(bag):
+    timing = PlaybackTiming(0, bag.end_ns, clock_hz=100.0)
+    with pytest.raises(RecordingError, match="no topic that can be played here, its types: none"):
+        BagPlayer(bag, timing, bag.topics(["/clock"]))
