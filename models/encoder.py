@@ -21,8 +21,8 @@ class Encoder(nn.Module):
     def forward(self, inputs: Tensor, position: Tensor, valid: Tensor) -> Tensor:
         """Return states [B, N, T, D] of inputs [B, N, T, .], positions [B, N, T, 2] and presence.
 
-        A state stays the learned first one until the agent is seen, and keeps its value while the
-        agent is absent (docs/design.md, decision 2).
+        A state is the learned initial one until the agent is first seen, and keeps its value while
+        the agent is absent (docs/design.md, decision 2).
         """
         present = valid.transpose(1, 2)
         distance = squared_distances(position.transpose(1, 2))  # [B, T, N, N]

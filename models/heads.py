@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Output layers on the recurrent states, initialised for constant velocity.
 
-Their weights begin a hundred times smaller than usual (docs/design.md, decision 16): the untrained
-model hardly depends on its input, but gradients reach everything before the heads from the first
-step on.
+Their initial weights are a hundred times smaller than usual (docs/design.md, decision 16): the
+untrained model hardly depends on its input, but gradients reach everything before the heads from
+the first step on.
 """
 
 import math
@@ -18,9 +18,9 @@ SMALL = 0.01
 """Factor on the initial weights of output layers (chosen: see above)."""
 
 SPREAD = 0.1
-"""Radius of the circle on which the modes' commands begin (m/s in first, m/s^2 in second order).
+"""Radius of the circle of the modes' initial commands (m/s in first, m/s^2 in second order).
 
-Chosen: large enough for winner-takes-all to tell the modes apart.
+Chosen: large enough for the winner-takes-all loss to separate the modes.
 """
 
 SIGMA_FLOOR = 0.01
@@ -32,9 +32,8 @@ Chosen: far below any tracker's accuracy, and not zero, so that covariances stay
 RHO_LIMIT = 0.999
 """Factor on softsign (chosen: keeps Q definite in float32)."""
 
-
 FIRST_MODE = 0.2
-"""Initial log weight of the first mode, the others having 0 (chosen: likeliest by a little)."""
+"""Initial log weight of the first mode; the others have 0 (chosen: barely the likeliest)."""
 
 
 def inverse_softplus(value: float) -> float:
@@ -54,13 +53,13 @@ def _small_linear(size_in: int, size_out: int, bias: float = 0.0) -> nn.Linear:
 class ControlHead(nn.Module):
     """The motion model's inputs for all modes.
 
-    The first mode begins with a command of zero, the others on a small circle around it: equal
-    modes would get equal gradients, and no loss could separate them.
+    The initial command of the first mode is zero, those of the others are on a small circle around
+    it: equal modes would get equal gradients, and no loss could separate them.
 
     Args:
         hidden: D.
         modes: M.
-        controls: numbers per mode; the first two get the spread.
+        controls: numbers per mode; the first two are initially on the circle.
     """
 
     def __init__(self, hidden: int, modes: int, controls: int):
@@ -105,7 +104,7 @@ class NoiseHead(nn.Module):
 class InitialCovariance(nn.Module):
     """Diagonal P_0 in the agent's frame: from the last encoder state, or configured.
 
-    If it is learned, an agent that was seen only briefly can begin less certain than others.
+    If it is learned, an agent that was seen only briefly can get a larger P_0 than others.
     """
 
     std: Tensor
@@ -138,7 +137,7 @@ class InitialCovariance(nn.Module):
 class MixtureHead(nn.Module):
     """Log mixture weights from the last encoder state, constant over the horizon (eq. 26).
 
-    The first mode, which begins at constant velocity, begins as the likeliest (docs/design.md,
+    The first mode, initially constant velocity, initially has the largest weight (docs/design.md,
     decisions 10 and 16).
     """
 

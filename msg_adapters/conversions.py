@@ -113,7 +113,7 @@ def make_vector(types: Types, x: float, y: float, z: float = 0.0) -> Any:
 
 
 def known(value: float, otherwise: float = 0.0) -> float:
-    """Return the value, or ``otherwise`` if it is not finite and a message cannot say so."""
+    """Return the value, or ``otherwise`` if it is not finite, for a field without NaN."""
     return float(value) if np.isfinite(value) else otherwise
 
 

@@ -16,10 +16,10 @@ CHANNELS = 16
 
 
 class ConvolutionalPooling(Interaction):
-    """Two convolutions and a maximum over the social tensor.
+    """Two convolutions and max-pooling on the social tensor.
 
-    A 3 x 3 convolution, one of three rows, the maximum over pairs of rows. Agents in the same cell
-    are summed.
+    A 3 x 3 convolution, a 3 x 1 convolution (three rows), and max-pooling over pairs of rows.
+    Agents in the same cell are summed.
 
     Args:
         config: the network's options.

@@ -10,7 +10,7 @@ from models.kernels.block_product import symmetric
 
 
 class FastCovariance(nn.Module):
-    """As :class:`models.ekf.EkfCovariance` of second order.
+    """Equivalent of :class:`models.ekf.EkfCovariance` in second order.
 
     With F = [[I, B], [0, D]] and W = [B; D] stacked, F P is W times P's lower half plus, in the
     upper rows, P's upper half; (F P) F^T is the same product on the columns.

@@ -12,7 +12,7 @@ from models.own_frame.conditioning import Conditioning
 
 
 class FastDecoder(nn.Module):
-    """As :class:`models.decoder.Decoder`, with the scaling of its states.
+    """Equivalent of :class:`models.decoder.Decoder`, including the scaling of its states.
 
     The embedding W_x x + b_x only enters other linear maps, so it is multiplied into the
     temporal attention's scores and into W_f; W_f's half for the summary acts on the encoded

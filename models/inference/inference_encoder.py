@@ -35,7 +35,7 @@ def attentions(cell: GraphGRU) -> tuple[PackedAttention, PackedAttention]:
 
 
 class FastEncoder(nn.Module):
-    """As :class:`models.encoder.Encoder`."""
+    """Equivalent of :class:`models.encoder.Encoder`."""
 
     initial: Tensor
 

@@ -21,9 +21,9 @@ from models.neural_ode import NeuralODE
 
 
 class FastMotion(nn.Module):
-    """As :class:`models.neural_ode.NeuralODE` of second order with one hidden layer.
+    """Equivalent of :class:`models.neural_ode.NeuralODE` in second order with one hidden layer.
 
-    Columns of the product: b + w Q, dt (u + o) Q, and the next state but for the networks' part.
+    Columns of the product: b + w Q, dt (u + o) Q, and the next state without the networks' part.
 
     Args:
         motion: the motion model.

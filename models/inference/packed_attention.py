@@ -13,7 +13,7 @@ from models.gnn_layers.graph_network import GraphNetwork
 from models.gnn_layers.interaction_graph import GaussianKernel
 
 BLOCK = 196608
-"""Numbers of the [N, N, C] intermediate in work at a time: 0.8 MB (chosen: in a core's cache)."""
+"""Elements of the [N, N, C] intermediate processed at a time: 0.8 MB (chosen: fits the cache)."""
 
 
 def make_scratch(x: Tensor, agents: int, channels: int, block: int = BLOCK) -> Tensor:

@@ -110,7 +110,7 @@ def _head(stamp_ns: int, frame_id: str) -> bytes:
 
 
 def _end(text: str) -> bytes:
-    """Return the part of a marker after its points; only the text is ever filled."""
+    """Return the part of a marker after its points, of which only the text may be filled."""
     writer = CdrWriter()
     writer.pack(4, "I", 0)  # colors
     writer.text("")  # texture_resource

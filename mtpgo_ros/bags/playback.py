@@ -22,10 +22,10 @@ _LONGEST_SLEEP_S = 0.05
 """Longest time until a request to stop is noticed (s); chosen."""
 
 _AHEAD = 64
-"""Messages read ahead; chosen: covers a chunk of the file that is decompressed meanwhile."""
+"""Messages read ahead; chosen: enough to last while a chunk of the file is decompressed."""
 
 _IDLE_S = 0.004
-"""Time that must be left before the next event for the progress bar to be drawn (s); chosen: a
+"""Time that must be left before the next event for the progress bar to be drawn (s); chosen:
 drawing takes less."""
 
 Message = tuple[str, int, bytes]

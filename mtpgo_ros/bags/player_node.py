@@ -24,10 +24,10 @@ from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_ros.bags.playback import Message, PlaybackTiming, Report, Sinks, play
 
 _POLL_S = 0.02
-"""Time between two looks at what the player waits for (s); chosen: not noticeable."""
+"""Polling interval while the player waits (s); chosen: not noticeable."""
 
 _MOST_LATCHED = 1000
-"""Messages of a latched topic kept for late subscribers at most; chosen, bounds the memory."""
+"""Most messages of a latched topic kept for late subscribers; chosen: bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Wait:
 
     Attributes:
         subscribers: number of subscribers that one of the topics must have.
-        timeout_s: how long to wait for them (s).
+        timeout_s: longest time to wait for them (s).
         delay_s: time for discovery after the subscribers are there (s).
         paused: wait after that for a line on standard input.
     """

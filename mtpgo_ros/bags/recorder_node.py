@@ -19,10 +19,10 @@ from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_ros.runtime.ros_start import spin
 
 _DEPTH = 200
-"""Messages that may wait for the disk; chosen: at 25 Hz they are eight seconds."""
+"""Messages that may wait for the disk; chosen: eight seconds at 25 Hz."""
 
 _POLL_S = 0.1
-"""Time between two looks for new publishers (s); chosen: well below a person's patience."""
+"""Interval of the search for new publishers (s); chosen: short for a user who waits."""
 
 _KNOWN_TYPES = {
     "predictions": "sensor_msgs/msg/PointCloud2",

@@ -6,6 +6,7 @@ import torch
 from torch_geometric.utils import to_dense_batch
 
 from models.gnn_layers.interaction_graph import GaussianKernel, complete_graph, squared_distances
+from models.graph_gru import GraphGRU
 
 SIZE_IN, SIZE_OUT = 5, 7
 
@@ -34,6 +35,21 @@ class Graphs:
         weight = self.kernel(squared_distances(self.dense_position))
         edges = layer.prepare(weight, complete_graph(self.present))
         return layer(self.dense_x, edges)[self.present]
+
+
+@torch.no_grad()
+def torch_cell_of(cell: GraphGRU) -> torch.nn.GRUCell:
+    """Return torch's GRU cell with the weights of a graph GRU of one layer without edges.
+
+    Torch orders the gates r, z, candidate as well, and has a bias vector for either matrix.
+    """
+    of_f, of_h = cell.gnn_f.layers[0].linear, cell.gnn_h.layers[0].linear
+    oracle = torch.nn.GRUCell(of_f.in_features, of_h.in_features).double()
+    oracle.weight_ih.copy_(of_f.weight)
+    oracle.bias_ih.copy_(of_f.bias + cell.bias)
+    oracle.weight_hh.copy_(of_h.weight)
+    oracle.bias_hh.copy_(of_h.bias)
+    return oracle
 
 
 def same(got, want):

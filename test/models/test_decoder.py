@@ -3,6 +3,7 @@
 """One step of the decoder written out agent by agent, and the graph it keeps."""
 
 import torch
+from graph_samples import torch_cell_of
 from torch.nn.functional import leaky_relu
 
 from models import ModelConfig
@@ -34,12 +35,7 @@ def test_a_step_without_edges_agent_by_agent():
     h, states, encoded, valid = make_inputs()
     edges = decoder.prepare(torch.zeros(B, N, 2).double(), valid[..., -1])
     got = decoder(h, states, encoded, presence_bias(valid), edges)
-    of_f, of_h = decoder.cell.gnn_f.layers[0].linear, decoder.cell.gnn_h.layers[0].linear
-    oracle = torch.nn.GRUCell(4, 4).double()
-    oracle.weight_ih.copy_(of_f.weight)
-    oracle.bias_ih.copy_(of_f.bias + decoder.cell.bias)
-    oracle.weight_hh.copy_(of_h.weight)
-    oracle.bias_hh.copy_(of_h.bias)
+    oracle = torch_cell_of(decoder.cell)
     for b in range(B):
         for n in range(N):
             embedded = decoder.embed(states[b, n])

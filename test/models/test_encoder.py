@@ -3,6 +3,7 @@
 """The encoder against one GRU cell per agent, and the rules for absent agents."""
 
 import torch
+from graph_samples import torch_cell_of
 
 from models import ModelConfig
 from models.encoder import Encoder
@@ -29,12 +30,7 @@ def test_without_edges_each_agent_has_a_gru_of_its_own_that_pauses_while_it_is_a
     inputs, position, valid = make_inputs()
     valid[0, 1, :2] = False  # appears late
     valid[1, 2, 3] = False  # a gap
-    of_f, of_h = encoder.cell.gnn_f.layers[0].linear, encoder.cell.gnn_h.layers[0].linear
-    oracle = torch.nn.GRUCell(SIZE_IN, HIDDEN).double()
-    oracle.weight_ih.copy_(of_f.weight)
-    oracle.bias_ih.copy_(of_f.bias + encoder.cell.bias)
-    oracle.weight_hh.copy_(of_h.weight)
-    oracle.bias_hh.copy_(of_h.bias)
+    oracle = torch_cell_of(encoder.cell)
     states = encoder(inputs, position, valid)
     for b in range(2):
         for n in range(3):

@@ -4,6 +4,7 @@
 
 import pytest
 import torch
+from graph_samples import torch_cell_of
 
 from models import ModelConfig
 from models.gnn_layers.interaction_graph import complete_graph, squared_distances
@@ -30,14 +31,9 @@ def step(cell, f, h, distance, link):
 
 @torch.no_grad()
 def test_without_edges_it_is_torchs_gru_cell():
-    """Eq. 5 and 6; torch orders the gates r, z, candidate as well, and has two bias vectors."""
+    """GRU intermediate vectors (eq. 5) and update (eq. 6)."""
     cell = make_cell(edges=False)
-    oracle = torch.nn.GRUCell(SIZE_IN, HIDDEN).double()
-    of_f, of_h = cell.gnn_f.layers[0].linear, cell.gnn_h.layers[0].linear
-    oracle.weight_ih.copy_(of_f.weight)
-    oracle.bias_ih.copy_(of_f.bias + cell.bias)
-    oracle.weight_hh.copy_(of_h.weight)
-    oracle.bias_hh.copy_(of_h.bias)
+    oracle = torch_cell_of(cell)
     f, h = torch.randn(B, N, SIZE_IN).double(), torch.randn(B, N, HIDDEN).double()
     expected = oracle(f.flatten(0, 1), h.flatten(0, 1)).view(B, N, HIDDEN)
     torch.testing.assert_close(step(cell, f, h, *graph()), expected, rtol=1e-12, atol=1e-12)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Properties that hold for any weights: masks, permutations, causality, definiteness, start."""
+"""Properties that hold for any weights: masks, permutations, causality, definiteness."""
 
 import pytest
 import torch

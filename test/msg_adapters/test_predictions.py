@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Predictions in a PointCloud2: documented layout, round trip, unknown values."""
+
 import dataclasses
 import struct
 
@@ -70,7 +72,7 @@ def test_max_modes_keeps_the_strongest_and_renormalises(prediction, offline):
 def test_shuffled_points_give_the_same_and_missing_ones_are_nan(prediction, offline):
     message = prediction_to_pointcloud2(prediction, offline)
     points = np.frombuffer(bytes(message.data), dtype="V64").copy()
-    # Agent 0 stays first, so the agents' order stays theirs.
+    # Agent 0 stays first, so the order of the agents does not change.
     order = np.concatenate([[0], 1 + np.random.default_rng(1).permutation(len(points) - 1)])
     message.data = points[order].view(np.uint8)
     found = prediction_from_pointcloud2(message)
@@ -100,7 +102,7 @@ def test_no_agents(prediction, offline, decoded):
         assert (found.stamp_ns, found.frame_id) == (prediction.stamp_ns, "map")
 
 
-def test_non_finite_output_is_not_called_dense(prediction, offline):
+def test_non_finite_output_is_not_marked_dense(prediction, offline):
     mean = prediction.mean.copy()
     mean[0, 0, 0, 0] = np.nan
     assert prediction_to_pointcloud2(prediction, offline).is_dense

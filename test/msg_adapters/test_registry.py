@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Adapters by name, and their bytes against the same message as objects, serialised by rosbags."""
+"""Adapters by name, and the bytes they write against messages serialised by rosbags."""
 
 import dataclasses
 import time

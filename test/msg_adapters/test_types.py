@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Message classes of rclpy and of a typestore, and the errors where there is none."""
+
 import importlib.util
 
 import numpy as np
@@ -34,7 +36,7 @@ def test_missing_message_classes_name_the_package_to_install(name):
     )
 
 
-def test_names_that_are_no_types():
+def test_names_that_are_not_message_types():
     pytest.importorskip("rclpy")
     for name in ("Marker", "", "std_msgs/srv/Empty", "std_msgs/"):
         with pytest.raises(MessageError, match="is not a message type"):
@@ -44,8 +46,8 @@ def test_names_that_are_no_types():
     assert message_class("std_msgs/String") is message_class("std_msgs/msg/String")
 
 
-def test_field_checks_are_on_in_these_tests():
-    """Else rclpy would take anything and the other tests would prove little."""
+def test_rclpys_field_checks_are_active_in_these_tests():
+    """Without them, rclpy would accept any value and the other tests would prove little."""
     pytest.importorskip("rclpy")
     with pytest.raises(AssertionError):
         RclpyTypes().make("geometry_msgs/msg/Point", x=3)
@@ -58,7 +60,7 @@ def test_unregistered_type_is_named():
 
 
 def test_defaults_are_those_of_ros(offline, online, typestore):
-    """Every installed message that we build is, untouched, the same bytes from either family."""
+    """An unchanged message of each installed type has the same bytes from either family."""
     serialization = pytest.importorskip("rclpy.serialization")
     for name in (
         "visualization_msgs/msg/Marker",

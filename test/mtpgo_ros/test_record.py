@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``record``: the bag holds what was published, and every library reads it."""
+"""The executable ``record``: its bags hold what was published, for several libraries."""
 
 import signal
 import time

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The baselines learn; those that see their neighbours also learn what follows from them."""
+"""The baselines learn; those that see their neighbours also learn to react to them."""
 
 import pytest
 import torch
@@ -53,7 +53,7 @@ def test_all_learn_to_brake(name):
 @pytest.mark.parametrize(
     ("name", "can"), [("seq2seq", False), ("s-lstm", True), ("cs-lstm", True), ("gnn-rnn", True)]
 )
-def test_only_networks_that_see_the_neighbour_learn_what_it_causes(name, can):
+def test_only_networks_that_see_the_neighbour_learn_to_react_to_it(name, can):
     """Half of the cars have a neighbour 12 m ahead and brake, half one 28 m behind and do not."""
     gap = torch.where(torch.arange(16) % 2 == 0, 12.0, -28.0)
     time = 0.2 * torch.arange(1, HORIZON + 1)

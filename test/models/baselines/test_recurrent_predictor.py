@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What must hold for every baseline, with any weights."""
+"""Properties of all baselines that hold for any weights."""
 
 import warnings
 
@@ -31,7 +31,7 @@ def test_untrained_is_constant_velocity(name):
 
 @ALL
 @torch.no_grad()
-def test_shapes_weights_and_what_is_left_out(name):
+def test_shapes_weights_and_omitted_covariances(name):
     model = make_baseline(name, torch.float32, static_features=True)
     scene = make_scene(2, 4, steps=6, dtype=torch.float32)
     log_weight, mean, covariance = model(*scene.inputs())
@@ -69,7 +69,7 @@ def test_padding_and_invalid_samples_change_nothing(name):
 
 @ALL
 @torch.no_grad()
-def test_an_agent_that_was_never_present_is_no_neighbour(name):
+def test_an_agent_that_was_never_present_is_not_a_neighbour(name):
     """The others are predicted as if agent 1 did not exist."""
     model, scene = make_baseline(name), make_scene(1, 4, steps=6, odd=False)
     scene.valid[:, 1] = False
@@ -184,7 +184,7 @@ def test_observation_noise_is_added_and_the_scale_multiplies(name):
 
 @ALL
 @torch.no_grad()
-def test_covariances_stay_definite_for_absurd_input(name):
+def test_covariances_stay_definite_for_extreme_input(name):
     model = make_baseline(name, torch.float32, wild=False, horizon_steps=25)
     for parameter in model.noise.parameters():
         parameter.normal_(0.0, 30.0)

@@ -35,7 +35,7 @@ def test_absent_agents_are_in_no_cell_and_own_no_grid():
 
 
 def test_rows_of_the_table_by_hand():
-    """Two scenes of two agents, 21 cells each; 84 stands after the last row."""
+    """Two scenes of two agents, 21 cells each; 84 is the number after the last row."""
     cell = torch.tensor([[[21, 3], [5, 21]], [[21, 0], [20, 21]]])
     grid = Grid(GRID)
     assert grid.rows_of(cell, owner=True).tolist() == [

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The choice of the layers, and the gradients of all of them."""
+"""Layers by name, and the gradients of all of them."""
 
 import pytest
 import torch
@@ -24,6 +24,6 @@ def test_gradients_equal_finite_differences(name):
     assert torch.autograd.gradcheck(run, (x, *parameters), atol=1e-6)
 
 
-def test_an_unknown_layer_is_answered_with_the_known_ones():
+def test_an_unknown_layer_lists_the_known():
     with pytest.raises(ValueError, match=r"'none', 'graphconv', 'gcn', 'gat', 'gat\+'"):
         make_layer("transformer", 3, 3)

@@ -71,7 +71,7 @@ def test_bags_of_both_storages_are_read_as_folder_and_as_file(tmp_path, storage,
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-def test_messages_are_decoded_in_time(tmp_path, storage):
+def test_messages_are_decoded_in_order_of_time(tmp_path, storage):
     path = write_bag(tmp_path / "bag", seconds=0.2, storage=storage)
     assert is_bag(path)
     with DecodingBagReader(path) as bag:

@@ -38,7 +38,7 @@ def test_infinite_durations_are_those_of_rosbag2(tmp_path):
     assert (profile["depth"], profile["durability"]) == (1, "transient_local")
 
 
-def test_what_a_publisher_offers_comes_back(tmp_path):
+def test_the_offered_qos_is_stored(tmp_path):
     with McapWriter(tmp_path / "bag.mcap") as bag:
         bag.add_topic("/x", "std_msgs/msg/Float64", latched=False, reliable=False)
         bag.write_bytes("/x", 1, FLOAT)

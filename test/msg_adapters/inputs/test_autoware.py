@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""TrackedObjects of Autoware: object frame, shapes, labels, unknown values, round trip."""
+
 import dataclasses
 
 import numpy as np
@@ -139,7 +141,7 @@ def test_without_full_orientation_the_direction_is_unknown(read, availability):
 
 
 @pytest.mark.parametrize("availability", [0, 2])
-def test_stationary_objects_stand(read, availability):
+def test_stationary_objects_have_zero_velocity(read, availability):
     states = read(availability=availability, stationary=True)
     np.testing.assert_array_equal(states.velocity, [[0.0, 0.0]])
     np.testing.assert_array_equal(states.acceleration, [[0.0, 0.0]])

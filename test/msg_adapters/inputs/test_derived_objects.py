@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""ObjectArray of derived_object_msgs: header frame, classes, shapes, round trip."""
+
 import dataclasses
 
 import numpy as np

@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Detection3DArray of vision_msgs: box, class of the best hypothesis, round trip."""
+
 import dataclasses
 
 import numpy as np

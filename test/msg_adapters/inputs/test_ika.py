@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""ObjectList of perception_msgs: state models, covariance, reference point, round trip."""
+
 import dataclasses
 import sys
 
@@ -59,7 +61,7 @@ def object_list(types, *objects):
 
 
 @pytest.mark.parametrize(("model", "state"), [(16, ISCACTR), (17, HEXAMOTION)])
-def test_both_models_say_the_same(offline, decoded, model, state):
+def test_both_state_models_give_the_same_states(offline, decoded, model, state):
     message = object_list(offline, ika_object(offline, model, state))
     for again in decoded(message, ADAPTER.message_type).values():
         states = ADAPTER.to_states(again)
@@ -111,7 +113,7 @@ def test_turned_covariance_is_that_of_turned_samples():
 
 
 def test_reference_point_leads_to_the_centre(offline):
-    # Rear centre: the middle lies 2 m ahead, that is along +y, and 0.5 m to the left, along -x.
+    # Rear centre: the middle is 2 m ahead, that is along +y, and 0.5 m to the left, along -x.
     message = object_list(offline, ika_object(offline, 16, ISCACTR, reference=(1, 2.0, 0.5)))
     states = ADAPTER.to_states(message)
     np.testing.assert_allclose(states.position, [[0.5, 4.0]])

@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Lane markings from a MarkerArray."""
+
 import numpy as np
 import pytest
 
@@ -28,13 +30,13 @@ def test_round_trip(offline, online, decoded, typestore):
                 np.testing.assert_array_equal(line, wanted)
 
 
-def test_nothing_drawn(offline, decoded):
+def test_a_message_without_lines(offline, decoded):
     message = lanes_to_markers([], offline, stamp_ns=5, frame_id="map")
     for again in decoded(message, TYPE, with_rclpy=True).values():
         assert lanes_from_markers(again).polylines == ()
 
 
-def test_pose_line_lists_and_what_is_left_out(offline):
+def test_pose_line_lists_and_markers_that_are_left_out(offline):
     message = lanes_to_markers([*LINES, LINES[0], LINES[0]], offline, stamp_ns=5, frame_id="map")
     moved, pairs, deleted, broken = message.markers
     moved.pose = offline.make(

@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Tracked objects in a PointCloud2: round trip, layouts of other publishers, errors."""
+
 import dataclasses
 import struct
 from types import SimpleNamespace
@@ -79,7 +81,7 @@ def test_only_the_three_required_fields_float32_and_padding():
         assert np.isnan(unknown).all()
 
 
-def test_big_endian_two_rows_with_row_padding_and_foreign_fields():
+def test_big_endian_two_rows_with_row_padding_and_other_fields():
     rows = b""
     for row in range(2):
         for column in range(3):

@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Tracked objects in a MarkerArray: identity, actions, times, round trip."""
+
 import dataclasses
 
 import numpy as np

@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""PredictedObjects of Autoware: paths, modes, frames, time step."""
+
 import dataclasses
 
 import numpy as np

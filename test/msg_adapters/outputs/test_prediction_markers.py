@@ -1,5 +1,7 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Predictions as markers: boxes, paths, ellipses, stale markers."""
+
 import dataclasses
 
 import numpy as np
@@ -41,7 +43,7 @@ def only(prediction, agents):
     return dataclasses.replace(prediction, **{n: getattr(prediction, n)[agents] for n in fields})
 
 
-def test_what_is_drawn_through_cdr(prediction, offline, decoded):
+def test_boxes_paths_and_ellipses_through_cdr(prediction, offline, decoded):
     message = prediction_to_markers(prediction, offline, MarkerTracker(), style=ALL)
     for again in decoded(message, TYPE, with_rclpy=True).values():
         assert {m.header.frame_id for m in again.markers} == {"map"}
@@ -64,7 +66,7 @@ def test_what_is_drawn_through_cdr(prediction, offline, decoded):
                 assert line.color.a == pytest.approx(max(share, 0.1), rel=1e-6)
 
 
-def test_every_ellipse_corner_lies_two_sigma_away(prediction, offline):
+def test_every_ellipse_corner_is_two_sigma_away(prediction, offline):
     message = prediction_to_markers(prediction, offline, MarkerTracker(), style=ALL)
     corners = xy(of(message, ELLIPSES)[MODES_PER_AGENT * 1 + 2]).reshape(2, -1, 2, 2)
     for ring, step in zip(corners, (1, 3), strict=True):  # 0.4 s and 0.8 s of 1.0 s
@@ -174,7 +176,7 @@ def test_no_agents_deletes_all_markers(prediction, offline, decoded):
         assert len(again.markers) == 0
 
 
-def test_clearing(offline, decoded):
+def test_clearing_deletes_all_markers(offline, decoded):
     message = clear_markers(offline, stamp_ns=1, frame_id="map")
     for again in decoded(message, TYPE, with_rclpy=True).values():
         assert [m.action for m in again.markers] == [DELETE_ALL]
