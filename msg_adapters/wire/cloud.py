@@ -38,17 +38,16 @@ def cloud_to_records(message: Any) -> NDArray[Any]:
         raise MessageError(
             f"point cloud has row_step {row_step}, expected at least width x point_step = {needed}"
         )
-    # Many publishers leave the row_step of a cloud of one row unset.
-    stride = row_step if rows > 1 else needed
-    total = (rows - 1) * stride + needed
+    # Many publishers leave the row_step of a cloud of one row unset; it is not used then.
+    total = (rows - 1) * row_step + needed
     if len(data) < total:
         raise MessageError(
             f"point cloud has {len(data)} bytes of data, expected {total} for "
             f"{rows} x {columns} points of {layout.itemsize} bytes"
         )
-    if rows == 1 or stride == needed:
+    if rows == 1 or row_step == needed:
         return np.frombuffer(data, dtype=layout, count=rows * columns)
-    lines = [np.frombuffer(data, layout, columns, row * stride) for row in range(rows)]
+    lines = [np.frombuffer(data, layout, columns, row * row_step) for row in range(rows)]
     return np.concatenate(lines)
 
 
