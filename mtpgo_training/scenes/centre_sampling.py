@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.schema import AgentClass, Float64Array, HistoryWindow
+from mtpgo_core.schema import AgentClass, Float64Array
 from mtpgo_core.task.task_description import SceneConfig
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.ground_truth import FutureTable
@@ -46,38 +46,22 @@ class Candidates:
     changes: NDArray[np.int8]
 
 
-def random_cover(
-    window: HistoryWindow,
-    scene: SceneConfig,
-    rng: np.random.Generator,
-    chance: Float64Array | None = None,
+def draw_cover(
+    candidates: Candidates, scene: SceneConfig, rng: np.random.Generator
 ) -> NDArray[np.int64]:
-    """Draw centres in random order such that every agent valid at t is in the graph of one.
+    """Draw centres in random order such that every agent drawn by its chance is in a graph.
 
     The neighbourhoods are those of the node's policy ``cover`` (nearest first, limited in number
     and radius), but each draw gives other centres.
 
     Args:
-        window: the history.
+        candidates: the agents present.
         scene: limits of a graph.
         rng: source of the draw.
-        chance: [n] chance of each agent to be a centre if no centre covers it yet; 1 by default.
 
     Returns:
         [c] rows of the centres in the window.
     """
-    wanted = np.ones(len(window)) if chance is None else chance
-    present = np.flatnonzero(window.valid[:, -1])
-    no_changes = np.empty(0, dtype=np.int8)
-    position = window.position[present, -1]
-    candidates = Candidates(present, position, wanted[present], no_changes)
-    return draw_cover(candidates, scene, rng)
-
-
-def draw_cover(
-    candidates: Candidates, scene: SceneConfig, rng: np.random.Generator
-) -> NDArray[np.int64]:
-    """Do the same as :func:`random_cover` for agents of which only the present state is known."""
     present, position = candidates.index, candidates.position
     uncovered = rng.random(len(present)) < candidates.chance
     distance = np.linalg.norm(position[:, None] - position[None], axis=-1)

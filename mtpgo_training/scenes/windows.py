@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from mtpgo_core.history.resampling import Brackets
 from mtpgo_core.history.track_store import ACCELERATION, POSITION, VELOCITY, YAW
 from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow
-from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import FRAME_ID, Recording
-from mtpgo_training.scenes.track_samples import SampleTable, take_in
+from mtpgo_training.scenes.track_samples import SampleTable
 
 IntArray = NDArray[np.int64]
 
@@ -166,22 +165,15 @@ class Windows(Sequence[TrackedWindow]):
         return TrackedWindow(window, self.instants.track[rows])
 
 
-def cut_windows(recording: Recording, history: HistoryConfig, stride_s: float) -> Windows:
-    """Windows every ``stride_s`` of a recording, each with only its past.
+def windows_of(recording: Recording, table: SampleTable, stride_s: float) -> Windows:
+    """Return windows every ``stride_s`` of a recording, each with only its past.
+
+    There is no window at times without an agent.
 
     Args:
         recording: the recording.
-        history: how the window is resampled.
-        stride_s: time between two windows (s); those nearest to the recording's frames are taken.
-    """
-    table = SampleTable(take_in(recording, history), history)
-    return windows_of(recording, table, stride_s)
-
-
-def windows_of(recording: Recording, table: SampleTable, stride_s: float) -> Windows:
-    """Like :func:`cut_windows`, of a recording that has been taken in.
-
-    There is no window at times without an agent.
+        table: its samples.
+        stride_s: time between two windows (s); see :func:`frames_every`.
     """
     owner = np.arange(len(recording.track_id), dtype=np.int64)
     windows = Windows(recording, table, _times(recording, stride_s), owner)
@@ -191,28 +183,20 @@ def windows_of(recording: Recording, table: SampleTable, stride_s: float) -> Win
     return windows if there.all() else Windows(recording, table, instants.stamp_ns[there], owner)
 
 
-def cut_restarted_windows(
-    recording: Recording,
-    history: HistoryConfig,
-    stride_s: float,
-    within_s: float,
-    generator: np.random.Generator,
-) -> Windows:
-    """Windows at the same instants, in which every agent was first seen at most ``within_s`` ago.
-
-    Each track is cut into pieces of ``within_s`` with a random phase, and each piece gets its own
-    identity, so that the history forgets at every cut. The short past of an agent is then exactly
-    what the node would have, estimated derivatives included.
-    """
-    pieces, owner = cut_tracks(recording, within_s, generator)
-    table = SampleTable(take_in(pieces, history), history)
-    return Windows(pieces, table, _times(recording, stride_s), owner)
-
-
 def cut_tracks(
     recording: Recording, within_s: float, generator: np.random.Generator
 ) -> tuple[Recording, IntArray]:
-    """Return the recording with each track cut into pieces, and [pieces] the track of each."""
+    """Return the recording with each track cut into pieces, and [pieces] the track of each.
+
+    The pieces of a track last ``within_s``, with a random phase, and each has an identity of its
+    own, so the history starts again at every cut. The short past of an agent is then exactly what
+    the node would have, estimated derivatives included.
+
+    Args:
+        recording: the recording.
+        within_s: length of a piece (s), the longest time for which an agent has been seen.
+        generator: source of the phases.
+    """
     length = max(1, round(within_s * recording.frame_rate))
     phase = generator.integers(0, length, size=len(recording.track_id))
     number = (recording.frame + phase[recording.track]) // length

@@ -5,6 +5,8 @@
 import numpy as np
 
 from mtpgo_training.data.recording import Recording
+from mtpgo_training.scenes.track_samples import SampleTable, take_in
+from mtpgo_training.scenes.windows import windows_of
 
 
 def braking_cars(name="01", *, tracks=12, seconds=9.0, rate=10.0, seed=0):
@@ -50,3 +52,8 @@ def braking_cars(name="01", *, tracks=12, seconds=9.0, rate=10.0, seed=0):
         size=np.tile([4.5, 1.9], (tracks, 1)),
         sha256=f"{seed:064d}",
     )
+
+
+def cut_windows(recording, history, stride_s):
+    """The windows of a recording that has no cache."""
+    return windows_of(recording, SampleTable(take_in(recording, history), history), stride_s)

@@ -6,14 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from traffic import braking_cars
+from traffic import braking_cars, cut_windows
 
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.schema import Source
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.evaluation.scorer import Scorer
-from mtpgo_training.scenes.windows import cut_windows
 
 H = 10
 

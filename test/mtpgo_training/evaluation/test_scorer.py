@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from traffic import braking_cars
+from traffic import braking_cars, cut_windows
 
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
@@ -16,7 +16,6 @@ from mtpgo_training.evaluation.scorer import Scorer, add_scores
 from mtpgo_training.evaluation.scores.agent_scores import KEYS
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.scenes.kinematic_baselines import predict_baselines
-from mtpgo_training.scenes.windows import cut_windows
 
 H, DT = 10, 0.2
 

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from traffic import braking_cars
+from traffic import braking_cars, cut_windows
 
 from models.mtp_go import MTPGO
 from models.mtp_go_config import ModelConfig
@@ -21,7 +21,6 @@ from mtpgo_training.commands import evaluate as evaluation
 from mtpgo_training.commands import export as export_command
 from mtpgo_training.commands import info as info_command
 from mtpgo_training.export import exporter as export
-from mtpgo_training.scenes.windows import cut_windows
 from mtpgo_training.training.run_folder import RunFolder
 from mtpgo_training.training.training_config import TrainingConfig
 

@@ -6,13 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from traffic import braking_cars
+from traffic import braking_cars, cut_windows
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.scene.scene_builder import build_scenes
 from mtpgo_core.task.task_description import CONTEXT_FEATURES, HistoryConfig, SceneConfig
 from mtpgo_training.scenes.augmentation import Augmentation
-from mtpgo_training.scenes.windows import cut_windows
 
 
 def test_a_turn_is_that_of_the_world():

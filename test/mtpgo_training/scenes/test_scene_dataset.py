@@ -14,10 +14,8 @@ from traffic import braking_cars
 from msg_adapters.registry import INPUTS
 from msg_adapters.types import TypestoreTypes
 from mtpgo_core.history.track_history import TrackHistory
-from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.scene.scene_builder import build_scenes
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
-from mtpgo_training.scenes.centre_sampling import random_cover
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import (
     SceneDataset,
@@ -25,7 +23,6 @@ from mtpgo_training.scenes.scene_dataset import (
     to_scene,
     validation_scenes,
 )
-from mtpgo_training.scenes.windows import cut_restarted_windows, cut_windows
 from mtpgo_training.training.training_config import DataConfig
 
 HISTORY = HistoryConfig()
@@ -45,7 +42,7 @@ def dataset(data=PLAIN, seed=1, scene=SCENE):
 
 @pytest.fixture(scope="module")
 def online():
-    """Windows from the recording as real message bytes, each with the stamp it stands at."""
+    """Windows from the recording as real message bytes, by their stamps."""
     store = get_typestore(Stores.ROS2_JAZZY)
     adapter, types = INPUTS["pointcloud2"], TypestoreTypes(store)
     history, windows = TrackHistory(HISTORY), {}
@@ -80,25 +77,6 @@ def test_the_size_of_a_graph_is_known_before_it_is_cut():
         assert sizes == [data[i].num_nodes for i in range(0, len(data), 5)]
         found.update(sizes)
     assert found >= {1, 2, 5}
-
-
-def rows_of(keys, wanted):
-    """[n] row of each of ``wanted`` [n, 4] in ``keys``."""
-    names = sort_keys(keys)
-    order = np.argsort(names)
-    return order[find_sort_keys(names[order], sort_keys(wanted))]
-
-
-def test_a_window_contains_nothing_that_comes_later():
-    whole = braking_cars()
-    half = whole.between(0.0, 4.0)
-    full, cut = (cut_windows(r, HISTORY, 0.2) for r in (whole, half))
-    assert len(full) > len(cut) > 15
-    for a, b in zip(full, cut, strict=False):
-        assert a.window.stamp_ns == b.window.stamp_ns
-        order = rows_of(a.window.key, b.window.key)
-        np.testing.assert_array_equal(a.window.position[order], b.window.position)
-        np.testing.assert_array_equal(a.window.acceleration[order], b.window.acceleration)
 
 
 def test_targets_are_the_recorded_future_in_the_scene_frame():
@@ -162,24 +140,6 @@ def test_epochs_differ_and_are_reproducible():
     assert data.items == first
 
 
-def test_restarted_agents_have_short_pasts_and_their_own_future():
-    recording = braking_cars()
-    windows = cut_restarted_windows(recording, HISTORY, 0.2, 1.0, np.random.default_rng(0))
-    assert len(windows) == len(cut_windows(recording, HISTORY, 0.2))
-    lengths = []
-    for tracked in windows[10:]:
-        present = tracked.window.valid[:, -1]
-        lengths.extend(tracked.window.valid[present].sum(axis=1))
-        frame = round((tracked.window.stamp_ns - recording.start_time_ns) * 1e-9 * 10)
-        for agent in np.flatnonzero(present):
-            rows = (recording.frame == frame) & (recording.track == tracked.track[agent])
-            np.testing.assert_allclose(
-                tracked.window.position[agent, -1], recording.position[rows][0]
-            )
-    assert min(lengths) == 1
-    assert max(lengths) <= 6
-
-
 def test_a_centre_has_a_future_and_rarely_stands():
     data = dataclasses.replace(PLAIN, min_future_s=1.0)
     drawn = dataset(data)
@@ -224,11 +184,3 @@ def test_dense_lays_graphs_of_different_sizes_out_without_mixing_them():
 
 def test_to_scene_turns_vectors_backwards():
     np.testing.assert_allclose(to_scene(np.array([0.0, 2.0]), np.pi / 2), [2.0, 0.0], atol=1e-12)
-
-
-def test_random_cover_leaves_out_agents_that_left():
-    window = cut_windows(braking_cars(), HISTORY, 0.2)[0].window
-    gone = dataclasses.replace(window, valid=window.valid.copy())
-    gone.valid[0, -1] = False
-    for seed in range(5):
-        assert 0 not in random_cover(gone, SCENE, np.random.default_rng(seed))
