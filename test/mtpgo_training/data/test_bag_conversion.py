@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings through bags of every kind and back, read by every library that matters."""
+"""Conversion into bags of every kind and back, also read by other libraries."""
 
 from __future__ import annotations
 
@@ -82,7 +82,9 @@ def test_mcap_ros2_support_decodes_every_kind(
         np.testing.assert_array_equal(states.key, expected.key)
 
 
-def test_directory_bag_is_rosbag2_with_latched_lanes(tmp_path: Path, recording: Recording) -> None:
+def test_a_directory_is_a_rosbag2_bag_with_latched_lanes(
+    tmp_path: Path, recording: Recording
+) -> None:
     convert([recording], tmp_path / "bag")
     assert {p.name for p in (tmp_path / "bag").iterdir()} == {"metadata.yaml", "bag.mcap"}
     with AnyReader([tmp_path / "bag"]) as reader:
@@ -148,38 +150,6 @@ def test_recordings_are_taken_one_at_a_time(tmp_path: Path) -> None:
     assert len(convert(watched(), tmp_path / "out")) == 3
 
 
-def test_messages_go_to_the_file_as_they_are_made(tmp_path: Path) -> None:
-    frames = 1200
-    generator = np.random.default_rng(0)
-    vectors = generator.normal(size=(40 * frames, 2))
-    recording = Recording(
-        name="long",
-        layout="ind",
-        location="",
-        frame_rate=25.0,
-        frame=np.repeat(np.arange(frames), 40),
-        track=np.tile(np.arange(40), frames),
-        position=vectors,
-        velocity=vectors,
-        acceleration=vectors,
-        yaw=vectors[:, 0],
-        track_id=np.arange(40),
-        agent_class=np.ones(40, dtype=np.uint8),
-        size=np.ones((40, 2)),
-    )
-    written = []
-    with McapWriter(tmp_path / "long.mcap") as bag:
-        for number, _ in enumerate(write_recording(bag, recording)):
-            if number % 100 == 0:
-                (growing,) = tmp_path.glob(".long.mcap.*/long/long.mcap")
-                written.append(growing.stat().st_size)
-    total = (tmp_path / "long.mcap").stat().st_size
-    assert total > 1_000_000
-    # What is not yet in the file is at most a chunk (one MiB before compression).
-    behind = [total * n / 12 - size for n, size in enumerate(written)]
-    assert max(behind) < 1_000_000
-
-
 def test_ego_time_and_parked(tmp_path: Path) -> None:
     recordings = load_recordings(drone_files.write_ind(tmp_path / "ind"), "ind")
     (part,) = selected(recordings, start_s=0.1, end_s=0.2, ego_id=5)
@@ -205,7 +175,7 @@ def test_earlier_bag_is_replaced_and_nothing_else(tmp_path: Path, recording: Rec
     assert (tmp_path / "notes").read_text() == "mine"
 
 
-def test_nothing_half_written(tmp_path: Path, recording: Recording) -> None:
+def test_an_unfinished_bag_leaves_no_file(tmp_path: Path, recording: Recording) -> None:
     def broken():
         yield recording
         raise RecordingError("the second recording is broken")
@@ -229,7 +199,7 @@ def test_foreign_identities_keep_their_keys(tmp_path: Path, recording: Recording
     np.testing.assert_array_equal(back.key[back.track], words[foreign.track])
 
 
-def test_irregular_stamps_stand_on_a_millisecond_grid(
+def test_irregular_stamps_are_read_on_a_millisecond_grid(
     tmp_path: Path, recording: Recording
 ) -> None:
     uneven = dataclasses.replace(
@@ -241,7 +211,9 @@ def test_irregular_stamps_stand_on_a_millisecond_grid(
     assert back.frame.tolist() == [0, 0, 100, 100, 317]
 
 
-def test_bags_that_cannot_be_used(tmp_path: Path, recording: Recording) -> None:
+def test_a_bag_that_cannot_be_read_is_reported_with_the_reason(
+    tmp_path: Path, recording: Recording
+) -> None:
     with McapWriter(tmp_path / "talk.mcap") as bag:
         bag.add_topic("/chatter", "std_msgs/msg/String")
         bag.write("/chatter", 1, bag.types.make("std_msgs/msg/String", data="hello"))
@@ -264,7 +236,7 @@ def test_bags_that_cannot_be_used(tmp_path: Path, recording: Recording) -> None:
         load_recordings(tmp_path / "highd" / "01_tracks.csv", "bag")
 
 
-def test_frame_that_changes_is_named(tmp_path: Path, recording: Recording) -> None:
+def test_a_changing_frame_is_named(tmp_path: Path, recording: Recording) -> None:
     adapter = INPUTS["pointcloud2"]
     with McapWriter(tmp_path / "two.mcap") as bag:
         bag.add_topic("/objects", adapter.message_type)
@@ -275,7 +247,7 @@ def test_frame_that_changes_is_named(tmp_path: Path, recording: Recording) -> No
         load_recordings(tmp_path / "two.mcap", "bag")
 
 
-def test_empty_messages_and_late_lanes_make_no_recording(
+def test_empty_messages_and_late_lanes_add_no_recording(
     tmp_path: Path, recording: Recording
 ) -> None:
     adapter = INPUTS["pointcloud2"]
@@ -290,7 +262,7 @@ def test_empty_messages_and_late_lanes_make_no_recording(
     np.testing.assert_array_equal(back.position, recording.position)
 
 
-def test_damaged_bytes_give_one_sentence(tmp_path: Path, recording: Recording) -> None:
+def test_damaged_bytes_give_a_one_line_error(tmp_path: Path, recording: Recording) -> None:
     path = tmp_path / "out.mcap"
     convert([recording], path)
     data = path.read_bytes()
