@@ -6,17 +6,15 @@ import dataclasses
 
 import numpy as np
 import pytest
-import yaml
 from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
-from mtpgo_training.data.data_config import PRESETS
+from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.scenes.lane_change_balancing import NO_MANOEUVRE, balanced_copies
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import SceneDataset
-from mtpgo_training.training.training_config import DataConfig, dump_config, load_config
 
 HISTORY, SCENE = HistoryConfig(), SceneConfig(max_neighbours=7)
 BALANCED = DataConfig(
@@ -142,28 +140,3 @@ def test_only_the_classes_named_are_centres():
         source = scenes.sources[0]
         windows = source.restarted if item.restarted else source.windows
         assert windows[item.window].window.agent_class[item.centre] == 7
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_a_preset_is_saved_in_the_configuration_as_plain_values(tmp_path, name):
-    path = tmp_path / "config.yaml"
-    path.write_text(f"data: {{preset: {name}, stride_s: 0.4}}")
-    config = load_config(path)
-    assert config.data.stride_s == 0.4  # what the file says goes before the preset
-    saved = yaml.safe_load(dump_config(config))["data"]
-    assert saved["preset"] == name
-    assert (saved["split"], saved["validation_fraction"], saved["test_fraction"]) == (
-        "time",
-        0.1,
-        0.1,
-    )
-    assert (saved["lane_change_share"] > 0.0) == (name == "highd_paper")
-    path.write_text(dump_config(config))
-    assert load_config(path) == config
-
-
-def test_an_unknown_preset_is_answered_with_the_list(tmp_path):
-    path = tmp_path / "config.yaml"
-    path.write_text("data: {preset: highd}")
-    with pytest.raises(ConfigurationError, match="'highd', expected one of 'highd_paper', 'round"):
-        load_config(path)
