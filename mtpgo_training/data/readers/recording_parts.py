@@ -89,5 +89,5 @@ def cut_parts(
     if missing:
         raise RecordingError(
             f"{where} has no recording {next(iter(missing.values())).whole!r}, it has "
-            + (", ".join(seen) or "none of such a name")
+            + (", ".join(seen) or "none of that name")
         )

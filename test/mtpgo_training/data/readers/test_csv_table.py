@@ -1,0 +1,119 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Checked columns of CSV files: types by hand, and the place of each defect."""
+
+import gzip
+import hashlib
+
+import numpy as np
+import pytest
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers import csv_table
+from mtpgo_training.data.readers.csv_table import read_header, read_table, sha256_of
+
+TEXT = """\
+id, x,note,speed,extra
+1,0.5,a,2.5,9
+2,-3,7,,9
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    def file(text, name="t.csv"):
+        path = tmp_path / name
+        path.write_bytes(gzip.compress(text.encode()) if name.endswith("gz") else text.encode())
+        return path
+
+    return file
+
+
+@pytest.mark.parametrize("name", ["t.csv", "t.csv.gz"])
+def test_columns_have_the_type_that_was_asked_for(file, name):
+    table = read_table(
+        file(TEXT, name),
+        integers=["id"],
+        numbers=["x"],
+        unknown_allowed=["speed"],
+        texts=["note"],
+        optional=["colour"],
+    )
+    assert list(table.columns) == ["id", "x", "speed", "note"]
+    assert (table["id"].dtype, table["x"].dtype) == (np.int64, np.float64)
+    assert table["x"].tolist() == [0.5, -3.0]
+    assert table["note"].tolist() == ["a", "7"]
+    np.testing.assert_array_equal(table["speed"], [2.5, np.nan])
+
+
+def test_whole_numbers_may_be_written_with_a_decimal_point(file):
+    table = read_table(file("id,x\n3.0,1\n4,1\n"), integers=["id"])
+    assert table["id"].dtype == np.int64
+    assert table["id"].tolist() == [3, 4]
+
+
+def test_only_optional_columns_may_be_missing(file):
+    path = file(TEXT)
+    assert list(read_table(path, numbers=["x", "y"], optional={"y"}).columns) == ["x"]
+    sentence = r"t\.csv has no column 'y', expected the columns id, x, y"
+    with pytest.raises(RecordingError, match=sentence):
+        read_table(path, integers=["id"], numbers=["x", "y"])
+
+
+@pytest.mark.parametrize(
+    ("cell", "kind", "sentence"),
+    [
+        ("abc", "integers", "line 3, column 'v': 'abc', expected a number"),
+        ("2.5", "integers", "line 3, column 'v': '2.5', expected a whole number"),
+        ("1e17", "integers", "line 3, column 'v': '1e+17', expected a whole number"),
+        ("", "numbers", "line 3, column 'v': an empty cell, expected a finite number"),
+        ("-inf", "numbers", "line 3, column 'v': '-inf', expected a finite number"),
+        ("inf", "unknown_allowed", "'inf', expected a finite number or an empty cell"),
+        ("x", "unknown_allowed", "line 3, column 'v': 'x', expected a number"),
+    ],
+)
+def test_a_bad_cell_is_named_with_its_line_and_column(file, cell, kind, sentence):
+    path = file(f"v,w\n1,0\n{cell},0\n3,0\n")
+    with pytest.raises(RecordingError) as caught:
+        read_table(path, **{kind: ["v"]})
+    assert str(caught.value).startswith(f"{path}, line 3, column 'v': ")
+    assert str(caught.value).endswith(sentence)
+
+
+def test_the_line_of_a_bad_cell_counts_over_all_portions(file, monkeypatch):
+    monkeypatch.setattr(csv_table, "_ROWS_AT_ONCE", 3)
+    rows = "".join(f"{n},0\n" for n in range(10))
+    table = read_table(file("v,w\n" + rows), integers=["v"])
+    assert table["v"].tolist() == list(range(10))
+    with pytest.raises(RecordingError, match=r"line 12, column 'v': 'bad'"):
+        read_table(file("v,w\n" + rows + "bad,0\n"), integers=["v"])
+
+
+@pytest.mark.parametrize(
+    ("last", "line"),
+    [
+        ("3", 4),  # cells are missing
+        ("3,", 4),  # the last cell is empty, which it is in no other line
+    ],
+)
+def test_a_file_that_ends_within_a_line_is_truncated(file, last, line):
+    path = file(f"v,w\n1,5\n2,5\n{last}")
+    with pytest.raises(RecordingError, match=rf"ends within line {line}, expected 2 cells: the f"):
+        read_table(path, integers=["v"])
+    assert len(read_table(file("v,w\n1,\n2,\n3,"), integers=["v"])) == 3
+
+
+def test_a_file_without_a_header_is_refused(file):
+    with pytest.raises(
+        RecordingError, match=r"t\.csv is empty, expected a CSV file with a"
+    ):
+        read_header(file(""))
+    with pytest.raises(RecordingError, match=r"t\.csv\.gz cannot be read as CSV: "):
+        read_header(file(TEXT, "u.csv").rename(file("", "t.csv.gz")))
+    assert read_header(file(TEXT)) == ["id", "x", "note", "speed", "extra"]
+
+
+def test_the_hash_is_that_of_the_joined_contents(file):
+    paths = [file("one", "a"), file("two", "b")]
+    assert sha256_of(paths) == hashlib.sha256(b"onetwo").hexdigest()
+    assert sha256_of(paths[::-1]) == hashlib.sha256(b"twoone").hexdigest()
