@@ -104,9 +104,7 @@ def test_a_file_that_ends_within_a_line_is_truncated(file, last, line):
 
 
 def test_a_file_without_a_header_is_refused(file):
-    with pytest.raises(
-        RecordingError, match=r"t\.csv is empty, expected a CSV file with a"
-    ):
+    with pytest.raises(RecordingError, match=r"t\.csv is empty, expected a CSV file with a"):
         read_header(file(""))
     with pytest.raises(RecordingError, match=r"t\.csv\.gz cannot be read as CSV: "):
         read_header(file(TEXT, "u.csv").rename(file("", "t.csv.gz")))
