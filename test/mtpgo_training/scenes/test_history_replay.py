@@ -52,6 +52,3 @@ def test_with_one_sample_every_agent_is_seen_for_the_first_time():
         assert len(window) == 5
         np.testing.assert_array_equal(window.valid[:, :-1], False)
         assert window.valid[:, -1].all()
-        assert (
-            np.isnan(window.acceleration[:, -1]).all() or (window.acceleration[:, -1] == 0.0).all()
-        )

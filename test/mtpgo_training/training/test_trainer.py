@@ -336,12 +336,3 @@ def test_an_unknown_model_option_is_named(tmp_path):
     with pytest.raises(ConfigurationError, match=r"model has the unknown field 'hiden'"):
         run(tmp_path / "x", config=config)
     assert not (tmp_path / "x").exists()
-
-
-@pytest.mark.parametrize("content", [b"", b"no checkpoint", b"PK\x03\x04truncated"])
-def test_an_unreadable_checkpoint_is_one_sentence(tmp_path, content):
-    path = tmp_path / "last.pt"
-    path.write_bytes(content)
-    with pytest.raises(ConfigurationError, match=r"last.pt is no readable checkpoint") as caught:
-        load_checkpoint(path)
-    assert "\n" not in str(caught.value)

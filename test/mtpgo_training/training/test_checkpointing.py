@@ -1,0 +1,89 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Checkpoints: what is restored from one, and the sentence for one that does not fit."""
+
+import dataclasses
+
+import pytest
+import torch
+from tiny_run import CONFIG, new_run
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.training.checkpointing import resume_from, save_checkpoint, start_from
+from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
+
+
+def assert_weights(model, other):
+    for name, value in model.state_dict().items():
+        torch.testing.assert_close(value, other.state_dict()[name], rtol=0.0, atol=0.0)
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """A run in its third epoch, whose average differs from its weights, and its folder."""
+    run = new_run(seed=5)
+    with torch.no_grad():
+        for value in run.average.parameters():
+            value.mul_(0.5)
+    run.state.count_step(1.5, 8.0)
+    run.state.finish_epoch({"epoch": 1, "loss": 1.5})
+    run.state.count_step(0.5, 8.0)
+    run.state.best, run.state.best_epoch, run.state.scale = 0.75, 1, 1.25
+    folder = RunFolder(tmp_path_factory.mktemp("run"))
+    save_checkpoint(run, folder, [{"name": "01"}], optimiser={"a": 1}, precision={}, best=True)
+    return run, folder
+
+
+def test_a_resumed_run_has_the_same_weights_and_state(saved):
+    run, folder = saved
+    again = new_run(seed=6)
+    resume_from(again, load_checkpoint(folder.last), folder.last)
+    assert_weights(again.model, run.model)
+    assert_weights(again.average, run.average)
+    assert again.state == run.state
+    assert (folder.path / "log.csv").read_text().startswith("epoch,loss,total_seconds\n1,1.5,")
+
+
+def test_the_best_checkpoint_describes_itself_and_cannot_be_resumed(saved):
+    run, folder = saved
+    best = load_checkpoint(folder.best)
+    described = {name: best[name] for name in ("network", "epoch", "step", "covariance_scale")}
+    assert described == {"network": "mtp-go", "epoch": 1, "step": 2, "covariance_scale": 1.25}
+    assert best["splits"] == [{"name": "01"}]
+    assert best["model_config"] == run.model.config.to_dict()
+    with pytest.raises(ConfigurationError, match=r"best\.pt does not fit the configured network"):
+        resume_from(new_run(), best, folder.best)
+
+
+def test_a_run_starts_from_the_averaged_weights_of_another(saved):
+    run, folder = saved
+    new = new_run(seed=6)
+    start_from(new, load_checkpoint(folder.best), folder.best)
+    assert_weights(new.model, run.average)
+    assert_weights(new.average, run.average)
+    assert (new.state.epoch, new.state.step) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            {"network": "seq2seq", "model": {"hidden": 8}},
+            "best.pt are of 'mtp-go', but the configured network is 'seq2seq', expected the same",
+        ),
+        ({"model": {**CONFIG.model, "hidden": 12}}, "best.pt do not fit the configured network: "),
+        (
+            {"scene": SceneConfig(max_neighbours=3, context="polar")},
+            "trained on other inputs (frame centre_heading, context none, classes car, ",
+        ),
+        ({"history": HistoryConfig(dt_s=0.1)}, "16 steps of 0.2 s), expected those of the conf"),
+    ],
+)
+def test_weights_of_another_network_or_other_inputs_are_refused(saved, changes, sentence):
+    checkpoint, path = load_checkpoint(saved[1].best), saved[1].best
+    new = new_run(dataclasses.replace(CONFIG, **changes))
+    with pytest.raises(ConfigurationError) as caught:
+        start_from(new, checkpoint, path)
+    assert sentence in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,64 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Requests to end a run: by time, by a signal, and a second signal that ends the process."""
+
+import signal
+import threading
+
+import pytest
+
+from mtpgo_training.training.interruption import SIGNALS, Interruption
+
+
+def test_nothing_is_requested_without_a_limit_or_a_signal():
+    with Interruption() as interruption:
+        assert not interruption.requested()
+        assert interruption.received_signal is None
+
+
+def test_the_time_counts_from_the_start_of_the_block(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    interruption = Interruption(max_minutes=2.0)
+    now[0] = 1000.0
+    with interruption:
+        now[0] += 120.0
+        assert not interruption.requested()
+        now[0] += 0.1
+        assert interruption.requested()
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_signal_is_recorded_and_the_handlers_are_restored(number):
+    before = {one: signal.getsignal(one) for one in SIGNALS}
+    with Interruption() as interruption:
+        signal.raise_signal(number)
+        assert interruption.requested()
+        assert interruption.received_signal == number
+        # A second signal has its usual effect.
+        assert {one: signal.getsignal(one) for one in SIGNALS} == before
+    assert {one: signal.getsignal(one) for one in SIGNALS} == before
+
+
+def test_a_second_interrupt_is_raised():
+    with Interruption() as interruption:
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert interruption.received_signal == signal.SIGINT
+
+
+def test_another_thread_has_a_limit_but_no_signals():
+    before, found = signal.getsignal(signal.SIGINT), []
+
+    def inside():
+        with Interruption(max_minutes=0.0) as interruption:
+            found.append(signal.getsignal(signal.SIGINT))
+            while not interruption.requested():
+                pass
+            found.append(interruption.received_signal)
+
+    thread = threading.Thread(target=inside)
+    thread.start()
+    thread.join(timeout=10.0)
+    assert found == [before, None]
