@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings that cannot be used: one sentence with the place and status 2; odd ones can be."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 import yaml
@@ -17,7 +15,6 @@ from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import SceneDataset
-from mtpgo_training.training.data_loading import prepare_scenes
 from mtpgo_training.training.training_config import DataConfig
 
 
@@ -183,16 +180,3 @@ def test_one_agent_gaps_and_several_rates_are_masks():
         assert np.isfinite(sample.x.numpy()).all()
         assert np.isfinite(sample.target.numpy()).all()
         assert sample.num_nodes == 1 or item.source > 0
-
-
-def test_a_recording_without_road_users_is_reported():
-    from mtpgo_core.errors import ConfigurationError
-    from mtpgo_training.data.splits import NamedRecording, Splits
-    from mtpgo_training.training.training_config import TrainingConfig
-
-    recording = braking_cars()
-    hidden = dataclasses.replace(recording, position=np.full_like(recording.position, np.nan))
-    named = (NamedRecording("cars", hidden),)
-    splits = Splits(train=named, validation=named, test=())
-    with pytest.raises(ConfigurationError, match="no agent is present in any recording of data"):
-        prepare_scenes(TrainingConfig(), splits, 10, progress=False)
