@@ -87,6 +87,9 @@ class FutureTable:
 
     def _lookup(self, track: IntArray, when: Float64Array) -> Future:
         """Return the states at ``when`` [1 or n, H], in frames after the first one."""
+        if not len(self._row_key):
+            nothing = np.zeros((len(track), when.shape[1], 2))
+            return Future(nothing, nothing, np.zeros(nothing.shape[:2], dtype=np.bool_))
         nearest = np.rint(when)
         when = np.where(np.abs(when - nearest) < 1e-4, nearest, when)  # ns rounding of stamps
         inside = (when >= 0.0) & (when <= self._stride - 2)
@@ -112,6 +115,8 @@ class FutureTable:
 def future_columns(recording: Recording, velocity_smoothing_s: float = 0.0) -> Columns:
     """Return the rows of a recording by track and frame, as a :class:`FutureTable` needs them.
 
+    Rows without a finite position are left out: they are no observation, as in the history.
+
     Args:
         recording: the recording.
         velocity_smoothing_s: 0 keeps the recorded velocities. A positive value is the standard
@@ -119,6 +124,7 @@ def future_columns(recording: Recording, velocity_smoothing_s: float = 0.0) -> C
             is the target velocity. The fit uses past and future: a target may, an input may not.
     """
     order = np.lexsort((recording.frame, recording.track))
+    order = order[np.isfinite(recording.position[order]).all(axis=1)]
     frame, track = recording.frame[order], recording.track[order]
     position, velocity = recording.position[order], recording.velocity[order]
     first, stride = _span(recording)

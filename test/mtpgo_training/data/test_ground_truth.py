@@ -95,6 +95,31 @@ def test_unknown_velocities_are_filled_from_the_positions():
     np.testing.assert_allclose(future.velocity[0, :, 0], 5.0, atol=1e-3)
 
 
+@pytest.mark.parametrize("smoothing_s", [0.0, 0.3])
+def test_a_row_without_a_finite_position_is_no_observation(smoothing_s):
+    clean = recording(parabola(np.arange(30), 0, 0.0, 5.0, 0.0))
+    position = clean.position.copy()
+    position[10], position[20:27] = np.nan, np.inf
+    odd = dataclasses.replace(clean, position=position)
+    table = FutureTable(odd, velocity_smoothing_s=smoothing_s)
+    future = table.at(np.array([0]), clean.stamp_ns(0), 29, 0.1)
+    # Frame 10 is bridged, the gap from 19 to 27 is longer than 0.5 s.
+    frames = np.arange(1, 30)
+    np.testing.assert_array_equal(future.known[0], (frames < 20) | (frames > 26))
+    exact = np.where(future.known[0], 0.5 * frames, 0.0)
+    np.testing.assert_allclose(future.position[0, :, 0], exact)
+    np.testing.assert_allclose(future.velocity[0, future.known[0], 0], 5.0, atol=1e-3)
+
+
+def test_without_a_finite_position_nothing_is_known():
+    clean = recording(parabola(np.arange(9), 0, 0.0, 5.0, 0.0))
+    hidden = dataclasses.replace(clean, position=np.full((9, 2), np.nan))
+    future = FutureTable(hidden).at(np.array([0, -1]), clean.stamp_ns(0), 3, 0.2)
+    assert future.known.shape == (2, 3)
+    assert not future.known.any()
+    assert not future.position.any()
+
+
 def test_a_track_seen_once_stands():
     once = recording(parabola(np.arange(1), 0, 3.0, 0.0, 0.0), parabola(np.arange(9), 1, 0, 1, 0))
     blank = dataclasses.replace(once, velocity=np.full((10, 2), np.nan))
