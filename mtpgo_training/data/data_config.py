@@ -74,7 +74,7 @@ class DataConfig:
         velocity_smoothing_s: standard deviation of the kernel that smooths the target velocities
             (s), 0 for the recorded ones; see
             :class:`mtpgo_training.data.ground_truth.FutureTable`.
-        standing_weight: weight in the loss of an agent that stands now and does not move over its
+        standing_weight: weight in the loss of an agent that is standing and does not move over its
             observed future, and its chance to be a graph's centre; below 1, moving agents
             weigh more.
         min_future_s: an agent whose future is known for a shorter time is not a graph's centre in

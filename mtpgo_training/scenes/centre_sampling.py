@@ -17,7 +17,7 @@ from mtpgo_training.data.recording import Recording
 from mtpgo_training.scenes.windows import Windows
 
 STANDING_MPS = 0.3
-"""An agent slower than this stands (m/s); chosen above the jitter of standing tracks."""
+"""An agent slower than this is standing (m/s); chosen above the jitter of standing tracks."""
 
 STANDING_M = 0.5
 """An agent whose observed future stays this close to its position does not move (m); chosen above
@@ -89,7 +89,7 @@ def graph_sizes(
 def standing(
     features: NDArray[np.float32], target: Float64Array, known: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return [N] whether an agent stands at t and stays where it is.
+    """Return [N] whether an agent is standing at t and stays where it is.
 
     Args:
         features: [N, T, F] features of the scene, x, y, vx, vy first.

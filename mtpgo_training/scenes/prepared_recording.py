@@ -40,8 +40,8 @@ class PreparedRecording:
         lanes: its lanes if the context needs them.
         chance: [p] chance of the agents of ``windows.instants`` to be a graph's centre.
         changes: [p] their lane changes, see
-        :func:`mtpgo_training.scenes.lane_change_balancing.lane_changes`; None where
-            graphs are not balanced.
+            :func:`mtpgo_training.scenes.lane_change_balancing.lane_changes`; None where graphs are
+            not balanced.
         weight: how often its windows are drawn in an epoch.
     """
 

@@ -26,6 +26,7 @@ from mtpgo_training.scenes.track_samples import SampleTable
 IntArray = NDArray[np.int64]
 
 _PAIRS_AT_ONCE = 4096
+"""Pairs of track and time looked up together; chosen, bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Instants:
     velocity: Float64Array
 
     def rows(self, window: int) -> slice:
-        """The rows of a window, in the order of its agents."""
+        """Return the rows of a window, in the order of its agents."""
         return slice(int(self.offset[window]), int(self.offset[window + 1]))
 
     @property
@@ -89,8 +90,8 @@ class Windows(Sequence[TrackedWindow]):
             recording: the recording that ``table`` was made of.
             table: its samples.
             times_ns: [w] ascending times (ns).
-            owner: [tracks] number to use as the agents' ``track``; of several agents with the same
-                owner the last one stays.
+            owner: [tracks] number to use as the agents' ``track``; of several tracks with the same
+                owner in a window the last one is kept.
         """
         self._recording = recording
         self._table = table

@@ -51,6 +51,6 @@ class Interruption(AbstractContextManager["Interruption"]):
         self.__exit__()
 
     def requested(self) -> bool:
-        """Whether the run should end."""
+        """Return whether the run should end."""
         late = self._limit_s is not None and time.monotonic() - self._start_s > self._limit_s
         return late or self.received_signal is not None

@@ -108,7 +108,7 @@ class TrainingRun:
         )
 
     def _epochs_since_best(self) -> int:
-        """Epochs on the likelihood alone since the best one."""
+        """Return the number of epochs on the likelihood alone since the best one."""
         return sum(
             self.loss_weights(epoch).ewta == 0.0
             for epoch in range(self.state.best_epoch, self.state.epoch)

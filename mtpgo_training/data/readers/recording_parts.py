@@ -49,7 +49,7 @@ class RecordingPart:
         return dataclasses.replace(recording.between(self.start_s, self.end_s), name=self.name)
 
     def may_be_in(self, unit: str) -> bool:
-        """Return whether the files called ``unit`` may hold the recording."""
+        """Return whether the files of the unit with this name may hold the recording."""
         return self.whole == unit or self.whole.startswith(f"{unit}-")
 
 

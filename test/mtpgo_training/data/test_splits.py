@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Blocks of time: no frame has two uses, and a whole window lies between two of them."""
+"""Splits: no frame has two uses, a whole window lies between blocks, names find recordings."""
 
 import dataclasses
 import itertools
@@ -149,3 +149,47 @@ def test_a_weight_for_a_recording_that_is_not_there_is_refused():
     data = DataConfig(source_weight={"cars/07": 1.0})
     with pytest.raises(ConfigurationError, match="'cars/07', expected one of cars/01, cars/02"):
         split(recordings(5.0, 5.0), data, 0)
+
+
+def named(*names):
+    pairs = (name.split("/") for name in names)
+    return [NamedRecording(d, braking_cars(n, tracks=1, seconds=1.0)) for d, n in pairs]
+
+
+def names(group):
+    return [item.name for item in group]
+
+
+def test_names_find_recordings_with_and_without_their_directory():
+    splits = split(
+        named("a/01", "a/02", "b/01", "b/03"),
+        DataConfig(validation=("b/01",), test=("02",)),
+        seed=1,
+    )
+    assert names(splits.train) == ["a/01", "b/03"]
+    assert names(splits.validation) == ["b/01"]
+    assert names(splits.test) == ["a/02"]
+
+
+def test_a_fraction_draws_whole_recordings_the_same_ones_for_a_seed():
+    pool = named(*(f"a/{i:02d}" for i in range(10)))
+    data = DataConfig(validation_fraction=0.3)
+    first, again = split(pool, data, 1), split(pool, data, 1)
+    assert names(first.validation) == names(again.validation)
+    assert len(first.validation) == 3
+    assert len(first.train) == 7
+    assert not set(names(first.train)) & set(names(first.validation))
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        (DataConfig(validation=("09",)), r"names '09', expected one of a/01, a/02"),
+        (DataConfig(validation=("01",), test=("a/01",)), r"a/01 is in data.validation and in"),
+        (DataConfig(validation=("01", "02")), r"no recording is left for data.train"),
+        (DataConfig(validation_fraction=0.0), r"no recording is left for data.validation"),
+    ],
+)
+def test_a_split_that_cannot_be_made_is_refused(data, sentence):
+    with pytest.raises(ConfigurationError, match=sentence):
+        split(named("a/01", "a/02"), data, seed=1)

@@ -78,7 +78,7 @@ def test_an_option_that_a_network_does_not_know_is_named(option):
 
 
 def test_one_configuration_serves_all_networks():
-    """What only others know is left out; what nobody knows stays, to be refused."""
+    """Options of other networks are left out; one that no network has is kept and refused."""
     options = {"hidden": 48, "integrator": "heun", "observation_std_m": 0.2, "rows": 7}
     assert options_for("mtp-go", options) == {k: v for k, v in options.items() if k != "rows"}
     assert options_for("seq2seq", options) == {"hidden": 48, "observation_std_m": 0.2}

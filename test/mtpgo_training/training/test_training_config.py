@@ -1,14 +1,12 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration files and splits: what is refused, and with which sentence."""
+"""Configuration files and settings: what is read, what is refused, and with which sentence."""
 
 from pathlib import Path
 
 import pytest
-from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.data.splits import NamedRecording, split
 from mtpgo_training.training.training_config import (
     DataConfig,
     TrainingConfig,
@@ -97,47 +95,3 @@ def test_a_bad_setting_is_one_sentence(tmp_path, setting, sentence):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ConfigurationError, match=r"nowhere.yaml cannot be read"):
         load_config(tmp_path / "nowhere.yaml")
-
-
-def recordings(*names):
-    pairs = (name.split("/") for name in names)
-    return [NamedRecording(d, braking_cars(n, tracks=1, seconds=1.0)) for d, n in pairs]
-
-
-def names(group):
-    return [item.name for item in group]
-
-
-def test_names_find_recordings_with_and_without_their_directory():
-    splits = split(
-        recordings("a/01", "a/02", "b/01", "b/03"),
-        DataConfig(validation=("b/01",), test=("02",)),
-        seed=1,
-    )
-    assert names(splits.train) == ["a/01", "b/03"]
-    assert names(splits.validation) == ["b/01"]
-    assert names(splits.test) == ["a/02"]
-
-
-def test_a_fraction_draws_whole_recordings_the_same_ones_for_a_seed():
-    pool = recordings(*(f"a/{i:02d}" for i in range(10)))
-    data = DataConfig(validation_fraction=0.3)
-    first, again = split(pool, data, 1), split(pool, data, 1)
-    assert names(first.validation) == names(again.validation)
-    assert len(first.validation) == 3
-    assert len(first.train) == 7
-    assert not set(names(first.train)) & set(names(first.validation))
-
-
-@pytest.mark.parametrize(
-    ("data", "sentence"),
-    [
-        (DataConfig(validation=("09",)), r"names '09', expected one of a/01, a/02"),
-        (DataConfig(validation=("01",), test=("a/01",)), r"a/01 is in data.validation and in"),
-        (DataConfig(validation=("01", "02")), r"no recording is left for data.train"),
-        (DataConfig(validation_fraction=0.0), r"no recording is left for data.validation"),
-    ],
-)
-def test_a_bad_split_is_refused(data, sentence):
-    with pytest.raises(ConfigurationError, match=sentence):
-        split(recordings("a/01", "a/02"), data, seed=1)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings that cannot be used: one sentence with the place and status 2; odd ones can be."""
+"""Recordings that cannot be used (one sentence with the place, status 2) and odd ones."""
 
 import numpy as np
 import pytest
@@ -74,7 +74,7 @@ def no_bag(folder):
     (folder / "data" / "bag.mcap").write_text("no bag")
 
 
-def a_bag_of_nobody(folder):
+def a_bag_without_objects(folder):
     (folder / "data").mkdir()
     with McapWriter(folder / "data" / "bag.mcap") as bag:
         bag.add_topic("/objects", "vision_msgs/msg/Detection3DArray")
@@ -90,7 +90,7 @@ DEFECTS = {
     empty: ("ind", "data has no recordings, expected files such as 01_tracks.csv"),
     no_bag: ("bag", "bag.mcap cannot be read as a bag"),
     a_broken_bag: ("bag", "bag.mcap cannot be read as a bag"),
-    a_bag_of_nobody: ("bag", "bag.mcap has no tracked object on its topic /objects"),
+    a_bag_without_objects: ("bag", "bag.mcap has no tracked object on its topic /objects"),
 }
 
 

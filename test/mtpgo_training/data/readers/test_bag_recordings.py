@@ -33,7 +33,7 @@ SMALL = {
 
 
 def driving(time_s):
-    """Where the vehicle that saw the objects was."""
+    """Pose of the vehicle that observed the objects."""
     return Pose2(x=480.0 + 3.0 * time_s, y=-190.0, yaw=0.3 + 0.05 * time_s)
 
 
@@ -97,7 +97,7 @@ def test_the_trained_model_is_scored_on_bags(trained, fleet, tmp_path):
     assert np.isfinite(models["model"]["all"]["ade"])
 
 
-def test_objects_in_the_vehicles_frame_are_lifted(fleet):
+def test_objects_in_the_vehicles_frame_are_transformed(fleet):
     (moving,) = load_recordings(fleet / "bags", "bag", ["moving"])
     truth = cars(4, 25.0)
     np.testing.assert_allclose(moving.position, truth.position, atol=2e-3)
@@ -138,7 +138,7 @@ def test_objects_before_and_after_the_odometry_are_left_out(tmp_path):
     assert 2.9 < recording.duration_s < 3.3
 
 
-def test_no_odometry_at_the_right_time_is_said_with_the_reason(tmp_path, capsys):
+def test_missing_odometry_is_reported_with_the_reason(tmp_path, capsys):
     path = write_bag(
         tmp_path / "bag.mcap", cars(1, 10.0), frame="base_link", pose=driving, shift_s=60.0
     )

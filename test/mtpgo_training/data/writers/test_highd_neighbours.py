@@ -41,8 +41,8 @@ def test_neighbours_equal_those_of_a_loop_over_all_pairs():
                 if j == i or lane[j] != want:
                     continue
                 ahead = along[j] - along[i]
-                beside = want != lane[i] and abs(ahead) < (length[i] + length[j]) / 2
-                kind = "Alongside" if beside else "receding" if ahead > 0 else "ollowing"
+                alongside = want != lane[i] and abs(ahead) < (length[i] + length[j]) / 2
+                kind = "Alongside" if alongside else "receding" if ahead > 0 else "ollowing"
                 if kind in name and abs(ahead) < nearest:
                     best, nearest = j, abs(ahead)
             assert found[i, column] == best, (i, name)
