@@ -131,11 +131,6 @@ class Recording:
         for i, frame in enumerate(frames.tolist()):
             yield self._states(frame, slice(int(starts[i]), int(starts[i + 1])))
 
-    def states_at(self, frame: int) -> TrackedStates:
-        """Return the road users of one frame; empty if there are none."""
-        left, right = np.searchsorted(self.frame, [frame, frame + 1])
-        return self._states(frame, slice(int(left), int(right)))
-
     def _states(self, frame: int, rows: slice) -> TrackedStates:
         track = self.track[rows]
         return tracked_states(

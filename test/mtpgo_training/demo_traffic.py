@@ -44,7 +44,8 @@ def make_recording(name="made", duration_s=12.0, location="site", sha256="", sta
 
 def perfect_prediction(recording, frame, modes=2, horizon=25, dt_s=0.2):
     """Return the recorded future as mode 0, and the same one metre to the left as mode 1."""
-    states = recording.states_at(frame)
+    stamp_ns = recording.stamp_ns(frame)
+    states = next(s for s in recording.states() if s.stamp_ns == stamp_ns)
     n = len(states)
     ahead = np.arange(1, horizon + 1) * round(dt_s * recording.frame_rate)
     mean = np.zeros((n, modes, horizon, 4))
