@@ -71,10 +71,15 @@ def to_text(table: Table) -> str:
     )
 
 
-def to_markdown(table: Table) -> str:
-    """Return a table in Markdown."""
+def to_markdown(table: Table, rule: str = "---") -> str:
+    """Return a table in Markdown.
+
+    Args:
+        table: the table.
+        rule: below each head; ``---:`` aligns its column to the right.
+    """
     heads, *rows = _plain(table)
-    return "\n".join(f"| {' | '.join(line)} |" for line in (heads, ["---"] * len(heads), *rows))
+    return "\n".join(f"| {' | '.join(line)} |" for line in (heads, [rule] * len(heads), *rows))
 
 
 def to_html(table: Table) -> str:

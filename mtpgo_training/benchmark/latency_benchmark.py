@@ -19,8 +19,7 @@ from tqdm import tqdm
 from models import MTPGO, ModelConfig
 from models.inference import deployable
 from mtpgo_core.errors import ModelFileError
-from mtpgo_training.atomic_files import require_writable
-from mtpgo_training.benchmark.measurement.machine import heading, write_json
+from mtpgo_training.benchmark.measurement.machine import print_heading, table, write_json
 from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 from mtpgo_training.training.torch_process import prepare_process
 
@@ -33,6 +32,19 @@ TURNS = 5
 """Predictions of the exported model per prediction of the other."""
 
 LEAST_ROUNDS = 5
+
+
+COLUMNS = {
+    "agents": "{.agents}",
+    "threads": "{.threads}",
+    "median ms": "{.median_ms:.1f}",
+    "p99 ms": "{.p99_ms:.1f}",
+    "straightforward ms": "{.baseline_median_ms:.0f}",
+    "ratio": "{.ratio:.1f}",
+    "MFLOP": "{.mflop:.0f}",
+    "of GEMM": "{.gemm_share:.0%}",
+}
+"""Heading and format of each column of the printed table."""
 
 
 @dataclass(frozen=True)
@@ -191,9 +203,7 @@ def print_latency(
     Raises:
         ConfigurationError: the file cannot be written.
     """
-    if output is not None:
-        require_writable(output)
-    print(heading(command))
+    print_heading(command, output)
     rows: list[LatencyRow] = []
     peaks: dict[int, float] = {}
     cases = [(count, number) for count in threads for number in agents]
@@ -202,26 +212,10 @@ def print_latency(
         if count not in peaks:
             peaks[count] = gemm_gflops()
         rows.append(measure(number, seconds, peaks[count]))
-    print(table(rows))
+    print(table(rows, COLUMNS))
     for count, peak in peaks.items():
         print(f"large matrix product on {count} thread(s): {peak:.0f} GFLOP/s")
-    if output is not None:
-        peak_of = {str(count): peak for count, peak in peaks.items()}
-        content = [asdict(row) for row in rows]
-        write_json(output, {"command": command, "gemm_gflops": peak_of, "rows": content})
+    peak_of = {str(count): peak for count, peak in peaks.items()}
+    content = [asdict(row) for row in rows]
+    write_json(output, {"command": command, "gemm_gflops": peak_of, "rows": content})
     return rows
-
-
-def table(rows: list[LatencyRow]) -> str:
-    """Return the rows in Markdown."""
-    lines = [
-        "| agents | threads | median ms | p99 ms | straightforward ms | ratio | MFLOP | of GEMM |",
-        "|---:|---:|---:|---:|---:|---:|---:|---:|",
-    ]
-    for row in rows:
-        lines.append(
-            f"| {row.agents} | {row.threads} | {row.median_ms:.1f} | {row.p99_ms:.1f} "
-            f"| {row.baseline_median_ms:.0f} | {row.ratio:.1f} | {row.mflop:.0f} "
-            f"| {row.gemm_share:.0%} |"
-        )
-    return "\n".join(lines)

@@ -23,7 +23,7 @@ from tqdm import tqdm
 from models import ModelConfig
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.benchmark.latency_benchmark import make_model
-from mtpgo_training.benchmark.measurement.machine import heading, markdown, write_json
+from mtpgo_training.benchmark.measurement.machine import heading, table, write_json
 from mtpgo_training.benchmark.measurement.step_workers import Step, Team, sum_gradients
 from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 from mtpgo_training.training.losses.batch_loss import batch_loss
@@ -39,6 +39,22 @@ LARGEST_DIFFERENCE = 1e-3
 
 ROUNDS_BEFORE = 2
 """Steps that are not counted, in which memory is allocated and threads are started."""
+
+
+COLUMNS = {
+    "phase": "{.phase}",
+    "scenes": "{.scenes}",
+    "agents": "{.agents}",
+    "processes": "{.processes}",
+    "threads": "{.threads}",
+    "samples/s": "{.samples_per_s:.0f}",
+    "straightforward": "{.plain_samples_per_s:.0f}",
+    "ratio": "{.ratio:.1f}",
+    "memory MB": "{.growth_mb:.0f}",
+    "straightforward MB": "{.plain_growth_mb:.0f}",
+    "share": "{.memory_share:.0%}",
+}
+"""Heading and format of each column of the printed table."""
 
 
 @dataclass(frozen=True)
@@ -254,29 +270,6 @@ def _check(phase: str, what: str, difference: float) -> None:
         )
 
 
-def table(rows: list[TrainingRow]) -> str:
-    """Return the rows in Markdown."""
-    head = ["phase", "scenes", "agents", "processes", "threads", "samples/s", "straightforward"]
-    head += ["ratio", "memory MB", "straightforward MB", "share"]
-    lines = [
-        [
-            row.phase,
-            str(row.scenes),
-            str(row.agents),
-            str(row.processes),
-            str(row.threads),
-            f"{row.samples_per_s:.0f}",
-            f"{row.plain_samples_per_s:.0f}",
-            f"{row.ratio:.1f}",
-            f"{row.growth_mb:.0f}",
-            f"{row.plain_growth_mb:.0f}",
-            f"{row.memory_share:.0%}",
-        ]
-        for row in rows
-    ]
-    return markdown(head, lines)
-
-
 def print_training(
     scenes: int, threads: int, rounds: int, command: str, output: Path | None
 ) -> list[TrainingRow]:
@@ -296,7 +289,7 @@ def print_training(
         for row in measure(phase, scenes, threads, rounds)
     ]
     print(above)
-    print(table(rows))
+    print(table(rows, COLUMNS))
     if output is not None:
         write_json(output, {"command": command, "rows": [asdict(row) for row in rows]})
     return rows

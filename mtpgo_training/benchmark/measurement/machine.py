@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_training.atomic_files import require_writable, write_text
+from mtpgo_training.table_format import Row, Table, to_markdown
 
 _CPU_INFO = Path("/proc/cpuinfo")
 
@@ -95,13 +96,8 @@ def table(rows: Sequence[object], columns: Mapping[str, str]) -> str:
         columns: heading -> format of the cell, for example ``"{.p99_ms:.1f}"``; NaN becomes "-".
     """
     cells = [[form.format(row) for form in columns.values()] for row in rows]
-    return markdown(list(columns), [["-" if c == "nan" else c for c in row] for row in cells])
-
-
-def markdown(head: list[str], rows: list[list[str]]) -> str:
-    """Return a Markdown table with right-aligned columns."""
-    lines = ["| " + " | ".join(head) + " |", "|" + "---:|" * len(head)]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
+    lines = [Row(name, ["-" if c == "nan" else c for c in rest]) for name, *rest in cells]
+    return to_markdown(Table(list(columns), lines), "---:")
 
 
 def _processor() -> str:

@@ -31,7 +31,7 @@ def test_a_table_by_its_formats():
     rows = [SimpleNamespace(ms=1.25, share=0.5), SimpleNamespace(ms=float("nan"), share=1.0)]
     assert table(rows, {"p50 ms": "{.ms:.1f}", "core": "{.share:.0%}"}).splitlines() == [
         "| p50 ms | core |",
-        "|---:|---:|",
+        "| ---: | ---: |",
         "| 1.2 | 50% |",
         "| - | 100% |",
     ]
