@@ -95,8 +95,9 @@ def table(rows: Sequence[object], columns: Mapping[str, str]) -> str:
         rows: one object per line.
         columns: heading -> format of the cell, for example ``"{.p99_ms:.1f}"``; NaN becomes "-".
     """
-    cells = [[form.format(row) for form in columns.values()] for row in rows]
-    lines = [Row(name, ["-" if c == "nan" else c for c in rest]) for name, *rest in cells]
+    texts = ([form.format(row) for form in columns.values()] for row in rows)
+    cells = (["-" if text == "nan" else text for text in line] for line in texts)
+    lines = [Row(name, rest) for name, *rest in cells]
     return to_markdown(Table(list(columns), lines), "---:")
 
 
