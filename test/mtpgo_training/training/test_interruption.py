@@ -10,6 +10,14 @@ import pytest
 from mtpgo_training.training.interruption import SIGNALS, Interruption
 
 
+@pytest.fixture(autouse=True)
+def _usual_interrupt():
+    """Python's own handler: a shell starts background jobs with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def test_nothing_is_requested_without_a_limit_or_a_signal():
     with Interruption() as interruption:
         assert not interruption.requested()
