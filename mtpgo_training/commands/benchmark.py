@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.task.task_description import GRAPH_POLICIES
-from mtpgo_training.benchmark.growth_benchmark import GrowthPlan, print_growth
+from mtpgo_training.benchmark.growth_plan import GrowthPlan
 from mtpgo_training.benchmark.measurement.benchmark_model import REFERENCE
 from mtpgo_training.benchmark.measurement.machine import command_line
 from mtpgo_training.commands.argument_types import positive_integer, positive_number
@@ -137,6 +137,8 @@ def _growth_arguments(add: Add) -> None:
 
 def run_growth(args: argparse.Namespace) -> int:
     """Run ``mtpgo benchmark growth``."""
+    from mtpgo_training.benchmark.growth_benchmark import print_growth
+
     plan = GrowthPlan(
         agents=tuple(args.agents),
         graph=args.graph,

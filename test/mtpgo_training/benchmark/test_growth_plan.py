@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The measurements that the growth benchmark makes of the node."""
 
-from mtpgo_training.benchmark.growth_benchmark import GrowthPlan
+from mtpgo_training.benchmark.growth_plan import GrowthPlan
 
 
 def test_the_node_is_measured_over_sizes_input_rates_and_markers():
