@@ -43,6 +43,7 @@ class Decoder(nn.Module):
         encoded: Tensor,
         bias: Tensor,
         edges: tuple[EdgeList, EdgeList],
+        trail: Tensor | None = None,
     ) -> Tensor:
         """Return the next state [B, N, D].
 
@@ -52,8 +53,11 @@ class Decoder(nn.Module):
             encoded: [B, N, T, D] encoder states.
             bias: [B, N, T] presence bias of the attention.
             edges: result of :meth:`prepare`.
+            trail: [B, N, D] embedded trails of this step.
         """
         embedded = self.embed(states)
+        if trail is not None:
+            embedded = embedded + trail
         summary = self.attention(h, embedded, encoded, bias)  # eq. 14, 15
         f = nn.functional.leaky_relu(self.combine(torch.cat((summary, embedded), dim=-1)), 0.2)
         kappa = self.cell.gnn_f(f, edges[0])  # eq. 16

@@ -15,9 +15,15 @@ from models.encoder import Encoder
 from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead
 from models.mtp_go_config import ModelConfig
 from models.neural_ode import NeuralODE
-from models.own_frame.agent_frames import Start, states_to_own, states_to_scene
+from models.own_frame.agent_frames import (
+    Start,
+    hold_first_mode,
+    states_to_own,
+    states_to_scene,
+)
 from models.own_frame.covariance_frames import initial_in_own_frame, rotate_blocks
 from models.temporal_attention import presence_bias
+from models.trail_input import TrailInput
 from models.trajectory_predictor import TrajectoryPredictor
 
 
@@ -35,6 +41,9 @@ class MTPGO(TrajectoryPredictor):
     # Final, so that TorchScript compiles only the branch that is taken.
     ode: Final[bool]
     ekf: Final[bool]
+    static_everywhere: Final[bool]
+    hold_standing: Final[bool]
+    sees_trails: Final[bool]
     if TYPE_CHECKING:  # TorchScript would compile an annotation that it can see
         config: ModelConfig
 
@@ -43,7 +52,11 @@ class MTPGO(TrajectoryPredictor):
         self.order = config.order
         self.ode = config.ode
         self.ekf = config.ekf
-        self.encoder = Encoder(config, self.condition.input_size)
+        self.static_everywhere = config.static_features and config.static_inputs == "all"
+        self.hold_standing = config.hold_standing
+        self.sees_trails = config.trail_branches > 0
+        static_size = config.static_size if self.static_everywhere else 0
+        self.encoder = Encoder(config, self.condition.input_size + static_size)
         self.decoder = Decoder(config)
         if config.ode:
             self.motion = NeuralODE(config)
@@ -59,6 +72,8 @@ class MTPGO(TrajectoryPredictor):
         else:
             self.direct_covariance = DirectCovariance(config)
         self.mixture = MixtureHead(config.hidden, config.modes)
+        if self.sees_trails:
+            self.trail = TrailInput(config)
 
     def roll_out(
         self,
@@ -69,16 +84,25 @@ class MTPGO(TrajectoryPredictor):
         with_covariance: bool,
         teacher: Tensor | None,
         teacher_valid: Tensor | None,
+        trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """See :meth:`models.trajectory_predictor.TrajectoryPredictor.roll_out`."""
         features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
         start = self.condition.start(features, valid)
         inputs = self.condition(features, valid, start)  # [B, N, T, .]
+        if self.static_everywhere:
+            inputs = self.condition.append_static(inputs, static, valid)
 
         # Encode.
         position = features[..., :2]
         encoded = self.encoder(inputs, position, valid)  # [B, N, T, D]
         last = encoded[:, :, -1]
+        trail: list[Tensor] = []
+        if self.sees_trails:
+            assert trails is not None, "this network needs trails"
+            steps, summary = self.trail(trails)
+            trail = list(self.trail.embed(steps).unbind(0))
+            last = last + summary
         log_weight = self.mixture(last)  # [B, N, M]
 
         # Decode and move, step by step.
@@ -95,7 +119,12 @@ class MTPGO(TrajectoryPredictor):
         for k in range(self.horizon_steps):
             seen = self.seen(state, teacher_own, teacher_valid, k)
             h = self.decoder(
-                h, self.condition.scale_states(seen, start, k), encoded, bias, edges
+                h,
+                self.condition.scale_states(seen, start, k),
+                encoded,
+                bias,
+                edges,
+                trail[k] if self.sees_trails else None,
             )  # [B, N, D]
             control = self.control(h)  # [B, N, M, controls]
             if self.ode:
@@ -106,7 +135,10 @@ class MTPGO(TrajectoryPredictor):
                 state = self.direct_states(control, start, k + 1)
             states.append(state)  # [B, N, M, S]
             hidden.append(h)
-        mean = states_to_scene(torch.stack(states), start).permute(1, 2, 3, 0, 4).contiguous()
+        path = torch.stack(states)
+        if self.hold_standing:
+            path = hold_first_mode(path, start, self.condition.dt_s)
+        mean = states_to_scene(path, start).permute(1, 2, 3, 0, 4).contiguous()
 
         # Covariance over the whole horizon.
         if not with_covariance:

@@ -13,6 +13,7 @@ LAYERS = ("graphconv", "gcn", "gat", "gat+")
 ORDERS = (1, 2)
 INTEGRATORS = ("euler", "heun", "rk4")
 NOISE_INPUTS = ("velocity", "integrated")
+STATIC_INPUTS = ("motion", "all")
 INITIAL_COVARIANCES = ("learned", "configured")
 
 
@@ -42,6 +43,11 @@ class ModelConfig(NetworkConfig):
         decoder_gnn: false removes all edges from the decoder's graph (ablation).
         ekf: false lets the decoder give the position's covariance directly (ablation).
         ode: false lets the decoder give the states directly; needs ``ekf=False`` (ablation).
+        static_inputs: what sees the static features, with ``static_features``: ``motion``: the
+            neural ODE alone, as in the paper; ``all``: the encoder, too.
+        trail_branches: R, paths of earlier road users that the decoder sees; 0 for none.
+        hold_standing: the first mode of a standing agent is uniform motion (not in the paper), so
+            that an agent that stays where it is can be predicted exactly.
     """
 
     layer: str = option("gat+", choices=LAYERS)
@@ -62,6 +68,9 @@ class ModelConfig(NetworkConfig):
     decoder_gnn: bool = True
     ekf: bool = True
     ode: bool = True
+    static_inputs: str = option("motion", choices=STATIC_INPUTS)
+    trail_branches: int = option(0, low=0)
+    hold_standing: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

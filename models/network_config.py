@@ -21,7 +21,7 @@ class NetworkConfig:
 
     Attributes:
         feature_size: F, the base columns x, y, vx, vy, ax, ay, cos_yaw, sin_yaw and context.
-        static_size: C, length of the one-hot agent class.
+        static_size: C, number of static features: the one-hot agent class, and its size.
         history_steps: T, the present sample included (docs/design.md, decision 1).
         horizon_steps: H.
         dt_s: step of history and horizon (s).

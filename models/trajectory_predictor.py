@@ -41,6 +41,7 @@ class TrajectoryPredictor(nn.Module):
         valid: Tensor,
         static: Tensor,
         initial_covariance: Tensor | None = None,
+        trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Predict every agent, in the scene frame.
 
@@ -48,16 +49,19 @@ class TrajectoryPredictor(nn.Module):
             features: [B, N, T, F], columns as in the task's scene configuration; any value where
                 ``valid`` is false.
             valid: [B, N, T] presence; an agent absent at t gets finite numbers without meaning.
-            static: [B, N, C] one-hot class.
+            static: [B, N, C] static features.
             initial_covariance: [B, N, S, S] P_0 in the scene frame, for instance the tracker's;
                 an agent whose entries are not all finite takes the model's own. A network without
                 a Kalman filter ignores it.
+            trails: [B, N, R, H, 3] paths of earlier road users in each agent's frame: offset from
+                straight motion ahead and to the left (m), and share, 0 where not known. A network
+                without this input ignores it.
 
         Returns:
             Log mixture weights [B, N, M], means [B, N, M, H, S] and covariances
             [B, N, M, H, S, S] of x, y (m) and, where S is 4, vx, vy (m/s) (output, eq. 26).
         """
-        return self.roll_out(features, valid, static, initial_covariance, True, None, None)
+        return self.roll_out(features, valid, static, initial_covariance, True, None, None, trails)
 
     def roll_out(
         self,
@@ -68,6 +72,7 @@ class TrajectoryPredictor(nn.Module):
         with_covariance: bool,
         teacher: Tensor | None,
         teacher_valid: Tensor | None,
+        trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """:meth:`forward` with the options of training.
 
@@ -80,6 +85,7 @@ class TrajectoryPredictor(nn.Module):
             teacher: [B, N, H, S] true future states in the scene frame. Where given and valid, the
                 decoder sees them instead of its last prediction; the motion model never does.
             teacher_valid: [B, N, H].
+            trails: see :meth:`forward`.
 
         Returns:
             As :meth:`forward`.

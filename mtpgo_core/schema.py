@@ -214,7 +214,8 @@ class SceneBatch:
     Attributes:
         features: [B, N, T, F] float32 in the scene frame, zero where not valid.
         valid: [B, N, T] presence; all false for padding.
-        static: [B, N, C] float32 one-hot class, all zero for a class the model does not know.
+        static: [B, N, C] float32 one-hot class, all zero for a class the model does not know, and
+            size (``SceneConfig.static_features``).
         origin: [B, 2] float64 origin of the scene frame in the fixed frame (m).
         rotation: [B] angle from the fixed frame's x axis to the scene frame's (rad).
         agent: [B, N] position in the window, -1 for padding.

@@ -77,14 +77,14 @@ class RecurrentPredictor(TrajectoryPredictor):
         with_covariance: bool,
         teacher: Tensor | None,
         teacher_valid: Tensor | None,
+        trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """See :meth:`TrajectoryPredictor.roll_out`; P_0 is ignored."""
         features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
         start = self.condition.start(features, valid)
         inputs = self.condition(features, valid, start)  # [B, N, T, .]
         if self.static_features:
-            always = static.unsqueeze(2).expand(-1, -1, inputs.size(2), -1)
-            inputs = torch.cat((inputs, always.to(inputs.dtype)), dim=-1)
+            inputs = self.condition.append_static(inputs, static, valid)
         position = features[..., :2]
         h, c = self.encode(inputs, position, valid, start)
 

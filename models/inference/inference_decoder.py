@@ -23,6 +23,7 @@ class FastDecoder(nn.Module):
     embed: Tensor
     of_h: Tensor
     shift: Tensor
+    both: Tensor
     of_summary: Tensor
     initial: Tensor
 
@@ -42,9 +43,14 @@ class FastDecoder(nn.Module):
         bias = torch.cat((decoder.attention.score.bias, decoder.combine.bias)).detach().double()
         self.register_buffer("embed", (both @ embed).t().contiguous())  # [M S, T + D]
         self.register_buffer("shift", both @ shift + bias)
+        self.register_buffer("both", both.t().contiguous())
         self.register_buffer("of_h", score[:, :hidden].t().contiguous())
         self.register_buffer("of_summary", combine[:, :hidden].t().contiguous())
         self.register_buffer("initial", decoder.initial.detach().clone())
+
+    def of_trails(self, embedded: Tensor) -> Tensor:
+        """Return [H, B N, T + D] constants of all steps from embedded trails [H, B, N, D]."""
+        return torch.matmul(embedded.flatten(1, 2), self.both)
 
     def prepare(self, encoded: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
         """Return [B N, T, D] W_f's part of each encoder state, and [B N, T + D] constants.

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole of MTP-GO for inference, built from a trained model."""
 
+from typing import Final
+
 import torch
 from torch import Tensor, nn
 
@@ -13,7 +15,7 @@ from models.inference.inference_motion import FastMotion
 from models.inference.packed_attention import make_scratch
 from models.mtp_go import MTPGO
 from models.mtp_go_config import ModelConfig
-from models.own_frame.agent_frames import Start
+from models.own_frame.agent_frames import Start, motion_share
 from models.own_frame.covariance_frames import initial_in_own_frame, rotate_blocks
 from models.temporal_attention import presence_bias
 
@@ -44,6 +46,9 @@ class FastMTPGO(nn.Module):
         model: a model whose configuration :func:`is_covered`.
     """
 
+    static_everywhere: Final[bool]
+    hold_standing: Final[bool]
+    sees_trails: Final[bool]
     observation: Tensor
     time: Tensor
 
@@ -65,6 +70,11 @@ class FastMTPGO(nn.Module):
         self.register_buffer("observation", model.observation)
         time = model.config.dt_s * torch.arange(1, self.horizon_steps + 1, dtype=torch.float64)
         self.register_buffer("time", time.view(1, 1, -1, 1))
+        self.static_everywhere = model.static_everywhere
+        self.hold_standing = model.hold_standing
+        self.sees_trails = model.sees_trails
+        if self.sees_trails:
+            self.trail = model.trail
         self.to(model.control.out.weight.dtype)
         self.eval()
 
@@ -74,15 +84,24 @@ class FastMTPGO(nn.Module):
         valid: Tensor,
         static: Tensor,
         initial_covariance: Tensor | None = None,
+        trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Predict every agent, in the scene frame; see :meth:`MTPGO.forward`."""
         features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
         start = self.condition.start(features, valid)
         inputs = self.condition(features, valid, start)
+        if self.static_everywhere:
+            inputs = self.condition.append_static(inputs, static, valid)
         position = features[..., :2]
         scratch = make_scratch(features, valid.size(1), self.decoder.gnn.size)
         encoded = self.encoder(inputs, position, valid, scratch)  # [B, N, T, D]
         last = encoded[:, :, -1].contiguous()
+        trail: list[Tensor] = []
+        if self.sees_trails:
+            assert trails is not None, "this network needs trails"
+            steps, summary = self.trail(trails)
+            trail = list(self.decoder.of_trails(self.trail.embed(steps)).unbind(0))
+            last = last + summary
         log_weight = self.mixture(last)
 
         scenes, agents = valid.size(0), valid.size(1)
@@ -96,9 +115,12 @@ class FastMTPGO(nn.Module):
         states: list[Tensor] = []
         units: list[Tensor] = []
         hidden: list[Tensor] = []
-        for _ in range(self.horizon_steps):
+        for k in range(self.horizon_steps):
             deviation = state.view(scenes * agents, self.modes * 4)
-            h = self.decoder(h, deviation, summaries, constant, edge, fixed, scratch)
+            known = constant
+            if self.sees_trails:
+                known = constant + trail[k]
+            h = self.decoder(h, deviation, summaries, known, edge, fixed, scratch)
             control = self.control(h.unsqueeze(0)).view(rows, 2)
             state, unit = self.motion(state, control, constants)
             states.append(state)
@@ -129,6 +151,9 @@ class FastMTPGO(nn.Module):
         uniform = torch.matmul(uniform, both)  # [B, N, H, 4]
         uniform[..., :2].add_(start.origin.unsqueeze(2))
         own = deviations.view(self.horizon_steps, scenes, agents, self.modes, 4)
+        if self.hold_standing:
+            share = motion_share(start.velocity)[..., None, None]
+            own = torch.cat((own[..., :1, :] * share, own[..., 1:, :]), dim=3)
         own = own.permute(1, 2, 3, 0, 4).flatten(2, 3)  # [B, N, M H, 4]
         mean = torch.matmul(own, both)
         return mean.view(scenes, agents, self.modes, -1, 4).add_(uniform.unsqueeze(2))

@@ -8,6 +8,13 @@ import torch
 from torch import Tensor
 
 
+HELD_MPS = 0.3
+"""Speed up to which an agent stands (m/s)."""
+
+MOVING_MPS = 0.5
+"""Speed above which an agent moves (m/s), as in :mod:`mtpgo_core.schema`."""
+
+
 class Start(NamedTuple):
     """Frame and state of all agents at t, from which the roll-out starts.
 
@@ -76,6 +83,34 @@ def heading(velocity: Tensor, yaw: Tensor) -> Tensor:
     ahead = torch.zeros_like(blend)
     ahead[..., 0] = 1.0
     return torch.where(length > 0.1, blend / length.clamp(min=0.1), ahead)
+
+
+def hold_first_mode(states: Tensor, start: Start, dt_s: float) -> Tensor:
+    """Return [H, B, N, M, S] states whose first mode is uniform motion for standing agents.
+
+    Args:
+        states: [H, B, N, M, S] in the agents' frames.
+        start: see :class:`Start`.
+        dt_s: step of the horizon (s).
+    """
+    time = dt_s * torch.arange(1, states.size(0) + 1, device=states.device, dtype=states.dtype)
+    velocity = start.velocity.expand(states.size(0), -1, -1, -1)
+    uniform = start.position + velocity * time.view(-1, 1, 1, 1)
+    if states.size(-1) == 4:
+        uniform = torch.cat((uniform, velocity), dim=-1)
+    uniform = uniform.unsqueeze(3)
+    first, others = states[..., :1, :], states[..., 1:, :]
+    first = uniform + motion_share(start.velocity)[..., None, None] * (first - uniform)
+    return torch.cat((first, others), dim=3)
+
+
+def motion_share(velocity: Tensor) -> Tensor:
+    """Return [B, N] 0 for agents that stand, 1 for those that move, of velocities [B, N, 2] (m/s).
+
+    The limits are chosen: a tracker's standing road users have speeds of some 0.1 to 0.2 m/s.
+    """
+    speed = torch.linalg.vector_norm(velocity, dim=-1)
+    return ((speed - HELD_MPS) / (MOVING_MPS - HELD_MPS)).clamp(0.0, 1.0)
 
 
 def last_seen(features: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:

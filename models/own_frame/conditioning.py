@@ -116,6 +116,11 @@ class Conditioning(nn.Module):
         scaled = (self.inputs(features, valid, start) - self.input_mean) / self.input_std
         return scaled * valid.unsqueeze(-1)
 
+    def append_static(self, inputs: Tensor, static: Tensor, valid: Tensor) -> Tensor:
+        """Return [B, N, T, . + C] inputs with the static features [B, N, C], zero if not valid."""
+        repeated = static.unsqueeze(2).expand(-1, -1, inputs.size(2), -1)
+        return torch.cat((inputs, repeated * valid.unsqueeze(-1)), dim=-1)
+
     def scale_states(self, states: Tensor, start: Start, step: int) -> Tensor:
         """Return [B, N, M * S] the decoder's view of states [B, N, M, S] at ``step`` (0: t)."""
         if self.agent_frame:

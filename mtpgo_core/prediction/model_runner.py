@@ -93,7 +93,7 @@ class ModelRunner:
         features[0, :, :, 0] = 10.0 * np.arange(agents)[:, None]
         features[..., 6] = 1.0
         valid = np.ones(features.shape[:3], dtype=bool)
-        static = np.zeros((1, agents, len(task.scene.classes)), dtype=np.float32)
+        static = np.zeros((1, agents, len(task.scene.static_features)), dtype=np.float32)
         expected = (
             (1, agents, modes),
             (1, agents, modes, steps, states),

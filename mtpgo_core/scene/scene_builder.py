@@ -32,6 +32,12 @@ from mtpgo_core.schema import (
 )
 from mtpgo_core.task.task_description import SceneConfig
 
+SIZE_SCALES = (10.0, 3.0)
+"""What length and width are divided by (m); chosen: most road users come out below 1."""
+
+LARGEST_SIZE = 3.0
+"""Largest scaled size; chosen: 30 m, longer than a lorry with its trailer."""
+
 _BY_AGENT = {"leaders": leader_features, "traffic": traffic_features}
 """Contexts that do not depend on the graph: computed once per agent."""
 
@@ -83,7 +89,7 @@ def build_scenes(
     return SceneBatch(
         features=_features(window, config, agent, valid, origin, rotation, lanes),
         valid=valid,
-        static=class_one_hot(window.agent_class, config.classes)[agent] * real[..., None],
+        static=static_features(window, config)[agent] * real[..., None],
         origin=origin,
         rotation=rotation,
         agent=agent,
@@ -111,6 +117,21 @@ def scene_frames(
         forward = np.where(moving, velocity[:, 0], np.cos(yaw)) >= 0.0
         yaw = np.where(forward, 0.0, np.pi)
     return window.position[centre, -1], yaw
+
+
+def static_features(window: HistoryWindow, config: SceneConfig) -> Float32Array:
+    """Return [n, C] the static features, in the order of ``SceneConfig.static_features``.
+
+    The one-hot class and, with ``config.sizes``, length and width (divided by ``SIZE_SCALES``)
+    and 1; all three are 0 where the tracker gives no size.
+    """
+    classes = class_one_hot(window.agent_class, config.classes)
+    if not config.sizes:
+        return classes
+    known = (np.nan_to_num(window.size, nan=0.0, posinf=0.0) > 0.0).all(axis=1, keepdims=True)
+    size = np.where(known, np.nan_to_num(window.size) / SIZE_SCALES, 0.0)
+    columns = (classes, np.minimum(size, LARGEST_SIZE), known)
+    return np.concatenate(columns, axis=1).astype(np.float32)
 
 
 def class_one_hot(agent_class: ClassArray, classes: tuple[str, ...]) -> Float32Array:

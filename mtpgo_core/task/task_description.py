@@ -46,6 +46,9 @@ CONTEXT_FEATURES = {
     ),
 }
 
+SIZE_FEATURES = ("length", "width", "size_known")
+"""Static features after the classes, with ``scene.sizes``."""
+
 
 @dataclass(frozen=True)
 class HistoryConfig:
@@ -113,6 +116,7 @@ class SceneConfig:
         context: context features, one of ``CONTEXTS``.
         leader_reach_m: range of the contexts ``leaders`` and ``traffic`` (m).
         classes: class names of the one-hot static feature, in order.
+        sizes: length and width are static features, too.
     """
 
     policy: str = option("cover", choices=GRAPH_POLICIES)
@@ -132,6 +136,7 @@ class SceneConfig:
         "bicycle",
         "pedestrian",
     )
+    sizes: bool = False
 
     def __post_init__(self) -> None:
         check_options(self, "scene.")
@@ -140,6 +145,11 @@ class SceneConfig:
     def features(self) -> tuple[str, ...]:
         """Names of the F features, in the order of the model's input."""
         return BASE_FEATURES + CONTEXT_FEATURES[self.context]
+
+    @property
+    def static_features(self) -> tuple[str, ...]:
+        """Names of the C static features, in the order of the model's input."""
+        return self.classes + (SIZE_FEATURES if self.sizes else ())
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def network_config(
     kind = family(name)
     sizes = {
         "feature_size": len(scene.features),
-        "static_size": len(scene.classes),
+        "static_size": len(scene.static_features),
         "history_steps": history.steps,
         "dt_s": history.dt_s,
     }

@@ -52,6 +52,7 @@ def training_loss(
         with_covariance,
         target if teacher_forcing else None,
         mask > 0.0 if teacher_forcing else None,
+        fields.get("trails"),
     )
     loss = mean.new_zeros(())
     if weights.ewta > 0.0:
