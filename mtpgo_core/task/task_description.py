@@ -113,6 +113,8 @@ class SceneConfig:
         context: context features, one of ``CONTEXTS``.
         leader_reach_m: range of the contexts ``leaders`` and ``traffic`` (m).
         classes: class names of the one-hot static feature, in order.
+        trails: whether the model gets the ways that earlier road users took from an agent's place,
+            see :func:`mtpgo_core.scene.trails.trail_context.trail_features`.
     """
 
     policy: str = option("cover", choices=GRAPH_POLICIES)
@@ -132,6 +134,7 @@ class SceneConfig:
         "bicycle",
         "pedestrian",
     )
+    trails: bool = False
 
     def __post_init__(self) -> None:
         check_options(self, "scene.")
