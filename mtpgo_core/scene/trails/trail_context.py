@@ -67,8 +67,9 @@ def trail_features(window: HistoryWindow, context: TrailContext) -> Float32Array
         context.dt_s * np.arange(1, context.horizon_steps + 1)
     )
     paths = trail_paths(context.memory, places, window.stamp_ns, ahead, context.since_ns)
-    path, known, share = branches(paths, ahead)
-    columns = np.stack([path[..., 0] - ahead[:, None], path[..., 1]], axis=-1)
-    features[present, ..., :2] = np.where(known[..., None], columns, 0.0)
-    features[present, ..., 2] = np.where(known, share[..., None], 0.0)
+    found = branches(paths, ahead)
+    known = np.arange(context.horizon_steps) < found.reach[..., None]
+    features[present, ..., 0] = np.where(known, found.ahead - ahead[:, None], 0.0)
+    features[present, ..., 1] = found.left
+    features[present, ..., 2] = np.where(known, found.share[..., None], 0.0)
     return features

@@ -29,6 +29,9 @@ _RECENT = 2048
 
 IntArray = NDArray[np.int64]
 
+_AROUND = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1])).reshape(2, 9)
+"""Cells around a cell."""
+
 LARGEST_NUMBER = (1 << _NUMBER_BITS) - 1
 """Largest number of a point that the index can hold."""
 
@@ -68,37 +71,38 @@ class TrailIndex:
         self,
         place: Float64Array,
         heading: Float64Array,
+        reach_m: float,
         tolerance_rad: float,
         first: int,
         end: int,
     ) -> tuple[IntArray, IntArray]:
         """Return the points around places, the most recent ``PER_CELL`` of each cell and bin.
 
-        All points within ``CELL_M`` of a place are in its cells, and all directions within the
-        tolerance are in its bins; others are returned, too.
+        All points within the reach are in these cells, and all directions within the tolerance in
+        these bins; others are returned, too.
 
         Args:
             place: [n, 2] x, y (m).
             heading: [n] directions of motion (rad).
-            tolerance_rad: of the direction, less than half a bin.
+            reach_m: distance from the place (m), at most ``CELL_M``.
+            tolerance_rad: of the direction, at most half a bin.
             first: lowest number of a point (inclusive).
             end: highest number (exclusive).
 
         Returns:
             [q] rows of the places and [q] numbers of points, each pair once.
         """
-        n = place.shape[0]
         cell = np.floor(place / CELL_M).astype(np.int64)
-        around = np.arange(-1, 2)
-        x = (cell[:, 0, None] + around)[:, :, None, None]
-        y = (cell[:, 1, None] + around)[:, None, :, None]
-        low, high = _bin(heading - tolerance_rad), _bin(heading + tolerance_rad)
-        bins = np.stack([low, high], axis=-1)
-        code = _code(x, y, bins[:, None, None])  # [n, 3, 3, 2]
-        once = np.ones(code.shape, dtype=bool)
-        once[..., 1] = (low != high)[:, None, None]
-        row = np.broadcast_to(np.arange(n)[:, None, None, None], code.shape)[once]
-        code = code[once]
+        x, y = cell[:, 0, None] + _AROUND[0], cell[:, 1, None] + _AROUND[1]  # [n, 9]
+        # From the place to the nearest point of each cell.
+        apart_x = np.maximum(np.abs((x + 0.5) * CELL_M - place[:, 0, None]) - 0.5 * CELL_M, 0.0)
+        apart_y = np.maximum(np.abs((y + 0.5) * CELL_M - place[:, 1, None]) - 0.5 * CELL_M, 0.0)
+        row, around = np.nonzero(apart_x**2 + apart_y**2 < reach_m**2)
+        x, y = x[row, around], y[row, around]
+        low, high = _bin(heading - tolerance_rad)[row], _bin(heading + tolerance_rad)[row]
+        two = low != high
+        row = np.concatenate([row, row[two]])
+        code = np.concatenate([_code(x, y, low), _code(x[two], y[two], high[two])])
         short, some = _newest(self._short, code, first, end, PER_CELL)
         rest = PER_CELL - some.sum(axis=1, keepdims=True)
         long, more = _newest(self._long, code, first, end, PER_CELL)

@@ -12,12 +12,18 @@ from mtpgo_core.frames import rotate, wrap
 from mtpgo_core.scene.trails.class_groups import join, spacing_m
 from mtpgo_core.scene.trails.trail_memory import TrailMemory, owner_hash
 from mtpgo_core.scene.trails.trail_points import IntArray
-from mtpgo_core.schema import BoolArray, ClassArray, Float64Array, KeyArray
+from mtpgo_core.schema import ClassArray, Float32Array, Float64Array, KeyArray
 
 ACROSS_M = 1.2
 """A trail farther to the side passes by (m); chosen: a third of a lane."""
 HEADING_RAD = 0.35
 """A trail in a direction that differs more is another way (rad); chosen: 20 degrees."""
+_ENDS = 0.25
+"""Share of its points' distance by which a trail's stretch next to the agent is longer than from
+one point to the next, so that none is missed in a bend; chosen."""
+_REACH_M = 1.95
+"""From the middle of the places of those points, half a point's distance behind the agent, to the
+farthest (m): 1.5 m along, 1.2 m across."""
 CANDIDATES = 16
 """Trails that are followed per agent, the most recent; chosen, bounds the time."""
 MAX_POINTS = 96
@@ -56,14 +62,17 @@ class TrailPaths:
     """Paths of up to C earlier road users from the places of n agents on, the latest first.
 
     Attributes:
-        path: [n, C, H, 2] in the agent's frame at the distances asked for (m).
-        known: [n, C, H] whether the trail is known so far.
+        ahead: [H, n, C] place in the agent's frame at the distances asked for (m), 0 where not
+            known, as ``left``.
+        left: [H, n, C] (m).
+        reach: [n, C] horizon steps up to which the path is known.
         weight: [n, C] by age and likeness, 0 where there is no trail.
     """
 
-    path: Float64Array
-    known: BoolArray
-    weight: Float64Array
+    ahead: Float32Array
+    left: Float32Array
+    reach: IntArray
+    weight: Float32Array
 
 
 def trail_paths(
@@ -83,9 +92,9 @@ def trail_paths(
         since_ns: only what became known then or later is used (ns), None for all.
     """
     n, horizon = distance.shape
-    paths = np.zeros((n, CANDIDATES, horizon, 2))
-    known = np.zeros((n, CANDIDATES, horizon), dtype=bool)
-    weight = np.zeros((n, CANDIDATES))
+    ahead, left = np.zeros((2, horizon, n, CANDIDATES), dtype=np.float32)
+    reach = np.zeros((n, CANDIDATES), dtype=np.int64)
+    weight = np.zeros((n, CANDIDATES), dtype=np.float32)
     oldest_ns = max(time_ns - round(MAX_AGE_S * 1e9), since_ns or 0)
     first, end = memory.points.since(oldest_ns), memory.points.known_at(time_ns)
     if n and first < end:
@@ -97,12 +106,10 @@ def trail_paths(
             - 0.5 * (found.across / _ACROSS_M) ** 2
             - 0.5 * (found.turn / _HEADING_RAD) ** 2
         )
-        ahead, there = _follow(memory, found, end, distance[row])
-        path = rotate(ahead, -places.heading[row][:, None])
-        path[..., :2] += _merged(found, places, distance[row])
-        paths[row, place] = np.where(there[..., None], path, 0.0)
-        known[row, place] = there
-    return TrailPaths(paths, known, weight)
+        ahead[:, row, place], left[:, row, place], reach[row, place] = _follow(
+            memory, found, places.heading[row], end, distance[row].T
+        )
+    return TrailPaths(ahead, left, reach, weight)
 
 
 @dataclass(frozen=True)
@@ -135,7 +142,10 @@ def _candidates(memory: TrailMemory, places: Places, first: int, end: int) -> _C
     position = places.position[some] - memory.origin
     back = 0.5 * spacing_m(places.group[some])[:, None]
     centre = position - back * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    row, number = memory.index.find(centre, heading, HEADING_RAD, first, end)
+    row, number = memory.index.find(centre, heading, _REACH_M, HEADING_RAD, first, end)
+    apart = points.column("offset", number) - centre.astype(np.float32).take(row, axis=0)
+    near = np.flatnonzero((apart * apart) @ np.ones(2, np.float32) < _REACH_M**2)
+    row, number = row[near], number[near]
     toward = points.column("heading", number).astype(np.float64)
     group = points.column("group", number)
     spacing = spacing_m(group)
@@ -144,7 +154,7 @@ def _candidates(memory: TrailMemory, places: Places, first: int, end: int) -> _C
     along, across = offset[:, 0], offset[:, 1]
     turn = wrap(toward - heading[row])
     passes = (np.abs(across) < ACROSS_M) & (np.abs(turn) < HEADING_RAD)
-    passes &= (along > -0.25 * spacing) & (along < 1.25 * spacing)
+    passes &= (along > -_ENDS * spacing) & (along < (1.0 + _ENDS) * spacing)
     passes &= join(group, places.group[some][row])
     passes &= points.column("owner", number) != owner_hash(places.key[some])[row]
     kept = np.flatnonzero(passes)
@@ -173,48 +183,76 @@ def _latest_of_each(row: IntArray, trail: IntArray, number: IntArray, of: IntArr
 
 
 def _follow(
-    memory: TrailMemory, found: _Candidates, end: int, distance: Float64Array
-) -> tuple[Float64Array, BoolArray]:
-    """Return [a, H, 2] ways from the agents' places along the trails and whether they are known.
+    memory: TrailMemory,
+    found: _Candidates,
+    heading: Float64Array,
+    end: int,
+    distance: Float64Array,
+) -> tuple[Float32Array, Float32Array, IntArray]:
+    """Return [H, a] ways ahead and left along the trails (m), [a] the steps that are known.
 
     Args:
         memory: the trails.
         found: the trails that pass the agents.
+        heading: [a] the agents' (rad).
         end: points from this number on are not known yet.
-        distance: [a, H] along the trail (m).
+        distance: [H, a] along the trail (m).
     """
-    points = memory.points
-    way = (found.along[:, None] + distance) / found.spacing[:, None]  # in points
-    wanted = int(min(MAX_POINTS, np.ceil(way.max(initial=0.0)) + 1))
-    chain = np.empty((len(found.number), wanted + 1), dtype=np.int64)
-    chain[:, 0] = found.number
-    length = np.zeros(len(found.number), dtype=np.int64)
-    going = np.arange(len(found.number))
-    for step in range(wanted):
-        here = chain[going, step]
-        chain[:, step + 1] = chain[:, step]
-        following = points.column("following", here)
-        on = (following > 0) & (here + following < end) & (step <= way[going, -1])
-        going, there = going[on], (here + following)[on]
-        if not going.shape[0]:
-            chain[:, step + 1 :] = chain[:, step, None]
+    spacing = found.spacing.astype(np.float32)
+    begin = (found.along / found.spacing).astype(np.float32)
+    way = begin + distance.astype(np.float32) / spacing  # in points
+    index = np.maximum(way, 0.0).astype(np.int64)
+    wanted = int(min(MAX_POINTS, index.max(initial=0) + 1))
+    chain, length = _chain(memory, found.number, end, wanted)
+    known = way <= length
+    np.minimum(index, wanted - 1, out=index)
+    part = way - index  # of the way between two points
+    place = memory.points.column("offset", chain)  # [wanted + 1, a, 2]
+    origin = place[0] + begin[:, None] * (place[1] - place[0])
+    place = place - origin
+    flat = index * len(found.number) + np.arange(len(found.number))
+    cos, sin = (f(heading).astype(np.float32) for f in (np.cos, np.sin))
+    turned = (
+        cos * place[..., 0] + sin * place[..., 1],
+        cos * place[..., 1] - sin * place[..., 0],
+    )
+    # The path starts at the agent and moves over to the trail, which is ``across`` to its right.
+    share = np.minimum(distance.astype(np.float32) * np.float32(1.0 / MERGE_M), 1.0)
+    aside = share * share * (3.0 - 2.0 * share) * -found.across.astype(np.float32)
+    ahead, left = (
+        _between(one, flat, len(found.number), part) + aside * side
+        for one, side in zip(turned, _side(found.turn), strict=True)
+    )
+    return np.where(known, ahead, 0.0), np.where(known, left, 0.0), known.sum(axis=0)
+
+
+def _side(turn: Float64Array) -> tuple[Float32Array, Float32Array]:
+    """Return ahead and left [a] of the unit vector to the left of a direction (rad)."""
+    return (-np.sin(turn)).astype(np.float32), np.cos(turn).astype(np.float32)
+
+
+def _between(values: Float32Array, flat: IntArray, row: int, part: Float32Array) -> Float32Array:
+    """Return values [p, a] between the flat places [H, a] and those a row later."""
+    left = values.take(flat)
+    return left + part * (values.take(flat + row) - left)
+
+
+def _chain(
+    memory: TrailMemory, number: IntArray, end: int, wanted: int
+) -> tuple[IntArray, IntArray]:
+    """Return [wanted + 1, a] the next points of the trails, [a] how many of them there are.
+
+    After the last point of a trail that is known, it is repeated.
+    """
+    chain = np.empty((wanted + 1, len(number)), dtype=np.int64)
+    chain[0] = here = number
+    length = np.zeros(len(number), dtype=np.int64)
+    for step in range(1, wanted + 1):
+        there = here + memory.points.column("following", here)
+        on = (there > here) & (there < end)
+        if not on.any():
+            chain[step:] = here
             break
-        chain[going, step + 1] = there
-        length[going] = step + 1
-    index = np.clip(np.floor(way).astype(np.int64), 0, wanted - 1)
-    rows = np.arange(len(found.number))[:, None]
-    left = points.column("offset", chain[rows, index]).astype(np.float64)
-    right = points.column("offset", chain[rows, index + 1]).astype(np.float64)
-    at = left + (way - index)[..., None] * (right - left)
-    first = points.column("offset", chain[:, 0]).astype(np.float64)
-    second = points.column("offset", chain[:, 1]).astype(np.float64)
-    start = first + (found.along / found.spacing)[:, None] * (second - first)
-    return at - start[:, None], way <= length[:, None]
-
-
-def _merged(found: _Candidates, places: Places, distance: Float64Array) -> Float64Array:
-    """Return [a, H, 2] how far paths have moved from the agents' places onto the trails (m)."""
-    side = np.stack([np.zeros_like(found.across), -found.across], axis=-1)
-    side = rotate(side, found.turn)
-    share = np.clip(distance / MERGE_M, 0.0, 1.0)
-    return side[:, None] * (share * share * (3.0 - 2.0 * share))[..., None]
+        chain[step] = here = np.where(on, there, here)
+        length += on
+    return chain, length

@@ -114,7 +114,8 @@ class TrailPoints:
 
     def column(self, name: str, number: IntArray) -> NDArray[Any]:
         """Return one column of points that are stored."""
-        return np.asarray(getattr(self._columns, name)[number % self._size])
+        column: NDArray[Any] = getattr(self._columns, name)
+        return column.take(number if self.count <= self._size else number % self._size, axis=0)
 
     def known_at(self, time_ns: int) -> int:
         """Return the number below which all points were known at ``time_ns`` (inclusive)."""
