@@ -31,6 +31,26 @@ def rotate(vector: Float64Array, angle: Float64Array | float) -> Float64Array:
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
+def own_heading(velocity: Float64Array, yaw: Float64Array) -> Float64Array:
+    """Return [...] heading of an agent's own frame (rad): of its motion, or its yaw if it is slow.
+
+    The same blend as the network's :func:`models.own_frame.agent_frames.heading`: the velocity
+    alone from 1 m/s on, the yaw alone up to 0.5 m/s. NaN where neither gives a heading.
+
+    Args:
+        velocity: [..., 2] (m/s), NaN where unknown.
+        yaw: [...] (rad), NaN where unknown.
+    """
+    velocity = np.where(np.isfinite(velocity), velocity, 0.0)
+    speed = np.hypot(velocity[..., 0], velocity[..., 1])
+    moving = np.clip(2.0 * speed - 1.0, 0.0, 1.0)
+    yaw = np.where(moving == 1.0, 0.0, yaw)  # without effect there, so it need not be known
+    share, rest = moving / np.maximum(speed, 0.5), 1.0 - moving
+    x = share * velocity[..., 0] + rest * np.cos(yaw)
+    y = share * velocity[..., 1] + rest * np.sin(yaw)
+    return np.where(np.hypot(x, y) > 0.1, np.arctan2(y, x), np.nan)
+
+
 def rotate_covariance(covariance: Float64Array, angle: Float64Array | float) -> Float64Array:
     """Return R C R^T for covariances [..., S, S] of S/2 planar vectors rotated by ``angle`` (rad).
 

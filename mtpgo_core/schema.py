@@ -221,6 +221,9 @@ class SceneBatch:
         agent: [B, N] position in the window, -1 for padding.
         primary: [B, N] true where this graph's prediction is the agent's published one; every
             agent valid at t is primary exactly once.
+        trails: [B, N, R, H, 3] float32 continuations of the agents' ways in their own frames, see
+            :func:`mtpgo_core.scene.trails.trail_context.trail_features`; None where the task has
+            none.
     """
 
     features: Float32Array
@@ -230,6 +233,7 @@ class SceneBatch:
     rotation: Float64Array
     agent: NDArray[np.int64]
     primary: BoolArray
+    trails: Float32Array | None = None
 
 
 @dataclass(frozen=True)

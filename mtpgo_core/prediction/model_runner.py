@@ -4,7 +4,8 @@
 
 The TorchScript file contains everything that is needed (see
 :mod:`mtpgo_core.task.task_description`), so the network's code is not imported. Its
-``forward(features, valid, static, initial_covariance)`` returns log weights [B, N, M], means [B,
+``forward(features, valid, static, initial_covariance)``, with ``trails`` as a further argument if
+the task has ``scene.trails``, returns log weights [B, N, M], means [B,
 N, M, H, S] and covariances [B, N, M, H, S, S] in the scene frames.
 """
 
@@ -21,6 +22,8 @@ from mtpgo_core.errors import ModelFileError
 from mtpgo_core.frames import rotate_covariance
 from mtpgo_core.prediction.constant_velocity import usable_covariances
 from mtpgo_core.prediction.output_assembly import ModelOutput, assemble
+from mtpgo_core.scene.trails.trail_branches import BRANCHES
+from mtpgo_core.scene.trails.trail_context import COLUMNS
 from mtpgo_core.schema import Float32Array, HistoryWindow, Prediction, SceneBatch
 from mtpgo_core.task.model_file import find_model, load_task
 from mtpgo_core.task.task_description import TaskDescription
@@ -99,10 +102,13 @@ class ModelRunner:
             (1, agents, modes, steps, states),
             (1, agents, modes, steps, states, states),
         )
+        trails = None
+        if task.scene.trails:
+            trails = np.zeros((1, agents, BRANCHES, steps, COLUMNS), dtype=np.float32)
         unknown = np.full((1, agents, states, states), np.nan, dtype=np.float32)
         for covariance in (None, unknown):
             try:
-                output = self._forward(features, valid, static, covariance)
+                output = self._forward(features, valid, static, covariance, trails)
                 given = tuple(tuple(tensor.shape) for tensor in output)
             except (RuntimeError, TypeError, ValueError, AttributeError) as error:
                 raise ModelFileError(
@@ -155,6 +161,7 @@ class ModelRunner:
             batch.valid[piece, :most],
             batch.static[piece, :most],
             None if covariance is None else covariance[piece, :most],
+            None if batch.trails is None else batch.trails[piece, :most],
         )
         primary = torch.from_numpy(np.ascontiguousarray(batch.primary[piece, :most]))
         position = cov[..., :2, :2]
@@ -170,18 +177,19 @@ class ModelRunner:
         valid: np.ndarray,
         static: Float32Array,
         covariance: Float32Array | None,
+        trails: Float32Array | None,
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Call the module once, on the current thread.
 
         Torch's optimisation of the graph is disabled: it takes seconds during the second call
         and saves nothing measurable afterwards.
         """
+        given = [features, valid, static, covariance]
+        if trails is not None:
+            given.append(trails)
         with torch.inference_mode(), torch.jit.optimized_execution(False):
             log_weight, mean, cov = self._module(
-                torch.from_numpy(np.ascontiguousarray(features)),
-                torch.from_numpy(np.ascontiguousarray(valid)),
-                torch.from_numpy(np.ascontiguousarray(static)),
-                None if covariance is None else torch.from_numpy(np.ascontiguousarray(covariance)),
+                *(None if a is None else torch.from_numpy(np.ascontiguousarray(a)) for a in given)
             )
         return log_weight, mean, cov
 

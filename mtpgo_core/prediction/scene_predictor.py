@@ -23,6 +23,8 @@ from mtpgo_core.prediction.output_assembly import merge, select
 from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.scene_builder import build_scenes
+from mtpgo_core.scene.trails.trail_context import TrailContext
+from mtpgo_core.scene.trails.trail_memory import TrailMemory
 from mtpgo_core.schema import BoolArray, HistoryWindow, KeyArray, Prediction
 from mtpgo_core.task.task_description import GRAPH_POLICIES, SceneConfig, TaskDescription
 
@@ -81,7 +83,8 @@ class PredictionReport:
 class ScenePredictor:
     """Predicts the agents of history windows.
 
-    It keeps the graphs of the last cycle, so that agents stay in theirs from cycle to cycle.
+    It keeps the graphs of the last cycle, so that agents stay in theirs from cycle to cycle, and,
+    for tasks with ``scene.trails``, a memory of where the road users of all windows went.
     ``fallback`` uses no state and may be called from any thread.
 
     Args:
@@ -112,6 +115,7 @@ class ScenePredictor:
         self.last_report = PredictionReport()
         self._graphs = GraphState()
         self._graphs_ns: int | None = None
+        self._trails = TrailMemory()
 
     @property
     def modes(self) -> int:
@@ -119,8 +123,8 @@ class ScenePredictor:
         return self.task.modes if self._runner is not None else 1
 
     def reset(self) -> None:
-        """Forget the graphs of the last cycle, for example after a jump of the clock."""
-        self._graphs = GraphState()
+        """Forget graphs and trails, for example after a jump of the clock; any thread."""
+        self._graphs, self._trails = GraphState(), TrailMemory()
 
     def fallback(self, window: HistoryWindow) -> Prediction:
         """Return constant velocity for every agent present at the window's time; any thread."""
@@ -139,6 +143,7 @@ class ScenePredictor:
         Raises:
             ConfigurationError: the model's context is ``lanes`` and there are no lane lines.
         """
+        trails = self._observe_trails(window)
         present = window.select(window.valid[:, -1])
         constant = self._constant(present)
         if self._runner is None or len(present) == 0:
@@ -156,6 +161,7 @@ class ScenePredictor:
             ego_key=ego_key,
             previous=state,
             lanes=self.lanes,
+            trails=trails,
         )
         modelled = self._runner.predict(by_model, batch, options.use_tracker_covariance)
         if not selected.all():
@@ -171,6 +177,14 @@ class ScenePredictor:
             largest_graph=int((batch.agent >= 0).sum(axis=1).max(initial=0)),
         )
         return modelled if usable.all() else merge(constant, modelled, usable)
+
+    def _observe_trails(self, window: HistoryWindow) -> TrailContext | None:
+        """Add a window, of all agents, to the memory of trails, if the task has one."""
+        if not self.task.scene.trails:
+            return None
+        memory, dt_s = self._trails, self.task.history.dt_s
+        memory.add(window, dt_s)
+        return TrailContext(memory, self.task.horizon_steps, dt_s)
 
     def _graph_state(self, stamp_ns: int) -> GraphState:
         """Return the graphs of the last cycle, unless they are older than the history.

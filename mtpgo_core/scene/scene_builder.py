@@ -19,6 +19,7 @@ from mtpgo_core.scene.graph_selection import GraphState, choose_graphs, graphs_a
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.leader_context import leader_features
 from mtpgo_core.scene.traffic_context import traffic_features
+from mtpgo_core.scene.trails.trail_context import TrailContext, trail_features
 from mtpgo_core.schema import (
     MOVING_MPS,
     AgentClass,
@@ -50,6 +51,7 @@ def build_scenes(
     previous: GraphState | None = None,
     centres: IndexArray | None = None,
     lanes: LaneMap | None = None,
+    trails: TrailContext | None = None,
 ) -> SceneBatch:
     """Return graphs, scene frames and features of the agents present at the window's time.
 
@@ -64,12 +66,14 @@ def build_scenes(
         centres: [B] positions in the window; forces one graph around each of these agents, all
             members primary. This is how training cuts its samples.
         lanes: lane lines in the window's frame, for the context ``lanes``.
+        trails: where road users went, for tasks with ``trails``.
 
     Returns:
         The batch, padded up to its largest graph; B = 0 if no agent is present.
 
     Raises:
-        ConfigurationError: a centre that is not present at t, or lanes needed and not given.
+        ConfigurationError: a centre that is not present at t, or lanes or trails needed and not
+            given.
     """
     if centres is None:
         graphs = choose_graphs(window, config, ego_key=ego_key, state=previous)
@@ -94,6 +98,7 @@ def build_scenes(
         rotation=rotation,
         agent=agent,
         primary=graphs.primary,
+        trails=_trails(window, config, agent, trails),
     )
 
 
@@ -190,6 +195,24 @@ def _features(
     features = np.nan_to_num(np.concatenate(columns, axis=-1), nan=0.0)
     features[~valid] = 0.0
     return features.astype(np.float32)
+
+
+def _trails(
+    window: HistoryWindow,
+    config: SceneConfig,
+    agent: NDArray[np.int64],
+    trails: TrailContext | None,
+) -> Float32Array | None:
+    """Return [B, N, R, H, 3] the continuations of the agents' ways, None if the task has none."""
+    if not config.trails:
+        return None
+    if trails is None:
+        raise ConfigurationError(
+            "the task has scene.trails but no memory of trails is given, expected a TrailContext"
+        )
+    of_agent = trail_features(window, trails)[agent]
+    of_agent[agent < 0] = 0.0
+    return of_agent
 
 
 def _polar(position: Float64Array) -> Float64Array:

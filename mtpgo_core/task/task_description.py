@@ -117,6 +117,8 @@ class SceneConfig:
         leader_reach_m: range of the contexts ``leaders`` and ``traffic`` (m).
         classes: class names of the one-hot static feature, in order.
         sizes: length and width are static features, too.
+        trails: whether the model gets the ways that earlier road users took from an agent's place,
+            see :func:`mtpgo_core.scene.trails.trail_context.trail_features`.
     """
 
     policy: str = option("cover", choices=GRAPH_POLICIES)
@@ -137,6 +139,7 @@ class SceneConfig:
         "pedestrian",
     )
     sizes: bool = False
+    trails: bool = False
 
     def __post_init__(self) -> None:
         check_options(self, "scene.")

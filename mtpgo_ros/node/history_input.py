@@ -38,7 +38,7 @@ class HistoryInput:
 
     Args:
         history: the tracks.
-        predictor: forgets its graphs when the history is cleared.
+        predictor: forgets its graphs and trails when the history is cleared.
         events: where odd input is counted.
         parameters: the initial parameters.
     """
@@ -101,6 +101,7 @@ class HistoryInput:
         if report.frame_changed and not report.accepted:
             return None
         if report.clock_reset or report.frame_changed:
+            self._predictor.reset()
             self._rate_limiter.reset()
             self._newest_ns = None
         self._newest_ns = max(states.stamp_ns, self._newest_ns or 0)

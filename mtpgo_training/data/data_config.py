@@ -87,6 +87,10 @@ class DataConfig:
         lane_change_copies: graphs drawn around such a centre in each window on average, where
             ``lane_change_share`` is set; the graphs around those that keep their lane are thinned
             until the share is right.
+        trails_none_probability: where the task has trails, share of the training scenes whose
+            memory of trails is empty, as at the node's start.
+        trails_partial_probability: share whose memory began at a random time since the
+            recording's start; the others, like all of the validation, use the whole past.
         source_weight: how often scenes are drawn, by directory (its last part) or recording
             (``DIRECTORY/NAME``, which has priority); 1 by default.
     """
@@ -112,6 +116,8 @@ class DataConfig:
     centre_classes: tuple[str, ...] = option((), choices=CLASSES)
     lane_change_share: float = option(0.0, low=0.0, below=1.0)
     lane_change_copies: float = option(1.0, above=0.0)
+    trails_none_probability: float = option(0.2, low=0.0, high=1.0)
+    trails_partial_probability: float = option(0.4, low=0.0, high=1.0)
     source_weight: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -120,6 +126,13 @@ class DataConfig:
             _check_preset(self.preset)
         for name, weight in self.source_weight.items():
             require(f"data.source_weight.{name}", weight, weight >= 0.0, "at least 0")
+        shares = self.trails_none_probability + self.trails_partial_probability
+        require(
+            "data.trails_none_probability + data.trails_partial_probability",
+            shares,
+            shares <= 1.0 + 1e-9,
+            "at most 1",
+        )
         named = self.train or self.validation or self.test
         if self.split == "time" and named:
             raise ConfigurationError(

@@ -96,6 +96,15 @@ class Augmentation:
                     out[..., at[name]] *= -1.0
         return out
 
+    def trails(self, trails: Float32Array) -> Float32Array:
+        """Return [..., 3] continuations of the agents' ways in their own frames, changed.
+
+        Ahead and left are lengths, mirroring turns left into right, and the agents' own frames
+        turn along. See :func:`mtpgo_core.scene.trails.trail_context.trail_features`.
+        """
+        side = -self.scale if self.mirror else self.scale
+        return trails * np.array([self.scale, side, 1.0], dtype=trails.dtype)
+
     def vectors(self, vectors: FloatArray) -> FloatArray:
         """Return [..., 2] positions, velocities or accelerations in the scene frame, changed."""
         return self._directions(vectors) * np.asarray(self.scale, dtype=vectors.dtype)

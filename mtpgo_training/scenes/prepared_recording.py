@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from mtpgo_core.scene.lane_map import LaneMap
+from mtpgo_core.scene.trails.trail_memory import TrailMemory
 from mtpgo_core.schema import Float64Array
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig
@@ -24,6 +25,7 @@ from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.scenes.centre_sampling import Candidates, centre_chances
 from mtpgo_training.scenes.lane_change_balancing import lane_changes
+from mtpgo_training.scenes.recorded_trails import recorded_trails
 from mtpgo_training.scenes.track_samples import SampleTable, take_in
 from mtpgo_training.scenes.windows import TrackedWindow, Windows, cut_tracks, windows_of
 
@@ -43,6 +45,7 @@ class PreparedRecording:
             :func:`mtpgo_training.scenes.lane_change_balancing.lane_changes`; None where graphs are
             not balanced.
         weight: how often its windows are drawn in an epoch.
+        trails: where its road users went, None if the task has no trails.
     """
 
     recording: Recording
@@ -53,6 +56,7 @@ class PreparedRecording:
     chance: Float64Array
     changes: NDArray[np.int8] | None = None
     weight: float = 1.0
+    trails: TrailMemory | None = None
 
     def window(self, index: int, *, restarted: bool = False) -> TrackedWindow:
         """Return a window, or its restarted form."""
@@ -118,7 +122,8 @@ def prepare(
     stride_s = data.stride_s if training else data.validation_stride_s
     settings = dataclasses.asdict(history)
     table = columns("samples", settings, functools.partial(take_in, recording, history))
-    windows = windows_of(recording, SampleTable(table, history), stride_s)
+    samples = SampleTable(table, history)
+    windows = windows_of(recording, samples, stride_s)
     restarted: Windows | None = None
     if training and data.restart_probability > 0.0:
         generator = np.random.default_rng([seed, len(recording)])
@@ -151,6 +156,7 @@ def prepare(
         changes=changes,
         lanes=LaneMap(recording.lanes) if scene.context == "lanes" else None,
         weight=weight,
+        trails=recorded_trails(recording, samples) if scene.trails else None,
     )
 
 

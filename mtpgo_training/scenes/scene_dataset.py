@@ -8,6 +8,7 @@ batches graphs of different sizes and :func:`dense` lays them out for the model.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +22,8 @@ from torch_geometric.utils import to_dense_batch
 from mtpgo_core.frames import rotate
 from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.scene_builder import build_scenes
-from mtpgo_core.schema import Float64Array, SceneBatch
+from mtpgo_core.scene.trails.trail_context import TrailContext
+from mtpgo_core.schema import Float64Array, HistoryWindow, SceneBatch
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.scenes.augmentation import Augmentation
@@ -43,6 +45,8 @@ class Item:
         agents: number of agents in it.
         restarted: whether the pasts are shortened.
         augmentation: see :class:`~mtpgo_training.scenes.augmentation.Augmentation`.
+        trails_age: how far back trails are known, as a share of the time since the recording's
+            start: 0 for none, 1 for all.
     """
 
     source: int
@@ -51,6 +55,7 @@ class Item:
     agents: int
     restarted: bool
     augmentation: Augmentation
+    trails_age: float = 1.0
 
 
 class SceneDataset(Dataset[Data]):
@@ -117,8 +122,17 @@ class SceneDataset(Dataset[Data]):
             turn = float(rng.normal(0.0, 1.0)) * self.data.rotation_std_rad
             scale = float(np.exp(rng.normal(0.0, 1.0) * self.data.scale_std))
             change = Augmentation(mirror, turn, scale)
-            items.append(Item(s, w, centre, agents, restarted, change))
+            age = self._trails_age(rng) if self.scene.trails else 1.0
+            items.append(Item(s, w, centre, agents, restarted, change, age))
         return items
+
+    def _trails_age(self, rng: np.random.Generator) -> float:
+        """Draw how far back the trails of a graph are known."""
+        kind, age = rng.random(), float(rng.random())
+        if kind < self.data.trails_none_probability:
+            return 0.0
+        some = self.data.trails_none_probability + self.data.trails_partial_probability
+        return age if kind < some else 1.0
 
     def __len__(self) -> int:
         return len(self.items)
@@ -127,11 +141,15 @@ class SceneDataset(Dataset[Data]):
         item = self.items[index]
         source = self.sources[item.source]
         tracked = source.window(item.window, restarted=item.restarted)
+        trails = trail_context(
+            source, tracked, self.horizon_steps, self.history.dt_s, item.trails_age
+        )
         batch = build_scenes(
-            tracked.window,
+            with_own_keys(tracked, source),
             self.scene,
             centres=np.array([item.centre]),
             lanes=source.lanes,
+            trails=trails,
         )
         return scene_data(
             batch,
@@ -162,7 +180,10 @@ def validation_scenes(
     for source in sources:
         previous = GraphState()
         for tracked in source.windows:
-            batch = build_scenes(tracked.window, scene, previous=previous, lanes=source.lanes)
+            trails = trail_context(source, tracked, horizon_steps, history.dt_s)
+            batch = build_scenes(
+                tracked.window, scene, previous=previous, lanes=source.lanes, trails=trails
+            )
             for b in range(batch.features.shape[0]):
                 data = scene_data(batch, b, tracked, source, scene, history.dt_s, horizon_steps)
                 agents = batch.agent[b][batch.agent[b] >= 0]
@@ -172,6 +193,43 @@ def validation_scenes(
                 data.baselines = torch.from_numpy(np.nan_to_num(local).astype(np.float32))
                 scenes.append(data)
     return scenes
+
+
+def trail_context(
+    source: PreparedRecording,
+    tracked: TrackedWindow,
+    horizon_steps: int,
+    dt_s: float,
+    age: float = 1.0,
+) -> TrailContext | None:
+    """Return the trails of a window's recording, None if the task has none.
+
+    Args:
+        source: the recording.
+        tracked: the window.
+        horizon_steps: H.
+        dt_s: step of the horizon (s).
+        age: how far back they are known, as a share of the time since the recording's start.
+    """
+    if source.trails is None:
+        return None
+    since_ns = None
+    if age < 1.0:
+        now_ns = tracked.window.stamp_ns
+        start_ns = source.recording.stamp_ns(int(source.recording.frames[0]))
+        # What becomes known at t itself does not count as known at the age 0.
+        since_ns = now_ns + 1 - round(age * (now_ns - start_ns))
+    return TrailContext(source.trails, horizon_steps, dt_s, since_ns)
+
+
+def with_own_keys(tracked: TrackedWindow, source: PreparedRecording) -> HistoryWindow:
+    """Return the window with the keys that its road users have in the recording.
+
+    Pieces of tracks have keys of their own, by which an agent would not know its own trail.
+    """
+    if source.trails is None:
+        return tracked.window
+    return dataclasses.replace(tracked.window, key=source.recording.key[tracked.track])
 
 
 def scene_data(
@@ -190,7 +248,8 @@ def scene_data(
 
     The nodes are the N agents; ``x`` [N, T, F], ``valid`` [N, T], ``static`` [N, C], ``target``
     [N, H, 4] (x, y, vx, vy in the scene frame; zero where not observed), ``weight`` [N, H] (0
-    where not observed or where the agent is not valid at t), ``primary`` [N], ``centre`` [N].
+    where not observed or where the agent is not valid at t), ``primary`` [N], ``centre`` [N] and,
+    if the task has trails, ``trails`` [N, R, H, 3].
     """
     there = batch.agent[b] >= 0
     agents = batch.agent[b][there]
@@ -209,7 +268,7 @@ def scene_data(
     weight = known.astype(np.float32)
     if standing_weight < 1.0:
         weight[standing(features, target, known)] *= standing_weight
-    return Data(
+    data = Data(
         x=torch.from_numpy(features),
         valid=torch.from_numpy(valid),
         static=torch.from_numpy(batch.static[b][there]),
@@ -219,11 +278,27 @@ def scene_data(
         centre=torch.arange(len(agents)) == 0,
         num_nodes=len(agents),
     )
+    if batch.trails is not None:
+        trails = batch.trails[b][there]
+        if augmentation is not None:
+            trails = augmentation.trails(trails)
+        data.trails = torch.from_numpy(trails)
+    return data
 
 
 def dense(batch: Batch) -> dict[str, Tensor]:
     """Return the fields of a PyG batch as [B, N, ...], zero and false where there is no agent."""
-    names = ("x", "valid", "static", "target", "weight", "primary", "centre", "baselines")
+    names = (
+        "x",
+        "valid",
+        "static",
+        "target",
+        "weight",
+        "primary",
+        "centre",
+        "baselines",
+        "trails",
+    )
     index, size = batch.batch, int(batch.num_graphs)
     return {
         name: to_dense_batch(batch[name], index, batch_size=size)[0]

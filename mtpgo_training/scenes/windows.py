@@ -18,7 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.history.resampling import Brackets
-from mtpgo_core.history.track_store import ACCELERATION, POSITION, VELOCITY, YAW
+from mtpgo_core.history.track_store import (
+    ACCELERATION,
+    POSITION,
+    SAMPLE_COLUMNS,
+    VELOCITY,
+    YAW,
+)
 from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow
 from mtpgo_training.data.recording import FRAME_ID, Recording
 from mtpgo_training.scenes.track_samples import SampleTable
@@ -54,6 +60,7 @@ class Instants:
         present: [p] valid at the window's time.
         position: [p, 2] then (m), NaN where not present.
         velocity: [p, 2] then (m/s), NaN where not known.
+        yaw: [p] then (rad), NaN where not known.
     """
 
     stamp_ns: IntArray
@@ -63,6 +70,7 @@ class Instants:
     present: BoolArray
     position: Float64Array
     velocity: Float64Array
+    yaw: Float64Array
 
     def rows(self, window: int) -> slice:
         """Return the rows of a window, in the order of its agents."""
@@ -103,13 +111,13 @@ class Windows(Sequence[TrackedWindow]):
         pairs = table.pairs(times_ns)
         seen = np.zeros(len(pairs.time), dtype=np.bool_)
         present = np.zeros_like(seen)
-        state = np.full((len(seen), 4), np.nan)
+        state = np.full((len(seen), SAMPLE_COLUMNS), np.nan)
         for begin in range(0, len(seen), _PAIRS_AT_ONCE):
             some = slice(begin, begin + _PAIRS_AT_ONCE)
             brackets, rows = table.brackets(pairs.newest[some], times_ns[pairs.time[some]])
             seen[some] = brackets.valid.any(axis=1)
             present[some] = brackets.valid[:, -1]
-            state[some] = table.states(_last_step(brackets), rows)[:, 0, :4]
+            state[some] = table.states(_last_step(brackets), rows)[:, 0]
         piece = table.track[pairs.newest].astype(np.int64)
         keep = np.flatnonzero(seen)
         keep = keep[_newest_piece(pairs.time[keep], piece[keep], self._owner)]
@@ -121,6 +129,7 @@ class Windows(Sequence[TrackedWindow]):
             present=present[keep],
             position=state[keep, POSITION],
             velocity=state[keep, VELOCITY],
+            yaw=state[keep, YAW],
         )
 
     def __len__(self) -> int:

@@ -1,0 +1,306 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Bounded memory of where road users went, in the fixed frame.
+
+A moving road user leaves a trail of points at a fixed distance from one another; standing adds
+none. Each point keeps the time at which it became known, so a memory that holds a whole recording
+answers for any instant as one that holds only what came before (docs/design.md, "Trails").
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.frames import own_heading, wrap
+from mtpgo_core.history.track_index import SortKeyArray, find_sort_keys, sort_keys
+from mtpgo_core.scene.trails.class_groups import class_groups, spacing_m
+from mtpgo_core.scene.trails.trail_index import LARGEST_NUMBER, TrailIndex
+from mtpgo_core.scene.trails.trail_points import IntArray, PointColumns, TrailPoints
+from mtpgo_core.schema import (
+    ClassArray,
+    Float64Array,
+    HistoryWindow,
+    IndexArray,
+    KeyArray,
+)
+
+CAPACITY = 1 << 19
+"""Points that are kept: 36 minutes of 60 vehicles at 8 m/s, in 24 MB with the index (measured)."""
+GAP_NS = 1_000_000_000
+"""A road user that is absent for longer starts a new trail (ns); chosen: twice the longest gap
+that the history bridges."""
+SET_BACK_NS = 600_000_000
+"""Windows of one stream may step back this far (ns), by the compensation of delays (0.5 s); an
+older one belongs to another stream."""
+_TURN_RAD = 1.0
+"""A road user whose place moves in a direction farther from its heading starts a new trail (rad);
+chosen: more than the tightest turn within two metres."""
+_LEAP, _LEAP_MPS = 1.5, 2.0
+"""Most distance of a step against that at its speed, as a factor and added to the speed (m/s): a
+farther one, as after a change of identities, starts a new trail; chosen."""
+
+_TRACK = np.dtype(
+    [
+        ("name", "S16"),
+        ("anchor", "f8", (2,)),
+        ("heading", "f8"),
+        ("speed", "f8"),
+        ("seen_ns", "i8"),
+        ("number", "i8"),
+        ("trail", "i4"),
+        ("group", "u1"),
+    ]
+)
+"""The end of the trail of a road user: its key, place and heading of its last point, speed and
+time of its last sample, number of the last point (-1 before the first), trail, class group."""
+
+
+class TrailMemory:
+    """Where road users went.
+
+    Args:
+        capacity: points that are kept; the oldest are overwritten.
+
+    Attributes:
+        points: the points.
+        index: the points by place.
+        origin: [2] from which the offsets of the points are counted (m), in the fixed frame.
+    """
+
+    def __init__(self, capacity: int = CAPACITY) -> None:
+        self._capacity = capacity
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.points = TrailPoints(self._capacity)
+        self.index = TrailIndex()
+        self.origin: Float64Array = np.zeros(2)
+        self._tracks = np.empty(0, dtype=_TRACK)
+        self._trails = 0
+        self._newest_ns: int | None = None
+        self._frame_id = ""
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return self.points.count - self.points.oldest
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of points and index (bytes)."""
+        return self.points.nbytes + self.index.nbytes + self._tracks.nbytes
+
+    def add(self, window: HistoryWindow, dt_s: float) -> None:
+        """Add what a window shows of each road user since the last window that showed it.
+
+        A window of another frame, or older than the last one by more than ``SET_BACK_NS``, starts
+        a new memory; one that is a little older or equal adds nothing.
+
+        Args:
+            window: its agents need not be present at its time.
+            dt_s: time between two of its samples (s).
+        """
+        if not len(window) or not self._advance(window.stamp_ns, window.frame_id):
+            return
+        step_ns, steps = round(dt_s * 1e9), window.valid.shape[1]
+        sample_ns = window.stamp_ns - (steps - 1 - np.arange(steps)) * step_ns
+        # Half a step before a sample counts as that sample: cycles may jitter.
+        limit_ns = sample_ns - np.where(np.arange(steps) < steps - 1, step_ns // 2, 0)
+        fresh = window.valid & (limit_ns > self._last_seen(window.key)[:, None])
+        for step in np.flatnonzero(fresh.any(axis=0)).tolist():
+            rows = np.flatnonzero(fresh[:, step])
+            self._observe(
+                window.stamp_ns,
+                int(sample_ns[step]),
+                window.key[rows],
+                class_groups(window.agent_class[rows]),
+                window.position[rows, step],
+                window.velocity[rows, step],
+                window.yaw[rows, step],
+            )
+
+    def add_instant(
+        self,
+        stamp_ns: int,
+        frame_id: str,
+        key: KeyArray,
+        agent_class: ClassArray,
+        position: Float64Array,
+        velocity: Float64Array,
+        yaw: Float64Array,
+    ) -> None:
+        """Add the road users present at an instant; as :meth:`add` with the last sample only.
+
+        Args:
+            stamp_ns: the instant (ns).
+            frame_id: the fixed frame.
+            key: [n, 4] identities.
+            agent_class: [n].
+            position: [n, 2] (m).
+            velocity: [n, 2] (m/s), NaN where unknown.
+            yaw: [n] (rad), NaN where unknown.
+        """
+        if len(key) and self._advance(stamp_ns, frame_id):
+            group = class_groups(agent_class)
+            self._observe(stamp_ns, stamp_ns, key, group, position, velocity, yaw)
+
+    def _advance(self, stamp_ns: int, frame_id: str) -> bool:
+        """Advance to a time; return whether it brings anything new."""
+        newest_ns = self._newest_ns
+        if newest_ns is None or frame_id != self._frame_id or stamp_ns < newest_ns - SET_BACK_NS:
+            self.clear()
+            self._frame_id = frame_id
+        elif stamp_ns <= newest_ns:
+            return False
+        if self.points.count > LARGEST_NUMBER // 2:  # after a year
+            self.clear()
+            self._frame_id = frame_id
+        self._newest_ns = stamp_ns
+        return True
+
+    def _last_seen(self, key: KeyArray) -> IntArray:
+        """Return [n] times of the last samples of road users (ns), very long ago where none."""
+        never = np.iinfo(np.int64).min
+        place = find_sort_keys(self._tracks["name"], sort_keys(key))
+        if not len(self._tracks):
+            return np.full(len(key), never)
+        return np.where(place >= 0, self._tracks["seen_ns"][place], never)
+
+    def _observe(
+        self,
+        stamp_ns: int,
+        sample_ns: int,
+        key: KeyArray,
+        group: ClassArray,
+        position: Float64Array,
+        velocity: Float64Array,
+        yaw: Float64Array,
+    ) -> None:
+        """Extend the trails of some road users to their places at ``sample_ns``."""
+        heading = own_heading(velocity, yaw)
+        names = sort_keys(key)
+        order = np.argsort(names, kind="stable")
+        names, key, group, heading = names[order], key[order], group[order], heading[order]
+        position = position[order]
+        speed = np.nan_to_num(np.hypot(velocity[order, 0], velocity[order, 1]))
+        track = self._tracks_of(names, sample_ns, position, heading, group)
+        rows = self._tracks[track]
+
+        move = position - rows["anchor"]
+        distance = np.hypot(move[:, 0], move[:, 1])
+        spacing = spacing_m(group)
+        count = np.floor(distance / spacing + 1e-9).astype(np.int64)
+        course = np.arctan2(move[:, 1], move[:, 0])
+        turn = wrap(heading - rows["heading"])
+        passed_s = 1e-9 * (sample_ns - rows["seen_ns"])
+        leap = spacing + (_LEAP * np.maximum(speed, rows["speed"]) + _LEAP_MPS) * passed_s
+        with np.errstate(invalid="ignore"):
+            steady = (np.abs(wrap(course - heading)) < _TURN_RAD) & np.isfinite(turn)
+        ends = (rows["group"] != group) | ((count > 0) & ~(steady & (distance < leap)))
+        count[ends] = 0
+        rows["number"][ends] = -1
+        rows["anchor"][ends] = position[ends]
+        rows["heading"][ends] = heading[ends]
+        rows["group"], rows["speed"], rows["seen_ns"] = group, speed, sample_ns
+        grows = np.flatnonzero(count)
+        if grows.shape[0]:
+            fresh = (rows["number"][grows] < 0).astype(np.int64)
+            rows["trail"][grows[fresh > 0]] = self._new_trails(int(fresh.sum()))
+            self._extend(stamp_ns, rows, grows, fresh, count[grows], move, turn, key)
+        self._tracks[track] = rows
+
+    def _extend(
+        self,
+        stamp_ns: int,
+        rows: NDArray[Any],
+        grows: IndexArray,
+        fresh: IntArray,
+        count: IntArray,
+        move: Float64Array,
+        turn: Float64Array,
+        key: KeyArray,
+    ) -> None:
+        """Store the points between the ends of some trails and the places of their road users.
+
+        Args:
+            stamp_ns: when they become known (ns).
+            rows: [n] tracks, changed here.
+            grows: [g] those whose trails grow.
+            fresh: [g] 1 where the anchor, the trail's first point, is stored as well, else 0.
+            count: [g] points after the anchor.
+            move: [n, 2] from the anchor to the road user's place (m).
+            turn: [n] from the anchor's heading to the road user's (rad).
+            key: [n, 4] identities.
+        """
+        spacing = spacing_m(rows["group"][grows])
+        share = spacing / np.hypot(move[grows, 0], move[grows, 1])  # of the move, per point
+        stored = count + fresh
+        end = np.cumsum(stored)
+        at = np.repeat(np.arange(len(grows)), stored)
+        nth = np.arange(end[-1]) - np.repeat(end - stored, stored) + 1 - fresh[at]
+        way = (nth * share[at])[:, None]
+        track = grows[at]
+        place = rows["anchor"][track] + way * move[track]
+        heading = wrap(rows["heading"][track] + way[:, 0] * turn[track])
+        if not len(self):
+            self.origin = np.floor(place[0])
+        following = np.ones(len(at), dtype=np.int32)
+        following[end - 1] = 0
+        number = self.points.append(
+            PointColumns(
+                offset=(place - self.origin).astype(np.float32),
+                heading=heading.astype(np.float32),
+                time_ns=np.full(len(at), stamp_ns, dtype=np.int64),
+                owner=owner_hash(key)[track],
+                trail=rows["trail"][track],
+                following=following,
+                group=rows["group"][track],
+            )
+        )
+        going_on = fresh == 0
+        last = rows["number"][grows[going_on]]
+        self.points.link(last, number[(end - stored)[going_on]])
+        self.index.add(place - self.origin, heading, number, self.points.oldest)
+        rows["number"][grows] = number[end - 1]
+        way = (count * share)[:, None]
+        rows["anchor"][grows] += way * move[grows]
+        rows["heading"][grows] = wrap(rows["heading"][grows] + way[:, 0] * turn[grows])
+
+    def _tracks_of(
+        self,
+        names: SortKeyArray,
+        sample_ns: int,
+        position: Float64Array,
+        heading: Float64Array,
+        group: ClassArray,
+    ) -> IndexArray:
+        """Return [n] rows of the tracks of ascending names, added where they are new."""
+        absent = self._tracks["seen_ns"] < sample_ns - GAP_NS
+        if absent.any():
+            self._tracks = self._tracks[~absent]
+        new = find_sort_keys(self._tracks["name"], names) < 0
+        if new.any():
+            tracks = np.zeros(int(new.sum()), dtype=_TRACK)
+            tracks["name"], tracks["anchor"] = names[new], position[new]
+            tracks["heading"], tracks["group"] = heading[new], group[new]
+            tracks["seen_ns"], tracks["number"] = sample_ns, -1
+            place = np.searchsorted(self._tracks["name"], tracks["name"])
+            self._tracks = np.insert(self._tracks, place, tracks)
+        return find_sort_keys(self._tracks["name"], names)
+
+    def _new_trails(self, count: int) -> IntArray:
+        """Return [count] numbers of new trails."""
+        self._trails += count
+        return np.arange(self._trails - count, self._trails) & 0x7FFFFFFF
+
+
+def owner_hash(key: KeyArray) -> NDArray[np.uint32]:
+    """Return [n] hashes of identities [n, 4]; two road users rarely share one."""
+    mixed = np.zeros(len(key), dtype=np.uint64)
+    for word in range(key.shape[1]):
+        mixed = (mixed ^ key[:, word]) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(32)
+    return mixed.astype(np.uint32)
