@@ -7,7 +7,6 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-
 HELD_MPS = 0.3
 """Speed up to which an agent stands (m/s)."""
 

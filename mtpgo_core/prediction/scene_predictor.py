@@ -19,7 +19,7 @@ import numpy as np
 from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.options import check_options, option
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
-from mtpgo_core.prediction.output_assembly import merge, select
+from mtpgo_core.prediction.output_assembly import merge
 from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.scene_builder import build_scenes
@@ -45,7 +45,8 @@ class PredictorOptions:
         max_neighbours: agents of a graph besides its centre, None for the task's.
         radius_m: radius of a graph (m), None for the task's.
         max_agents: most agents that the model predicts, those nearest to the ego or, without an
-            ego, to the mean position; the others are predicted at constant velocity.
+            ego, to the mean position; the others are predicted at constant velocity and are seen
+            by the model as neighbours of those.
         use_tracker_covariance: start from the tracker's covariance where there is one.
     """
 
@@ -154,19 +155,16 @@ class ScenePredictor:
         if not selected.any():
             self.last_report = PredictionReport(agents=len(present), over_limit=len(present))
             return constant
-        by_model = present if selected.all() else present.select(selected)
         batch = build_scenes(
-            by_model,
+            present,
             self._scene(options),
             ego_key=ego_key,
             previous=state,
+            served=selected,
             lanes=self.lanes,
             trails=trails,
         )
-        modelled = self._runner.predict(by_model, batch, options.use_tracker_covariance)
-        if not selected.all():
-            row = np.clip(np.cumsum(selected) - 1, 0, None)  # any row where not selected
-            modelled = select(modelled, row)
+        modelled = self._runner.predict(present, batch, options.use_tracker_covariance)
         usable = selected & np.isfinite(modelled.weight).all(axis=1)
         self.last_report = PredictionReport(
             agents=len(present),

@@ -69,10 +69,24 @@ def _reached(members: IndexArray, n: int) -> BoolArray:
 
 
 def cover_centres(
-    position: Float64Array, config: SceneConfig, ego: int, kept: IndexArray
+    position: Float64Array,
+    config: SceneConfig,
+    ego: int,
+    kept: IndexArray,
+    served: BoolArray | None = None,
 ) -> IndexArray:
-    """Return the centres: the ego first, then previous ones still needed, then new ones."""
+    """Return the centres: the ego first, then previous ones still needed, then new ones.
+
+    Args:
+        position: [n, 2] (m).
+        config: limits of a graph.
+        ego: position of the ego among the agents, -1 for none.
+        kept: previous centres.
+        served: [n] the agents that the graphs together contain, and among which all centres are;
+            all by default.
+    """
     n = position.shape[0]
+    served = np.ones(n, dtype=bool) if served is None else served
     first = np.array([ego] if ego >= 0 else [], dtype=np.intp)
     centre = np.concatenate([first, kept])
     limits = config.max_neighbours, config.radius_m
@@ -82,13 +96,14 @@ def cover_centres(
         rank = np.arange(members.shape[1]) <= KEEP * config.max_neighbours
         near = rank & (distance <= KEEP * config.radius_m)
         well = _reached(np.where(near, members, -1), n)
-        use = _useful(reached, well, first.shape[0])
+        use = _useful(reached & served, well & served, first.shape[0])
         centre, covered = centre[use], np.asarray(reached[use].any(axis=0))
     else:
         covered = np.asarray(_reached(neighbourhoods(position, first, *limits)[0], n).any(axis=0))
+    covered |= ~served
     new = []
     while not covered.all():
-        candidate, members = _new_centre(position, limits, covered)
+        candidate, members = _new_centre(position, limits, covered, served)
         new.append(candidate)
         covered[members] = True
     return np.concatenate([centre, np.array(new, dtype=np.intp)])
@@ -112,18 +127,18 @@ def _useful(reached: BoolArray, well: BoolArray, fixed: int) -> BoolArray:
 
 
 def _new_centre(
-    position: Float64Array, limits: tuple[int, float], covered: BoolArray
+    position: Float64Array, limits: tuple[int, float], covered: BoolArray, served: BoolArray
 ) -> tuple[int, IndexArray]:
     """Return the next centre and its agents.
 
-    Of the agents whose graphs would contain the outermost uncovered agent, it is the one whose
-    graph covers the most uncovered agents.
+    Of the served agents whose graphs would contain the outermost uncovered agent, it is the one
+    whose graph covers the most uncovered agents.
     """
     open_ = np.flatnonzero(~covered)
     middle = position[open_].mean(axis=0)
     seed = open_[np.argmax(((position[open_] - middle) ** 2).sum(axis=1))]
     around = neighbourhoods(position, np.array([seed]), *limits)[0][0]
-    around = around[around >= 0]
+    around = around[(around >= 0) & served[around]]
     pick = np.unique(np.linspace(0, around.shape[0] - 1, _CANDIDATES).round().astype(np.intp))
     members = neighbourhoods(position, around[pick], *limits)[0]
     gain = ((members >= 0) & ~covered[members]).sum(axis=1)

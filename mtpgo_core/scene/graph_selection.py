@@ -6,8 +6,11 @@ Policies (docs/design.md, decision 14): ``ego`` one graph around a given agent, 
 (section "Graph-based Traffic Modeling"); ``cover`` a few graphs that together contain every agent;
 ``each`` one graph around every agent; ``scene`` one graph of all. A graph is its centre and the
 ``max_neighbours`` agents nearest to it within ``radius_m``; only ``scene`` has no limit (its
-caller limits the number of agents). Agents outside the ego's graph are covered as by ``cover``, so
-every agent is predicted exactly once under every policy.
+caller limits the number of agents served). Agents outside the ego's graph are covered as by
+``cover``, so every agent is predicted exactly once under every policy.
+
+Where not all agents are served, only those served are centres and predicted. The others fill the
+graphs as neighbours, except under ``scene``, whose only graph would grow without limit.
 """
 
 from __future__ import annotations
@@ -41,7 +44,7 @@ class GraphState:
 
     Attributes:
         centre: [B] centres.
-        agent: [n] agents, ascending.
+        agent: [n] agents that were predicted, ascending.
         owner: [n] the centre of each agent's graph.
     """
 
@@ -70,45 +73,56 @@ def choose_graphs(
     *,
     ego_key: KeyArray | None = None,
     state: GraphState | None = None,
+    served: BoolArray | None = None,
 ) -> Graphs:
-    """Return the graphs of the agents present at the window's common time.
+    """Return the graphs of the agents of a window.
 
     Args:
-        window: the history; agents absent at t are ignored.
+        window: the history, all of whose agents are present at its time.
         config: policy and limits.
         ego_key: [4] identity of the ego for ``ego`` (and the centre of ``scene``); where it is
             missing or absent, ``ego`` acts as ``cover``.
         state: the state of the previous cycle, updated here.
+        served: [n] the agents that are predicted, all by default; an ego that is not served
+            counts as absent.
     """
-    present = np.flatnonzero(window.valid[:, -1])
-    if present.shape[0] == 0:
+    if config.policy == "scene" and served is not None and not served.all():
+        some = np.flatnonzero(served)
+        graphs = choose_graphs(window.select(some), config, ego_key=ego_key, state=state)
+        return Graphs(np.where(graphs.members >= 0, some[graphs.members], -1), graphs.primary)
+    n = len(window)
+    served = np.ones(n, dtype=bool) if served is None else served
+    if not served.any():
         return Graphs(np.zeros((0, 1), dtype=np.intp), np.zeros((0, 1), dtype=bool))
     state = GraphState() if state is None else state
-    position = window.position[present, -1]
-    keys = sort_keys(window.key[present])
+    position = window.position[:, -1]
+    keys = sort_keys(window.key)
     order = np.argsort(keys, kind="stable")
     ego = -1
     if ego_key is not None:
         ego = int(_positions(keys, order, sort_keys(ego_key.reshape(1, 4)))[0])
+        ego = ego if served[ego] else -1
     kept = _positions(keys, order, state.centre)
+    kept = np.where(served[kept], kept, -1)
 
     if config.policy == "each":
-        centre = np.arange(present.shape[0])
+        centre = np.flatnonzero(served)
     elif config.policy == "scene":
         centre = _scene_centre(position, ego, kept)
     else:
         first = ego if config.policy == "ego" else -1
-        centre = cover_centres(position, config, first, kept[(kept >= 0) & (kept != first)])
+        kept = kept[(kept >= 0) & (kept != first)]
+        centre = cover_centres(position, config, first, kept, served)
     whole = config.policy == "scene"
     members, distance = neighbourhoods(
         position,
         centre,
-        position.shape[0] if whole else config.max_neighbours,
+        n if whole else config.max_neighbours,
         np.inf if whole else config.radius_m,
     )
 
     if config.policy == "each":
-        owner = np.arange(present.shape[0])
+        owner = np.cumsum(served) - 1
     else:
         before = find_sort_keys(state.agent, keys)
         owned = np.where(before >= 0, before, 0)
@@ -117,33 +131,33 @@ def choose_graphs(
             by_centre = np.argsort(keys[centre], kind="stable")
             previous = _positions(keys[centre], by_centre, state.owner[owned])
             previous[before < 0] = -1
-        velocity = np.nan_to_num(window.velocity[present, -1])
+        velocity = np.nan_to_num(window.velocity[:, -1])
         parting = np.linalg.norm(velocity[members] - velocity[centre][:, None], axis=2)
         distance = distance + _FORESIGHT_S * parting
         owner = _owners(members, distance, previous, ego_first=config.policy == "ego" and ego >= 0)
     state.centre = keys[centre]
-    state.agent, state.owner = keys[order], keys[centre[owner]][order]
+    mine = order[served[order]]
+    state.agent, state.owner = keys[mine], keys[centre[owner[mine]]]
     primary = (members >= 0) & (owner[members] == np.arange(centre.shape[0])[:, None])
-    return Graphs(np.where(members >= 0, present[members], -1), primary)
+    return Graphs(members, primary & served[members])
 
 
 def graphs_around(window: HistoryWindow, config: SceneConfig, centres: IndexArray) -> Graphs:
     """Return one graph around each given agent, as for training: all members are primary.
 
     Args:
-        window: the history; agents absent at t are ignored.
+        window: the history, all of whose agents are present at its time.
         config: limits; of the policy it only matters whether it is ``scene``, which has none.
-        centres: [B] positions in the window of agents that are present at t.
+        centres: [B] positions in the window.
     """
-    present = np.flatnonzero(window.valid[:, -1])
     whole = config.policy == "scene"
     members, _ = neighbourhoods(
-        window.position[present, -1],
-        np.searchsorted(present, centres),
-        present.shape[0] if whole else config.max_neighbours,
+        window.position[:, -1],
+        centres,
+        len(window) if whole else config.max_neighbours,
         np.inf if whole else config.radius_m,
     )
-    return Graphs(np.where(members >= 0, present[members], -1), members >= 0)
+    return Graphs(members, members >= 0)
 
 
 def _positions(keys: SortKeyArray, order: IndexArray, wanted: SortKeyArray) -> IndexArray:

@@ -11,6 +11,7 @@ step, from the observations of that step.
 from __future__ import annotations
 
 import functools
+import math
 
 import numpy as np
 
@@ -40,7 +41,8 @@ def leader_features(
     The values do not depend on the scene frame. They are meaningful where the agent is valid.
     """
     columns = functools.partial(_ahead_of, reach_m=reach_m)
-    return in_blocks(columns, LEADERS * len(COLUMNS), window, agents)
+    within_m = math.hypot(reach_m, BAND_M)
+    return in_blocks(columns, LEADERS * len(COLUMNS), window, agents, within_m)
 
 
 def _ahead_of(around: NeighbourGeometry, reach_m: float) -> Float64Array:

@@ -21,6 +21,14 @@ NEAR_M = 20.0
 _BLOCK = 1 << 20
 """Most pairs times steps per block, which limits the memory for large scenes; chosen."""
 
+_TOGETHER = 64
+"""Agents whose surroundings are looked up together in a scene that needs several blocks; of 16 to
+256, the fastest for 5000 agents (measured)."""
+
+_MARGIN_M = 0.1
+"""Margin of the surroundings for the rounding of float32 positions (m): 4 mm at 65 km from the
+mean position."""
+
 
 @dataclass(frozen=True)
 class NeighbourGeometry:
@@ -47,14 +55,19 @@ class NeighbourGeometry:
     across: Float32Array
 
     @classmethod
-    def of(cls, window: HistoryWindow, agents: IndexArray) -> NeighbourGeometry:
-        """Return the geometry around the agents at the positions ``agents`` [r] of the window."""
+    def of(
+        cls, window: HistoryWindow, agents: IndexArray, place: Float32Array | None = None
+    ) -> NeighbourGeometry:
+        """Return the geometry around the agents at the positions ``agents`` [r] of the window.
+
+        Args:
+            window: the history.
+            agents: [r] positions in the window.
+            place: :func:`places` of the window, computed if not given.
+        """
         yaw = np.nan_to_num(window.yaw[agents])
         cos, sin = np.cos(yaw), np.sin(yaw)
-        # Relative to the mean position, so that float32 keeps enough digits.
-        seen = window.position[window.valid]
-        near = window.position - (seen.mean(axis=0) if len(seen) else 0.0)
-        place = np.ascontiguousarray(near.transpose(2, 1, 0), np.float32)  # [2, T, n]
+        place = places(window) if place is None else place
         x, y = (of_all - of_all[:, agents].T[..., None] for of_all in place)  # [r, T, n]
         c, s = (value.astype(np.float32)[..., None] for value in (cos, sin))
         return cls(window, agents, cos, sin, along=c * x + s * y, across=c * y - s * x)
@@ -94,6 +107,13 @@ class NeighbourGeometry:
         return self.cos * vectors[..., 0] + self.sin * vectors[..., 1]
 
 
+def places(window: HistoryWindow) -> Float32Array:
+    """Return [2, T, n] positions relative to their mean (m), so that float32 is precise enough."""
+    seen = window.position[window.valid]
+    near = window.position - (seen.mean(axis=0) if len(seen) else 0.0)
+    return np.ascontiguousarray(near.transpose(2, 1, 0), np.float32)
+
+
 def nearness(gap: Float64Array, there: BoolArray) -> Float64Array:
     """Return exp(-gap / ``NEAR_M``) of gaps (m), 0 where no agent is there."""
     return np.where(there, np.exp(-np.where(there, gap, 0.0) / NEAR_M), 0.0)
@@ -104,20 +124,56 @@ def in_blocks(
     count: int,
     window: HistoryWindow,
     agents: IndexArray,
+    within_m: float,
 ) -> Float64Array:
     """Return [r, T, count] features, computed block by block.
 
     Args:
-        columns: returns [r, T, count] features for the geometry around r agents.
+        columns: returns [r, T, count] features for the geometry around r agents. They must not
+            depend on agents that are farther than ``within_m`` from the agent at that step.
         count: number of features.
         window: the history.
         agents: [r] positions in the window.
+        within_m: distance up to which others matter (m).
     """
     steps = window.valid.shape[1]
     out = np.empty((len(agents), steps, count))
-    rows = max(1, _BLOCK // max(1, len(window) * steps))
+    if len(agents) == 0:
+        return out
+    place = places(window)
     with np.errstate(invalid="ignore"):  # NaN of an absent agent compares as false
-        for start in range(0, len(agents), rows):
-            some = slice(start, start + rows)
-            out[some] = columns(NeighbourGeometry.of(window, agents[some]))
+        if len(agents) * len(window) * steps <= _BLOCK:
+            out[:] = columns(NeighbourGeometry.of(window, agents, place))
+            return out
+        for group in _neighbourly(place[:, -1, agents], within_m):
+            near = _surroundings(place, agents[group], within_m + _MARGIN_M)
+            around, here = window.select(near), np.ascontiguousarray(place[:, :, near])
+            own = np.searchsorted(near, agents[group])
+            rows = max(1, _BLOCK // (len(near) * steps))
+            for start in range(0, len(group), rows):
+                some = slice(start, start + rows)
+                out[group[some]] = columns(NeighbourGeometry.of(around, own[some], here))
     return out
+
+
+def _neighbourly(place: Float32Array, cell_m: float) -> list[IndexArray]:
+    """Return groups of at most ``_TOGETHER`` agents near each other, by positions [2, r] (m)."""
+    order = np.lexsort((*place, *np.floor(place / np.float32(cell_m))))
+    return [order[k : k + _TOGETHER] for k in range(0, len(order), _TOGETHER)]
+
+
+def _surroundings(place: Float32Array, agents: IndexArray, within_m: float) -> IndexArray:
+    """Return, ascending, ``agents`` and those that are within reach of one at some step.
+
+    Args:
+        place: [2, T, n] positions (m), NaN where absent.
+        agents: [r] some of them.
+        within_m: reach beyond the box around the agents of each step (m).
+    """
+    own = place[:, :, agents]
+    here = np.isfinite(own)
+    low = np.where(here, own, np.inf).min(axis=2, keepdims=True) - np.float32(within_m)
+    high = np.where(here, own, -np.inf).max(axis=2, keepdims=True) + np.float32(within_m)
+    inside = ((place >= low) & (place <= high)).all(axis=0).any(axis=0)
+    inside[agents] = True
+    return np.flatnonzero(inside)

@@ -3,7 +3,9 @@
 """From the history window to the model's input, for training and the node alike.
 
 Only agents present at the common time t are part of a scene: one that left before t can neither be
-predicted nor influence the others' future. See docs/design.md, decisions 12 to 14.
+predicted nor influence the others' future. :func:`build_scenes` leaves the others out before
+anything else, so that graphs and contexts are the same whoever cuts the window. See
+docs/design.md, decisions 12 to 14.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from mtpgo_core.scene.trails.trail_context import TrailContext, trail_features
 from mtpgo_core.schema import (
     MOVING_MPS,
     AgentClass,
+    BoolArray,
     ClassArray,
     Float32Array,
     Float64Array,
@@ -50,6 +53,7 @@ def build_scenes(
     ego_key: KeyArray | None = None,
     previous: GraphState | None = None,
     centres: IndexArray | None = None,
+    served: BoolArray | None = None,
     lanes: LaneMap | None = None,
     trails: TrailContext | None = None,
 ) -> SceneBatch:
@@ -65,6 +69,9 @@ def build_scenes(
             ``scene``); without it every call chooses independently.
         centres: [B] positions in the window; forces one graph around each of these agents, all
             members primary. This is how training cuts its samples.
+        served: [n] the agents that are predicted, all by default. The others are neighbours in the
+            graphs and in the contexts of those, but neither centres nor primary. Without effect
+            where ``centres`` are given.
         lanes: lane lines in the window's frame, for the context ``lanes``.
         trails: where road users went, for tasks with ``trails``.
 
@@ -75,30 +82,32 @@ def build_scenes(
         ConfigurationError: a centre that is not present at t, or lanes or trails needed and not
             given.
     """
+    present = np.flatnonzero(window.valid[:, -1])
+    here = window if len(present) == len(window) else window.select(present)
     if centres is None:
-        graphs = choose_graphs(window, config, ego_key=ego_key, state=previous)
+        chosen = None if served is None else served[present]
+        graphs = choose_graphs(here, config, ego_key=ego_key, state=previous, served=chosen)
     else:
         centres = np.asarray(centres, dtype=np.intp).reshape(-1)
-        inside = (centres >= 0) & (centres < len(window))
-        if not inside.all() or not window.valid[centres, -1].all():
+        if not np.isin(centres, present).all():
             raise ConfigurationError(
                 "centres names an agent that is not present at the window's time, expected "
                 "positions in the window where valid[:, -1] is true"
             )
-        graphs = graphs_around(window, config, centres)
-    agent = graphs.members.astype(np.int64)
-    origin, rotation = scene_frames(window, config, graphs.members[:, 0])
-    real = agent >= 0
-    valid = window.valid[agent] & real[..., None]
+        graphs = graphs_around(here, config, np.searchsorted(present, centres))
+    member = graphs.members
+    origin, rotation = scene_frames(here, config, member[:, 0])
+    real = member >= 0
+    valid = here.valid[member] & real[..., None]
     return SceneBatch(
-        features=_features(window, config, agent, valid, origin, rotation, lanes),
+        features=_features(here, config, member, valid, origin, rotation, lanes),
         valid=valid,
-        static=static_features(window, config)[agent] * real[..., None],
+        static=static_features(here, config)[member] * real[..., None],
         origin=origin,
         rotation=rotation,
-        agent=agent,
+        agent=np.where(real, present[member], -1).astype(np.int64),
         primary=graphs.primary,
-        trails=_trails(window, config, agent, trails),
+        trails=_trails(here, config, member, trails),
     )
 
 
@@ -159,7 +168,7 @@ def _one_hot_table(classes: tuple[str, ...]) -> Float32Array:
 def _features(
     window: HistoryWindow,
     config: SceneConfig,
-    agent: NDArray[np.int64],
+    agent: IndexArray,
     valid: NDArray[np.bool_],
     origin: Float64Array,
     rotation: Float64Array,
@@ -187,7 +196,9 @@ def _features(
             raise ConfigurationError(
                 "the model's context is 'lanes' but no lane lines are given, expected a lane map"
             )
-        columns.append(lanes.positions(window.position, window.yaw)[agent])
+        members, place = np.unique(agent, return_inverse=True)
+        on_road = lanes.positions(window.position[members], window.yaw[members])
+        columns.append(on_road[place.reshape(agent.shape)])
     elif config.context in _BY_AGENT:
         members, place = np.unique(agent, return_inverse=True)
         around = _BY_AGENT[config.context](window, members, config.leader_reach_m)

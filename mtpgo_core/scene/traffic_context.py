@@ -11,6 +11,7 @@ All features are geometry of the observations of one step, without a map.
 from __future__ import annotations
 
 import functools
+import math
 
 import numpy as np
 
@@ -51,7 +52,8 @@ def traffic_features(
     do not depend on the scene frame. They are meaningful where the agent is valid.
     """
     columns = functools.partial(_around, reach_m=reach_m)
-    return in_blocks(columns, len(CONTEXT_FEATURES["traffic"]), window, agents)
+    within_m = math.hypot(reach_m, BAND_M + LANE_M)
+    return in_blocks(columns, len(CONTEXT_FEATURES["traffic"]), window, agents, within_m)
 
 
 def _around(around: NeighbourGeometry, reach_m: float) -> Float64Array:

@@ -30,10 +30,11 @@ _PAIRS = (
 _OF_ROAD = frozenset(CONTEXT_FEATURES["leaders"] + CONTEXT_FEATURES["traffic"])
 _NEARNESS = frozenset(name for name in _OF_ROAD if name.endswith("_near"))
 _LENGTHS = (_OF_ROAD - _NEARNESS) | {"r"}
-_TO_THE_LEFT = ("lead1_across",)
+_LATERAL = ("d_l", "d_r", "lead1_across")
+"""Lateral positions in the lane (``d_l``, see :mod:`mtpgo_core.scene.lane_map`), on the road
+(``d_r``) and relative to the agent: mirroring changes their sign."""
 _SIDES = {
-    "d_l": "d_r",
-    **{name: name.replace("left_", "right_") for name in sorted(_OF_ROAD) if name[:5] == "left_"},
+    name: name.replace("left_", "right_") for name in sorted(_OF_ROAD) if name[:5] == "left_"
 }
 _DIRECTIONS = ("cos_yaw", "cos_theta")
 
@@ -65,7 +66,7 @@ class Augmentation:
         """
         at = {name: i for i, name in enumerate(names)}
         known = {name for pair in _PAIRS for name in pair}
-        known |= {*_LENGTHS, *_NEARNESS, *_SIDES, *_SIDES.values()}
+        known |= {*_LENGTHS, *_NEARNESS, *_SIDES, *_SIDES.values(), *_LATERAL}
         unknown = sorted(set(names) - known)
         if unknown:
             raise ConfigurationError(
@@ -91,7 +92,7 @@ class Augmentation:
             for left, right in _SIDES.items():
                 if left in at:
                     out[..., [at[left], at[right]]] = out[..., [at[right], at[left]]]
-            for name in _TO_THE_LEFT:
+            for name in _LATERAL:
                 if name in at:
                     out[..., at[name]] *= -1.0
         return out

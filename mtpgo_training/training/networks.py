@@ -26,6 +26,7 @@ from models.mtp_go_config import ModelConfig
 from models.network_config import NetworkConfig
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 
 
@@ -95,6 +96,8 @@ def network_config(
         "history_steps": history.steps,
         "dt_s": history.dt_s,
     }
+    if "trail_branches" in kind.config.names():
+        sizes["trail_branches"] = BRANCHES if scene.trails else 0
     return kind.config.from_dict({**options, **sizes})
 
 

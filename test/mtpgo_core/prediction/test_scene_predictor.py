@@ -135,6 +135,60 @@ def test_beyond_max_agents_the_nearest_keep_the_model(runner):
     assert (given.source == Source.CONSTANT_VELOCITY).all()
 
 
+class Watched(ModelRunner):
+    """A runner that keeps its last window and scenes."""
+
+    def predict(self, window, batch, initial_covariance=False):
+        self.window, self.batch = window, batch
+        return super().predict(window, batch, initial_covariance)
+
+
+def watched_stream(tmp_path, context, **options):
+    """A stream whose model has the given context."""
+    write_model(tmp_path / f"{context}.pt", scene=SceneConfig(context=context))
+    runner = Watched.load(tmp_path / f"{context}.pt")
+    return Stream(runner, options=PredictorOptions(**options)), runner
+
+
+@pytest.mark.parametrize("context", ["leaders", "traffic"])
+def test_an_agent_beyond_max_agents_is_still_the_leader(tmp_path, context):
+    stream, runner = watched_stream(tmp_path, context, max_agents=1)
+    drive(stream, count=3)
+    stream.predict(ego_key=keys_from_integers([1])[0])
+    assert stream.predictor.last_report.over_limit == 2
+    assert runner.batch.agent.tolist() == [[1, 0, 2]]
+    assert runner.batch.primary.tolist() == [[True, False, False]]
+    gap = runner.task.scene.features.index("lead1_gap")
+    length = 0.0 if context == "leaders" else 4.5
+    np.testing.assert_allclose(runner.batch.features[0, 0, -1, gap], 15.0 - length, atol=1e-4)
+
+
+@pytest.mark.parametrize("policy", ["ego", "each"])
+@pytest.mark.parametrize("context", ["none", "traffic"])
+def test_the_limit_does_not_change_the_predictions_of_the_served(tmp_path, policy, context):
+    ego = keys_from_integers([6])[0]
+    found = []
+    for most in (100, 5):
+        stream, runner = watched_stream(tmp_path, context, max_agents=most, policy=policy)
+        drive(stream, spacing_m=10.0)
+        given = stream.predict(ego_key=ego)
+        batch, graphs = runner.batch, {}
+        for row, primary, features in zip(batch.agent, batch.primary, batch.features, strict=True):
+            graphs |= {
+                agent: (row[row >= 0].tolist(), features[row >= 0])
+                for agent in row[primary].tolist()
+            }
+        found.append((given, graphs))
+    (given, graphs), (limited, few) = found
+    same = [agent for agent in sorted(few) if few[agent][0] == graphs[agent][0]]
+    assert sorted(few) == [4, 5, 6, 7, 8]
+    assert same == sorted(few)
+    for agent in same:
+        np.testing.assert_array_equal(few[agent][1], graphs[agent][1])
+        np.testing.assert_array_equal(limited.mean[agent], given.mean[agent])
+        np.testing.assert_array_equal(limited.weight[agent], given.weight[agent])
+
+
 def test_agents_at_the_limit_do_not_take_turns(runner):
     draw = np.random.default_rng(0)
     stream = Stream(runner, options=PredictorOptions(max_agents=10))

@@ -112,16 +112,34 @@ def test_an_absent_ego_leaves_cover():
     np.testing.assert_array_equal(ego.members, cover.members)
 
 
-def test_absent_agents_take_no_part():
-    history = TrackHistory(HistoryConfig())
-    history.update(states_of(0.0, [1, 2, 3], [[0, 0], [1, 0], [2, 0]]))
-    history.update(states_of(0.8, [2], [[1, 0]]))
-    window = history.window()
+def test_no_agent_gives_no_graph():
+    window = window_of(np.zeros((3, 2)))
     for policy in POLICIES:
-        graphs = choose_graphs(window, SceneConfig(policy=policy))
-        assert graphs.members.tolist() == [[1]]
-    empty = choose_graphs(window.select(np.array([0, 2])), SceneConfig())
-    assert empty.members.shape == (0, 1)
+        config = SceneConfig(policy=policy)
+        assert choose_graphs(window.select(np.arange(0)), config).members.shape == (0, 1)
+        nobody = choose_graphs(window, config, served=np.zeros(3, dtype=bool))
+        assert nobody.members.shape == (0, 1)
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_agents_that_are_not_served_are_neighbours_only(policy):
+    draw = np.random.default_rng(9)
+    position = draw.uniform(0.0, 300.0, (120, 2))
+    config = SceneConfig(policy=policy, max_neighbours=12, radius_m=60.0)
+    window, state = window_of(position), GraphState()
+    ego = keys_from_integers([3])[0]
+    for round_ in range(3):
+        served = draw.random(120) < 0.3
+        served[3] = round_ > 0  # an ego that is not served counts as absent
+        graphs = choose_graphs(window, config, ego_key=ego, state=state, served=served)
+        assert sorted(graphs.members[graphs.primary].tolist()) == np.flatnonzero(served).tolist()
+        assert served[graphs.members[:, 0]].all()
+        assert sorted(state.agent.tolist()) == sorted(sort_keys(window.key[served]).tolist())
+        if policy == "scene":
+            assert served[graphs.members].all()
+        else:
+            check_limits(position, graphs, config)
+            assert not served[graphs.members[graphs.members >= 0]].all()
 
 
 def test_the_order_of_the_message_changes_nothing():

@@ -7,7 +7,9 @@ import pytest
 from core_helpers import window_of
 
 from mtpgo_core.scene import neighbour_geometry
+from mtpgo_core.scene.leader_context import leader_features
 from mtpgo_core.scene.neighbour_geometry import NEAR_M, NeighbourGeometry, in_blocks, nearness
+from mtpgo_core.scene.traffic_context import traffic_features
 
 
 def window():
@@ -58,6 +60,36 @@ def test_blocks_do_not_change_the_result(monkeypatch):
     def columns(around):
         return np.nan_to_num(np.stack([around.along.sum(axis=2), around.cos], axis=-1))
 
-    whole = in_blocks(columns, 2, window(), np.arange(3))
+    whole = in_blocks(columns, 2, window(), np.arange(3), 100.0)
     monkeypatch.setattr(neighbour_geometry, "_BLOCK", 1)
-    np.testing.assert_array_equal(in_blocks(columns, 2, window(), np.arange(3)), whole)
+    np.testing.assert_array_equal(in_blocks(columns, 2, window(), np.arange(3), 100.0), whole)
+
+
+def scattered(count, size_m, seed=0):
+    """Agents at random places that move and are absent at some steps, present at the last."""
+    draw = np.random.default_rng(seed)
+    position = draw.uniform(0.0, size_m, (count, 1, 2)) + draw.normal(0.0, 1.0, (count, 16, 2))
+    valid = draw.random((count, 16)) < 0.8
+    valid[:, -1] = True
+    velocity, yaw = draw.normal(0.0, 5.0, position.shape), draw.uniform(-3, 3, (count, 16))
+    return window_of(position, velocity, yaw, valid, velocity)
+
+
+@pytest.mark.parametrize("features", [leader_features, traffic_features])
+def test_agents_out_of_reach_are_left_out_without_a_difference(features, monkeypatch):
+    crowd, some = scattered(400, 900.0), np.arange(0, 400, 3)
+    monkeypatch.setattr(neighbour_geometry, "_BLOCK", 1 << 30)
+    whole = features(crowd, some, 40.0)
+    monkeypatch.setattr(neighbour_geometry, "_BLOCK", 1 << 15)
+    looked_at = []
+    compute = NeighbourGeometry.of
+
+    def spy(around, agents, place=None):
+        looked_at.append(len(around))
+        return compute(around, agents, place)
+
+    monkeypatch.setattr(NeighbourGeometry, "of", spy)
+    parts = features(crowd, some, 40.0)
+    valid = crowd.valid[some]
+    np.testing.assert_array_equal(parts[valid], whole[valid])
+    assert max(looked_at) < 300

@@ -14,7 +14,7 @@ from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.scene_builder import build_scenes, class_one_hot
 from mtpgo_core.schema import AgentClass
-from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_core.task.task_description import GRAPH_POLICIES, HistoryConfig, SceneConfig
 
 HISTORY = HistoryConfig(steps=4, acceleration_source="message")
 NORTH = math.pi / 2
@@ -120,6 +120,32 @@ def test_absence_is_zero_and_masked():
     assert batch.valid[0].tolist() == [[True] * 4, [False, False, True, True]]
     assert not batch.features[0, 1, :2].any()
     assert batch.features[0, 1, 2:, 6].all()
+
+
+@pytest.mark.parametrize("context", ["none", "leaders", "traffic"])
+@pytest.mark.parametrize("policy", GRAPH_POLICIES)
+def test_agents_that_have_left_take_no_part(policy, context):
+    history = TrackHistory(HISTORY)
+    cars = np.full(3, AgentClass.CAR, dtype=np.uint8)
+    history.update(
+        states_of(0.0, [1, 2, 3], [[20, 0], [0, 0], [10, 0]], yaw=[0, 0, 0], agent_class=cars)
+    )
+    history.update(states_of(0.6, [2, 3], [[0, 0], [10, 0]], yaw=[0, 0], agent_class=cars[1:]))
+    window = history.window()
+    assert len(window) == 3
+    config = SceneConfig(policy=policy, context=context)
+    batch = build_scenes(window, config)
+    assert set(batch.agent[batch.agent >= 0].tolist()) == {1, 2}
+    alone = build_scenes(window.select(np.array([1, 2])), config)
+    np.testing.assert_array_equal(batch.features, alone.features)
+    around = build_scenes(window, config, centres=np.array([2]))
+    assert around.agent.tolist() == [[2, 1]]
+    if context != "none":
+        gap = config.features.index("lead1_gap")
+        assert around.features[0, 1, 0, gap] == (10.0 if context == "leaders" else 5.5)
+        assert around.features[0, 0, 0, gap] == 80.0  # agent 1 was ahead of it and has left
+    nobody = build_scenes(window.select(np.array([0])), config)
+    assert nobody.agent.shape == (0, 1)
 
 
 def test_unknown_motion_is_zero_along_the_scenes_axis():

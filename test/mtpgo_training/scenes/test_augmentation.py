@@ -9,6 +9,7 @@ import pytest
 from traffic import braking_cars, cut_windows
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.scene_builder import build_scenes
 from mtpgo_core.task.task_description import CONTEXT_FEATURES, HistoryConfig, SceneConfig
 from mtpgo_training.scenes.augmentation import Augmentation
@@ -39,13 +40,52 @@ def test_a_turn_is_that_of_the_world():
     np.testing.assert_allclose(given[valid], expected[valid], atol=2e-4, rtol=1e-4)
 
 
-def test_a_mirror_swaps_left_and_right_and_is_its_own_inverse():
+def mirrored(recording):
+    """The recording with left and right swapped."""
+    mirror = np.array([1.0, -1.0])
+    return dataclasses.replace(
+        recording,
+        position=mirror * recording.position,
+        velocity=mirror * recording.velocity,
+        yaw=-recording.yaw,
+    )
+
+
+def test_a_mirror_changes_the_sign_of_what_is_to_the_left_and_is_its_own_inverse():
     names = SceneConfig(context="lanes").features
     features = np.arange(1.0, 11.0, dtype=np.float32)[None]
     mirror = Augmentation(mirror=True)
     out = mirror.features(features, names)
-    np.testing.assert_array_equal(out, [[1, -2, 3, -4, 5, -6, 7, -8, 10, 9]])
+    np.testing.assert_array_equal(out, [[1, -2, 3, -4, 5, -6, 7, -8, -9, -10]])
     np.testing.assert_array_equal(mirror.features(out, names), features)
+
+
+def test_a_mirrored_road_has_the_lane_positions_of_the_mirrored_features():
+    scene = SceneConfig(frame="site_origin", context="lanes", max_neighbours=11, radius_m=1e3)
+    # Three lanes of unequal width along x, and a recording whose cars are in all of them.
+    lines = [np.array([[-1e3, y], [1e3, y]]) for y in (-2.0, 1.5, 5.5, 8.5)]
+    recording = braking_cars(seconds=4.0)
+    along = 0.05 * np.sin(np.arange(len(recording)))
+    recording = dataclasses.replace(
+        recording,
+        position=np.stack([recording.position[:, 0] - 500.0, recording.track % 10 - 1.7], axis=1),
+        velocity=np.stack([np.full(len(recording), 8.0), 8.0 * along], axis=1),
+        yaw=along,
+    )
+    turned = [line * [1.0, -1.0] for line in lines]
+    plain, expected = (
+        build_scenes(
+            cut_windows(r, HistoryConfig(), 0.2)[-1].window,
+            scene,
+            centres=np.array([0]),
+            lanes=LaneMap(drawn),
+        ).features[0]
+        for r, drawn in ((recording, lines), (mirrored(recording), turned))
+    )
+    place = [scene.features.index(name) for name in ("d_l", "d_r")]
+    assert np.ptp(plain[..., place], axis=(0, 1)) == pytest.approx([1.8, 1.8], abs=0.4)
+    given = Augmentation(mirror=True).features(plain, scene.features)
+    np.testing.assert_allclose(given, expected, atol=1e-4)
 
 
 def test_an_unknown_feature_is_refused():
@@ -85,18 +125,11 @@ def test_a_scaled_world_has_the_leaders_of_the_scaled_features():
 def test_a_mirrored_world_has_the_traffic_of_the_mirrored_features():
     scene = SceneConfig(frame="site_origin", context="traffic", max_neighbours=3)
     recording = braking_cars(seconds=4.0)
-    mirror = np.array([1.0, -1.0])
-    mirrored = dataclasses.replace(
-        recording,
-        position=mirror * recording.position,
-        velocity=mirror * recording.velocity,
-        yaw=-recording.yaw,
-    )
     plain, expected = (
         build_scenes(
             cut_windows(r, HistoryConfig(), 0.2)[-1].window, scene, centres=np.arange(12)
         ).features
-        for r in (recording, mirrored)
+        for r in (recording, mirrored(recording))
     )
     given = Augmentation(mirror=True).features(plain, scene.features)
     for name in ("lead1_across", "left_ahead_near", "right_behind_near", "right_ahead_dv"):
