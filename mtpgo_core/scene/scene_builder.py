@@ -221,7 +221,8 @@ def _trails(
         raise ConfigurationError(
             "the task has scene.trails but no memory of trails is given, expected a TrailContext"
         )
-    of_agent = trail_features(window, trails)[agent]
+    members, place = np.unique(agent, return_inverse=True)
+    of_agent = trail_features(window.select(members), trails)[place.reshape(agent.shape)]
     of_agent[agent < 0] = 0.0
     return of_agent
 

@@ -159,9 +159,9 @@ def _check(model: TrajectoryPredictor, path: Path) -> None:
     """Check the file against the eager model, on agents with gaps and padding."""
     ModelRunner.load(path, num_threads=None)  # the schema and the shapes, as the node checks them
     loaded = torch.jit.load(str(path))
-    features, valid, static = _example(model.config)
+    example = _example(model.config)
     with torch.inference_mode():
-        expected, given = model(features, valid, static), loaded(features, valid, static)
+        expected, given = model(*example), loaded(*example)
     # Covariances are compared relative to the variance: in float32 a variance of 900 m^2 has a
     # resolution of 1e-4 m^2 at best.
     variances = torch.diagonal(expected[2], dim1=-2, dim2=-1)
@@ -178,8 +178,8 @@ def _check(model: TrajectoryPredictor, path: Path) -> None:
         )
 
 
-def _example(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor]:
-    """Return two scenes of five agents at driving speeds, some observed late, some absent."""
+def _example(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor, None, Tensor | None]:
+    """Return inputs for two scenes of five agents at driving speeds, some late, some absent."""
     draw = torch.Generator().manual_seed(0)
     shape = (2, 5, config.history_steps)
     time = torch.arange(1 - config.history_steps, 1) * config.dt_s
@@ -197,7 +197,12 @@ def _example(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor]:
     static = torch.zeros(2, 5, config.static_size)
     if config.static_size:
         static[..., 0] = 1.0
-    return features, valid, static
+    branches = getattr(config, "trail_branches", 0)
+    if not branches:
+        return features, valid, static, None, None
+    trails = torch.randn(2, 5, branches, config.horizon_steps, 3, generator=draw)
+    trails[..., 2] = trails[..., 2].relu()
+    return features, valid, static, None, trails
 
 
 def _version() -> str:

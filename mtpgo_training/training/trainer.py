@@ -8,6 +8,7 @@ and takes seconds to load.
 
 from __future__ import annotations
 
+import functools
 import logging
 import time
 import warnings
@@ -32,7 +33,11 @@ from mtpgo_training.training.checkpointing import resume_from, save_checkpoint, 
 from mtpgo_training.training.console import epoch_line, setting_text, title_line
 from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes
 from mtpgo_training.training.interruption import Interruption
-from mtpgo_training.training.losses.batch_loss import batch_loss
+from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
+from mtpgo_training.training.losses.likelihood_loss import (
+    negative_log_likelihood,
+    trajectory_likelihood_loss,
+)
 from mtpgo_training.training.losses.schedules import learning_rate
 from mtpgo_training.training.networks import build_network, weights_hash
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
@@ -267,6 +272,12 @@ class _BatchLoss(nn.Module):
         super().__init__()
         self.model = run.model
         self.run = run
+        options = run.config.optimisation
+        self.likelihood: Likelihood = negative_log_likelihood
+        if options.likelihood == "trajectory":
+            self.likelihood = functools.partial(
+                trajectory_likelihood_loss, correlated_steps=options.correlated_steps
+            )
 
     def forward(self, batch: Batch, teacher_forcing: bool) -> Tensor:
         options = self.run.config.optimisation
@@ -276,6 +287,7 @@ class _BatchLoss(nn.Module):
             self.run.loss_weights(),
             huber_delta=options.huber_delta,
             mean_weight=options.mean_weight,
+            likelihood=self.likelihood,
             teacher_forcing=teacher_forcing,
         )
 

@@ -24,6 +24,9 @@ STRATEGIES = ("auto", "ddp")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 """Choices of Fabric that are tested with these networks, which are small and fit on one device."""
 
+LIKELIHOODS = ("step", "trajectory")
+"""What the mixture is a distribution of."""
+
 KEEP = ("best", "last")
 """Which epoch's weights are exported."""
 
@@ -44,6 +47,10 @@ class OptimisationConfig:
         huber_delta: error at which the EWTA loss turns linear (m, m/s).
         mean_weight: weight of the expected Huber loss relative to the likelihood; 0 as in the
             paper, see :func:`mtpgo_training.training.losses.likelihood_loss.expected_huber_loss`.
+        likelihood: ``step``: the paper's, a mixture at every step (eq. 27); ``trajectory``: a
+            mixture of whole trajectories, see
+            :func:`mtpgo_training.training.losses.likelihood_loss.trajectory_likelihood_loss`.
+        correlated_steps: steps that count as one in the likelihood of a trajectory.
         teacher_forcing: probability at the start that a roll-out is fed the observed states; it
             falls linearly to zero at the end of the warm-up (total / 4). The default is none: the
             roll-out starts at the observed state, and a predictor has to cope with its own errors.
@@ -63,6 +70,8 @@ class OptimisationConfig:
     clip_norm: float = option(1.0, above=0)
     huber_delta: float = option(1.0, above=0)
     mean_weight: float = 0.0
+    likelihood: str = option("step", choices=LIKELIHOODS)
+    correlated_steps: float = option(5.0, low=1.0)
     teacher_forcing: float = option(0.0, low=0.0, high=1.0)
     average_decay: float = option(0.0, low=0.0, high=1.0)
     keep: str = option("best", choices=KEEP)

@@ -91,8 +91,9 @@ def validate(
     scores, calibration = ScoreTable(), CovarianceCalibration()
     device = next(model.parameters()).device
     for fields in batches:
-        given = (fields[name].to(device) for name in ("x", "valid", "static"))
-        log_weight, mean, covariance = (value.cpu() for value in model(*given))
+        given = [fields[name].to(device) for name in ("x", "valid", "static")]
+        trails = fields["trails"].to(device) if "trails" in fields else None
+        log_weight, mean, covariance = (value.cpu() for value in model(*given, None, trails))
         calibration.add(fields, log_weight, mean, covariance)
         observed = fields["weight"] > 0.0
         for protocol, chosen in (("all", fields["primary"]), ("centre", fields["centre"])):

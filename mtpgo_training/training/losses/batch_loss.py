@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from torch import Tensor
 from torch_geometric.data import Batch
@@ -20,6 +20,7 @@ from mtpgo_training.training.losses.likelihood_loss import (
 from mtpgo_training.training.losses.schedules import LossWeights
 
 Fields = Mapping[str, Tensor]
+Likelihood = Callable[[Tensor, Tensor, Tensor, Tensor, Tensor], Tensor]
 
 
 def training_loss(
@@ -29,6 +30,7 @@ def training_loss(
     *,
     huber_delta: float,
     mean_weight: float = 0.0,
+    likelihood: Likelihood = negative_log_likelihood,
     teacher_forcing: bool = False,
 ) -> Tensor:
     """Return the loss of a dense batch, a scalar.
@@ -39,6 +41,7 @@ def training_loss(
         weights: of EWTA and NLL. The covariance is computed only where NLL counts.
         huber_delta: see :func:`.ewta_loss.ewta_loss`.
         mean_weight: weight of :func:`.likelihood_loss.expected_huber_loss`, relative to NLL.
+        likelihood: the negative log-likelihood, one of :mod:`.likelihood_loss`.
         teacher_forcing: feed the observed states to the roll-out.
     """
     states = model.config.state_size
@@ -58,9 +61,7 @@ def training_loss(
     if weights.ewta > 0.0:
         loss = loss + weights.ewta * ewta_loss(mean, target, mask, weights.winners, huber_delta)
     if with_covariance:
-        loss = loss + weights.nll * negative_log_likelihood(
-            log_weight, mean, covariance, target, mask
-        )
+        loss = loss + weights.nll * likelihood(log_weight, mean, covariance, target, mask)
         if mean_weight > 0.0:
             loss = loss + weights.nll * mean_weight * expected_huber_loss(
                 log_weight, mean, target, mask, huber_delta
@@ -75,6 +76,7 @@ def batch_loss(
     *,
     huber_delta: float,
     mean_weight: float = 0.0,
+    likelihood: Likelihood = negative_log_likelihood,
     teacher_forcing: bool = False,
 ) -> Tensor:
     """Return :func:`training_loss` of a PyG batch, averaged over all its observed agent-steps.
@@ -87,6 +89,7 @@ def batch_loss(
         weights: this and the other arguments as in :func:`training_loss`.
         huber_delta: see :func:`training_loss`.
         mean_weight: see :func:`training_loss`.
+        likelihood: see :func:`training_loss`.
         teacher_forcing: see :func:`training_loss`.
     """
     loss = functools.partial(
@@ -95,6 +98,7 @@ def batch_loss(
         weights=weights,
         huber_delta=huber_delta,
         mean_weight=mean_weight,
+        likelihood=likelihood,
         teacher_forcing=teacher_forcing,
     )
     return accumulated_loss(model, micro_batches(batch), loss)

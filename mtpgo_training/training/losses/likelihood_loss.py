@@ -8,9 +8,10 @@ weighted by ``mask``, so that their value does not depend on how many futures of
 
 from __future__ import annotations
 
+import torch
 from torch import Tensor
 
-from models.mixture_likelihood import mixture_nll
+from models.mixture_likelihood import gaussian_log_prob, mixture_nll
 from mtpgo_training.training.losses.ewta_loss import huber_per_mode
 
 
@@ -28,6 +29,39 @@ def negative_log_likelihood(
     """
     value = mixture_nll(log_weight, mean, covariance, target, mask > 0.0)  # [B, N, H]
     return (value * mask).sum() / mask.sum().clamp(min=1e-6)
+
+
+def trajectory_likelihood_loss(
+    log_weight: Tensor,
+    mean: Tensor,
+    covariance: Tensor,
+    target: Tensor,
+    mask: Tensor,
+    correlated_steps: float = 1.0,
+) -> Tensor:
+    """Return the negative log-likelihood of whole trajectories, a scalar (nats per step).
+
+    Not in the paper, whose mixture (eq. 27) may choose another mode at every step. Here one mode
+    has to explain the whole trajectory: -log sum_j pi_j prod_k N(x_k | x_k^j, P_k^j), so that
+    modes become distinct futures and weights their probabilities. Errors of consecutive steps are
+    correlated: n steps count as n / ``correlated_steps`` independent ones, without which the
+    nearest mode would take all of the responsibility.
+
+    Args:
+        log_weight: [B, N, M] log mixture weights.
+        mean: [B, N, M, H, S].
+        covariance: [B, N, M, H, S, S].
+        target: [B, N, H, S] observed states; any finite value where not observed.
+        mask: [B, N, H] weight of each step, 0 where not observed.
+        correlated_steps: steps that count as one.
+    """
+    known = (mask > 0.0).unsqueeze(2)  # [B, N, 1, H]
+    truth = torch.where(known.unsqueeze(-1), target.unsqueeze(2), mean.detach())
+    log_prob = gaussian_log_prob(mean, covariance, truth)
+    of_mode = torch.where(known, log_prob, 0.0).sum(dim=-1) / correlated_steps  # [B, N, M]
+    of_agent = -correlated_steps * torch.logsumexp(log_weight + of_mode, dim=-1)
+    weight = mask.amax(dim=-1)  # all steps of an agent have the same
+    return (of_agent * weight).sum() / mask.sum().clamp(min=1e-6)
 
 
 def expected_huber_loss(
