@@ -66,7 +66,7 @@ def test_constant_speed_along_the_nearest_of_the_ways_halves_the_error_of_consta
     memory = memory_of(cars)
     future = FutureTable(cars, max_gap_s=HISTORY.max_gap_s, columns=future_columns(cars, 0.0))
     straight, along = [], []
-    for window in windows[75:-25:5]:
+    for window in windows[75:-25:2]:
         there = window.valid[:, -1]
         ahead = future.at(cars.find_tracks(window.key), window.stamp_ns, H, HISTORY.dt_s)
         there &= ahead.known.all(axis=1)

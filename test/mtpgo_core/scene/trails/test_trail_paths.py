@@ -131,7 +131,7 @@ def test_only_what_was_known_at_the_time_is_used():
 def test_the_latest_trails_are_used_and_weigh_more():
     memory, start_s = TrailMemory(), 0.0
     for ident in range(CANDIDATES + 5):
-        start_s = drive(memory, bend(0), ident=ident, start_s=start_s) + 2.0
+        start_s = drive(memory, bend(0), ident=ident, start_s=start_s, speed=20.0) + 2.0
     _, _, reach, weight = asked(memory, time_s=start_s)
     assert (reach == len(DISTANCE_M)).all()
     period_s = start_s / (CANDIDATES + 5)
