@@ -9,7 +9,7 @@ import torch
 
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import HistoryWindow, tracked_states
-from mtpgo_core.task.task_description import TASK_FILE, TaskDescription
+from mtpgo_core.task.task_description import TASK_FILE, SceneConfig, TaskDescription
 
 S_NS = 1_000_000_000
 MODES, HORIZON = 3, 5
@@ -60,6 +60,52 @@ class StraightModel(torch.nn.Module):
         return log_weight, mean, covariance
 
 
+class TrailModel(torch.nn.Module):
+    """Mode m goes where branch m of the trails does, in the scene's axes around its origin."""
+
+    def __init__(self, horizon: int):
+        super().__init__()
+        self.horizon = horizon
+
+    def forward(
+        self,
+        features: torch.Tensor,
+        valid: torch.Tensor,
+        static: torch.Tensor,
+        initial_covariance: torch.Tensor | None = None,
+        trails: torch.Tensor | None = None,
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        b, n = features.shape[0], features.shape[1]
+        assert trails is not None
+        mean = trails[..., :2]
+        log_weight = torch.log(torch.tensor([0.5, 0.3, 0.2])).repeat(b, n, 1)
+        covariance = torch.eye(2).repeat(b, n, 3, self.horizon, 1, 1)
+        return log_weight, mean, covariance
+
+
+def write_trail_model(path, **changes):
+    """Write the trail model as a model file and return its task."""
+    task = TaskDescription(
+        name="trails",
+        states=("x", "y"),
+        horizon_steps=HORIZON,
+        modes=3,
+        scene=SceneConfig(frame="site_origin", trails=True),
+        **changes,
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        module = torch.jit.script(TrailModel(HORIZON))
+    _save(module, path, task)
+    return task
+
+
+def _save(module, path, task):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        torch.jit.save(module, str(path), _extra_files={TASK_FILE: task.to_json()})
+
+
 def write_model(path, order=2, task=None, **changes):
     """Write the straight model as a model file and return its task."""
     names = ("x", "y", "vx", "vy")[: 2 * order]
@@ -69,7 +115,7 @@ def write_model(path, order=2, task=None, **changes):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         module = torch.jit.script(StraightModel(order, HORIZON, MODES, task.history.dt_s))
-        torch.jit.save(module, str(path), _extra_files={TASK_FILE: task.to_json()})
+    _save(module, path, task)
     return task
 
 

@@ -6,10 +6,19 @@ import math
 
 import numpy as np
 import pytest
+import torch
 from core_helpers import S_NS, states_of
 
+from models.own_frame.agent_frames import heading
 from mtpgo_core.errors import FrameError
-from mtpgo_core.frames import Pose2, PoseBuffer, rotate, rotate_covariance, to_fixed_frame
+from mtpgo_core.frames import (
+    Pose2,
+    PoseBuffer,
+    own_heading,
+    rotate,
+    rotate_covariance,
+    to_fixed_frame,
+)
 
 QUARTER = math.pi / 2
 
@@ -126,3 +135,24 @@ def test_poses_may_come_in_any_order_and_are_forgotten():
     poses.add(0, Pose2(-1.0, 0.0, 0.0))  # the clock was set back
     assert len(poses) == 1
     assert poses.at(0).x == -1.0
+
+
+def test_the_own_heading_is_that_of_the_network():
+    rng = np.random.default_rng(0)
+    speed = np.concatenate([np.linspace(0.0, 1.5, 200), rng.uniform(0.0, 40.0, 200)])
+    course, yaw = rng.uniform(-4.0, 4.0, (2, 400))
+    velocity = speed[:, None] * np.stack([np.cos(course), np.sin(course)], axis=1)
+    angle = own_heading(velocity, yaw)
+    expected = heading(
+        torch.from_numpy(velocity), torch.from_numpy(np.stack([np.cos(yaw), np.sin(yaw)], axis=1))
+    ).numpy()
+    known = np.isfinite(angle)  # two opposite directions may cancel
+    assert known.sum() > 390
+    found = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    np.testing.assert_allclose(found[known], expected[known], atol=1e-9)
+
+
+def test_the_own_heading_is_unknown_where_neither_velocity_nor_yaw_gives_one():
+    velocity = np.array([[0.7, 0.0], [1.2, 0.0], [0.0, 0.0], [np.nan, np.nan], [np.nan, np.nan]])
+    yaw = np.array([np.nan, np.nan, 0.3, 0.3, np.nan])
+    np.testing.assert_allclose(own_heading(velocity, yaw), [np.nan, 0.0, 0.3, 0.3, np.nan])

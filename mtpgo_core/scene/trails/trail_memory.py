@@ -94,7 +94,7 @@ class TrailMemory:
         return self.points.nbytes + self.index.nbytes + self._tracks.nbytes
 
     def add(self, window: HistoryWindow, dt_s: float) -> None:
-        """Add what a window shows of each road user since the last window that showed it.
+        """Add what a window shows of the road users since the last window.
 
         A window of another frame, or older than the last one by more than ``SET_BACK_NS``, starts
         a new memory; one that is a little older or equal adds nothing.
@@ -103,13 +103,16 @@ class TrailMemory:
             window: its agents need not be present at its time.
             dt_s: time between two of its samples (s).
         """
-        if not len(window) or not self._advance(window.stamp_ns, window.frame_id):
+        if not len(window):  # it may have no frame
+            return
+        since_ns = self._advance(window.stamp_ns, window.frame_id)
+        if since_ns is None:
             return
         step_ns, steps = round(dt_s * 1e9), window.valid.shape[1]
         sample_ns = window.stamp_ns - (steps - 1 - np.arange(steps)) * step_ns
         # Half a step before a sample counts as that sample: cycles may jitter.
         limit_ns = sample_ns - np.where(np.arange(steps) < steps - 1, step_ns // 2, 0)
-        fresh = window.valid & (limit_ns > self._last_seen(window.key)[:, None])
+        fresh = window.valid & (limit_ns > since_ns)
         for step in np.flatnonzero(fresh.any(axis=0)).tolist():
             rows = np.flatnonzero(fresh[:, step])
             self._observe(
@@ -143,31 +146,23 @@ class TrailMemory:
             velocity: [n, 2] (m/s), NaN where unknown.
             yaw: [n] (rad), NaN where unknown.
         """
-        if len(key) and self._advance(stamp_ns, frame_id):
+        if len(key) and self._advance(stamp_ns, frame_id) is not None:
             group = class_groups(agent_class)
             self._observe(stamp_ns, stamp_ns, key, group, position, velocity, yaw)
 
-    def _advance(self, stamp_ns: int, frame_id: str) -> bool:
-        """Advance to a time; return whether it brings anything new."""
+    def _advance(self, stamp_ns: int, frame_id: str) -> int | None:
+        """Advance to a time; return since when there is news (ns), None if there is none."""
         newest_ns = self._newest_ns
         if newest_ns is None or frame_id != self._frame_id or stamp_ns < newest_ns - SET_BACK_NS:
             self.clear()
             self._frame_id = frame_id
         elif stamp_ns <= newest_ns:
-            return False
+            return None
         if self.points.count > LARGEST_NUMBER // 2:  # after a year
             self.clear()
             self._frame_id = frame_id
-        self._newest_ns = stamp_ns
-        return True
-
-    def _last_seen(self, key: KeyArray) -> IntArray:
-        """Return [n] times of the last samples of road users (ns), very long ago where none."""
-        never = np.iinfo(np.int64).min
-        place = find_sort_keys(self._tracks["name"], sort_keys(key))
-        if not len(self._tracks):
-            return np.full(len(key), never)
-        return np.where(place >= 0, self._tracks["seen_ns"][place], never)
+        since_ns, self._newest_ns = self._newest_ns, stamp_ns
+        return np.iinfo(np.int64).min if since_ns is None else since_ns
 
     def _observe(
         self,

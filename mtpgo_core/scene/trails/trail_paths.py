@@ -95,7 +95,8 @@ def trail_paths(
     ahead, left = np.zeros((2, horizon, n, CANDIDATES), dtype=np.float32)
     reach = np.zeros((n, CANDIDATES), dtype=np.int64)
     weight = np.zeros((n, CANDIDATES), dtype=np.float32)
-    oldest_ns = max(time_ns - round(MAX_AGE_S * 1e9), since_ns or 0)
+    oldest_ns = time_ns - round(MAX_AGE_S * 1e9)
+    oldest_ns = oldest_ns if since_ns is None else max(oldest_ns, since_ns)
     first, end = memory.points.since(oldest_ns), memory.points.known_at(time_ns)
     if n and first < end:
         found = _candidates(memory, places, first, end)
@@ -206,7 +207,7 @@ def _follow(
     chain, length = _chain(memory, found.number, end, wanted)
     known = way <= length
     np.minimum(index, wanted - 1, out=index)
-    part = way - index  # of the way between two points
+    part = way - index.astype(np.float32)  # of the way between two points
     place = memory.points.column("offset", chain)  # [wanted + 1, a, 2]
     origin = place[0] + begin[:, None] * (place[1] - place[0])
     place = place - origin

@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from core_helpers import HORIZON, MODES, states_of, write_model
+from core_helpers import HORIZON, MODES, states_of, write_model, write_trail_model
 
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.errors import ConfigurationError, ModelFileError
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.identity import key_to_int, keys_from_integers
 from mtpgo_core.prediction.model_runner import ModelRunner
@@ -323,3 +323,77 @@ def test_one_agent_and_one_sample_are_enough(runner):
     given = stream.predict()
     check_complete(given, [1 << 100])
     assert given.initial[0].tolist() == [5.0, 6.0, 0.0, 0.0]
+
+
+@pytest.fixture(scope="module")
+def trail_runner(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "trails.pt"
+    write_trail_model(path)
+    return ModelRunner.load(path)
+
+
+def follow(stream, count=1, cycles=30, start=0, frame="map"):
+    """Cars 16 m apart around a ring of 30 m, five cycles a second; the last prediction."""
+    for k in range(start, start + cycles):
+        angle = (1.6 * k + 16.0 * np.arange(count)) / 30.0
+        states = states_of(
+            0.2 * k,
+            range(count),
+            30.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1),
+            frame=frame,
+            velocity=8.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1),
+            yaw=(angle + np.pi) % (2.0 * np.pi) - np.pi,
+        )
+        stream.history.update(states)
+        given = stream.predict()
+    return given
+
+
+def bent(prediction):
+    """[n] whether the model was told of a way that bends, on which mode 0 of this model goes."""
+    return np.abs(prediction.mean[:, 0, -1, :2]).sum(axis=-1) > 0.1
+
+
+def test_a_model_with_trails_gets_the_ways_of_those_ahead(trail_runner):
+    stream = Stream(trail_runner)
+    given = follow(stream, count=3)
+    assert (given.source == Source.MODEL).all()
+    assert bent(given).tolist() == [True, True, False]
+    distance = 1.6 * HORIZON
+    x, y = 30.0 * np.sin(distance / 30.0), 30.0 * (1.0 - np.cos(distance / 30.0))
+    assert given.mean[0, 0, -1, :2] == pytest.approx([x - distance, y], abs=0.2)
+    assert not bent(follow(Stream(trail_runner), count=1)).any()
+
+
+def test_agents_over_the_limit_leave_trails(trail_runner):
+    stream = Stream(trail_runner, options=PredictorOptions(max_agents=0))
+    follow(stream, count=3)
+    stream.predictor.options = PredictorOptions()
+    assert bent(follow(stream, count=3, start=30, cycles=1)).tolist() == [True, True, False]
+
+
+def test_trails_are_forgotten_with_the_history_and_in_another_frame(trail_runner):
+    stream = Stream(trail_runner)
+    follow(stream, count=3)
+    stream.history.clear()
+    stream.predictor.reset()
+    assert not bent(follow(stream, count=3, start=30, cycles=1)).any()
+    follow(stream, count=3, start=31, cycles=20)
+    given = follow(stream, count=3, start=51, cycles=3, frame="odom")
+    assert given.frame_id == "odom"
+    assert not bent(given).any()
+    follow(stream, count=3, start=54, cycles=20, frame="odom")
+    assert not bent(follow(stream, count=3, start=0, cycles=3, frame="odom")).any()
+
+
+def test_a_task_without_trails_keeps_none(runner):
+    stream = Stream(runner)
+    drive(stream)
+    stream.predict()
+    assert len(stream.predictor._trails) == 0
+
+
+def test_a_model_file_that_does_not_take_its_trails_is_refused(tmp_path):
+    write_model(tmp_path / "m.pt", scene=SceneConfig(trails=True))
+    with pytest.raises(ModelFileError, match="does not run on the input"):
+        ModelRunner.load(tmp_path / "m.pt")

@@ -5,6 +5,7 @@
 import dataclasses
 import math
 
+import core_helpers
 import numpy as np
 import pytest
 from core_helpers import states_of
@@ -13,6 +14,8 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.scene_builder import build_scenes, class_one_hot
+from mtpgo_core.scene.trails.trail_context import TrailContext
+from mtpgo_core.scene.trails.trail_memory import TrailMemory
 from mtpgo_core.schema import AgentClass
 from mtpgo_core.task.task_description import GRAPH_POLICIES, HistoryConfig, SceneConfig
 
@@ -206,3 +209,34 @@ def test_turning_and_moving_the_world_changes_no_feature():
         batches.append(build_scenes(history.window(), SceneConfig(max_neighbours=12)))
     np.testing.assert_array_equal(batches[0].agent, batches[1].agent)
     np.testing.assert_allclose(batches[0].features, batches[1].features, atol=1e-5)
+
+
+def test_trails_are_those_of_each_agent_and_zero_in_the_padding():
+    memory = TrailMemory()
+    for k in range(40):
+        states = states_of(0.2 * k - 8.0, [9], [[-30.0 + 1.6 * k, 0.0]], velocity=[[8.0, 0.0]])
+        memory.add_instant(
+            states.stamp_ns,
+            "map",
+            states.key,
+            states.agent_class,
+            states.position,
+            states.velocity,
+            np.zeros(1),
+        )
+    position = np.array([[[0.0, 0.0]], [[4.0, 30.0]], [[2.0, 0.5]]])
+    window = core_helpers.window_of(position, np.full((3, 1, 2), [8.0, 0.0]), np.zeros((3, 1)))
+    config = SceneConfig(trails=True, radius_m=10.0)
+    context = TrailContext(memory, 5, 0.2)
+    batch = build_scenes(window, config, centres=np.array([0, 1, 2]), trails=context)
+    assert batch.trails.shape == (3, 2, 3, 5, 3)
+    assert batch.trails.dtype == np.float32
+    assert (batch.trails[:, :, 0, 0, 2] > 0.0).tolist() == [
+        [True, True],
+        [False, False],
+        [True, True],
+    ]
+    np.testing.assert_array_equal(batch.trails[0], batch.trails[2, ::-1])
+    assert build_scenes(window, SceneConfig()).trails is None
+    with pytest.raises(ConfigurationError, match=r"scene\.trails"):
+        build_scenes(window, config)

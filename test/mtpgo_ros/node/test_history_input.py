@@ -86,3 +86,19 @@ def test_a_new_rate_counts_from_the_next_observation(make):
     history.configure(dataclasses.replace(PredictorParameters(), rate=10.0))
     assert history.update(traffic(0.2), at(0.2)) is not None
     assert history.update(traffic(0.3), at(0.3)) is not None
+
+
+def test_a_stream_that_starts_again_resets_the_predictor(make, monkeypatch):
+    history, _, predictor = make()
+    resets = []
+    monkeypatch.setattr(predictor, "reset", lambda: resets.append(True))
+    for k in range(10):
+        history.update(traffic(k / 5), at(k / 5))
+    assert not resets
+    for k in range(3):  # the third message in a row that is late
+        history.update(traffic(1.0 + k / 10), at(1.0 + k / 10))
+    assert len(resets) == 1
+    for k in range(3):  # the third in a row in another frame
+        states = dataclasses.replace(traffic(1.4 + k / 10), frame_id="odom")
+        history.update(states, at(1.4 + k / 10))
+    assert len(resets) == 2

@@ -81,3 +81,11 @@ def test_bad_values_are_one_sentence(changes, sentence):
     with pytest.raises(ConfigurationError, match=sentence) as caught:
         DataConfig(**changes)
     assert "\n" not in str(caught.value)
+
+
+def test_the_shares_of_memories_of_trails_are_at_most_all():
+    DataConfig(trails_none_probability=0.3, trails_partial_probability=0.7)
+    with pytest.raises(
+        ConfigurationError, match=r"trails_none_probability.* is 1\.1, expected at"
+    ):
+        DataConfig(trails_none_probability=0.5, trails_partial_probability=0.6)

@@ -6,13 +6,16 @@ import dataclasses
 
 import numpy as np
 import pytest
-from traffic import braking_cars, cut_windows
+from traffic import braking_cars, cut_windows, turning_cars
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.scene_builder import build_scenes
+from mtpgo_core.scene.trails.trail_context import TrailContext, trail_features
 from mtpgo_core.task.task_description import CONTEXT_FEATURES, HistoryConfig, SceneConfig
 from mtpgo_training.scenes.augmentation import Augmentation
+from mtpgo_training.scenes.recorded_trails import recorded_trails
+from mtpgo_training.scenes.track_samples import SampleTable, take_in
 
 
 def test_a_turn_is_that_of_the_world():
@@ -38,6 +41,41 @@ def test_a_turn_is_that_of_the_world():
     given = Augmentation(turn_rad=turn).features(plain, scene.features)
     valid = np.abs(plain).sum(axis=-1) > 0
     np.testing.assert_allclose(given[valid], expected[valid], atol=2e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "change", [Augmentation(mirror=True), Augmentation(turn_rad=0.7), Augmentation(scale=1.3)]
+)
+def test_changed_trails_are_those_of_the_changed_world(change):
+    history = HistoryConfig()
+    plain = turning_cars()
+    heading = change.vectors(np.stack([np.cos(plain.yaw), np.sin(plain.yaw)], axis=1))
+    changed = dataclasses.replace(
+        plain,
+        position=change.vectors(plain.position),
+        velocity=change.vectors(plain.velocity),
+        yaw=np.arctan2(heading[:, 1], heading[:, 0]),
+    )
+    there, expected = (
+        trail_features(
+            cut_windows(recording, history, 0.2)[-30].window,
+            TrailContext(
+                recorded_trails(recording, SampleTable(take_in(recording, history), history)),
+                25,
+                history.dt_s,
+            ),
+        )
+        for recording in (plain, changed)
+    )
+    given = change.trails(there)
+    same = (given[..., 2] > 0.0) & (expected[..., 2] > 0.0)
+    # The points of the trails are at other places, and more of them are within a scaled reach.
+    assert same.sum() > 0.8 * (given[..., 2] > 0.0).sum() > 100
+    apart = np.linalg.norm(given - expected, axis=-1)[same]
+    assert np.median(apart) < 0.1
+    assert np.quantile(apart, 0.9) < 0.4
+    turned = np.abs(given[..., 1][same])
+    assert turned.max() > 20.0
 
 
 def mirrored(recording):

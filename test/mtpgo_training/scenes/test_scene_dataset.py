@@ -8,14 +8,18 @@ import numpy as np
 import pytest
 import torch
 from rosbags.typesys import Stores, get_typestore
+from torch_geometric.data import Batch
 from torch_geometric.loader import DataLoader
-from traffic import braking_cars
+from traffic import braking_cars, turning_cars
 
 from msg_adapters.registry import INPUTS
 from msg_adapters.types import TypestoreTypes
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.scene.scene_builder import build_scenes
+from mtpgo_core.scene.trails.trail_context import TrailContext
+from mtpgo_core.scene.trails.trail_memory import TrailMemory
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import (
     SceneDataset,
@@ -23,6 +27,7 @@ from mtpgo_training.scenes.scene_dataset import (
     to_scene,
     validation_scenes,
 )
+from mtpgo_training.scenes.windows import frames_every
 from mtpgo_training.training.training_config import DataConfig
 
 HISTORY = HistoryConfig()
@@ -67,6 +72,76 @@ def test_training_features_equal_online_features_through_real_messages(online):
         np.testing.assert_array_equal(sample.static.numpy(), batch.static[0])
         compared += int(batch.valid.sum())
     assert compared > 500
+
+
+TRAILS = dataclasses.replace(SCENE, trails=True)
+
+
+def trails_dataset(**data):
+    config = DataConfig(stride_s=1.0, **data)
+    source = prepare(turning_cars(), HISTORY, TRAILS, config, training=True)
+    return SceneDataset([source], HISTORY, TRAILS, config, H, 1)
+
+
+def known_share(data):
+    """Share of the agents of all samples that have a way on."""
+    known = [data[i].trails[:, 0, 0, 2] > 0.0 for i in range(len(data))]
+    return float(torch.cat(known).float().mean())
+
+
+def test_trails_are_those_of_the_node_and_end_up_in_the_batch():
+    data = trails_dataset(trails_none_probability=0.0, trails_partial_probability=0.0)
+    cars = turning_cars()
+    frames = frames_every(cars, HISTORY.dt_s).tolist()
+    asked = {tracked.window.stamp_ns for tracked in data.sources[0].windows}
+    memory, stamps = TrailMemory(), {}
+    for window in replay(cars, HISTORY, map(cars.stamp_ns, frames)):
+        memory.add(window, HISTORY.dt_s)
+        if window.stamp_ns not in asked:
+            continue
+        context = TrailContext(memory, H, HISTORY.dt_s)
+        centres = np.flatnonzero(window.valid[:, -1])
+        batch = build_scenes(window, TRAILS, centres=centres, trails=context)
+        stamps[window.stamp_ns] = dict(zip(window.key[centres, 0], batch.trails, strict=True))
+    compared = 0
+    for index in range(0, len(data), 3):
+        item, sample = data.items[index], data[index]
+        tracked = data.sources[0].window(item.window, restarted=item.restarted)
+        track = tracked.track[item.centre]
+        expected = stamps[tracked.window.stamp_ns][data.sources[0].recording.track_id[track]]
+        if not item.restarted:  # whose velocities are other estimates
+            given = sample.trails.numpy()
+            np.testing.assert_allclose(given, expected[: len(given)], atol=1e-5)
+            compared += int((given[..., 2] > 0.0).sum())
+    assert compared > 500
+    fields = dense(Batch.from_data_list([data[0], data[1]]))
+    assert fields["trails"].shape[2:] == (3, H, 3)
+    assert "trails" not in dense(Batch.from_data_list([dataset()[0]]))
+
+
+def test_training_draws_memories_of_all_ages_and_validation_uses_the_whole_past():
+    none = trails_dataset(trails_none_probability=1.0, trails_partial_probability=0.0)
+    partial = trails_dataset(trails_none_probability=0.0, trails_partial_probability=1.0)
+    whole = trails_dataset(trails_none_probability=0.0, trails_partial_probability=0.0)
+    assert known_share(none) == 0.0
+    assert 0.1 < known_share(partial) < 0.9 * known_share(whole)
+    usual = trails_dataset()
+    ages = np.array([item.trails_age for item in usual.items])
+    assert 0.1 < (ages == 0.0).mean() < 0.3
+    assert 0.3 < (ages == 1.0).mean() < 0.6
+    scenes = validation_scenes(usual.sources, HISTORY, TRAILS, H)
+    known = torch.cat([scene.trails[:, 0, 0, 2] > 0.0 for scene in scenes])
+    assert float(known.float().mean()) > 0.7
+
+
+def test_an_agent_whose_past_was_cut_does_not_find_its_own_trail():
+    first = turning_cars(tracks=1)
+    config = DataConfig(restart_probability=1.0, trails_none_probability=0.0)
+    source = prepare(first, HISTORY, TRAILS, config, training=True)
+    data = SceneDataset([source], HISTORY, TRAILS, config, H, 1)
+    assert len(source.trails) > 20
+    assert all(item.restarted for item in data.items)
+    assert known_share(data) == 0.0
 
 
 def test_the_size_of_a_graph_is_known_before_it_is_cut():
