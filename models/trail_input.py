@@ -27,6 +27,8 @@ LARGEST_M = 40.0
 class TrailInput(nn.Module):
     """Inputs made of ``trails`` [B, N, R, H, 3]: offsets ahead and to the left (m), share."""
 
+    std: Tensor
+
     def __init__(self, config: ModelConfig):
         super().__init__()
         self.dt_s = config.dt_s

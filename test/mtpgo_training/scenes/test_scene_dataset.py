@@ -20,7 +20,7 @@ from mtpgo_core.scene.trails.trail_context import TrailContext
 from mtpgo_core.scene.trails.trail_memory import TrailMemory
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.scenes.history_replay import replay
-from mtpgo_training.scenes.prepared_recording import RECORDED, TRACKED, prepare
+from mtpgo_training.scenes.prepared_recording import RECORDED, RESTARTED, TRACKED, prepare
 from mtpgo_training.scenes.scene_dataset import (
     SceneDataset,
     dense,
@@ -141,7 +141,7 @@ def test_an_agent_whose_past_was_cut_does_not_find_its_own_trail():
     source = prepare(first, HISTORY, TRAILS, config, training=True)
     data = SceneDataset([source], HISTORY, TRAILS, config, H, 1)
     assert len(source.trails) > 20
-    assert all(item.restarted for item in data.items)
+    assert all(item.view == RESTARTED for item in data.items)
     assert known_share(data) == 0.0
 
 
