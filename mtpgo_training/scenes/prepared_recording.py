@@ -46,6 +46,7 @@ class PreparedRecording:
             not balanced.
         weight: how often its windows are drawn in an epoch.
         trails: where its road users went, None if the task has no trails.
+        site: where it was recorded: its directory and, where the data set names one, the location.
     """
 
     recording: Recording
@@ -57,6 +58,7 @@ class PreparedRecording:
     changes: NDArray[np.int8] | None = None
     weight: float = 1.0
     trails: TrailMemory | None = None
+    site: str = ""
 
     def window(self, index: int, *, restarted: bool = False) -> TrackedWindow:
         """Return a window, or its restarted form."""
@@ -187,16 +189,19 @@ def prepare_all(
     """
     what = "training recordings" if training else "validation recordings"
     return [
-        prepare(
-            item.recording,
-            history,
-            scene,
-            data,
-            training=training,
-            horizon_steps=horizon_steps,
-            seed=seed,
-            weight=source_weight(item, data),
-            cache=cache,
+        dataclasses.replace(
+            prepare(
+                item.recording,
+                history,
+                scene,
+                data,
+                training=training,
+                horizon_steps=horizon_steps,
+                seed=seed,
+                weight=source_weight(item, data),
+                cache=cache,
+            ),
+            site="/".join(filter(None, (item.source, item.recording.location))),
         )
         for item in tqdm(named, desc=what, disable=not progress, leave=False)
     ]
