@@ -106,6 +106,7 @@ def export_runs(
     if samples is None:
         calibration = own_calibration(best.checkpoint) if calibrated else Calibration()
     else:
+        _require_same_output(samples, best.checkpoint)
         calibration = fit_calibration(samples, left_out=True)
         if len(calibration.sites) > 1:
             left_out = leave_one_site_out(samples)
@@ -211,6 +212,23 @@ def describe(checkpoint: Checkpoint, name: str | None = None) -> TaskDescription
         },
         metrics={"validation": checkpoint["metrics"]},
     )
+
+
+def _require_same_output(samples: CalibrationSamples, checkpoint: Checkpoint) -> None:
+    """Check that samples are of models with the horizon and the modes of a checkpoint.
+
+    Raises:
+        ConfigurationError: they are not.
+    """
+    config = checkpoint["model_config"]
+    expected = (config["horizon_steps"], config["dt_s"], config["modes"])
+    given = (samples.distance.shape[1], samples.step_s, samples.log_weight.shape[1])
+    if given != expected:
+        text = "{} steps of {:g} s, {} modes"
+        raise ConfigurationError(
+            f"the samples for the calibration are of models with {text.format(*given)}, expected "
+            f"those of the checkpoint, {text.format(*expected)}"
+        )
 
 
 def _check(model: TrajectoryPredictor, path: Path) -> None:

@@ -68,12 +68,9 @@ def test_the_calibration_and_the_coverage_of_moving_road_users_are_described():
     metrics = {"validation": {"model": {"all": scores}}}
     text = lines(calibration=calibration, metrics=metrics)
     assert text[9] == "calibrated fitted to left-out sites: a (5), b (4)"
-    assert (
-        text[10].split()
-        == (
-            "vehicle_standing covariance x 1 s 1.00 3 s 1.00 5 s 2.50 temperature 1.50 "
-            "(9 agents, 0 sites)"
-        ).split()
+    assert " ".join(text[10].split()) == (
+        "vehicle_standing covariance x 1 s 1.00 3 s 1.00 5 s 2.50 temperature 1.50 "
+        "(9 agents, 0 sites)"
     )
     assert text[10 + len(GROUPS)] == (
         "coverage   validation: 0.875 of moving road users are inside their 90 % ellipse after "
