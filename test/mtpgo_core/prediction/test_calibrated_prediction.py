@@ -87,10 +87,11 @@ def test_a_velocity_that_was_never_known_counts_as_moving(predictions):
     unknown = np.full((4, 2), np.nan)
     standing = dataclasses.replace(plain, initial=np.zeros((4, 4)))
     vehicle = GROUPS.index("vehicle_moving")
-    found = calibrate(standing, calibration(), unknown).covariance[0] / plain.covariance[0]
-    np.testing.assert_allclose(found[0, 0, 0, 0], 1.0 + vehicle)
-    found = calibrate(standing, calibration()).covariance[0] / plain.covariance[0]
-    np.testing.assert_allclose(found[0, 0, 0, 0], 1.0 + GROUPS.index("vehicle_standing"))
+    variance = plain.covariance[0, 0, 0, 0, 0]
+    found = calibrate(standing, calibration(), unknown).covariance[0, 0, 0, 0, 0]
+    assert found == pytest.approx((1.0 + vehicle) * variance)
+    found = calibrate(standing, calibration()).covariance[0, 0, 0, 0, 0]
+    assert found == pytest.approx((1.0 + GROUPS.index("vehicle_standing")) * variance)
 
 
 def test_rows_without_a_prediction_stay_so(predictions):

@@ -84,7 +84,7 @@ def test_a_calibration_brings_the_ellipses_to_their_level(model, batches):
     again, _ = validate(model, batches, calibration)
     before, after = (scores.averages()["model"]["all"] for scores in (book, again))
     assert abs(before["coverage_90"] - 0.9) > 0.02
-    assert after["coverage_90"] == pytest.approx(0.9, abs=0.02)
+    assert after["coverage_90"] == pytest.approx(0.9, abs=0.03)
     assert before["ade"] == pytest.approx(after["ade"], rel=1e-5)
 
 
