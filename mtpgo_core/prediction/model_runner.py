@@ -20,6 +20,7 @@ import torch
 
 from mtpgo_core.errors import ModelFileError
 from mtpgo_core.frames import rotate_covariance
+from mtpgo_core.prediction.calibrated_prediction import calibrate
 from mtpgo_core.prediction.constant_velocity import usable_covariances
 from mtpgo_core.prediction.output_assembly import ModelOutput, assemble
 from mtpgo_core.scene.trails.trail_branches import BRANCHES
@@ -134,8 +135,8 @@ class ModelRunner:
 
         Returns:
             One row for each agent of the window, in the fixed frame, modes sorted by descending
-            weight. Rows of agents that are primary in no graph, or whose output is not usable,
-            are NaN; the caller provides a fallback.
+            weight, calibrated as the task says. Rows of agents that are primary in no graph, or
+            whose output is not usable, are NaN; the caller provides a fallback.
         """
         covariance = self._tracked(window, batch) if initial_covariance else None
         pieces = [
@@ -149,7 +150,8 @@ class ModelRunner:
             np.zeros((0, modes, steps, 2, 2), np.float32),
         )
         joined = [np.concatenate(parts) for parts in zip(empty, *pieces, strict=True)]
-        return assemble(window, batch, ModelOutput(*joined), self.task.history.dt_s)
+        prediction = assemble(window, batch, ModelOutput(*joined), self.task.history.dt_s)
+        return calibrate(prediction, self.task.calibration, window.velocity[:, -1])
 
     def _piece(
         self, batch: SceneBatch, piece: slice, covariance: Float32Array | None

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.options import check_options, from_dict, option
+from mtpgo_core.options import check_options, from_dict, option, require
+from mtpgo_core.task.calibration import Calibration
 
 SCHEMA_VERSION = 1
 """Incremented whenever an older runner can no longer run a newer file."""
@@ -167,6 +168,7 @@ class TaskDescription:
         modes: M.
         history: see :class:`HistoryConfig`.
         scene: see :class:`SceneConfig`.
+        calibration: applied to the model's output by the runner; none by default.
         model: the network's configuration, for information.
         training: data (names, hashes), licence and attribution, splits, schedule, seed.
         metrics: measured results, by data set.
@@ -180,6 +182,7 @@ class TaskDescription:
     modes: int = 8
     history: HistoryConfig = HistoryConfig()
     scene: SceneConfig = SceneConfig()
+    calibration: Calibration = Calibration()  # noqa: RUF009  frozen
     model: dict[str, Any] = field(default_factory=dict)
     training: dict[str, Any] = field(default_factory=dict)
     metrics: dict[str, Any] = field(default_factory=dict)
@@ -196,7 +199,8 @@ class TaskDescription:
 
         Raises:
             ConfigurationError: the text is not a JSON object, has an unknown or ill-typed field,
-                or has another schema version; the sentence names the field.
+                has another schema version, or a calibration for another horizon; the sentence
+                names the field.
         """
         try:
             data = json.loads(text)
@@ -211,4 +215,12 @@ class TaskDescription:
             raise ConfigurationError(
                 f"the task description has schema version {version!r}, expected {SCHEMA_VERSION}"
             )
-        return from_dict(cls, data, "task")
+        task = from_dict(cls, data, "task")
+        steps = task.calibration.horizon_steps
+        require(
+            "length of task.calibration.factors",
+            steps,
+            task.calibration.is_none or steps == task.horizon_steps,
+            f"{task.horizon_steps}, the steps of the horizon",
+        )
+        return task

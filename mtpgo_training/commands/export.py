@@ -5,11 +5,14 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from mtpgo_training.atomic_files import require_writable
+from mtpgo_training.calibration.calibration_samples import load_samples
 from mtpgo_training.export.exporter import export_runs
 from mtpgo_training.export.model_info import model_text
+from mtpgo_training.table_format import to_text
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -25,8 +28,25 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     export.add_argument("-o", "--output", type=Path, required=True, help="model file to write")
     export.add_argument("--name", help="name of the model, the configuration's by default")
+    calibration = export.add_mutually_exclusive_group()
+    calibration.add_argument(
+        "--uncalibrated",
+        action="store_true",
+        help="leave covariances and mode weights as they were trained",
+    )
+    calibration.add_argument(
+        "--calibration",
+        type=Path,
+        nargs="+",
+        metavar="PATH",
+        help="calibrate on the sites that `mtpgo crossval` left out (its folder, or "
+        "calibration.npz of its folds) instead of the validation recordings",
+    )
     export.add_argument(
-        "--uncalibrated", action="store_true", help="leave the covariances as they were trained"
+        "--force",
+        action="store_true",
+        help="export a model whose 90 %% ellipses hold less than 80 %% or more than 98 %% of the "
+        "moving validation road users 5 s ahead",
     )
     export.set_defaults(run=run)
 
@@ -34,12 +54,22 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo export``."""
     require_writable(args.output)
-    task, best, candidates = export_runs(
-        args.checkpoint, args.output, name=args.name, calibrated=not args.uncalibrated
+    exported = export_runs(
+        args.checkpoint,
+        args.output,
+        name=args.name,
+        calibrated=not args.uncalibrated,
+        samples=load_samples(args.calibration) if args.calibration else None,
+        force=args.force,
     )
-    print(model_text(task))
-    for candidate in candidates if len(candidates) > 1 else ():
-        mark = ", chosen" if candidate is best else ""
+    for sentence in exported.warnings:
+        print(f"mtpgo: warning: {sentence}", file=sys.stderr)
+    print(model_text(exported.task))
+    if exported.left_out is not None:
+        print("\neach site without and with the calibration fitted to the other sites:")
+        print(to_text(exported.left_out) + "\n")
+    for candidate in exported.candidates if len(exported.candidates) > 1 else ():
+        mark = ", chosen" if candidate is exported.run else ""
         print(f"candidate  {candidate.path}: validation ADE {candidate.ade_m:.3f} m{mark}")
     print(f"written    {args.output}, {args.output.stat().st_size / 1e6:.2f} MB")
     return 0

@@ -8,6 +8,7 @@ import dataclasses
 import json
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -20,9 +21,23 @@ from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_core.errors import ConfigurationError, ModelFileError
 from mtpgo_core.options import from_dict
 from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.task.calibration import Calibration
 from mtpgo_core.task.task_description import TASK_FILE, TaskDescription
 from mtpgo_training.atomic_files import replacing
+from mtpgo_training.calibration.calibration_fit import fit_calibration
+from mtpgo_training.calibration.calibration_report import (
+    calibration_table,
+    leave_one_site_out,
+    moving_scores,
+)
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples
+from mtpgo_training.export.model_calibration import (
+    calibrated_metrics,
+    check_coverage,
+    own_calibration,
+)
 from mtpgo_training.export.run_selection import Candidate, select_run
+from mtpgo_training.table_format import Table
 from mtpgo_training.training.networks import (
     MTP_GO,
     NETWORKS,
@@ -43,30 +58,73 @@ STATE_NAMES = ("x", "y", "vx", "vy")
 """The states in their order: position (m) and velocity (m/s) in the scene frame."""
 
 
+@dataclass(frozen=True)
+class Export:
+    """An exported model.
+
+    Attributes:
+        task: the task description in the file.
+        run: the exported run.
+        candidates: all runs in the order given.
+        warnings: sentences about its ellipses.
+        left_out: what the calibration brings to each site by a fit to the others, None where the
+            model has its own calibration.
+    """
+
+    task: TaskDescription
+    run: Candidate
+    candidates: list[Candidate]
+    warnings: list[str]
+    left_out: Table | None = None
+
+
 def export_runs(
-    paths: Sequence[Path], output: Path, *, name: str | None = None, calibrated: bool = True
-) -> tuple[TaskDescription, Candidate, list[Candidate]]:
+    paths: Sequence[Path],
+    output: Path,
+    *,
+    name: str | None = None,
+    calibrated: bool = True,
+    samples: CalibrationSamples | None = None,
+    force: bool = False,
+) -> Export:
     """Export the run with the smallest validation ADE.
 
     Args:
         paths: checkpoints or run folders.
         output: model file to write.
         name: name of the model, the configuration's by default.
-        calibrated: scale the covariances by the factor fitted to the validation recordings.
-
-    Returns:
-        The task description in the file, the exported run, and all runs in the order given.
+        calibrated: apply a calibration: that of the checkpoint, fitted to the validation
+            recordings, or the one fitted to ``samples``.
+        samples: predictions on sites that were left out of a training.
+        force: export a model whose ellipses hold too few or too many road users.
 
     Raises:
-        MtpgoError: a checkpoint is unusable, or the file cannot be written.
+        MtpgoError: a checkpoint is unusable, the ellipses are, or the file cannot be written.
     """
     best, candidates = select_run(paths)
-    task = describe(best.checkpoint, name)
+    table, honest = None, {}
+    if samples is None:
+        calibration = own_calibration(best.checkpoint) if calibrated else Calibration()
+    else:
+        _require_same_output(samples, best.checkpoint)
+        calibration = fit_calibration(samples, left_out=True)
+        if len(calibration.sites) > 1:
+            left_out = leave_one_site_out(samples)
+            table = calibration_table(samples, left_out)
+            honest = {"left-out sites": {"model": {"all": moving_scores(left_out)}}}
+    validation = calibrated_metrics(best, calibration)
+    warning = check_coverage(validation, force=force)
+    task = dataclasses.replace(
+        describe(best.checkpoint, name),
+        calibration=calibration,
+        metrics={"validation": validation, **honest},
+    )
     if len(candidates) > 1:
         scores = [{"seed": c.seed, "validation_ade_m": c.ade_m} for c in candidates]
         task = dataclasses.replace(task, training={**task.training, "chosen_from": scores})
-    model = load_model(best.checkpoint, calibrated=calibrated)
-    return export_model(model, task, output), best, candidates
+    model = load_model(best.checkpoint, calibrated=calibrated and samples is None)
+    task = export_model(model, task, output)
+    return Export(task, best, candidates, [warning] if warning else [], table)
 
 
 def export_model(model: TrajectoryPredictor, task: TaskDescription, path: Path) -> TaskDescription:
@@ -107,7 +165,8 @@ def load_model(checkpoint: Checkpoint, *, calibrated: bool = True) -> Trajectory
 
     Args:
         checkpoint: content of a checkpoint of ``mtpgo train``.
-        calibrated: scale the covariances by the factor fitted to the validation recordings.
+        calibrated: scale the covariances by the one factor that checkpoints of earlier versions
+            have instead of a calibration.
 
     Raises:
         ConfigurationError: the checkpoint belongs to another architecture.
@@ -153,6 +212,23 @@ def describe(checkpoint: Checkpoint, name: str | None = None) -> TaskDescription
         },
         metrics={"validation": checkpoint["metrics"]},
     )
+
+
+def _require_same_output(samples: CalibrationSamples, checkpoint: Checkpoint) -> None:
+    """Check that samples are of models with the horizon and the modes of a checkpoint.
+
+    Raises:
+        ConfigurationError: they are not.
+    """
+    config = checkpoint["model_config"]
+    expected = (config["horizon_steps"], config["dt_s"], config["modes"])
+    given = (samples.distance.shape[1], samples.step_s, samples.log_weight.shape[1])
+    if given != expected:
+        text = "{} steps of {:g} s, {} modes"
+        raise ConfigurationError(
+            f"the samples for the calibration are of models with {text.format(*given)}, expected "
+            f"those of the checkpoint, {text.format(*expected)}"
+        )
 
 
 def _check(model: TrajectoryPredictor, path: Path) -> None:

@@ -5,11 +5,16 @@
 from __future__ import annotations
 
 from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_training.calibration.calibration_text import calibration_text, moving_text
 
 
 def model_text(task: TaskDescription) -> str:
     """Return the description of a model as printed to the terminal."""
     training = task.training
+    calibration = calibration_text(task.calibration, task.history.dt_s)
+    scale = task.model.get("covariance_scale", 1.0)
+    if task.calibration.is_none and scale != 1.0:
+        calibration = [f"one factor of {scale:.2f} on all covariances"]
     lines = [
         f"{task.name} (exported by version {task.version or 'unknown'})",
         f"network    {task.model.get('network', 'mtp-go')}",
@@ -22,6 +27,11 @@ def model_text(task: TaskDescription) -> str:
         f"classes    {', '.join(task.scene.classes)}",
         f"weights    sha256 {task.weights_sha256}",
     ]
+    lines += [f"{'' if i else 'calibrated':<10} {line}" for i, line in enumerate(calibration)]
+    for where, models in task.metrics.items():
+        coverage = moving_text(models.get("model", {}).get("all", {}))
+        if coverage:
+            lines.append(f"coverage   {where}: {coverage}")
     for use in ("train", "validation", "test"):
         names = [
             f"{r.get('source')}/{r.get('name')}"
@@ -37,13 +47,16 @@ def model_text(task: TaskDescription) -> str:
         if training.get(key):
             lines.append(f"{key:<10} {training[key]}")
     for where, models in task.metrics.items():
-        lines.append(f"metrics    {where}:")
+        rows = []
         for model, protocols in models.items():
             for protocol, scores in protocols.items():
                 values = "  ".join(
                     f"{k} {v:.3f}" if isinstance(v, float) else f"{k} {v}"
                     for k, v in scores.items()
-                    if v is not None
+                    if v is not None and not k.startswith("moving_")
                 )
-                lines.append(f"           {model:<6} {protocol:<7} {values}")
+                if values:
+                    rows.append(f"           {model:<6} {protocol:<7} {values}")
+        if rows:
+            lines += [f"metrics    {where}:", *rows]
     return "\n".join(lines)

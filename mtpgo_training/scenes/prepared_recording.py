@@ -56,6 +56,7 @@ class PreparedRecording:
             not balanced.
         weight: how often its windows are drawn in an epoch.
         trails: where its road users went, None if the task has no trails.
+        site: where it was recorded: its directory and, where the data set names one, the location.
     """
 
     recording: Recording
@@ -68,6 +69,7 @@ class PreparedRecording:
     weight: float = 1.0
     trails: TrailMemory | None = None
     tracked: tuple[Windows, ...] = ()
+    site: str = ""
 
     @property
     def views(self) -> tuple[Windows, ...]:
@@ -235,16 +237,19 @@ def prepare_all(
     """
     what = "training recordings" if training else "validation recordings"
     return [
-        prepare(
-            item.recording,
-            history,
-            scene,
-            data,
-            training=training,
-            horizon_steps=horizon_steps,
-            seed=seed,
-            weight=source_weight(item, data),
-            cache=cache,
+        dataclasses.replace(
+            prepare(
+                item.recording,
+                history,
+                scene,
+                data,
+                training=training,
+                horizon_steps=horizon_steps,
+                seed=seed,
+                weight=source_weight(item, data),
+                cache=cache,
+            ),
+            site="/".join(filter(None, (item.source, item.recording.location))),
         )
         for item in tqdm(named, desc=what, disable=not progress, leave=False)
     ]

@@ -24,6 +24,7 @@ from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.scene_builder import build_scenes, class_one_hot
 from mtpgo_core.scene.trails.trail_context import TrailContext
 from mtpgo_core.schema import AgentClass, Float32Array, Float64Array, HistoryWindow, SceneBatch
+from mtpgo_core.task.calibration import calibration_groups
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.scenes.augmentation import Augmentation
@@ -194,7 +195,8 @@ def validation_scenes(
     They are cut from the recorded observations and, where there are any, from those of the
     simulated trackers. As in the node, each window keeps the centres of the one before that are
     still useful. ``primary`` marks the graph whose prediction would be published for an agent, so
-    every agent counts once; ``centre`` marks the agents in the centres of the graphs.
+    every agent counts once; ``centre`` marks the agents in the centres of the graphs. ``group``
+    [N] is their group in a calibration, and ``site`` of a scene is the name of its site.
     """
     scenes = []
     for source in sources:
@@ -221,13 +223,17 @@ def _with_baselines(
     history: HistoryConfig,
     horizon_steps: int,
 ) -> Data:
-    """Return :func:`scene_data` with the field ``baselines`` [N, baselines, H, 2]."""
+    """Return :func:`scene_data` with ``baselines`` [N, baselines, H, 2], groups and site."""
     data = scene_data(batch, b, tracked, source, scene, history.dt_s, horizon_steps)
     agents = batch.agent[b][batch.agent[b] >= 0]
-    own = predict_baselines(tracked.window.select(agents), horizon_steps, history.dt_s)
+    window = tracked.window.select(agents)
+    own = predict_baselines(window, horizon_steps, history.dt_s)
     paths = np.stack([path.position for path in own.values()], axis=1)
     local = to_scene(paths - batch.origin[b], batch.rotation[b])
     data.baselines = torch.from_numpy(np.nan_to_num(local).astype(np.float32))
+    group = calibration_groups(window.agent_class, window.velocity[:, -1])
+    data.group = torch.from_numpy(group)
+    data.site = source.site
     return data
 
 
@@ -359,6 +365,7 @@ def dense(batch: Batch) -> dict[str, Tensor]:
         "centre",
         "baselines",
         "trails",
+        "group",
     )
     index, size = batch.batch, int(batch.num_graphs)
     return {

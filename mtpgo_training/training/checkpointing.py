@@ -25,7 +25,7 @@ def save_checkpoint(
     precision: dict[str, Any],
     best: bool,
 ) -> None:
-    """Write ``last.pt``, ``best.pt`` if it is the best, and the log.
+    """Write ``last.pt``, the log, and ``best.pt`` with the validation's samples if it is the best.
 
     Args:
         run: the run.
@@ -43,7 +43,7 @@ def save_checkpoint(
         "average": run.average.state_dict(),
         "epoch": state.epoch,
         "step": state.step,
-        "covariance_scale": state.scale,
+        "calibration": state.calibration,
         "metrics": state.metrics,
         "splits": splits,
     }
@@ -53,6 +53,8 @@ def save_checkpoint(
         "precision": precision,
         "state": dataclasses.asdict(state),
     }
+    if best and run.samples is not None:
+        run.samples.save(folder.samples)
     folder.save(exported, resumed, best=best)
     if state.rows:
         folder.write_log(state.rows)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import torch
 
+from mtpgo_training.calibration.calibration_text import moving_text
 from mtpgo_training.data.splits import NamedRecording, Splits
 from mtpgo_training.evaluation.scores.score_summary import averages_table
 from mtpgo_training.table_format import to_text
@@ -80,9 +81,9 @@ def summary(run: TrainingRun, folder: Path) -> str:
     lines = []
     if state.metrics:
         lines += [
-            f"{options.keep} epoch {state.best_epoch}, validation, all agents, "
-            f"covariances scaled by {state.scale:.2f}:",
+            f"{options.keep} epoch {state.best_epoch}, validation, all agents, calibrated:",
             to_text(averages_table(state.metrics, "all")),
+            moving_text(state.metrics["model"]["all"]),
         ]
     minutes = (state.seconds + state.epoch_seconds) / 60.0
     lines.append(

@@ -4,8 +4,9 @@
 
 ``config.yaml`` and ``run.json`` (data hashes, splits, versions, seed) are written at the start;
 ``log.csv`` gets a line per epoch, ``tensorboard/`` the same and the loss by step; an interrupted
-run is resumed from ``last.pt``; ``best.pt`` is the best epoch by validation. Checkpoints hold
-plain data only, so they load with ``weights_only``.
+run is resumed from ``last.pt``; ``best.pt`` is the best epoch by validation, and
+``validation.npz`` has the samples of its validation, to which a calibration is fitted. Checkpoints
+hold plain data only, so they load with ``weights_only``.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ from mtpgo_training.training.training_config import TrainingConfig, dump_config,
 
 CHECKPOINT_FORMAT = 1
 
+VALIDATION_SAMPLES = "validation.npz"
+"""Name of the samples for a calibration, of the validation of ``best.pt``."""
+
 Checkpoint = dict[str, Any]
 
 
@@ -39,6 +43,7 @@ class RunFolder:
         self.path = path
         self.best = path / "best.pt"
         self.last = path / "last.pt"
+        self.samples = path / VALIDATION_SAMPLES
         self._log = path / "log.csv"
 
     def require_new(self) -> None:

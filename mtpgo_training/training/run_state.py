@@ -12,6 +12,7 @@ from typing import Any
 import torch
 
 from models.trajectory_predictor import TrajectoryPredictor
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 from mtpgo_training.training.losses.schedules import LossWeights, loss_weights
 from mtpgo_training.training.training_config import TrainingConfig
 
@@ -35,7 +36,7 @@ class RunState:
         best: smallest validation criterion so far, see
             :func:`mtpgo_training.training.validation.validate_epoch`.
         best_epoch: epoch that reached it, counted from 1.
-        scale: factor on the covariances, fitted at the best epoch.
+        calibration: fitted at the best epoch, as plain data.
         metrics: validation scores of the best epoch, as plain data.
         rows: the log.
     """
@@ -50,7 +51,7 @@ class RunState:
     seconds: float = 0.0
     best: float = math.inf
     best_epoch: int = 0
-    scale: float = 1.0
+    calibration: dict[str, Any] = field(default_factory=dict)
     metrics: dict[str, Any] = field(default_factory=dict)
     rows: list[Row] = field(default_factory=list)
 
@@ -88,6 +89,7 @@ class TrainingRun:
         is_global_zero: whether this is the first process, which prints and writes.
         stopping: whether all processes have agreed to end after the last completed step.
         received_signal: the signal that asked for it, if there was one.
+        samples: of the validation of the best epoch, for a calibration; None after a resumption.
     """
 
     def __init__(self, model: TrajectoryPredictor, config: TrainingConfig) -> None:
@@ -98,6 +100,7 @@ class TrainingRun:
         self.is_global_zero = True
         self.stopping = False
         self.received_signal: int | None = None
+        self.samples: CalibrationSamples | None = None
 
     @property
     def finished(self) -> bool:

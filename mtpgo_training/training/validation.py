@@ -1,20 +1,24 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Validation: the scores of a network, and the factor that calibrates its covariances."""
+"""Validation: the scores of a network, and the calibration of its output."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import torch
-from torch import Tensor
 from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 
 from models.trajectory_predictor import TrajectoryPredictor
+from mtpgo_core.prediction.calibrated_prediction import calibrated_covariances, calibrated_weights
+from mtpgo_core.task.calibration import Calibration
+from mtpgo_training.calibration.calibration_fit import fit_calibration
+from mtpgo_training.calibration.calibration_report import moving_scores
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.evaluation.scores.agent_scores import score_agents, score_paths
 from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
@@ -33,85 +37,65 @@ LOGGED_SCORES = ("ade", "fde", "mr", "anll", "min_ade", "coverage_90")
 """Validation scores in the log."""
 
 
-@dataclass
-class CovarianceCalibration:
-    """Squared Mahalanobis distances of the truth from the heaviest mode.
-
-    Weighted as in the coverage metric: an average over an agent's observed steps first, then over
-    the primary agents.
-    """
-
-    _distances: list[Tensor] = field(default_factory=list)
-    _shares: list[Tensor] = field(default_factory=list)
-
-    def add(self, fields: Fields, log_weight: Tensor, mean: Tensor, covariance: Tensor) -> None:
-        """Add a batch: the network's output for ``fields``."""
-        best = log_weight.argmax(dim=-1)[..., None, None, None]
-        path = mean.gather(2, best.expand(-1, -1, 1, *mean.shape[3:])).squeeze(2)[..., :2]
-        best = best.unsqueeze(-1).expand(-1, -1, 1, *covariance.shape[3:])
-        spread = covariance.gather(2, best).squeeze(2)[..., :2, :2]
-        offset = (fields["target"][..., :2] - path).unsqueeze(-1)
-        distance = (offset.mT @ torch.linalg.inv(spread.double()).float() @ offset)[..., 0, 0]
-        known = (fields["weight"] > 0.0) & fields["primary"].unsqueeze(-1)
-        self._distances.append(distance[known])
-        self._shares.append((known / known.sum(dim=-1, keepdim=True).clamp(min=1))[known])
-
-    def merge(self, other: CovarianceCalibration) -> None:
-        """Add the distances of another process."""
-        self._distances += other._distances
-        self._shares += other._shares
-
-    def scale(self, level: float = 0.9) -> float:
-        """Return the factor on the covariances at which ``level`` of the truth is covered.
-
-        Limited to 1/4 to 4: a larger correction would hide a different problem.
-
-        Args:
-            level: probability of the ellipses.
-        """
-        distance, order = torch.cat(self._distances).double().sort()
-        share = torch.cat(self._shares).double()[order].cumsum(dim=0)
-        quantile = distance[int(torch.searchsorted(share, level * share[-1]))]
-        # -2 log(1 - level) is the quantile of the chi-square distribution with two degrees.
-        return float((quantile / (-2.0 * math.log(1.0 - level))).clamp(0.25, 4.0))
-
-
 @torch.no_grad()
 def validate(
-    model: TrajectoryPredictor, batches: Iterable[Fields], scale: float = 1.0
-) -> tuple[ScoreTable, CovarianceCalibration]:
+    model: TrajectoryPredictor,
+    batches: Iterable[Fields],
+    calibration: Calibration = Calibration(),  # noqa: B008  frozen
+    *,
+    sites: Sequence[str] = ("",),
+) -> tuple[ScoreTable, CalibrationSamples]:
     """Return the scores of the model and of the baselines on the same agents, by both protocols.
 
     Args:
         model: the network, on any device.
         batches: dense batches of :func:`mtpgo_training.scenes.scene_dataset.validation_scenes`, in
-            full precision.
-        scale: factor on the model's covariances.
+            full precision; with ``site`` [B, N], the position of each agent's site in ``sites``,
+            where there are several.
+        calibration: of the model's output, in the scores.
+        sites: names of the sites.
+
+    Returns:
+        The scores, and the samples for a calibration of the agents of protocol ``all``: of the
+        model as it is, whatever ``calibration`` is.
     """
-    scores, calibration = ScoreTable(), CovarianceCalibration()
+    scores, samples = ScoreTable(), []
     device = next(model.parameters()).device
     for fields in batches:
         given = [fields[name].to(device) for name in ("x", "valid", "static")]
         trails = fields["trails"].to(device) if "trails" in fields else None
         log_weight, mean, covariance = (value.cpu() for value in model(*given, None, trails))
-        calibration.add(fields, log_weight, mean, covariance)
         observed = fields["weight"] > 0.0
         for protocol, chosen in (("all", fields["primary"]), ("centre", fields["centre"])):
             rows = chosen & observed.any(dim=-1)
             truth = fields["target"][rows][..., :2].numpy()
             mask = observed[rows].numpy()
-            scored = score_agents(
-                mean[rows][..., :2].numpy(),
-                log_weight[rows].exp().numpy(),
-                scale * covariance[rows][..., :2, :2].numpy(),
-                truth,
-                mask,
-            )
-            scores.add("model", protocol, scored)
+            position = mean[rows][..., :2].numpy()
+            weight = log_weight[rows].exp().numpy()
+            spread = covariance[rows][..., :2, :2].numpy()
+            group = fields["group"][rows].numpy()
+            if protocol == "all":
+                samples.append(
+                    CalibrationSamples.of(
+                        position,
+                        weight,
+                        spread,
+                        truth,
+                        mask,
+                        group=group,
+                        step_s=model.config.dt_s,
+                        sites=sites,
+                        site=fields["site"][rows].numpy() if "site" in fields else 0,
+                    )
+                )
+            if not calibration.is_none:
+                weight = calibrated_weights(weight, group, calibration)
+                spread = calibrated_covariances(spread, group, calibration)
+            scores.add("model", protocol, score_agents(position, weight, spread, truth, mask))
             paths = fields["baselines"][rows].numpy()  # [n, baselines, H, 2]
             for i, name in enumerate(BASELINES):
                 scores.add(name, protocol, score_paths(paths[:, i], truth, mask))
-    return scores, calibration
+    return scores, merge_samples(samples)
 
 
 def validate_epoch(
@@ -132,7 +116,7 @@ def validate_epoch(
         The validation's columns of the log, and whether the epoch is the best so far.
     """
     state = run.state
-    averages, calibration = _validate_together(run, scenes[rank::processes], processes)
+    averages, samples = _validate_together(run, scenes, rank, processes)
     criterion = averages["model"]["all"]["ade"]
     assert criterion is not None, "no agent of the validation scenes was observed"
     if run.loss_weights().ewta > 0.0:
@@ -140,26 +124,42 @@ def validate_epoch(
     better = criterion < state.best or run.config.optimisation.keep == "last"
     if better:
         state.best, state.best_epoch = criterion, state.epoch + 1
-        state.scale = calibration.scale()
-        calibrated, _ = _validate_together(run, scenes[rank::processes], processes, state.scale)
+        calibration = fit_calibration(samples)
+        calibrated, _ = _validate_together(run, scenes, rank, processes, calibration)
+        calibrated["model"]["all"].update(moving_scores(samples.calibrated(calibration)))
+        state.calibration = dataclasses.asdict(calibration)
         state.metrics = calibrated
+        run.samples = samples
     return _columns(averages), better
 
 
 def _validate_together(
-    run: TrainingRun, scenes: Sequence[Data], processes: int, scale: float = 1.0
-) -> tuple[Averages, CovarianceCalibration]:
-    """Return what all processes find together, each with its own ``scenes``."""
-    batches = (dense(batch) for batch in DataLoader(scenes, batch_size=BATCH_SCENES))
-    scores, calibration = validate(run.average.eval(), batches, scale)
+    run: TrainingRun,
+    scenes: Sequence[Data],
+    rank: int,
+    processes: int,
+    calibration: Calibration = Calibration(),  # noqa: B008  frozen
+) -> tuple[Averages, CalibrationSamples]:
+    """Return what all processes find together, each with its share of the scenes."""
+    sites = sorted({scene.site for scene in scenes})
+    batches = _batches(scenes[rank::processes], sites)
+    scores, samples = validate(run.average.eval(), batches, calibration, sites=sites)
     if processes > 1:
         shares: list[Any] = [None] * processes
-        torch.distributed.all_gather_object(shares, (scores, calibration))
-        scores, calibration = ScoreTable(), CovarianceCalibration()
-        for other_scores, other_calibration in shares:
+        torch.distributed.all_gather_object(shares, (scores, samples))
+        scores = ScoreTable()
+        for other_scores, _ in shares:
             scores.merge(other_scores)
-            calibration.merge(other_calibration)
-    return scores.averages(), calibration
+        samples = merge_samples([other for _, other in shares])
+    return scores.averages(), samples
+
+
+def _batches(scenes: Sequence[Data], sites: Sequence[str]) -> Iterator[Fields]:
+    """Yield dense batches of scenes, with the position in ``sites`` of each agent's site."""
+    for batch in DataLoader(scenes, batch_size=BATCH_SCENES):
+        fields = dense(batch)
+        site = torch.tensor([sites.index(name) for name in batch.site])
+        yield {**fields, "site": site[:, None].expand(fields["primary"].shape)}
 
 
 def _columns(averages: Averages) -> Row:

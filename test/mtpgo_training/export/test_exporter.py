@@ -18,7 +18,6 @@ from mtpgo_core.scene.scene_builder import build_scenes
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training import cli
 from mtpgo_training.commands import evaluate as evaluation
-from mtpgo_training.commands import export as export_command
 from mtpgo_training.commands import info as info_command
 from mtpgo_training.export import exporter as export
 from mtpgo_training.training.run_folder import RunFolder
@@ -68,10 +67,7 @@ def run_folder(model, tmp_path_factory):
 @pytest.fixture(scope="module")
 def model_file(run_folder, tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "tiny.pt"
-    arguments = argparse.Namespace(
-        checkpoint=[run_folder.path], output=path, name=None, uncalibrated=False
-    )
-    assert export_command.run(arguments) == 0
+    assert cli.main(["export", str(run_folder.path), "-o", str(path)]) == 0
     return path
 
 

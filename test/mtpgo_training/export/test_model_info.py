@@ -2,6 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The description of a model as text."""
 
+from mtpgo_core.task.calibration import (
+    GROUPS,
+    Calibration,
+    CalibrationSite,
+    GroupCalibration,
+)
 from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.export.model_info import model_text
 
@@ -20,7 +26,7 @@ def test_the_task_is_described_in_full():
         "history    16 steps of 0.2 s",
         "scene      policy cover, frame centre_heading, up to 31 neighbours within 100 m",
     ]
-    assert text[8] == "weights    sha256 ab"
+    assert text[8:10] == ["weights    sha256 ab", "calibrated none"]
     unknown = lines()
     assert unknown[0] == "made (exported by version unknown)"
     assert unknown[1] == "network    mtp-go"
@@ -29,7 +35,7 @@ def test_the_task_is_described_in_full():
 def test_recordings_are_listed_by_use():
     uses = (("01", "train"), ("02", "test"), ("03", "train"))
     recordings = [{"source": "cars", "name": name, "split": use} for name, use in uses]
-    assert lines(training={"recordings": recordings})[9:] == [
+    assert lines(training={"recordings": recordings})[10:] == [
         "train      cars/01, cars/03",
         "validation -",
         "test       cars/02",
@@ -38,7 +44,7 @@ def test_recordings_are_listed_by_use():
 
 def test_the_runs_that_the_model_was_chosen_from_are_listed():
     runs = [{"seed": 1, "validation_ade_m": 0.5}, {"seed": 7, "validation_ade_m": 0.4}]
-    assert lines(training={"chosen_from": runs, "licence": "free", "attribution": ""})[12:] == [
+    assert lines(training={"chosen_from": runs, "licence": "free", "attribution": ""})[13:] == [
         "chosen     from 2 runs by validation ADE: 0.500 m (seed 1), 0.400 m (seed 7)",
         "licence    free",
     ]
@@ -46,7 +52,34 @@ def test_the_runs_that_the_model_was_chosen_from_are_listed():
 
 def test_metrics_without_a_value_are_left_out():
     scores = {"ade": 0.51249, "n": 7, "fnll": None}
-    assert lines(metrics={"validation": {"model": {"all": scores}}})[12:] == [
+    assert lines(metrics={"validation": {"model": {"all": scores}}})[13:] == [
         "metrics    validation:",
         "           model  all     ade 0.512  n 7",
     ]
+
+
+def test_the_calibration_and_the_coverage_of_moving_road_users_are_described():
+    groups = tuple(
+        GroupCalibration(name=name, factors=(1.0,) * 24 + (2.5,), temperature=1.5, agents=9)
+        for name in GROUPS
+    )
+    calibration = Calibration(groups, (CalibrationSite("a", 5), CalibrationSite("b", 4)), True)
+    scores = {"ade": 0.5, "moving_n": 60, "moving_coverage_90_5s": 0.875}
+    metrics = {"validation": {"model": {"all": scores}}}
+    text = lines(calibration=calibration, metrics=metrics)
+    assert text[9] == "calibrated fitted to left-out sites: a (5), b (4)"
+    assert " ".join(text[10].split()) == (
+        "vehicle_standing covariance x 1 s 1.00 3 s 1.00 5 s 2.50 temperature 1.50 "
+        "(9 agents, 0 sites)"
+    )
+    assert text[10 + len(GROUPS)] == (
+        "coverage   validation: 0.875 of moving road users are inside their 90 % ellipse after "
+        "5 s (60 predictions)"
+    )
+    assert text[-1] == "           model  all     ade 0.500"
+
+
+def test_the_single_factor_of_an_earlier_version_is_described():
+    assert lines(model={"covariance_scale": 1.683})[9] == (
+        "calibrated one factor of 1.68 on all covariances"
+    )

@@ -4,14 +4,34 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 import torch
+from calibration_sets import random_samples
 from tiny_run import CONFIG, new_run
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import from_dict
+from mtpgo_core.task.calibration import (
+    GROUPS,
+    Calibration,
+    CalibrationSite,
+    GroupCalibration,
+)
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 from mtpgo_training.training.checkpointing import resume_from, save_checkpoint, start_from
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
+
+CALIBRATION = Calibration(
+    groups=tuple(GroupCalibration(name=name, factors=(1.0, 1.25)) for name in GROUPS),
+    sites=(CalibrationSite("cars/1", 7),),
+)
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return random_samples(1, sites=("cars/1",), n=7)
 
 
 def assert_weights(model, other):
@@ -20,7 +40,7 @@ def assert_weights(model, other):
 
 
 @pytest.fixture(scope="module")
-def saved(tmp_path_factory):
+def saved(samples, tmp_path_factory):
     """A run in its third epoch, whose average differs from its weights, and its folder."""
     run = new_run(seed=5)
     with torch.no_grad():
@@ -29,7 +49,9 @@ def saved(tmp_path_factory):
     run.state.count_step(1.5, 8.0)
     run.state.finish_epoch({"epoch": 1, "loss": 1.5})
     run.state.count_step(0.5, 8.0)
-    run.state.best, run.state.best_epoch, run.state.scale = 0.75, 1, 1.25
+    run.state.best, run.state.best_epoch = 0.75, 1
+    run.state.calibration = dataclasses.asdict(CALIBRATION)
+    run.samples = samples
     folder = RunFolder(tmp_path_factory.mktemp("run"))
     save_checkpoint(run, folder, [{"name": "01"}], optimiser={"a": 1}, precision={}, best=True)
     return run, folder
@@ -48,12 +70,20 @@ def test_a_resumed_run_has_the_same_weights_and_state(saved):
 def test_the_best_checkpoint_describes_itself_and_cannot_be_resumed(saved):
     run, folder = saved
     best = load_checkpoint(folder.best)
-    described = {name: best[name] for name in ("network", "epoch", "step", "covariance_scale")}
-    assert described == {"network": "mtp-go", "epoch": 1, "step": 2, "covariance_scale": 1.25}
+    described = {name: best[name] for name in ("network", "epoch", "step")}
+    assert described == {"network": "mtp-go", "epoch": 1, "step": 2}
+    assert from_dict(Calibration, best["calibration"], "calibration") == CALIBRATION
     assert best["splits"] == [{"name": "01"}]
     assert best["model_config"] == run.model.config.to_dict()
     with pytest.raises(ConfigurationError, match=r"best\.pt does not fit the configured network"):
         resume_from(new_run(), best, folder.best)
+
+
+def test_the_samples_of_the_validation_are_beside_the_best_checkpoint(saved, samples):
+    _, folder = saved
+    stored = CalibrationSamples.load(folder.samples)
+    assert stored.sites == samples.sites
+    np.testing.assert_array_equal(stored.distance, samples.distance)
 
 
 def test_a_run_starts_from_the_averaged_weights_of_another(saved):

@@ -14,7 +14,7 @@ from traffic import braking_cars
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.model_runner import ModelRunner, load_task
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
-from mtpgo_training.commands import export as export_command
+from mtpgo_training import cli
 from mtpgo_training.commands import info as info_command
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.evaluation.evaluator import evaluate
@@ -110,10 +110,7 @@ def exported(request, tmp_path_factory):
     folder = RunFolder(place)
     folder.save(checkpoint, best=True)
     path = place / "rival.pt"
-    arguments = argparse.Namespace(
-        checkpoint=[folder.path], output=path, name=None, uncalibrated=False
-    )
-    assert export_command.run(arguments) == 0
+    assert cli.main(["export", str(folder.path), "-o", str(path)]) == 0
     return name, model, path
 
 

@@ -1,0 +1,172 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a calibration brings: coverage, sharpness, likelihood and mode weights, before and after.
+
+Averages are over sites, each of which counts the same, and within a site over its predictions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.schema import BoolArray
+from mtpgo_core.task.calibration import GROUPS, MOTIONS
+from mtpgo_training.calibration.calibration_fit import LEVEL, fit_calibration, nearest_shares
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
+from mtpgo_training.calibration.calibration_text import COVERAGE_KEY, TIMES_S
+from mtpgo_training.evaluation.scores.metrics import Array, radius_squared
+from mtpgo_training.evaluation.scores.score_table import none
+from mtpgo_training.table_format import Row, Table
+
+
+@dataclass(frozen=True)
+class CalibrationScores:
+    """Scores of some predictions; NaN where nothing is known.
+
+    Attributes:
+        agents: predictions of which at least one step is known.
+        times_s: times ahead of the next four (s).
+        known: predictions that are known at each time.
+        coverage: share of the truths inside the heaviest mode's 90 % ellipse.
+        sigma_m: standard deviation of the heaviest mode, the fourth root of its determinant (m).
+        nll: negative log-likelihood of the truth under the heaviest mode (nats).
+        brier: squared difference of weights and nearest mode, summed over the modes.
+        cross_entropy: negative log weight of the nearest mode (nats).
+        heaviest_nearest: share in which the heaviest mode is the nearest, ties shared.
+    """
+
+    agents: int
+    times_s: tuple[float, ...]
+    known: tuple[int, ...]
+    coverage: tuple[float, ...]
+    sigma_m: tuple[float, ...]
+    nll: tuple[float, ...]
+    brier: float
+    cross_entropy: float
+    heaviest_nearest: float
+
+
+def moving(samples: CalibrationSamples) -> BoolArray:
+    """Return [n] which agents move."""
+    return np.asarray(samples.group % len(MOTIONS) == MOTIONS.index("moving"))
+
+
+def score_samples(samples: CalibrationSamples) -> CalibrationScores:
+    """Score predictions; calibrate the samples first to score what that brings."""
+    horizon = samples.distance.shape[1]
+    reached = [s for s in TIMES_S if round(s / samples.step_s) <= horizon]
+    times_s = tuple(reached) or (horizon * samples.step_s,)
+    known, coverage, sigma, nll = [], [], [], []
+    for time_s in times_s:
+        step = round(time_s / samples.step_s) - 1
+        there = np.isfinite(samples.distance[:, step])
+        distance = samples.distance[there, step].astype(np.float64)
+        log_determinant = samples.log_determinant[there, step].astype(np.float64)
+        site = samples.site[there]
+        known.append(int(there.sum()))
+        coverage.append(_mean((distance <= radius_squared(LEVEL)).astype(float), site))
+        sigma.append(_mean(np.exp(0.25 * log_determinant), site))
+        nll.append(_mean(0.5 * (distance + log_determinant) + np.log(2.0 * np.pi), site))
+    whole = np.isfinite(samples.mode_error).all(axis=1)
+    site, log_weight = samples.site[whole], samples.log_weight[whole].astype(np.float64)
+    target = nearest_shares(samples.mode_error[whole]) if whole.any() else log_weight
+    rows = np.arange(len(log_weight))
+    finite = np.maximum(log_weight, np.finfo(np.float32).min)  # a weight of 0 that is not nearest
+    return CalibrationScores(
+        agents=int(np.isfinite(samples.distance).any(axis=1).sum()),
+        times_s=times_s,
+        known=tuple(known),
+        coverage=tuple(coverage),
+        sigma_m=tuple(sigma),
+        nll=tuple(nll),
+        brier=_mean(((np.exp(log_weight) - target) ** 2).sum(axis=1), site),
+        cross_entropy=_mean(-(target * finite).sum(axis=1), site),
+        heaviest_nearest=_mean(target[rows, log_weight.argmax(axis=1)], site),
+    )
+
+
+def moving_scores(samples: CalibrationSamples) -> dict[str, float | int | None]:
+    """Return the coverage of moving road users as it is stored with a model.
+
+    Returns:
+        ``moving_n``, the number of predictions that are known at the last of the times, and
+        ``moving_coverage_90_1s`` and so on, the share inside the 90 % ellipse after 1 s.
+    """
+    scores = score_samples(samples.select(moving(samples)))
+    shares = zip(scores.times_s, scores.coverage, strict=True)
+    named = {COVERAGE_KEY.format(time_s): none(share) for time_s, share in shares}
+    return {"moving_n": scores.known[-1], **named}
+
+
+def leave_one_site_out(samples: CalibrationSamples) -> CalibrationSamples:
+    """Return the same samples, those of each site calibrated by a fit to all other sites.
+
+    Raises:
+        ConfigurationError: all samples are of one site.
+    """
+    present = [name for i, name in enumerate(samples.sites) if (samples.site == i).any()]
+    if len(present) < 2:
+        raise ConfigurationError(
+            f"the samples are of {len(present)} site(s), expected at least two to leave one out"
+        )
+    parts, rows = [], []
+    for name in present:
+        fitted = fit_calibration(samples.without_site(name))
+        parts.append(samples.of_site(name).calibrated(fitted))
+        rows.append(np.flatnonzero(samples.site == samples.sites.index(name)))
+    return merge_samples(parts).select(np.argsort(np.concatenate(rows)))
+
+
+def calibration_table(before: CalibrationSamples, after: CalibrationSamples) -> Table:
+    """Return a row for each group, and for the moving road users of each site, in both.
+
+    Args:
+        before: without the calibration.
+        after: the same predictions in the same order, calibrated.
+    """
+    rows = []
+    for name, chosen in _parts(before):
+        if chosen.any():
+            scores = (score_samples(samples.select(chosen)) for samples in (before, after))
+            rows.append(Row(name, _cells(*scores)))
+    times = [f"{time_s:g} s" for time_s in score_samples(before).times_s]
+    heads = [f"in 90% at {time}" for time in times] + [f"sigma m {times[-1]}", f"NLL {times[-1]}"]
+    return Table(["before > after", "agents", *heads, "Brier"], rows)
+
+
+def _parts(samples: CalibrationSamples) -> Iterable[tuple[str, BoolArray]]:
+    """Yield the name and the agents of each row of the table."""
+    moves = moving(samples)
+    yield "moving", moves
+    yield "standing", ~moves
+    for index, name in enumerate(GROUPS):
+        yield name, samples.group == index
+    for index, name in enumerate(samples.sites):
+        yield f"moving, {name}", moves & (samples.site == index)
+
+
+def _cells(before: CalibrationScores, after: CalibrationScores) -> list[str]:
+    pairs = [
+        *zip(before.coverage, after.coverage, strict=True),
+        (before.sigma_m[-1], after.sigma_m[-1]),
+        (before.nll[-1], after.nll[-1]),
+        (before.brier, after.brier),
+    ]
+    return [str(before.agents), *(f"{_text(one)} > {_text(other)}" for one, other in pairs)]
+
+
+def _text(value: float) -> str:
+    return "-" if np.isnan(value) else f"{value:.3f}"
+
+
+def _mean(values: Array, site: np.ndarray) -> float:
+    """Return the mean over the sites of the mean of each, NaN without agents."""
+    if not len(values):
+        return float("nan")
+    counts = np.bincount(site)
+    there = counts > 0
+    return float((np.bincount(site, weights=values)[there] / counts[there]).mean())

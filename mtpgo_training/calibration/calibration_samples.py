@@ -1,0 +1,244 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a calibration is fitted to: the errors of predictions in units of their covariances."""
+
+from __future__ import annotations
+
+import dataclasses
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.schema import BoolArray, Float32Array, IndexArray
+from mtpgo_core.task.calibration import Calibration, GroupArray
+from mtpgo_training.atomic_files import replacing
+from mtpgo_training.evaluation.scores.metrics import Array, Mask, nees, over_steps
+
+SAMPLES_FILE = "calibration.npz"
+"""Name of the file of samples in the folder of a cross-validation's fold."""
+
+_FORMAT = 1
+_ARRAYS = ("site", "group", "distance", "log_determinant", "log_weight", "mode_error")
+
+
+@dataclass(frozen=True)
+class CalibrationSamples:
+    """Predictions of n agents (a road user at an instant), compared with what they did.
+
+    Attributes:
+        step_s: time between two horizon steps (s).
+        sites: names of the sites.
+        site: [n] position in ``sites``.
+        group: [n] position in :data:`~mtpgo_core.task.calibration.GROUPS`.
+        distance: [n, H] squared Mahalanobis distance of the truth from the heaviest mode, NaN
+            where the truth is not known.
+        log_determinant: [n, H] of the heaviest mode's covariance (m^4).
+        log_weight: [n, M] logarithms of the mode weights.
+        mode_error: [n, M] distance of each mode from the truth, averaged over the known steps
+            (m); NaN for agents that are not known at the last step.
+    """
+
+    step_s: float
+    sites: tuple[str, ...]
+    site: NDArray[np.int32]
+    group: GroupArray
+    distance: Float32Array
+    log_determinant: Float32Array
+    log_weight: Float32Array
+    mode_error: Float32Array
+
+    def __len__(self) -> int:
+        return self.site.shape[0]
+
+    @classmethod
+    def of(
+        cls,
+        mean: Array,
+        weight: Array,
+        covariance: Array,
+        truth: Array,
+        mask: Mask,
+        *,
+        group: GroupArray,
+        step_s: float,
+        sites: Sequence[str],
+        site: NDArray[np.integer] | int = 0,
+    ) -> CalibrationSamples:
+        """Compare predictions that are not calibrated with the truth.
+
+        Predictions that are calibrated already are compared in the same way;
+        :meth:`uncalibrated` then takes the calibration back.
+
+        Args:
+            mean: [n, M, H, 2] (m).
+            weight: [n, M].
+            covariance: [n, M, H, 2, 2] (m^2).
+            truth: [n, H, 2] (m).
+            mask: [n, H] where the truth is known.
+            group: [n] of :func:`~mtpgo_core.task.calibration.calibration_groups`.
+            step_s: time between two horizon steps (s).
+            sites: names of sites.
+            site: [n] position of each agent's site there, or of all.
+        """
+        best = np.argmax(weight, axis=1)
+        chosen = covariance[np.arange(len(best)), best].astype(np.float64)
+        determinant = chosen[..., 0, 0] * chosen[..., 1, 1] - chosen[..., 0, 1] ** 2
+        squared = nees(mean, weight, covariance, truth)
+        error = np.linalg.norm(mean - truth[:, None], axis=-1)  # [n, M, H]
+        average = over_steps(error, np.broadcast_to(mask[:, None], error.shape))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            log_determinant = np.log(determinant)
+            log_weight = np.log(weight)
+        usable = mask & np.isfinite(squared) & np.isfinite(log_determinant)
+        return cls(
+            step_s=step_s,
+            sites=tuple(sites),
+            site=np.broadcast_to(np.asarray(site, dtype=np.int32), best.shape).copy(),
+            group=group.astype(np.uint8),
+            distance=np.where(usable, squared, np.nan).astype(np.float32),
+            log_determinant=log_determinant.astype(np.float32),
+            log_weight=log_weight.astype(np.float32),
+            mode_error=np.where(mask[:, -1:], average, np.nan).astype(np.float32),
+        )
+
+    def select(self, rows: BoolArray | IndexArray) -> CalibrationSamples:
+        """Return some of the agents; the names of the sites stay."""
+        return dataclasses.replace(self, **{name: getattr(self, name)[rows] for name in _ARRAYS})
+
+    def of_site(self, name: str) -> CalibrationSamples:
+        """Return the agents of one site."""
+        return self.select(self.site == self.sites.index(name))
+
+    def without_site(self, name: str) -> CalibrationSamples:
+        """Return the agents of all other sites."""
+        return self.select(self.site != self.sites.index(name))
+
+    def thinned(self, most: int) -> CalibrationSamples:
+        """Return at most ``most`` agents of each site, evenly spread over their order."""
+        rows = []
+        for site in range(len(self.sites)):
+            index = np.flatnonzero(self.site == site)
+            if len(index) > most:
+                index = index[np.arange(most) * len(index) // most]
+            rows.append(index)
+        kept = np.sort(np.concatenate(rows)) if rows else np.empty(0, dtype=np.intp)
+        return self.select(kept)
+
+    def calibrated(self, calibration: Calibration) -> CalibrationSamples:
+        """Return what the samples would be if the predictions were calibrated."""
+        if calibration.is_none:
+            return self
+        return self._scaled(calibration.factor_table, calibration.inverse_temperatures)
+
+    def uncalibrated(self, calibration: Calibration) -> CalibrationSamples:
+        """Return what the samples of calibrated predictions would be without the calibration."""
+        if calibration.is_none:
+            return self
+        return self._scaled(1.0 / calibration.factor_table, 1.0 / calibration.inverse_temperatures)
+
+    def _scaled(self, factors: Array, powers: Array) -> CalibrationSamples:
+        """Return samples with covariances times [groups, H] and weights to the power [groups]."""
+        factor = factors[self.group]
+        with np.errstate(invalid="ignore"):
+            log_weight = self.log_weight * powers[self.group][:, None]
+            total = np.logaddexp.reduce(log_weight.astype(np.float64), axis=1, keepdims=True)
+        return dataclasses.replace(
+            self,
+            distance=(self.distance / factor).astype(np.float32),
+            log_determinant=(self.log_determinant + 2.0 * np.log(factor)).astype(np.float32),
+            log_weight=(log_weight - total).astype(np.float32),
+        )
+
+    def save(self, path: Path) -> None:
+        """Write the samples to a file, atomically.
+
+        Raises:
+            ConfigurationError: it cannot be written.
+        """
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            np.savez(
+                file,
+                format=np.array(_FORMAT),
+                step_s=np.array(self.step_s),
+                sites=np.array(self.sites, dtype=np.str_),
+                **{name: getattr(self, name) for name in _ARRAYS},
+            )
+
+    @classmethod
+    def load(cls, path: Path) -> CalibrationSamples:
+        """Read samples from a file.
+
+        Raises:
+            ConfigurationError: it cannot be read or holds no samples of this format.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                if int(data["format"]) != _FORMAT:
+                    raise ConfigurationError(
+                        f"{path} has samples of format {int(data['format'])}, expected {_FORMAT}"
+                    )
+                return cls(
+                    step_s=float(data["step_s"]),
+                    sites=tuple(map(str, data["sites"])),
+                    **{name: data[name] for name in _ARRAYS},
+                )
+        except FileNotFoundError as error:
+            raise ConfigurationError(f"the file of samples {path} does not exist") from error
+        except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile, EOFError) as error:
+            reason = " ".join(str(error).split())[:120]
+            raise ConfigurationError(
+                f"{path} holds no samples for a calibration ({reason}), expected "
+                f"{SAMPLES_FILE} of a cross-validation's fold"
+            ) from error
+
+
+def merge_samples(parts: Sequence[CalibrationSamples]) -> CalibrationSamples:
+    """Return the agents of all parts; sites of the same name are one.
+
+    Raises:
+        ConfigurationError: the parts are of models with another horizon or number of modes, or
+            there is none.
+    """
+    if not parts:
+        raise ConfigurationError("there are no samples for a calibration, expected at least one")
+    shapes = {(part.step_s, part.distance.shape[1], part.log_weight.shape[1]) for part in parts}
+    if len(shapes) > 1:
+        listed = ", ".join(f"{h} steps of {s:g} s, {m} modes" for s, h, m in sorted(shapes))
+        raise ConfigurationError(
+            f"the samples for the calibration are of different models ({listed}), expected the "
+            "same horizon and number of modes"
+        )
+    sites = tuple(dict.fromkeys(name for part in parts for name in part.sites))
+    place = {name: index for index, name in enumerate(sites)}
+    moved = [np.array([place[name] for name in part.sites], dtype=np.int32) for part in parts]
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS[1:]
+    }
+    site = np.concatenate([to[part.site] for to, part in zip(moved, parts, strict=True)])
+    return CalibrationSamples(step_s=parts[0].step_s, sites=sites, site=site, **joined)
+
+
+def load_samples(paths: Sequence[Path]) -> CalibrationSamples:
+    """Return the samples in files, and in all files ``calibration.npz`` below folders.
+
+    Raises:
+        ConfigurationError: a path does not exist, a folder holds no samples, a file is unusable,
+            or they do not fit together.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if not path.is_dir():
+            files.append(path)
+            continue
+        found = sorted(path.rglob(SAMPLES_FILE))
+        if not found:
+            raise ConfigurationError(
+                f"{path} holds no {SAMPLES_FILE}, expected the folder of a cross-validation"
+            )
+        files += found
+    return merge_samples([CalibrationSamples.load(file) for file in dict.fromkeys(files)])

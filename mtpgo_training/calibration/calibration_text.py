@@ -1,0 +1,72 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A model's calibration and the coverage of its ellipses as text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from mtpgo_core.task.calibration import Calibration
+
+TIMES_S = (1.0, 3.0, 5.0)
+"""Times ahead that are reported (s), as far as the horizon reaches."""
+
+COVERAGE_KEY = "moving_coverage_90_{:g}s"
+"""Name in a model's metrics of the share of moving road users inside their 90 % ellipse after a
+time (s)."""
+
+
+def moving_coverage(scores: Mapping[str, Any]) -> dict[float, float | None]:
+    """Return the shares in a model's metrics by the time ahead (s), ascending."""
+    before, after = COVERAGE_KEY.split("{:g}")
+    return {
+        float(key.removeprefix(before).removesuffix(after)): scores[key]
+        for key in scores
+        if key.startswith(before)
+    }
+
+
+def moving_text(scores: Mapping[str, Any]) -> str:
+    """Return the coverage of moving road users on one line.
+
+    Args:
+        scores: of :func:`mtpgo_training.calibration.calibration_report.moving_scores`, and others.
+
+    Returns:
+        The line, empty if the scores have no coverage of moving road users.
+    """
+    shares = moving_coverage(scores)
+    if not shares:
+        return ""
+    times = " / ".join(f"{time_s:g}" for time_s in shares)
+    values = " / ".join("-" if share is None else f"{share:.3f}" for share in shares.values())
+    return (
+        f"{values} of moving road users are inside their 90 % ellipse after "
+        f"{times} s ({scores['moving_n']} predictions)"
+    )
+
+
+def calibration_text(calibration: Calibration, step_s: float) -> list[str]:
+    """Return lines that say where a calibration was fitted and what it does.
+
+    Args:
+        calibration: with or without groups.
+        step_s: time between two horizon steps (s).
+    """
+    if calibration.is_none:
+        return ["none"]
+    what = "left-out sites" if calibration.left_out else "validation recordings"
+    sites = ", ".join(f"{site.name} ({site.agents})" for site in calibration.sites)
+    lines = [f"fitted to {what}: {sites}"]
+    steps = [round(t / step_s) for t in TIMES_S if round(t / step_s) <= calibration.horizon_steps]
+    for group in calibration.groups:
+        factors = "  ".join(
+            f"{step * step_s:g} s {group.factors[step - 1]:.2f}"
+            for step in steps or [calibration.horizon_steps]
+        )
+        lines.append(
+            f"{group.name:<20} covariance x {factors}  temperature {group.temperature:.2f}  "
+            f"({group.agents} agents, {group.sites} sites)"
+        )
+    return lines

@@ -1,0 +1,137 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The fit of a calibration to samples whose right factors and temperatures are known."""
+
+import numpy as np
+import pytest
+from calibration_sets import PEDESTRIAN, VEHICLE, random_samples, with_distance
+
+from mtpgo_core.task.calibration import FACTOR_LIMITS, GROUPS
+from mtpgo_training.calibration.calibration_fit import (
+    LEVEL,
+    best_temperature,
+    fit_calibration,
+    nearest_shares,
+    weighted_quantile,
+)
+from mtpgo_training.calibration.calibration_samples import merge_samples
+from mtpgo_training.evaluation.scores.metrics import radius_squared
+
+RADIUS_90 = radius_squared(LEVEL)
+
+
+def factors(calibration, group):
+    return np.array(calibration.groups[group].factors)
+
+
+def test_factors_follow_the_error_over_the_horizon():
+    calibration = fit_calibration(random_samples(1, n=20_000, growth=6.0))
+    np.testing.assert_allclose(factors(calibration, VEHICLE), np.linspace(1.0, 6.0, 25), rtol=0.06)
+    assert calibration.groups[VEHICLE].agents == 20_000
+    assert calibration.groups[VEHICLE].sites == 1
+
+
+def test_the_fitted_ellipse_holds_the_share_of_its_level():
+    samples = random_samples(2, n=20_000, growth=6.0)
+    after = samples.calibrated(fit_calibration(samples))
+    inside = (after.distance <= RADIUS_90).mean(axis=0)
+    np.testing.assert_allclose(inside, LEVEL, atol=0.01)
+
+
+def test_every_site_counts_the_same():
+    # Alone, a asks for a factor of 1, and b for 4; b has a twentieth of the agents.
+    sites = [
+        random_samples(1, sites=("a",), n=40_000, steps=1),
+        random_samples(2, sites=("b",), n=2_000, steps=1),
+    ]
+    sites[1] = with_distance(sites[1], 4.0 * sites[1].distance)
+    factor = fit_calibration(merge_samples(sites)).groups[VEHICLE].factors[0]
+    # Of both with equal weight: 0.5 exp(-r / 2) + 0.5 exp(-r / 8) = 0.1 at r = 12.88.
+    assert factor == pytest.approx(12.88 / RADIUS_90, rel=0.1)
+
+
+def test_factors_do_not_decrease_over_the_horizon():
+    samples = random_samples(3, n=5_000, steps=3)
+    samples = with_distance(samples, samples.distance * [2.0, 1.0, 4.0])
+    found = factors(fit_calibration(samples), VEHICLE)
+    assert found[0] == found[1] == pytest.approx(np.sqrt(2.0), rel=0.05)
+    assert found[2] == pytest.approx(4.0, rel=0.05)
+
+
+def test_few_agents_are_drawn_towards_the_factors_of_all_classes():
+    many = random_samples(1, n=20_000, steps=1)
+    for n, low, high in ((3, 0.95, 1.1), (200, 1.7, 2.5), (20_000, 3.8, 4.2)):
+        few = random_samples(2, n=n, steps=1, group=PEDESTRIAN)
+        few = with_distance(few, 4.0 * few.distance)
+        calibration = fit_calibration(merge_samples([many, few]))
+        if n < 1000:
+            assert low < factors(calibration, PEDESTRIAN)[0] < high
+        else:
+            assert factors(calibration, PEDESTRIAN)[0] == pytest.approx(4.0, rel=0.05)
+
+
+def test_groups_without_agents_get_the_pooled_factors():
+    calibration = fit_calibration(random_samples(1, n=20_000, growth=3.0))
+    pooled = calibration.groups[GROUPS.index("any_moving")]
+    assert calibration.groups[PEDESTRIAN].factors == pooled.factors
+    assert calibration.groups[PEDESTRIAN].agents == 0
+    # Nobody stands, so that there is only what moves to go by.
+    standing = calibration.groups[GROUPS.index("vehicle_standing")]
+    np.testing.assert_allclose(standing.factors, pooled.factors, rtol=0.02)
+
+
+def test_steps_that_nobody_reaches_have_the_factor_before():
+    samples = random_samples(1, n=20_000, growth=3.0)
+    distance = samples.distance.copy()
+    distance[:, 10:] = np.nan
+    found = factors(fit_calibration(with_distance(samples, distance)), VEHICLE)
+    np.testing.assert_allclose(found[10:], found[9], rtol=1e-3)
+
+
+@pytest.mark.parametrize(("distance", "limit"), [(1e-6, 0), (1e6, 1)])
+def test_factors_are_limited(distance, limit):
+    samples = random_samples(1, n=50_000, steps=2)
+    calibration = fit_calibration(with_distance(samples, np.full((50_000, 2), distance)))
+    np.testing.assert_allclose(factors(calibration, VEHICLE), FACTOR_LIMITS[limit], rtol=0.05)
+
+
+@pytest.mark.parametrize("temperature", [0.5, 2.0])
+def test_the_temperature_is_that_at_which_weights_are_probabilities(temperature):
+    samples = random_samples(4, n=20_000, steps=1, temperature=temperature)
+    calibration = fit_calibration(samples)
+    assert calibration.groups[VEHICLE].temperature == pytest.approx(temperature, rel=0.05)
+
+
+def test_the_temperature_is_the_minimum_of_the_cross_entropy():
+    samples = random_samples(5, n=500, steps=1, temperature=1.7)
+    weight = np.ones(500)
+    found = best_temperature(samples.log_weight, samples.mode_error, weight)
+    tried = np.linspace(0.5, 4.0, 200)
+    target = nearest_shares(samples.mode_error)
+    scaled = samples.log_weight[None] / tried[:, None, None]
+    scaled = scaled - np.logaddexp.reduce(scaled, axis=2, keepdims=True)
+    entropy = -(target * scaled).sum(axis=2).mean(axis=1)
+    assert found == pytest.approx(tried[entropy.argmin()], abs=0.02)
+
+
+def test_modes_as_near_as_the_nearest_share_it():
+    shares = nearest_shares(np.array([[1.0, 1.05, 3.0], [2.0, 1.0, 1.5]]))
+    np.testing.assert_array_equal(shares, [[0.5, 0.5, 0.0], [0.0, 1.0, 0.0]])
+
+
+def test_a_single_mode_has_no_temperature():
+    samples = random_samples(1, n=500, modes=1)
+    assert fit_calibration(samples).groups[VEHICLE].temperature == 1.0
+
+
+def test_weights_move_the_quantile():
+    values = np.array([3.0, 1.0, 2.0])
+    assert weighted_quantile(values, np.ones(3), 0.5) == 2.0
+    assert weighted_quantile(values, np.array([8.0, 1.0, 1.0]), 0.5) == 3.0
+    assert weighted_quantile(values, np.array([1.0, 8.0, 1.0]), 0.5) == 1.0
+
+
+def test_the_calibration_says_where_it_was_fitted():
+    calibration = fit_calibration(random_samples(1, sites=("a", "b"), n=(30, 20)), left_out=True)
+    assert [(site.name, site.agents) for site in calibration.sites] == [("a", 30), ("b", 20)]
+    assert calibration.left_out

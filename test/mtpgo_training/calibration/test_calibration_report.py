@@ -1,0 +1,106 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Scores before and after a calibration, and each site by a fit to the others."""
+
+import numpy as np
+import pytest
+from calibration_sets import VEHICLE, random_samples, with_distance
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.calibration.calibration_fit import fit_calibration
+from mtpgo_training.calibration.calibration_report import (
+    calibration_table,
+    leave_one_site_out,
+    moving_scores,
+    score_samples,
+)
+from mtpgo_training.calibration.calibration_samples import merge_samples
+from mtpgo_training.calibration.calibration_text import moving_coverage, moving_text
+from mtpgo_training.table_format import to_text
+
+
+def test_scores_by_hand():
+    samples = random_samples(1, n=4, steps=5)
+    distance = np.full((4, 5), 1.0)
+    distance[:, 4] = [1.0, 2.0, 4.0, 50.0]
+    samples = with_distance(samples, distance)
+    samples.log_determinant[:, 4] = np.log(16.0)
+    samples.log_weight[:] = np.log([0.5, 0.25, 0.25])
+    samples.mode_error[:] = [1.0, 5.0, 5.0]
+    samples.mode_error[3] = [5.0, 1.0, 5.0]
+    scores = score_samples(samples)
+    assert (scores.times_s, scores.known, scores.coverage) == ((1.0,), (4,), (0.75,))
+    assert scores.sigma_m == pytest.approx((2.0,))
+    expected = 0.5 * (57.0 / 4.0 + np.log(16.0)) + np.log(2.0 * np.pi)
+    assert scores.nll == pytest.approx((expected,))
+    assert scores.heaviest_nearest == 0.75
+    first, last = 0.5**2 + 2 * 0.25**2, 0.5**2 + 0.75**2 + 0.25**2
+    assert scores.brier == pytest.approx((3 * first + last) / 4)
+    assert scores.cross_entropy == pytest.approx((3 * np.log(2.0) + np.log(4.0)) / 4)
+
+
+def test_a_mean_is_over_sites_first():
+    samples = random_samples(1, sites=("a", "b"), n=(90, 10), steps=5)
+    distance = np.where(samples.site == 0, 1.0, 99.0)[:, None].repeat(5, axis=1)
+    assert score_samples(with_distance(samples, distance)).coverage == (0.5,)
+
+
+def test_moving_road_users_only_are_in_the_coverage_that_is_stored():
+    moves, stands = random_samples(1, n=8), random_samples(2, n=5, group=VEHICLE - 1)
+    samples = merge_samples(
+        [
+            with_distance(moves, np.full((8, 25), 1.0)),
+            with_distance(stands, np.full((5, 25), 99.0)),
+        ]
+    )
+    scores = moving_scores(samples)
+    assert scores["moving_n"] == 8
+    assert moving_coverage(scores) == {1.0: 1.0, 3.0: 1.0, 5.0: 1.0}
+    assert moving_text(scores) == (
+        "1.000 / 1.000 / 1.000 of moving road users are inside their 90 % ellipse after "
+        "1 / 3 / 5 s (8 predictions)"
+    )
+    assert moving_text({"ade": 1.0}) == ""
+
+
+def test_without_moving_road_users_the_coverage_is_not_known():
+    scores = moving_scores(random_samples(2, n=5, group=VEHICLE - 1))
+    assert scores["moving_n"] == 0
+    assert moving_coverage(scores) == {1.0: None, 3.0: None, 5.0: None}
+    assert moving_text(scores).startswith("- / - / - of moving")
+
+
+def test_each_site_is_calibrated_by_the_others_only():
+    parts = [
+        random_samples(seed, sites=(name,), n=4000, growth=growth)
+        for seed, (name, growth) in enumerate((("a", 2.0), ("b", 2.0), ("c", 9.0)))
+    ]
+    samples = merge_samples(parts)
+    honest = leave_one_site_out(samples)
+    np.testing.assert_array_equal(honest.site, samples.site)
+    np.testing.assert_array_equal(honest.mode_error, samples.mode_error)
+    alone = fit_calibration(merge_samples(parts[:2]))
+    expected = parts[2].calibrated(alone)
+    np.testing.assert_allclose(honest.of_site("c").distance, expected.distance, rtol=1e-5)
+    assert score_samples(honest.of_site("c")).coverage[-1] < 0.6
+    assert score_samples(honest.of_site("a")).coverage[-1] > 0.9
+    with pytest.raises(ConfigurationError, match=r"are of 1 site\(s\), expected at least two"):
+        leave_one_site_out(parts[0])
+
+
+def test_the_likelihood_of_too_narrow_ellipses_falls_with_the_calibration():
+    samples = random_samples(1, sites=("a", "b"), n=2000, growth=6.0)
+    before, after = score_samples(samples), score_samples(leave_one_site_out(samples))
+    assert after.nll[-1] < before.nll[-1]
+    assert after.coverage[-1] == pytest.approx(0.9, abs=0.02)
+    assert before.coverage[-1] < 0.4
+
+
+def test_the_table_has_a_row_for_each_group_and_site_with_road_users():
+    samples = random_samples(1, sites=("a", "b"), n=300, growth=6.0)
+    table = calibration_table(samples, leave_one_site_out(samples))
+    names = [row.name for row in table.rows]
+    assert names == ["moving", "vehicle_moving", "moving, a", "moving, b"]
+    text = to_text(table)
+    assert text.splitlines()[1].split()[:2] == ["moving", "600"]
+    assert "nan" not in text
