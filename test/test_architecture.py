@@ -100,6 +100,7 @@ ROOMS = {
         "evaluation",
         "training",
         "export",
+        "crossval",
         "reports",
         "simulate",
         "demo",
