@@ -56,6 +56,10 @@ class FoldJob:
     budget: Budget
     stride_s: float
 
+    def run(self) -> bool:
+        """Run it, see :func:`run_fold`."""
+        return run_fold(self)
+
 
 def run_fold(job: FoldJob) -> bool:
     """Train without the site and score on it, or continue where a run before was interrupted.

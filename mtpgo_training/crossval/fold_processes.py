@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from mtpgo_core.errors import MtpgoError
 
 # This module loads no torch: a new process is ready to be interrupted as soon as it has loaded it.
 if TYPE_CHECKING:
-    from mtpgo_training.crossval.fold import FoldJob
     from mtpgo_training.training.interruption import Interruption
 
 POLL_S = 0.2
@@ -32,8 +31,22 @@ class FoldError(MtpgoError):
     """A fold that could not be trained or scored."""
 
 
+class Job(Protocol):
+    """What runs in a process; it can be pickled."""
+
+    @property
+    def folder(self) -> Path:
+        """Folder of its log."""
+
+    def run(self) -> bool:
+        """Run it; return whether it is done, False after an interrupt."""
+
+
+J = TypeVar("J", bound=Job)
+
+
 @dataclass
-class _Started:
+class _Started(Generic[J]):
     """A fold in its process.
 
     Attributes:
@@ -43,7 +56,7 @@ class _Started:
         ready: it can be interrupted by a signal.
     """
 
-    job: FoldJob
+    job: J
     process: BaseProcess
     receiver: Connection
     ready: bool = False
@@ -59,13 +72,13 @@ class _Started:
 
 
 def run_folds(
-    jobs: Sequence[FoldJob],
+    jobs: Sequence[J],
     processes: int,
     interruption: Interruption,
     *,
-    started: Callable[[FoldJob], object] = lambda job: None,
-    finished: Callable[[FoldJob], object] = lambda job: None,
-    failed: Callable[[FoldJob, MtpgoError], object] = lambda job, error: None,
+    started: Callable[[J], object] = lambda job: None,
+    finished: Callable[[J], object] = lambda job: None,
+    failed: Callable[[J, MtpgoError], object] = lambda job, error: None,
 ) -> None:
     """Run folds until all are done or an end is requested.
 
@@ -79,7 +92,7 @@ def run_folds(
     """
     # A forked process may hang on locks that torch's threads held, which it does not have.
     context = multiprocessing.get_context("spawn")
-    waiting, running = deque(jobs), list[_Started]()
+    waiting, running = deque(jobs), list[_Started[J]]()
     stopping = False
     try:
         while waiting or running:
@@ -121,7 +134,7 @@ def run_folds(
             one.process.join()
 
 
-def _received(one: _Started) -> object:
+def _received(one: _Started[J]) -> object:
     """Return what the process sent, None if it ended without a word."""
     try:
         return one.receiver.recv()
@@ -129,7 +142,7 @@ def _received(one: _Started) -> object:
         return None
 
 
-def _ended(one: _Started) -> FoldError:
+def _ended(one: _Started[J]) -> FoldError:
     log = one.job.folder / "fold.log"
     return FoldError(f"the process ended with status {one.process.exitcode}, see {log}")
 
@@ -148,9 +161,7 @@ def _fold_process(job: bytes, folder: Path, sender: Connection) -> None:
     try:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         sender.send("ready")
-        from mtpgo_training.crossval.fold import run_fold
-
-        outcome = run_fold(pickle.loads(job))
+        outcome = pickle.loads(job).run()
     except KeyboardInterrupt:
         outcome = False
     except MtpgoError as error:
