@@ -21,7 +21,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
 from mtpgo_training.crossval.fold_plan import Budget
-from mtpgo_training.crossval.site_folds import Site
+from mtpgo_training.crossval.site_folds import FoldSite
 from mtpgo_training.crossval.site_scores import pooled_scores
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.table_format import to_markdown
@@ -80,7 +80,7 @@ class CrossvalFolder:
     def start(
         self,
         config: TrainingConfig,
-        sites: Sequence[Site],
+        sites: Sequence[FoldSite],
         recordings: Sequence[NamedRecording],
         budget: Budget,
         stride_s: float,

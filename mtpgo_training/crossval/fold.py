@@ -15,7 +15,7 @@ from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.crossval.crossval_folder import FoldFolder
 from mtpgo_training.crossval.fold_plan import Budget, FoldPlan, plan_fold
-from mtpgo_training.crossval.site_folds import Site, without_site
+from mtpgo_training.crossval.site_folds import FoldSite, without_site
 from mtpgo_training.crossval.site_scores import MODEL, group_scores
 from mtpgo_training.data.data_sources import DataSource, read_sources
 from mtpgo_training.data.recording_cache import RecordingCache
@@ -48,7 +48,7 @@ class FoldJob:
         stride_s: time between two scored instants (s).
     """
 
-    site: Site
+    site: FoldSite
     config: TrainingConfig
     sources: tuple[DataSource, ...]
     cache: Path | None
@@ -112,7 +112,7 @@ def run_fold(job: FoldJob) -> bool:
 
 
 def score_site(
-    runner: ModelRunner, recordings: list[NamedRecording], site: Site, stride_s: float
+    runner: ModelRunner, recordings: list[NamedRecording], site: FoldSite, stride_s: float
 ) -> Evaluation:
     """Score a model and the baselines on all recordings of a site, as ``mtpgo evaluate`` does.
 
@@ -131,7 +131,7 @@ def score_site(
     return result
 
 
-def _for_one_thread(config: TrainingConfig, site: Site) -> TrainingConfig:
+def _for_one_thread(config: TrainingConfig, site: FoldSite) -> TrainingConfig:
     """Return the configuration of a fold: one process with one thread."""
     return dataclasses.replace(
         config,

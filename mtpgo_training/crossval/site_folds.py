@@ -20,7 +20,7 @@ from mtpgo_training.training.training_config import TrainingConfig
 
 
 @dataclass(frozen=True)
-class Site:
+class FoldSite:
     """The recordings that are left out together.
 
     Attributes:
@@ -34,7 +34,7 @@ class Site:
 
 def find_sites(
     recordings: Sequence[NamedRecording], named: Mapping[str, Sequence[str]]
-) -> list[Site]:
+) -> list[FoldSite]:
     """Return the sites of all recordings, the named ones first.
 
     Args:
@@ -68,12 +68,13 @@ def find_sites(
         site_of.setdefault(item.name, automatic[item.name])
     names = dict.fromkeys([*named, *(site_of[item.name] for item in recordings)])
     sites = [
-        Site(name, tuple(r.name for r in recordings if site_of[r.name] == name)) for name in names
+        FoldSite(name, tuple(r.name for r in recordings if site_of[r.name] == name))
+        for name in names
     ]
     return [site for site in sites if site.recordings]
 
 
-def chosen_sites(sites: Sequence[Site], names: Iterable[str] | None) -> list[Site]:
+def chosen_sites(sites: Sequence[FoldSite], names: Iterable[str] | None) -> list[FoldSite]:
     """Return the sites with these names, all of them for None.
 
     Raises:
@@ -92,7 +93,7 @@ def chosen_sites(sites: Sequence[Site], names: Iterable[str] | None) -> list[Sit
 
 
 def without_site(
-    config: TrainingConfig, recordings: Sequence[NamedRecording], site: Site
+    config: TrainingConfig, recordings: Sequence[NamedRecording], site: FoldSite
 ) -> tuple[TrainingConfig, list[NamedRecording]]:
     """Return configuration and recordings of a training without a site.
 

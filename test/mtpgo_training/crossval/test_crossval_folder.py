@@ -13,11 +13,11 @@ from traffic import braking_cars
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.crossval.crossval_folder import CrossvalFolder, read_results
 from mtpgo_training.crossval.fold_plan import Budget
-from mtpgo_training.crossval.site_folds import Site
+from mtpgo_training.crossval.site_folds import FoldSite
 from mtpgo_training.data.splits import NamedRecording
 
 RECORDINGS = [NamedRecording(s, braking_cars(tracks=1, seconds=1.0)) for s in ("a", "b")]
-SITES = [Site("a", ("a/01",)), Site("b/c", ("b/01",))]
+SITES = [FoldSite("a", ("a/01",)), FoldSite("b/c", ("b/01",))]
 
 
 def start(path, config=CONFIG, *, sites=SITES, recordings=RECORDINGS, budget=None, stride_s=1.0):

@@ -9,7 +9,7 @@ from tiny_run import CONFIG
 from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.crossval.site_folds import Site, chosen_sites, find_sites, without_site
+from mtpgo_training.crossval.site_folds import FoldSite, chosen_sites, find_sites, without_site
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.splits import NamedRecording
 
@@ -82,7 +82,7 @@ def test_sites_are_chosen_by_name():
 
 def test_the_other_sites_keep_their_uses_without_the_tests():
     config = configured(validation=("ngsim/03", "lyon/01"), test=("i80/01",))
-    site = Site("ngsim-1", ("ngsim/01", "ngsim/03"))
+    site = FoldSite("ngsim-1", ("ngsim/01", "ngsim/03"))
     fold, others = without_site(config, RECORDINGS, site)
     assert [item.name for item in others] == ["ngsim/02", "lyon/01", "lyon/02"]
     assert fold.data.validation == ("lyon/01",)
@@ -91,13 +91,13 @@ def test_the_other_sites_keep_their_uses_without_the_tests():
 
 def test_only_the_configured_recordings_are_trained_on():
     config = configured(train=("ngsim/02", "lyon/02"), validation=("lyon/01",), test_fraction=0.3)
-    _, others = without_site(config, RECORDINGS, Site("i80", ("i80/01",)))
+    _, others = without_site(config, RECORDINGS, FoldSite("i80", ("i80/01",)))
     assert [item.name for item in others] == ["ngsim/02", "lyon/01", "lyon/02"]
 
 
 def test_validation_is_drawn_where_the_site_took_it_all():
     config = configured(validation=("i80/01",), validation_fraction=0.2)
-    fold, others = without_site(config, RECORDINGS, Site("i80", ("i80/01",)))
+    fold, others = without_site(config, RECORDINGS, FoldSite("i80", ("i80/01",)))
     assert fold.data.validation == ()
     assert fold.data.validation_fraction == 0.2
     assert len(others) == 5
@@ -106,13 +106,13 @@ def test_validation_is_drawn_where_the_site_took_it_all():
 def test_weights_of_the_left_out_site_are_dropped():
     weights = {"i80": 0.5, "i80/01": 0.1, "lyon": 0.3, "lyon/02": 2.0}
     config = configured(validation=("lyon/01",), source_weight=weights)
-    fold, _ = without_site(config, RECORDINGS, Site("i80", ("i80/01",)))
+    fold, _ = without_site(config, RECORDINGS, FoldSite("i80", ("i80/01",)))
     assert fold.data.source_weight == {"lyon": 0.3, "lyon/02": 2.0}
 
 
 def test_with_blocks_of_time_all_other_recordings_are_used():
     config = configured(split="time", validation_fraction=0.2)
-    fold, others = without_site(config, RECORDINGS, Site("lyon", ("lyon/01", "lyon/02")))
+    fold, others = without_site(config, RECORDINGS, FoldSite("lyon", ("lyon/01", "lyon/02")))
     assert [item.name for item in others] == ["ngsim/01", "ngsim/02", "ngsim/03", "i80/01"]
     assert fold.data == config.data
 
@@ -120,4 +120,4 @@ def test_with_blocks_of_time_all_other_recordings_are_used():
 def test_nothing_left_to_train_on_is_an_error():
     config = configured(train=("i80/01",), validation=("lyon/01",))
     with pytest.raises(ConfigurationError, match=r"no recording is left in data\.train without"):
-        without_site(config, RECORDINGS, Site("i80", ("i80/01",)))
+        without_site(config, RECORDINGS, FoldSite("i80", ("i80/01",)))
