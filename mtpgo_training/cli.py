@@ -16,6 +16,7 @@ COMMANDS = {
     "convert": "convert recordings into rosbag2 MCAP bags",
     "simulate": "simulate traffic as recordings (Eclipse SUMO)",
     "train": "train a model on recordings",
+    "crossval": "train without a site and test on it, site by site",
     "curve": "draw the learning curves of runs",
     "export": "export a trained model for the node",
     "evaluate": "score a model on recordings",

@@ -102,6 +102,7 @@ ROOMS = {
         "calibration",
         "training",
         "export",
+        "crossval",
         "reports",
         "simulate",
         "demo",

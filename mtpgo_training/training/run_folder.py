@@ -87,7 +87,7 @@ class RunFolder:
     def check_same(self, config: TrainingConfig, splits: list[dict[str, str]]) -> None:
         """Check that a resumed run has the configuration and data with which it was started.
 
-        The section ``trainer`` and the number of threads may differ.
+        The sections ``trainer`` and ``crossval`` and the number of threads may differ.
 
         Raises:
             ConfigurationError: the folder holds no run, or the configuration or the data differ.
@@ -100,12 +100,15 @@ class RunFolder:
                 f"the run folder {self.path} holds no run to resume ({error})"
             ) from error
         stored = dataclasses.replace(
-            stored, trainer=config.trainer, num_threads=config.num_threads
+            stored,
+            trainer=config.trainer,
+            crossval=config.crossval,
+            num_threads=config.num_threads,
         )
         if stored != config:
             raise ConfigurationError(
                 f"the configuration differs from {self.path / 'config.yaml'} in "
-                f"{_first_difference(stored, config)}, expected the same to resume"
+                f"{first_difference(stored, config)}, expected the same to resume"
             )
         if facts.get("splits") != splits:
             raise ConfigurationError(
@@ -165,7 +168,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
     return checkpoint
 
 
-def _first_difference(stored: TrainingConfig, given: TrainingConfig) -> str:
+def first_difference(stored: TrainingConfig, given: TrainingConfig) -> str:
     """Return the first field in which two configurations differ, and both of its values."""
     before, now = dataclasses.asdict(stored), dataclasses.asdict(given)
     name = next(key for key in now if before[key] != now[key])

@@ -154,7 +154,7 @@ def _fit(
         run.model.parameters(), lr=options.learning_rate, weight_decay=options.weight_decay
     )
     with _quiet():
-        loss_module, fabric_optimiser = fabric.setup(_BatchLoss(run), optimiser)
+        loss_module, fabric_optimiser = fabric.setup(BatchLoss(run), optimiser)
     run.average.to(fabric.device)
     precision = fabric.strategy.precision
     if checkpoint:
@@ -265,7 +265,7 @@ def _fit(
         writer.close()
 
 
-class _BatchLoss(nn.Module):
+class BatchLoss(nn.Module):
     """The loss of a batch as a module: DDP averages the gradients of what ``forward`` uses."""
 
     def __init__(self, run: TrainingRun) -> None:
@@ -280,6 +280,7 @@ class _BatchLoss(nn.Module):
             )
 
     def forward(self, batch: Batch, teacher_forcing: bool) -> Tensor:
+        """Return the loss of a batch with the weights of the run's present epoch."""
         options = self.run.config.optimisation
         return batch_loss(
             self.model,

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.options import check_options, from_dict, option
+from mtpgo_core.options import check_options, from_dict, option, require
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig, with_preset
 from mtpgo_training.training.losses.schedules import LEARNING_RATE_SCHEDULES
@@ -113,6 +113,26 @@ class TrainerConfig:
 
 
 @dataclass(frozen=True)
+class CrossvalConfig:
+    """The sites of ``mtpgo crossval``; a training does not use this section.
+
+    Attributes:
+        sites: name of a site -> what belongs to it: directories, recordings (``DIRECTORY/NAME``),
+            or sites as they are called by default, ``DIRECTORY-LOCATION`` in a directory with
+            several locations. Recordings that are not named are in the site of that default name.
+    """
+
+    sites: dict[str, list[str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, entries in self.sites.items():
+            texts = isinstance(entries, list) and all(isinstance(e, str) for e in entries)
+            require(
+                f"crossval.sites.{name}", entries, texts and len(entries) > 0, "a list of names"
+            )
+
+
+@dataclass(frozen=True)
 class TrainingConfig:
     """Everything that determines a training run, except the recordings.
 
@@ -130,6 +150,7 @@ class TrainingConfig:
             steps, classes) are derived.
         optimisation: see :class:`OptimisationConfig`.
         trainer: see :class:`TrainerConfig`.
+        crossval: see :class:`CrossvalConfig`.
         licence: terms of the data, written into the exported file.
         attribution: source of the data to be named, written into the exported file.
     """
@@ -144,6 +165,7 @@ class TrainingConfig:
     model: dict[str, Any] = field(default_factory=dict)
     optimisation: OptimisationConfig = OptimisationConfig()
     trainer: TrainerConfig = TrainerConfig()
+    crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     licence: str = ""
     attribution: str = ""
 

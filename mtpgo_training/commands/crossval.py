@@ -1,0 +1,218 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``mtpgo crossval``: train without a site, test on it, for one site after the other."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import signal
+import sys
+from pathlib import Path
+
+from mtpgo_core.errors import ConfigurationError, MtpgoError
+from mtpgo_training.commands.argument_types import positive_integer, positive_number
+from mtpgo_training.commands.data_arguments import (
+    add_cache_arguments,
+    add_data_arguments,
+    cache_from,
+    data_sources,
+)
+from mtpgo_training.table_format import to_text
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add ``mtpgo crossval`` to the command line."""
+    parser = subparsers.add_parser(
+        "crossval",
+        help="train without a site and test on it, site by site",
+        description="Leave one site out: train on the others, score on it, for each site. The "
+        "same command continues what was interrupted. docs/training.md explains the tables.",
+    )
+    add = parser.add_argument
+    add("config", type=Path, nargs="?", help="YAML configuration of the training")
+    add_data_arguments(parser)
+    add("--out", type=Path, metavar="DIR", help="folder of the results and of all folds")
+    add(
+        "--sites",
+        nargs="+",
+        metavar="SITE",
+        help="sites to leave out (default: each one); crossval.sites of the configuration names "
+        "and merges sites",
+    )
+    add(
+        "--minutes-per-fold",
+        type=positive_number,
+        metavar="MIN",
+        help="processor time of each training (min): the schedule is shortened to fit",
+    )
+    add(
+        "--steps-per-fold",
+        type=positive_integer,
+        metavar="N",
+        help="the same with a number of optimisation steps, which fits any machine",
+    )
+    add(
+        "--epochs-per-fold",
+        type=positive_integer,
+        metavar="N",
+        help="epochs of each training (default: the configuration's, or as many as fit)",
+    )
+    add(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="overrides any value of the configuration, for instance model.order=1; repeatable",
+    )
+    add("--seed", type=int, help="overrides seed")
+    add(
+        "--stride",
+        type=positive_number,
+        default=1.0,
+        metavar="S",
+        help="time between two scored instants (s; default 1)",
+    )
+    add("--jobs", type=positive_integer, default=1, metavar="N", help="folds at the same time (1)")
+    add(
+        "--compare",
+        nargs=2,
+        type=Path,
+        metavar="DIR",
+        help="do not train: print two earlier results side by side",
+    )
+    add("--manoeuvres", action="store_true", help="print the manoeuvres as well")
+    add_cache_arguments(parser)
+    add("--quiet", action="store_true", help="print the tables and errors only")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run ``mtpgo crossval``."""
+    if args.compare:
+        return _compare(args)
+    _check(args)
+    # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
+    from mtpgo_training.crossval.crossval_folder import CrossvalFolder
+    from mtpgo_training.crossval.fold import FoldJob
+    from mtpgo_training.crossval.fold_plan import Budget
+    from mtpgo_training.crossval.fold_processes import FoldError, run_folds
+    from mtpgo_training.crossval.site_folds import chosen_sites, find_sites, without_site
+    from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.training.interruption import Interruption
+    from mtpgo_training.training.networks import build_network
+    from mtpgo_training.training.training_config import load_config
+
+    config = load_config(args.config, args.set)
+    if args.seed is not None:
+        config = dataclasses.replace(config, seed=args.seed)
+    build_network(config.network, config.model, config.history, config.scene)
+    sources, cache = tuple(data_sources(args.data_options)), cache_from(args)
+    recordings = list(read_sources(sources, cache))
+    sites = find_sites(recordings, config.crossval.sites)
+    chosen = chosen_sites(sites, args.sites)
+    for site in chosen:
+        without_site(config, recordings, site)  # its errors, before anything is trained
+    folder = CrossvalFolder(args.out)
+    budget = Budget(args.minutes_per_fold, args.epochs_per_fold, args.steps_per_fold)
+    folder.start(config, sites, recordings, budget, args.stride)
+    cache_folder = None if cache is None else cache.folder
+    jobs = [
+        FoldJob(
+            site, config, sources, cache_folder, folder.fold(site.name).path, budget, args.stride
+        )
+        for site in chosen
+        if not folder.fold(site.name).done
+    ]
+    del recordings
+    errors: list[tuple[str, MtpgoError]] = []
+
+    def say(text: str) -> None:
+        if not args.quiet:
+            print(text, flush=True)
+
+    def finished(job: FoldJob) -> None:
+        fold = next(f for f in folder.write_results()["folds"] if f["site"] == job.site.name)
+        training, scores = fold["training"], fold["scores"]["recorded"].get("all", {})
+        ade, cv = scores.get("ade"), scores.get("ade_cv")
+        result = "nothing to score" if ade is None else f"ADE {ade:.3f} m (CV {cv:.3f})"
+        say(
+            f"{job.site.name}: {training['epochs_done']} of {training['epochs']} epochs in "
+            f"{training['minutes']:.1f} min, {result}"
+        )
+
+    def failed(job: FoldJob, error: MtpgoError) -> None:
+        errors.append((job.site.name, error))
+        print(f"mtpgo: without {job.site.name}: {error}", file=sys.stderr, flush=True)
+
+    say(f"{len(chosen)} of {len(sites)} sites, {len(chosen) - len(jobs)} done before")
+    with Interruption() as interruption:
+        run_folds(
+            jobs,
+            args.jobs,
+            interruption,
+            started=lambda job: say(
+                f"{job.site.name}: leaves out {len(job.site.recordings)} recordings, see "
+                f"{job.folder / 'fold.log'}"
+            ),
+            finished=finished,
+            failed=failed,
+        )
+    content = folder.write_results()
+    if content["folds"]:
+        _print_results(content, manoeuvres=args.manoeuvres)
+        say(f"written to {folder.result} and {folder.markdown}")
+    if interruption.received_signal is not None:
+        say("interrupted; to continue: the same command")
+        return 128 + signal.Signals(interruption.received_signal)
+    if errors:
+        raise FoldError(
+            f"{len(errors)} of {len(jobs)} folds failed ({', '.join(name for name, _ in errors)})"
+        )
+    return 0
+
+
+def _print_results(content: dict[str, object], *, manoeuvres: bool) -> None:
+    from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
+
+    print(f"\n{to_text(trainings_table(content))}\n")
+    trackers = content["mean_of_sites"]
+    assert isinstance(trackers, dict)
+    for tracker in trackers:
+        table = to_text(scores_table(content, tracker, manoeuvres=manoeuvres))
+        print(f"observations: {tracker}\n{table}\n")
+    print(NOTE)
+
+
+def _compare(args: argparse.Namespace) -> int:
+    from mtpgo_training.crossval.crossval_folder import read_results
+    from mtpgo_training.crossval.crossval_tables import comparison_table
+
+    if args.config is not None or args.data_options or args.out is not None:
+        raise ConfigurationError(
+            "--compare is given with a configuration, --data or --out, expected two folders only"
+        )
+    first, second = map(read_results, args.compare)
+    names = [path.resolve().name for path in args.compare]
+    print(to_text(comparison_table(first, second, names, manoeuvres=args.manoeuvres)))
+    for key in ("budget", "stride_s"):
+        if first[key] != second[key]:
+            print(f"Note: {key} is {first[key]} and {second[key]}.")
+    return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Check the arguments before anything is loaded.
+
+    Raises:
+        ConfigurationError: one sentence.
+    """
+    for name, given in (
+        ("a configuration", args.config),
+        ("--out", args.out),
+        ("--data", args.data_options),
+    ):
+        if not given:
+            raise ConfigurationError(f"{name} is not given, expected it unless with --compare")
+    if args.minutes_per_fold is not None and args.steps_per_fold is not None:
+        raise ConfigurationError("--minutes-per-fold and --steps-per-fold are given, expected one")

@@ -1,0 +1,199 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The folder of a cross-validation.
+
+``config.yaml`` and ``crossval.json`` (sites, recordings with their hashes, budget) are written at
+the start. ``folds/SITE/`` has the plan of the fold, its run folder, the exported model, what it
+printed, and at last ``scores.json``: a fold with that file is done. ``result.json`` and
+``result.md`` are written again after each fold.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import write_text
+from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
+from mtpgo_training.crossval.fold_plan import Budget
+from mtpgo_training.crossval.site_folds import FoldSite
+from mtpgo_training.crossval.site_scores import pooled_scores
+from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.table_format import to_markdown
+from mtpgo_training.training.run_folder import first_difference, versions
+from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
+
+Json = dict[str, Any]
+
+
+class FoldFolder:
+    """The files of one fold.
+
+    Attributes:
+        path: the folder.
+        plan: its schedule.
+        run: the run folder of the training.
+        model: the exported model.
+        samples: the left-out site's samples for a calibration.
+        log: what the fold printed.
+        scores: the result; written last.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.plan = path / "plan.json"
+        self.run = path / "run"
+        self.model = path / "model.pt"
+        self.samples = path / "calibration.npz"
+        self.log = path / "fold.log"
+        self.scores = path / "scores.json"
+
+    @property
+    def done(self) -> bool:
+        """Whether the fold is trained and scored."""
+        return self.scores.is_file()
+
+
+class CrossvalFolder:
+    """The files of a cross-validation.
+
+    Args:
+        path: the folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._config = path / "config.yaml"
+        self._facts = path / "crossval.json"
+        self.result = path / "result.json"
+        self.markdown = path / "result.md"
+
+    def fold(self, site: str) -> FoldFolder:
+        """Return the files of the fold that leaves a site out."""
+        return FoldFolder(self.path / "folds" / re.sub(r"[^\w.-]+", "_", site))
+
+    def start(
+        self,
+        config: TrainingConfig,
+        sites: Sequence[FoldSite],
+        recordings: Sequence[NamedRecording],
+        budget: Budget,
+        stride_s: float,
+    ) -> None:
+        """Write what determines the results, or check that it is the same as before.
+
+        The section ``trainer`` and the number of threads may differ.
+
+        Args:
+            config: the configuration.
+            sites: all sites.
+            recordings: all recordings.
+            budget: of each fold.
+            stride_s: time between two scored instants (s).
+
+        Raises:
+            ConfigurationError: the folder has something else in it, or it cannot be written.
+        """
+        facts = {
+            "budget": dataclasses.asdict(budget),
+            "stride_s": stride_s,
+            "sites": {site.name: list(site.recordings) for site in sites},
+            "recordings": {item.name: item.recording.sha256 for item in recordings},
+        }
+        if self._facts.is_file():
+            self._check_same(config, facts)
+            return
+        if self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
+            raise ConfigurationError(
+                f"--out is {self.path}, which holds no cross-validation, expected a new folder or "
+                "one to continue"
+            )
+        write_text(self._config, dump_config(config))
+        write_text(self._facts, _json({**facts, "versions": versions()}))
+
+    def _check_same(self, config: TrainingConfig, facts: Json) -> None:
+        stored = load_config(self._config)
+        stored = dataclasses.replace(
+            stored, trainer=config.trainer, num_threads=config.num_threads
+        )
+        if stored != config:
+            raise ConfigurationError(
+                f"the configuration differs from {self._config} in "
+                f"{first_difference(stored, config)}, expected the same or another --out"
+            )
+        before = _read(self._facts)
+        different = next((key for key in facts if before.get(key) != facts[key]), None)
+        if different in ("budget", "stride_s"):
+            raise ConfigurationError(
+                f"the {different} differs from {self._facts} ({before.get(different)} there, "
+                f"{facts[different]} here), expected the same or another --out"
+            )
+        if different is not None:
+            raise ConfigurationError(
+                f"the {different} differ from those in {self._facts}, expected the same or "
+                "another --out"
+            )
+
+    def results(self) -> Json:
+        """Return the results of the folds that are done, in the order of the sites."""
+        facts = _read(self._facts)
+        folds = [_read(f.scores) for f in map(self.fold, facts["sites"]) if f.done]
+        trackers = list(dict.fromkeys(key for fold in folds for key in fold["scores"]))
+        return {
+            "budget": facts["budget"],
+            "stride_s": facts["stride_s"],
+            "sites": facts["sites"],
+            "folds": folds,
+            "mean_of_sites": {
+                tracker: pooled_scores([f["scores"][tracker] for f in folds])
+                for tracker in trackers
+                if all(tracker in fold["scores"] for fold in folds)
+            },
+            "versions": facts["versions"],
+        }
+
+    def write_results(self) -> Json:
+        """Write and return :meth:`results`."""
+        content = self.results()
+        write_text(self.result, _json(content))
+        parts = [f"{to_markdown(trainings_table(content))}"]
+        for tracker in content["mean_of_sites"]:
+            table = to_markdown(scores_table(content, tracker, manoeuvres=True))
+            parts.append(f"Observations: {tracker}\n\n{table}")
+        write_text(self.markdown, "\n\n".join([*parts, NOTE]) + "\n")
+        return content
+
+
+def read_results(path: Path) -> Json:
+    """Return the results of a cross-validation.
+
+    Args:
+        path: its folder.
+
+    Raises:
+        ConfigurationError: it holds none, or no fold of it is done.
+    """
+    folder = CrossvalFolder(path)
+    try:
+        content = folder.results()
+    except (OSError, ValueError, KeyError) as error:
+        raise ConfigurationError(
+            f"{path} holds no cross-validation, expected a folder written by mtpgo crossval"
+        ) from error
+    if not content["folds"]:
+        raise ConfigurationError(f"no fold of {path} is done, expected at least one")
+    return content
+
+
+def _json(content: Json) -> str:
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+
+
+def _read(path: Path) -> Json:
+    content: Json = json.loads(path.read_text(encoding="utf-8"))
+    return content

@@ -1,0 +1,172 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of a cross-validation, and of two beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mtpgo_training.crossval.site_scores import (
+    LEAST_AGENTS,
+    TIMES_S,
+    pooled_scores,
+    worse_than_simple,
+)
+from mtpgo_training.data.manoeuvres import MANOEUVRES
+from mtpgo_training.evaluation.scores.score_summary import value_text
+from mtpgo_training.table_format import Row, Table
+
+Json = dict[str, Any]
+
+POOLED = "mean of sites"
+"""Name of the average over sites."""
+
+_HEADS = (
+    "site, road users",
+    "n",
+    "ADE m",
+    "/ CV",
+    "/ CA",
+    "minADE m",
+    *(f"in 90% {time:g} s" for time in TIMES_S),
+    "NLL",
+)
+
+_COMPARED = (
+    ("ADE m", "ade"),
+    ("/ CV", "ratio_cv"),
+    ("minADE m", "min_ade"),
+    (f"in 90% {TIMES_S[-1]:g} s", f"{TIMES_S[-1]:g}"),
+    ("NLL", "anll"),
+)
+"""Columns of a comparison: title, and key of the value or time of the coverage."""
+
+_CHANGES = (_COMPARED[-2][0], "NLL")
+"""Those that are compared by their difference; the others by their ratio."""
+
+
+def scores_table(content: Json, tracker: str, *, manoeuvres: bool = False) -> Table:
+    """Return the scores of each left-out site and their mean, a row for each group.
+
+    A row whose ADE is more than 2 % above the better baseline's ends in ``!``.
+
+    Args:
+        content: of a cross-validation.
+        tracker: what the observations come from, a key of ``scores``.
+        manoeuvres: give the manoeuvres as well.
+    """
+    sites = {fold["site"]: fold["scores"][tracker] for fold in content["folds"]}
+    rows = [
+        row
+        for site, scores in (sites | {POOLED: pooled_scores(list(sites.values()))}).items()
+        for row in _site_rows(site, scores, manoeuvres)
+    ]
+    return Table(_HEADS, rows)
+
+
+def _site_rows(site: str, scores: Json, manoeuvres: bool) -> list[Row]:
+    rows = []
+    for group, row in scores.items():
+        if not row["n"] or (group in MANOEUVRES and group != "standing" and not manoeuvres):
+            continue
+        mark = " !" if worse_than_simple(row) else ""
+        coverage = [value_text(row["coverage_90_at"][f"{time:g}"], 2) for time in TIMES_S]
+        if group == "all":
+            coverage = ["-"] * len(TIMES_S)  # standing road users would hide what moving ones do
+        rows.append(
+            Row(
+                f"{site}: {group}{mark}",
+                [
+                    str(row["n"]),
+                    value_text(row["ade"]),
+                    value_text(row["ratio_cv"], 2),
+                    value_text(row["ratio_ca"], 2),
+                    value_text(row["min_ade"]),
+                    *coverage,
+                    value_text(row["anll"], 2),
+                ],
+            )
+        )
+    return rows
+
+
+def trainings_table(content: Json) -> Table:
+    """Return what each fold was trained with."""
+    heads = ("left out", "epochs", "share of scenes", "minutes", "validation ADE m", "recordings")
+    rows = []
+    for fold in content["folds"]:
+        training = fold["training"]
+        rows.append(
+            Row(
+                fold["site"],
+                [
+                    f"{training['epochs_done']} of {training['epochs']}",
+                    f"{training['share']:.2f}",
+                    f"{training['minutes']:.1f}",
+                    value_text(training["validation_ade_m"]),
+                    str(len(fold["recordings"])),
+                ],
+            )
+        )
+    return Table(heads, rows)
+
+
+def comparison_table(
+    first: Json, second: Json, names: Sequence[str], *, manoeuvres: bool = False
+) -> Table:
+    """Return two cross-validations side by side: of each value the first, the second, the ratio.
+
+    Sites and groups that only one of them has are left out, from the mean of sites as well.
+
+    Args:
+        first: content of one.
+        second: content of the other.
+        names: of both, for the heads.
+        manoeuvres: give the manoeuvres as well.
+    """
+    contents = [{fold["site"]: fold for fold in content["folds"]} for content in (first, second)]
+    common = [site for site in contents[0] if site in contents[1]]
+    heads = ["site, road users", "n"]
+    for title, _ in _COMPARED:
+        heads += [f"{title} {names[0]}", names[1], "change" if title in _CHANGES else "ratio"]
+    rows = []
+    for tracker in _trackers(first, second):
+        pair = [[c[site]["scores"][tracker] for site in common] for c in contents]
+        by_site = dict(zip(common, zip(*pair, strict=True), strict=True))
+        by_site[POOLED] = tuple(map(pooled_scores, pair))
+        for site, (one, other) in by_site.items():
+            prefix = site if tracker == "recorded" else f"{site} ({tracker})"
+            for group in one:
+                hidden = group in MANOEUVRES and group != "standing" and not manoeuvres
+                if group in other and one[group]["n"] and not hidden:
+                    rows.append(_compared_row(f"{prefix}: {group}", one[group], other[group]))
+    return Table(heads, rows)
+
+
+def _trackers(first: Json, second: Json) -> list[str]:
+    """Return the trackers that all folds of both were scored with."""
+    folds = [fold["scores"] for content in (first, second) for fold in content["folds"]]
+    return [tracker for tracker in folds[0] if all(tracker in scores for scores in folds)]
+
+
+def _compared_row(name: str, one: Json, other: Json) -> Row:
+    n = str(one["n"]) if one["n"] == other["n"] else f"{one['n']}, {other['n']}"
+    cells = [n]
+    for title, key in _COMPARED:
+        a, b = (row["coverage_90_at"].get(key, row.get(key)) for row in (one, other))
+        digits = 3 if title.endswith(" m") else 2
+        cells += [value_text(a, digits), value_text(b, digits)]
+        if a is None or b is None or (title not in _CHANGES and a == 0.0):
+            cells.append("-")
+        else:
+            cells.append(f"{b - a:+.2f}" if title in _CHANGES else f"{b / a:.2f}")
+    return Row(name, cells)
+
+
+NOTE = (
+    f"Every site counts equally in the {POOLED}, if it has at least {LEAST_AGENTS} agents and "
+    "instants of a group (ratios: geometric mean). '!': more than 2 % worse than the better of "
+    "constant velocity (CV) and constant acceleration (CA)."
+)
+"""Explains the tables."""

@@ -1,0 +1,165 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""One fold: train without a site, export, and score the model file on that site."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_training.atomic_files import write_text
+from mtpgo_training.crossval.crossval_folder import FoldFolder
+from mtpgo_training.crossval.fold_plan import Budget, FoldPlan, plan_fold
+from mtpgo_training.crossval.site_folds import FoldSite, without_site
+from mtpgo_training.crossval.site_scores import MODEL, group_scores
+from mtpgo_training.data.data_sources import DataSource, read_sources
+from mtpgo_training.data.recording_cache import RecordingCache
+from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.evaluation.evaluator import Evaluation, Settings, evaluate_recording
+from mtpgo_training.evaluation.scores.score_summary import breakdowns
+from mtpgo_training.export.exporter import export_runs
+from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
+from mtpgo_training.training.run_state import TrainingRun
+from mtpgo_training.training.trainer import train
+from mtpgo_training.training.training_config import CrossvalConfig, TrainingConfig
+
+Json = dict[str, Any]
+
+TRACKERS = ("recorded",)
+"""What the observations of the left-out site come from, in the order of the tables."""
+
+
+@dataclass(frozen=True)
+class FoldJob:
+    """What a fold is made of; small, to be sent to a process.
+
+    Attributes:
+        site: the site that is left out.
+        config: the configuration of the cross-validation.
+        sources: the directories of recordings.
+        cache: folder of the cache, None for none.
+        folder: folder of the fold.
+        budget: how long it may train.
+        stride_s: time between two scored instants (s).
+    """
+
+    site: FoldSite
+    config: TrainingConfig
+    sources: tuple[DataSource, ...]
+    cache: Path | None
+    folder: Path
+    budget: Budget
+    stride_s: float
+
+    def run(self) -> bool:
+        """Run it, see :func:`run_fold`."""
+        return run_fold(self)
+
+
+def run_fold(job: FoldJob) -> bool:
+    """Train without the site and score on it, or continue where a run before was interrupted.
+
+    Returns:
+        Whether the fold is done: not if a signal has ended its training.
+
+    Raises:
+        MtpgoError: the recordings or the configuration cannot be used.
+    """
+    files = FoldFolder(job.folder)
+    cache = None if job.cache is None else RecordingCache(job.cache)
+    recordings = list(read_sources(job.sources, cache))
+    config, others = without_site(_for_one_thread(job.config, job.site), recordings, job.site)
+    if files.plan.is_file():
+        plan = FoldPlan.load(files.plan)
+    else:
+        plan = plan_fold(config, others, job.budget, cache)
+        plan.save(files.plan)
+    print(f"plan       {plan}", flush=True)
+    run = train(
+        plan.applied(config, others),
+        others,
+        RunFolder(files.run),
+        resume=(files.run / "run.json").is_file(),
+        max_minutes=plan.limit_minutes,
+        cache=cache,
+        verbose=True,
+    )
+    if run.received_signal is not None:
+        return False
+    export_runs([files.run], files.model, name=f"{job.config.name}-without-{job.site.name}")
+    start = time.monotonic()
+    left_out = [item for item in recordings if item.name in job.site.recordings]
+    content: Json = {
+        "site": job.site.name,
+        "recordings": [item.name for item in left_out],
+        "training": _training(run, plan, files.run),
+        "scores": {},
+        "breakdowns": {},
+    }
+    runner = ModelRunner.load(files.model)
+    for tracker in TRACKERS:
+        result = score_site(runner, left_out, job.site, job.stride_s)
+        content["scores"][tracker] = group_scores(result.scores)
+        content["breakdowns"][tracker] = breakdowns(result.scores)
+    content["scoring_seconds"] = round(time.monotonic() - start, 1)
+    write_text(files.scores, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    return True
+
+
+def score_site(
+    runner: ModelRunner, recordings: list[NamedRecording], site: FoldSite, stride_s: float
+) -> Evaluation:
+    """Score a model and the baselines on all recordings of a site, as ``mtpgo evaluate`` does.
+
+    Args:
+        runner: the model.
+        recordings: of the site.
+        site: its name is that of the scores' site.
+        stride_s: time between two instants (s).
+    """
+    result = Evaluation()
+    settings = Settings(stride_s=stride_s, centre=False)
+    for item in recordings:
+        if len(item.recording):
+            recording = dataclasses.replace(item.recording, location=site.name)
+            evaluate_recording(result, {MODEL: runner}, recording, settings, name=item.name)
+    return result
+
+
+def _for_one_thread(config: TrainingConfig, site: FoldSite) -> TrainingConfig:
+    """Return the configuration of a fold: one process with one thread."""
+    return dataclasses.replace(
+        config,
+        name=f"{config.name}-without-{site.name}",
+        num_threads=1,
+        crossval=CrossvalConfig(),
+        trainer=dataclasses.replace(
+            config.trainer, devices=1, num_nodes=1, strategy="auto", loader_workers=0
+        ),
+    )
+
+
+def _training(run: TrainingRun, plan: FoldPlan, folder: Path) -> Json:
+    """Return what the fold was trained with."""
+    state = run.state
+    checkpoint = load_checkpoint(folder)
+    splits = checkpoint["splits"]
+    return {
+        **dataclasses.asdict(plan),
+        "epochs_done": state.epoch,
+        "steps": state.step,
+        "minutes": round((state.seconds + state.epoch_seconds) / 60.0, 2),
+        "best_epoch": state.best_epoch,
+        "validation_ade_m": state.metrics["model"]["all"]["ade"] if state.metrics else None,
+        "train": _names(splits, "train"),
+        "validation": _names(splits, "validation"),
+    }
+
+
+def _names(splits: list[dict[str, str]], use: str) -> list[str]:
+    return [f"{one['source']}/{one['name']}" for one in splits if one["split"] == use]

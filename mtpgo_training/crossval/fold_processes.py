@@ -1,0 +1,180 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Folds in processes of their own, some at the same time, ended by one interrupt."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+
+from mtpgo_core.errors import MtpgoError
+
+# This module loads no torch: a new process is ready to be interrupted as soon as it has loaded it.
+if TYPE_CHECKING:
+    from mtpgo_training.training.interruption import Interruption
+
+POLL_S = 0.2
+"""Time between two looks at a requested end (s); chosen."""
+
+
+class FoldError(MtpgoError):
+    """A fold that could not be trained or scored."""
+
+
+class Job(Protocol):
+    """What runs in a process; it can be pickled."""
+
+    @property
+    def folder(self) -> Path:
+        """Folder of its log."""
+
+    def run(self) -> bool:
+        """Run it; return whether it is done, False after an interrupt."""
+
+
+J = TypeVar("J", bound=Job)
+
+
+@dataclass
+class _Started(Generic[J]):
+    """A fold in its process.
+
+    Attributes:
+        job: the fold.
+        process: its process.
+        receiver: gets ``ready``, then the outcome: whether it is done, or an error.
+        ready: it can be interrupted by a signal.
+    """
+
+    job: J
+    process: BaseProcess
+    receiver: Connection
+    ready: bool = False
+
+    def interrupt(self) -> None:
+        """Ask it to end; it completes a step of its training first."""
+        if self.process.pid is None or not self.process.is_alive():
+            return
+        if self.ready:
+            os.kill(self.process.pid, signal.SIGINT)
+        else:
+            self.process.kill()
+
+
+def run_folds(
+    jobs: Sequence[J],
+    processes: int,
+    interruption: Interruption,
+    *,
+    started: Callable[[J], object] = lambda job: None,
+    finished: Callable[[J], object] = lambda job: None,
+    failed: Callable[[J, MtpgoError], object] = lambda job, error: None,
+) -> None:
+    """Run folds until all are done or an end is requested.
+
+    Args:
+        jobs: the folds.
+        processes: largest number at the same time.
+        interruption: asked for a request to end, which is passed on to the processes.
+        started: called with a fold when its process is started.
+        finished: called with a fold that is done.
+        failed: called with a fold and its error; the other folds go on.
+    """
+    # A forked process may hang on locks that torch's threads held, which it does not have.
+    context = multiprocessing.get_context("spawn")
+    waiting, running = deque(jobs), list[_Started[J]]()
+    stopping = False
+    try:
+        while waiting or running:
+            if interruption.requested() and not stopping:
+                stopping = True
+                waiting.clear()
+                for one in running:
+                    one.interrupt()
+            while waiting and len(running) < processes:
+                job = waiting.popleft()
+                receiver, sender = context.Pipe(duplex=False)
+                process = context.Process(
+                    target=_fold_process, args=(pickle.dumps(job), job.folder, sender)
+                )
+                process.start()
+                sender.close()  # so that the end of the process ends the pipe
+                running.append(_Started(job, process, receiver))
+                started(job)
+            for ready in wait([one.receiver for one in running], timeout=POLL_S):
+                one = next(one for one in running if one.receiver is ready)
+                outcome = _received(one)
+                if outcome == "ready":
+                    one.ready = True
+                    if stopping:
+                        one.interrupt()
+                    continue
+                running.remove(one)
+                one.process.join()
+                one.receiver.close()
+                if isinstance(outcome, MtpgoError):
+                    failed(one.job, outcome)
+                elif outcome:
+                    finished(one.job)
+                elif not stopping:
+                    failed(one.job, _ended(one))
+    finally:
+        for one in running:
+            one.process.kill()
+            one.process.join()
+
+
+def _received(one: _Started[J]) -> object:
+    """Return what the process sent, None if it ended without a word."""
+    try:
+        return one.receiver.recv()
+    except EOFError:
+        return None
+
+
+def _ended(one: _Started[J]) -> FoldError:
+    log = one.job.folder / "fold.log"
+    return FoldError(f"the process ended with status {one.process.exitcode}, see {log}")
+
+
+def _fold_process(job: bytes, folder: Path, sender: Connection) -> None:
+    """Run a fold; what it prints is in its log.
+
+    Args:
+        job: the pickled fold, which needs modules that take seconds to load.
+        folder: its folder.
+        sender: see :class:`_Started`.
+    """
+    os.setsid()  # Ctrl-C reaches the parent process only, which passes it on once
+    _redirect(folder / "fold.log")
+    outcome: object = None
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        sender.send("ready")
+        outcome = pickle.loads(job).run()
+    except KeyboardInterrupt:
+        outcome = False
+    except MtpgoError as error:
+        outcome = error
+    sender.send(outcome)
+    sender.close()
+
+
+def _redirect(log: Path) -> None:
+    """Append standard output and error to a file."""
+    log.parent.mkdir(parents=True, exist_ok=True)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    with log.open("a", encoding="utf-8") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)

@@ -1,0 +1,170 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The scores on a site by class, motion and manoeuvre, and their averages over sites."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mtpgo_core.schema import AgentClass, BoolArray
+from mtpgo_training.data.manoeuvres import MANOEUVRES, members
+from mtpgo_training.evaluation.scores.score_table import ScoreTable, average, none, totals
+
+Json = dict[str, Any]
+
+MODEL = "model"
+"""Name of a fold's model in the scores."""
+
+REFERENCES = ("cv", "ca")
+"""The baselines relative to which the errors are given."""
+
+CLASS_GROUPS = {
+    "vehicle": (
+        AgentClass.CAR,
+        AgentClass.TRUCK,
+        AgentClass.BUS,
+        AgentClass.TRAILER,
+        AgentClass.VAN,
+    ),
+    "two_wheeler": (AgentClass.MOTORCYCLE, AgentClass.BICYCLE),
+    "pedestrian": (AgentClass.PEDESTRIAN,),
+    "unknown": (AgentClass.UNKNOWN, AgentClass.ANIMAL),
+}
+"""Classes that move alike."""
+
+TIMES_S = (1.0, 3.0, 5.0)
+"""Times at which the coverage is given (s)."""
+
+VALUES = ("ade", "fde", "min_ade", "min_fde", "mr", "anll", "coverage_90")
+"""Averages over agents that are given for each group, see
+:data:`mtpgo_training.evaluation.scores.agent_scores.KEYS`."""
+
+LEAST_AGENTS = 50
+"""A site counts in the average over sites where it has this many agents and instants of a group;
+chosen: fewer are a few seconds of a few road users."""
+
+SIMPLE_TOLERANCE = 1.02
+"""An ADE above this multiple of the better baseline's is worse than simple (the project's bar)."""
+
+
+def group_scores(table: ScoreTable) -> dict[str, Json]:
+    """Return the scores of a site by group of agents; None where a value is not defined.
+
+    Groups: ``all``, ``moving`` and ``standing``; ``CLASS MOTION`` for each of
+    :data:`CLASS_GROUPS`; each manoeuvre. Values: ``n`` agents and instants; those of
+    :data:`VALUES`; ``ade_cv`` and ``ade_ca``, the ADE of the baselines (m), and ``ratio_cv`` and
+    ``ratio_ca`` relative to them; ``coverage_90_at``, the coverage at each of :data:`TIMES_S`.
+
+    Args:
+        table: with the scores of :data:`MODEL` and of the baselines by the protocol ``all``.
+    """
+    agents = table.agents()
+    agents = agents[agents["protocol"] == "all"]
+    steps = table.steps()
+    labels = steps.index.to_frame(index=False)
+    wanted = ((labels["protocol"] == "all") & (labels["model"] == MODEL)).to_numpy()
+    steps, labels = steps[wanted], labels[wanted]
+    chosen, chosen_steps = _selections(agents), _selections(labels)
+    return {
+        group: _scores(agents[rows], steps[chosen_steps[group]])
+        for group, rows in chosen.items()
+        if rows.any()
+    }
+
+
+def _selections(labels: pd.DataFrame) -> dict[str, BoolArray]:
+    """Return which rows belong to each group.
+
+    Args:
+        labels: with the columns ``agent_class``, ``motion`` and ``manoeuvres``.
+    """
+    motion = labels["motion"].astype(str).to_numpy()
+    kind = labels["agent_class"].astype(str).to_numpy()
+    chosen: dict[str, BoolArray] = {"all": np.ones(len(labels), dtype=np.bool_)}
+    for name in ("moving", "standing"):
+        chosen[name] = motion == name
+    for group, classes in CLASS_GROUPS.items():
+        own = np.isin(kind, [member.name.lower() for member in classes])
+        for name in ("moving", "standing"):
+            chosen[f"{group} {name}"] = own & (motion == name)
+    bits = labels["manoeuvres"].to_numpy()
+    return chosen | {name: members(bits, name) for name in MANOEUVRES if name not in chosen}
+
+
+def _scores(agents: pd.DataFrame, steps: pd.DataFrame) -> Json:
+    total = totals(agents, ["model"])
+    means, counts = average(total), total["count"]
+    found: Json = {"n": 0} | dict.fromkeys(VALUES)
+    if MODEL in means.index:
+        found["n"] = int(counts.at[MODEL, "ade"])
+        found |= {key: none(means.at[MODEL, key]) for key in VALUES}
+    for name in REFERENCES:
+        other = none(means.at[name, "ade"]) if name in means.index else None
+        found[f"ade_{name}"] = other
+        found[f"ratio_{name}"] = found["ade"] / other if found["ade"] and other else None
+    found["coverage_90_at"] = _coverage(steps)
+    return found
+
+
+def _coverage(steps: pd.DataFrame) -> Json:
+    """Return the coverage of the 90 % ellipses at :data:`TIMES_S`, by the time as text."""
+    found: Json = {f"{time:g}": None for time in TIMES_S}
+    if len(steps):
+        for time, value in average(totals(steps, ["time_s"]))["coverage_90"].items():
+            if f"{time:g}" in found:
+                found[f"{time:g}"] = none(value)
+    return found
+
+
+def pooled_scores(sites: Sequence[Mapping[str, Json]]) -> dict[str, Json]:
+    """Return the average over sites of each group: every site counts equally.
+
+    Means of the values over the sites with at least :data:`LEAST_AGENTS` in the group; of the
+    ratios the geometric mean, which is the same whichever of the two is divided by the other.
+    ``sites`` is the number of these sites, ``n`` the sum over them.
+
+    Args:
+        sites: :func:`group_scores` of each.
+    """
+    groups = dict.fromkeys(group for scores in sites for group in scores)
+    pooled = {}
+    for group in groups:
+        rows = [scores[group] for scores in sites if group in scores]
+        rows = [row for row in rows if row["n"] >= LEAST_AGENTS]
+        if rows:
+            pooled[group] = _mean(rows)
+    return pooled
+
+
+def _mean(rows: Sequence[Json]) -> Json:
+    found: Json = {"sites": len(rows), "n": sum(row["n"] for row in rows)}
+    for key, first in rows[0].items():
+        if key == "n":
+            continue
+        values = [row[key] for row in rows]
+        if isinstance(first, dict):
+            found[key] = {k: _average([value[k] for value in values]) for k in first}
+        else:
+            found[key] = _average(values, geometric=key.startswith("ratio_"))
+    return found
+
+
+def _average(values: Sequence[float | None], geometric: bool = False) -> float | None:
+    known = [value for value in values if value is not None]
+    if not known:
+        return None
+    if geometric and min(known) > 0.0:
+        return math.exp(sum(map(math.log, known)) / len(known))
+    return sum(known) / len(known)
+
+
+def worse_than_simple(scores: Json) -> bool:
+    """Whether the ADE is above that of the better baseline by more than the tolerance."""
+    others = [scores[f"ade_{name}"] for name in REFERENCES if scores[f"ade_{name}"] is not None]
+    ade = scores["ade"]
+    return bool(others) and ade is not None and ade > SIMPLE_TOLERANCE * min(others)

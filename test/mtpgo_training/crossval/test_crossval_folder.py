@@ -1,0 +1,75 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The folder of a cross-validation: what it refuses, and its results."""
+
+import dataclasses
+import json
+
+import pytest
+from crossval_results import content, group
+from tiny_run import CONFIG, with_options
+from traffic import braking_cars
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.crossval.crossval_folder import CrossvalFolder, read_results
+from mtpgo_training.crossval.fold_plan import Budget
+from mtpgo_training.crossval.site_folds import FoldSite
+from mtpgo_training.data.splits import NamedRecording
+
+RECORDINGS = [NamedRecording(s, braking_cars(tracks=1, seconds=1.0)) for s in ("a", "b")]
+SITES = [FoldSite("a", ("a/01",)), FoldSite("b/c", ("b/01",))]
+
+
+def start(path, config=CONFIG, *, sites=SITES, recordings=RECORDINGS, budget=None, stride_s=1.0):
+    folder = CrossvalFolder(path)
+    folder.start(config, sites, recordings, budget or Budget(minutes=1.0), stride_s)
+    return folder
+
+
+def test_the_same_again_continues(tmp_path):
+    start(tmp_path / "out")
+    start(tmp_path / "out", with_options(trainer={"patience_epochs": 3}))
+
+
+@pytest.mark.parametrize(
+    ("other", "sentence"),
+    [
+        ({"config": dataclasses.replace(CONFIG, seed=5)}, r"in seed \(1 there, 5 here\)"),
+        ({"budget": Budget(minutes=2.0)}, "the budget differs"),
+        ({"stride_s": 2.0}, r"the stride_s differs from .* \(1.0 there, 2.0 here\)"),
+        ({"sites": SITES[:1]}, "the sites differ"),
+        ({"recordings": RECORDINGS[:1]}, "the recordings differ"),
+    ],
+)
+def test_another_configuration_is_refused(tmp_path, other, sentence):
+    start(tmp_path)
+    with pytest.raises(ConfigurationError, match=sentence):
+        start(tmp_path, **other)
+
+
+def test_a_folder_with_something_else_is_refused(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(ConfigurationError, match="which holds no cross-validation"):
+        start(tmp_path)
+
+
+def test_results_are_those_of_the_folds_that_are_done(tmp_path):
+    folder = start(tmp_path / "out")
+    assert folder.results()["folds"] == []
+    with pytest.raises(ConfigurationError, match=r"no fold of .* is done"):
+        read_results(tmp_path / "out")
+    fold = folder.fold("b/c")
+    assert fold.path.name == "b_c"
+    fold.path.mkdir(parents=True)
+    fold.scores.write_text(json.dumps(content({"b/c": {"all": group(1.0)}})["folds"][0]))
+    assert fold.done
+    result = folder.write_results()
+    assert [one["site"] for one in result["folds"]] == ["b/c"]
+    assert result["mean_of_sites"]["recorded"]["all"]["ade"] == 1.0
+    assert json.loads(folder.result.read_text()) == result == read_results(tmp_path / "out")
+    assert "| b/c: all | 100 | 1.000 |" in folder.markdown.read_text()
+
+
+def test_another_folder_has_no_results(tmp_path):
+    with pytest.raises(ConfigurationError, match="holds no cross-validation"):
+        read_results(tmp_path)

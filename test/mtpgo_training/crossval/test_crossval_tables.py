@@ -1,0 +1,79 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of a cross-validation and of two beside each other."""
+
+import pytest
+from crossval_results import content, group
+
+from mtpgo_training.crossval.crossval_tables import (
+    POOLED,
+    comparison_table,
+    scores_table,
+    trainings_table,
+)
+from mtpgo_training.table_format import to_text
+
+
+def rows_of(table):
+    return {row.name: dict(zip(table.heads[1:], row.cells, strict=True)) for row in table.rows}
+
+
+def test_each_site_has_its_groups_and_the_mean_stands_below():
+    table = scores_table(
+        content({"a": {"all": group(1.0), "moving": group(1.0)}, "b": {"all": group(3.0)}}),
+        "recorded",
+    )
+    rows = rows_of(table)
+    assert list(rows) == [
+        "a: all",
+        "a: moving",
+        "b: all !",
+        f"{POOLED}: all",
+        f"{POOLED}: moving",
+    ]
+    assert rows[f"{POOLED}: all"]["ADE m"] == "2.000"
+    assert rows["a: moving"]["in 90% 5 s"] == "0.80"
+    assert rows["a: all"]["in 90% 5 s"] == "-"
+    assert rows["b: all !"]["/ CV"] == "1.50"
+
+
+def test_manoeuvres_are_shown_on_request():
+    given = content({"a": {"standing": group(1.0), "turning": group(1.0)}})
+    assert [row.name for row in scores_table(given, "recorded").rows][:1] == ["a: standing"]
+    shown = [row.name for row in scores_table(given, "recorded", manoeuvres=True).rows]
+    assert shown[:2] == ["a: standing", "a: turning"]
+
+
+def test_what_was_trained_is_told():
+    text = to_text(trainings_table(content({"a": {}})))
+    assert "11 of 12" in text
+    assert "0.50" in text
+
+
+def test_two_results_are_compared_on_what_both_have():
+    first = content({"a": {"all": group(1.0, nll=1.0)}, "b": {"all": group(9.0)}})
+    second = content({"a": {"all": group(0.5, nll=-0.5, five=0.9), "moving": group(1.0)}})
+    table = comparison_table(first, second, ("old", "new"))
+    assert [row.name for row in table.rows] == ["a: all", f"{POOLED}: all"]
+    assert list(table.heads[:5]) == ["site, road users", "n", "ADE m old", "new", "ratio"]
+    cells = [str(cell) for cell in table.rows[0].cells]
+    assert cells[:4] == ["100", "1.000", "0.500", "0.50"]
+    assert cells[-6:] == ["0.80", "0.90", "+0.10", "1.00", "-0.50", "-1.50"]
+    assert [str(cell) for cell in table.rows[1].cells] == cells
+
+
+@pytest.mark.parametrize("other", [None, 0.0])
+def test_a_value_that_is_not_there_has_no_ratio(other):
+    first, second = (content({"a": {"all": group(1.0) | {"min_ade": v}}}) for v in (other, 1.0))
+    row = comparison_table(first, second, ("old", "new")).rows[0]
+    assert [str(cell) for cell in row.cells][7:10] == [
+        "-" if other is None else "0.000",
+        "1.000",
+        "-",
+    ]
+
+
+def test_different_numbers_of_agents_are_both_told():
+    first, second = (content({"a": {"all": group(1.0, n=n)}}) for n in (100, 200))
+    row = comparison_table(first, second, ("old", "new")).rows[0]
+    assert str(row.cells[0]) == "100, 200"

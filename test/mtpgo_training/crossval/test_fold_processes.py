@@ -1,0 +1,84 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Jobs in processes: done, with an error, with a defect, and ended by an interrupt."""
+
+import signal
+
+import pytest
+from light_job import LightJob
+
+from mtpgo_training.crossval.fold_processes import run_folds
+
+
+class Request:
+    """A request to end that comes once a file is there."""
+
+    received_signal = signal.SIGINT
+
+    def __init__(self, path=None):
+        self.path = path
+
+    def requested(self):
+        return self.path is not None and self.path.exists()
+
+
+class Told:
+    """What was reported, in order."""
+
+    def __init__(self):
+        self.lines = []
+
+    def run(self, jobs, processes=1, request=None):
+        run_folds(
+            jobs,
+            processes,
+            request or Request(),
+            started=lambda job: self.lines.append(f"{job.folder.name} started"),
+            finished=lambda job: self.lines.append(f"{job.folder.name} finished"),
+            failed=lambda job, error: self.lines.append(f"{job.folder.name} failed: {error}"),
+        )
+        return self.lines
+
+
+def test_one_after_the_other(tmp_path):
+    told = Told().run([LightJob(tmp_path / "a"), LightJob(tmp_path / "b")])
+    assert told == ["a started", "a finished", "b started", "b finished"]
+    assert (tmp_path / "a" / "fold.log").read_text() == "this is done\n"
+
+
+def test_two_at_the_same_time(tmp_path):
+    told = Told().run([LightJob(tmp_path / name) for name in "abc"], 2)
+    assert told[:2] == ["a started", "b started"]
+    assert sorted(told[2:]) == ["a finished", "b finished", "c finished", "c started"]
+
+
+@pytest.mark.parametrize(
+    ("how", "sentence"),
+    [
+        ("error", "data.train is empty"),
+        ("defect", "the process ended with status 1, see {log}"),
+        ("killed", "the process ended with status -6, see {log}"),
+    ],
+)
+def test_a_failure_is_told_and_the_others_go_on(tmp_path, how, sentence):
+    told = Told().run([LightJob(tmp_path / "a", how), LightJob(tmp_path / "b")])
+    log = tmp_path / "a" / "fold.log"
+    assert told[1:] == [f"a failed: {sentence.format(log=log)}", "b started", "b finished"]
+    assert ("ZeroDivisionError: a defect" in log.read_text()) == (how == "defect")
+
+
+def test_a_request_ends_what_runs_and_what_waits(tmp_path):
+    jobs = [LightJob(tmp_path / name, "long") for name in "abc"]
+    told = Told().run(jobs, 2, Request(tmp_path / "b" / "running"))
+    assert told == ["a started", "b started"]
+
+
+def test_an_exception_ends_the_processes(tmp_path):
+    class Broken(Request):
+        def requested(self):
+            if (tmp_path / "a" / "running").exists():
+                raise KeyboardInterrupt
+            return False
+
+    with pytest.raises(KeyboardInterrupt):
+        Told().run([LightJob(tmp_path / "a", "long")], 1, Broken())

@@ -1,0 +1,123 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Scores of a site by group, and their mean in which every site counts equally."""
+
+import numpy as np
+import pytest
+from known_scores import STANDS, add
+
+from mtpgo_core.schema import AgentClass
+from mtpgo_training.crossval.site_scores import (
+    CLASS_GROUPS,
+    LEAST_AGENTS,
+    group_scores,
+    pooled_scores,
+    worse_than_simple,
+)
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
+
+
+def site_table(error=1.0, cv=4.0, ca=2.0):
+    """Ten moving cars and five standing pedestrians; the error of the cars' model grows."""
+    table = ScoreTable()
+    for model, metres in (("model", error), ("cv", cv), ("ca", ca)):
+        add(table, np.full(5, metres), model=model, n=10, step_s=1.0)
+        add(
+            table,
+            np.full(5, 0.5),
+            model=model,
+            n=5,
+            kind=AgentClass.PEDESTRIAN,
+            speed=0.0,
+            bits=STANDS,
+            step_s=1.0,
+        )
+    return table
+
+
+def test_groups_are_those_of_class_motion_and_manoeuvre():
+    scores = group_scores(site_table())
+    assert list(scores) == [
+        "all",
+        "moving",
+        "standing",
+        "vehicle moving",
+        "pedestrian standing",
+        "lane_keep",
+    ]
+    counts = {group: row["n"] for group, row in scores.items()}
+    assert counts == {
+        "all": 15,
+        "moving": 10,
+        "standing": 5,
+        "vehicle moving": 10,
+        "pedestrian standing": 5,
+        "lane_keep": 10,
+    }
+
+
+def test_errors_stand_beside_those_of_the_baselines():
+    row = group_scores(site_table())["vehicle moving"]
+    assert (row["ade"], row["ade_cv"], row["ade_ca"]) == (1.0, 4.0, 2.0)
+    assert (row["ratio_cv"], row["ratio_ca"]) == (0.25, 0.5)
+    everybody = group_scores(site_table())["all"]
+    assert everybody["ade"] == pytest.approx((10 * 1.0 + 5 * 0.5) / 15)
+
+
+def test_coverage_is_given_by_time():
+    table = ScoreTable()
+    # 2.146 standard deviations are the radius of the 90 % ellipse.
+    add(table, np.array([1.0, 1.0, 2.0, 2.0, 2.2]), model="model", n=4, step_s=1.0)
+    add(table, np.array([2.2, 1.0, 2.0, 2.0, 2.2]), model="model", n=1, step_s=1.0)
+    add(table, 9.0, model="cv", n=5, step_s=1.0)
+    row = group_scores(table)["moving"]
+    assert row["coverage_90_at"] == {"1": 0.8, "3": 1.0, "5": 0.0}
+
+
+def test_a_horizon_that_ends_earlier_has_no_coverage_there():
+    table = ScoreTable()
+    add(table, 1.0, model="model", step_s=0.2)
+    row = group_scores(table)["moving"]
+    assert row["coverage_90_at"] == {"1": 1.0, "3": None, "5": None}
+    assert (row["ade_cv"], row["ratio_cv"]) == (None, None)
+
+
+def test_every_site_counts_equally():
+    first, second = (
+        {"all": {"n": n, "ade": ade, "ratio_cv": ratio, "coverage_90_at": {"5": share}}}
+        for n, ade, ratio, share in ((LEAST_AGENTS, 1.0, 0.5, 0.8), (100_000, 3.0, 2.0, None))
+    )
+    found = pooled_scores([first, second])["all"]
+    assert found == {
+        "sites": 2,
+        "n": LEAST_AGENTS + 100_000,
+        "ade": 2.0,
+        "ratio_cv": pytest.approx(1.0),
+        "coverage_90_at": {"5": 0.8},
+    }
+
+
+def test_a_site_with_few_agents_of_a_group_does_not_count():
+    few = {"moving": {"n": LEAST_AGENTS - 1, "ade": 9.0}}
+    many = {"moving": {"n": LEAST_AGENTS, "ade": 1.0}}
+    assert pooled_scores([few, many])["moving"] == {"sites": 1, "n": LEAST_AGENTS, "ade": 1.0}
+    assert pooled_scores([few]) == {}
+
+
+@pytest.mark.parametrize(
+    ("ade", "cv", "ca", "worse"),
+    [
+        (1.0, 1.5, 0.99, False),
+        (1.03, 1.0, 1.5, True),
+        (1.03, 1.5, 1.0, True),
+        (5.0, None, None, False),
+        (None, 1.0, 1.0, False),
+    ],
+)
+def test_what_is_worse_than_simple(ade, cv, ca, worse):
+    assert worse_than_simple({"ade": ade, "ade_cv": cv, "ade_ca": ca}) is worse
+
+
+def test_every_class_is_in_one_group():
+    members = [kind for group in CLASS_GROUPS.values() for kind in group]
+    assert sorted(members) == sorted(AgentClass)

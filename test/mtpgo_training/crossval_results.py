@@ -1,0 +1,36 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Made-up results of a cross-validation."""
+
+VALUES = {"fde": 2.0, "min_fde": 1.0, "mr": 0.1, "coverage_90": 0.9}
+
+
+def group(ade, *, n=100, cv=2.0, five=0.8, nll=1.0):
+    """The scores of a group of agents."""
+    return VALUES | {
+        "n": n,
+        "ade": ade,
+        "min_ade": ade / 2.0,
+        "anll": nll,
+        "ade_cv": cv,
+        "ade_ca": cv,
+        "ratio_cv": ade / cv,
+        "ratio_ca": ade / cv,
+        "coverage_90_at": {"1": 0.9, "3": 0.85, "5": five},
+    }
+
+
+def content(sites, tracker="recorded"):
+    """The content of a cross-validation: groups by site."""
+    training = {"epochs": 12, "epochs_done": 11, "share": 0.5, "minutes": 6.0}
+    return {
+        "folds": [
+            {
+                "site": site,
+                "recordings": ["a/01", "a/02"],
+                "training": training | {"validation_ade_m": 0.5},
+                "scores": {tracker: groups},
+            }
+            for site, groups in sites.items()
+        ]
+    }
