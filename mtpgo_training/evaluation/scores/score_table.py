@@ -131,7 +131,7 @@ class ScoreTable:
         named = {column: self._code(column, name) for column, name in names}
         columns: dict[str, Any] = named | {
             "agent_class": agents.agent_class,
-            "motion": _motion(agents.speed_mps),
+            "motion": motion_codes(agents.speed_mps),
             "manoeuvres": agents.manoeuvres,
             "stamp_ns": agents.stamp_ns,
             "track": agents.track,
@@ -315,7 +315,7 @@ def _categories(codes: NDArray[Any], names: Sequence[str]) -> pd.Categorical:
     return pd.Categorical.from_codes(codes, categories=list(names))
 
 
-def _motion(speed_mps: Array) -> NDArray[np.int64]:
+def motion_codes(speed_mps: Array) -> NDArray[np.int64]:
     """[n] index in :data:`MOTIONS`."""
     known = np.isfinite(speed_mps)
     return np.where(known, np.nan_to_num(speed_mps) > MOVING_MPS, MOTIONS.index("unknown"))
