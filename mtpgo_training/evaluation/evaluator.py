@@ -34,6 +34,9 @@ from mtpgo_training.scenes.windows import frames_every
 CENTRE_EVERY = 5
 """The protocol ``centre`` is scored at every fifth instant; chosen: it needs a graph per agent."""
 
+HONESTY_PROTOCOL = "all"
+"""The protocol whose predictions are also judged by honesty and plausibility: what users get."""
+
 MAX_AGENTS = 10_000
 """Limit of the predictor offline (agents); chosen so high that the model predicts all of them."""
 
@@ -96,14 +99,16 @@ class Evaluation:
         """
         found = scorer.score(prediction)
         self.scores.add(model, protocol, found.scores, found.truth.agents)
-        self._add_honesty(model, protocol, scorer, prediction, found)
+        if protocol == HONESTY_PROTOCOL:
+            self._add_honesty(model, protocol, scorer, prediction, found)
         scenes = self.scenes.get(model) if protocol == "all" else None
         if window is None or not (baselines or scenes is not None):
             return
         reference = scorer.score_baselines(window, found.truth)
         if baselines:
             reference.add_to(self.scores, protocol)
-            self._add_baselines(protocol, scorer, prediction, found, reference)
+            if protocol == HONESTY_PROTOCOL:
+                self._add_baselines(protocol, scorer, prediction, found, reference)
         if scenes is not None:
             scenes.update(scorer, prediction, found, reference.cv_ade)
 

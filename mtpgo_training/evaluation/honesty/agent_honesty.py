@@ -198,8 +198,8 @@ def _coverage(given: PredictedPaths, path: Array, spread: Array, dt_s: float) ->
 def _weights(given: PredictedPaths) -> Values:
     """Values of the weights and of the modes' diversity, of several modes of a model only."""
     n, modes = given.weight.shape
-    names = ("brier", "heaviest_nearest", "chance", "brier_min_fde", "brier_min_ade")
-    names += ("mode_distance", "weight_near_heaviest")
+    names = ["brier", "heaviest_nearest", "chance", "brier_min_fde", "brier_min_ade"]
+    names += ["mode_distance", "weight_near_heaviest"]
     kinds = ("count", "weight", "nearest")
     values = {name: np.full(n, np.nan) for name in names}
     values |= {f"bin_{k}_{b}": np.full(n, np.nan) for k in kinds for b in range(mode_weights.BINS)}

@@ -55,8 +55,8 @@ def path_headings(path: Array, start: Array, yaw: Array) -> Array:
 
 def pairs_within(instant: NDArray[np.int64]) -> tuple[IndexArray, IndexArray]:
     """Return both rows of every pair of agents of the same instant [n]; rows are sorted by it."""
-    starts = np.flatnonzero(np.diff(instant, prepend=instant[:1] - 1)) if len(instant) else []
-    ends = np.append(starts[1:], len(instant)) if len(instant) else []
+    starts = np.flatnonzero(np.diff(instant, prepend=instant[:1] - 1))
+    ends = np.append(starts[1:], len(instant))[: len(starts)]
     found = [
         np.stack(np.triu_indices(end - start, 1)) + start
         for start, end in zip(starts, ends, strict=True)

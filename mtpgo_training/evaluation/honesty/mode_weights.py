@@ -74,7 +74,7 @@ def weight_bins(weight: Array, event: Array) -> tuple[Array, Array, Array]:
     """
     place = np.minimum((weight * BINS).astype(int), BINS - 1)
     member = (place[..., None] == np.arange(BINS)).astype(float)  # [n, M, BINS]
-    known = np.isfinite(event).all(axis=1)[:, None]
+    known = np.asarray(np.isfinite(event).all(axis=1, keepdims=True))
     parts = (np.ones_like(weight), weight, np.nan_to_num(event))
     count, weights, events = (
         np.where(known, np.einsum("nm,nmb->nb", part, member), np.nan) for part in parts

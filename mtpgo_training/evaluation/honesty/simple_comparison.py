@@ -46,8 +46,7 @@ def compare_with_simple(agents: pd.DataFrame) -> Json:
         row: Json = {"class": agent_class, "motion": motion, "n": scores["n"], "ade": ade} | simple
         for name, value in simple.items():
             row[f"ade_to_{name}"] = ade / value if ade is not None and value else None
-        known = ade is not None and least is not None
-        row["worse"] = bool(ade > (1.0 + WORSE_BY) * least) if known else None
+        row["worse"] = None if ade is None or least is None else ade > (1.0 + WORSE_BY) * least
         place = content.setdefault(model, {}).setdefault(protocol, {})
         place[f"{agent_class}, {motion}"] = row
     return content
