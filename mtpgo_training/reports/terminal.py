@@ -8,7 +8,7 @@ from typing import Any
 
 from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
 from mtpgo_training.evaluation.scores.score_summary import averages_table
-from mtpgo_training.reports.honesty_tables import (
+from mtpgo_training.reports.honesty.honesty_tables import (
     comparison_table,
     headline_table,
     paths_table,
