@@ -46,15 +46,20 @@ def region_level(mean: Array, weight: Array, covariance: Array, truth: Array) ->
 
 
 def _levels(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
-    offset = mean - truth[:, None]  # the truth is the origin: small numbers are exact enough
-    at = _points(offset, weight, covariance)
-    x, y = at[..., 0], at[..., 1]
+    middle = np.einsum("nm,nmi->ni", weight, mean) / weight.sum(axis=1, keepdims=True)
+    offset = mean - middle[:, None]  # small numbers, so that expanded squares are exact enough
     terms = _log_densities(offset, weight, covariance)  # [n, 6, M]
-    basis = np.stack([x * x, x * y, y * y, x, y, np.ones_like(x)], axis=-1)  # [n, K, 6]
-    density = np.exp(basis @ terms).sum(axis=-1)
-    own = np.exp(terms[:, 5]).sum(axis=-1)  # at the truth, the origin
+    density = np.exp(_basis(_points(offset, weight, covariance)) @ terms).sum(axis=-1)  # [n, K]
+    squared, log_determinant = mahalanobis(truth[:, None] - mean, covariance)
     # A truth so far out that its density underflows to zero lies outside of every region.
+    own = (weight * np.exp(-0.5 * (squared + log_determinant))).sum(axis=1)
     return np.asarray((density >= own[:, None]).mean(axis=1))
+
+
+def _basis(at: Array) -> Array:
+    """[n, K, 6] x^2, x y, y^2, x, y and 1 of points [n, K, 2]."""
+    x, y = at[..., 0], at[..., 1]
+    return np.stack([x * x, x * y, y * y, x, y, np.ones_like(x)], axis=-1)
 
 
 def _points(mean: Array, weight: Array, covariance: Array) -> Array:

@@ -57,7 +57,7 @@ def spread_figure(content: Json) -> Figure | None:
         axes.plot(spread["time_s"], numbers(spread["rmse"]), **style)
         style |= {"ls": ":", "label": f"{name}, sigma"}
         axes.plot(spread["time_s"], numbers(spread["sigma"]), **style)
-    axes.set(xlim=(0, None), ylim=(0, None), xlabel="time ahead (s)", ylabel="m")
+    axes.set(xlim=(0, None), ylim=(0, None), xlabel="time ahead (s)", ylabel="distance (m)")
     axes.set_title("Expected and real error, moving road users")
     axes.legend(loc="upper left")
     return figure
