@@ -92,7 +92,7 @@ def label(
     first, last, has_course = _courses(path, dt_s)
     change = np.arctan2(_cross(first, last), np.sum(first * last, axis=-1))
     turning = whole & ~standing & has_course & (np.abs(change) > TURNING_RAD)
-    vehicle = ~np.isin(agent_class, _NO_VEHICLES)
+    vehicle = is_vehicle(agent_class)
     drives_on = whole & ~standing & has_course & ~turning & vehicle
     if lanes:
         aside = np.zeros(len(path), dtype=np.int64)
@@ -111,6 +111,11 @@ def label(
     for i, name in enumerate(MANOEUVRES):
         bits |= found[name].astype(np.uint8) << np.uint8(i)
     return bits
+
+
+def is_vehicle(agent_class: ClassArray) -> BoolArray:
+    """Return [n] whether a class is that of a vehicle: all but bicycles, pedestrians, animals."""
+    return np.asarray(~np.isin(agent_class, _NO_VEHICLES))
 
 
 def members(labels: LabelArray, name: str) -> BoolArray:

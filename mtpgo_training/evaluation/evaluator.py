@@ -13,15 +13,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
-from mtpgo_core.schema import HistoryWindow, Prediction
+from mtpgo_core.schema import HistoryWindow, Prediction, Source
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
-from mtpgo_training.evaluation.scorer import Scorer
+from mtpgo_training.evaluation.honesty.agent_honesty import PredictedPaths
+from mtpgo_training.evaluation.honesty.honesty_table import HonestyTable
+from mtpgo_training.evaluation.scorer import ScoredBaselines, ScoredPrediction, Scorer
 from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
@@ -30,6 +34,9 @@ from mtpgo_training.scenes.windows import frames_every
 
 CENTRE_EVERY = 5
 """The protocol ``centre`` is scored at every fifth instant; chosen: it needs a graph per agent."""
+
+HONESTY_PROTOCOL = "all"
+"""The protocol whose predictions are also judged by honesty and plausibility: what users get."""
 
 MAX_AGENTS = 10_000
 """Limit of the predictor offline (agents); chosen so high that the model predicts all of them."""
@@ -65,12 +72,14 @@ class Evaluation:
 
     Attributes:
         scores: of models and baselines.
+        honesty: of models and baselines.
         recordings: name in the scores -> SHA-256 of its sources.
         scenes: the best and worst scenes of those models for which an entry was made before.
     """
 
     scores: ScoreTable = field(default_factory=ScoreTable)
     recordings: dict[str, str] = field(default_factory=dict)
+    honesty: HonestyTable = field(default_factory=HonestyTable)
     scenes: dict[str, ExtremeScenes] = field(default_factory=dict)
 
     def add(
@@ -95,18 +104,70 @@ class Evaluation:
         """
         found = scorer.score(prediction)
         self.scores.add(model, protocol, found.scores, found.truth.agents)
+        if protocol == HONESTY_PROTOCOL:
+            self._add_honesty(model, protocol, scorer, prediction, found)
         scenes = self.scenes.get(model) if protocol == "all" else None
         if window is None or not (baselines or scenes is not None):
             return
         reference = scorer.score_baselines(window, found.truth)
         if baselines:
             reference.add_to(self.scores, protocol)
+            if protocol == HONESTY_PROTOCOL:
+                self._add_baselines(protocol, scorer, prediction, found, reference)
         if scenes is not None:
             scenes.update(scorer, prediction, found, reference.cv_ade)
+
+    def _add_honesty(
+        self,
+        model: str,
+        protocol: str,
+        scorer: Scorer,
+        prediction: Prediction,
+        found: ScoredPrediction,
+    ) -> None:
+        agents, rows = found.truth.agents, found.rows
+        paths = PredictedPaths.of(
+            agents,
+            size=scorer.recording.size[agents.track],
+            start=prediction.initial[rows],
+            yaw=prediction.initial_yaw[rows],
+            mean=prediction.mean[rows][..., :2],
+            weight=prediction.weight[rows],
+            covariance=prediction.covariance[rows],
+            by_model=prediction.source[rows] == Source.MODEL,
+            truth=found.truth.position,
+            mask=found.truth.mask,
+        )
+        self.honesty.add(model, protocol, agents, paths)
+
+    def _add_baselines(
+        self,
+        protocol: str,
+        scorer: Scorer,
+        prediction: Prediction,
+        found: ScoredPrediction,
+        reference: ScoredBaselines,
+    ) -> None:
+        agents, rows = reference.truth.agents, np.flatnonzero(found.rows)[reference.rows]
+        for name, path in reference.paths.items():
+            paths = PredictedPaths.of(
+                agents,
+                size=scorer.recording.size[agents.track],
+                start=prediction.initial[rows],
+                yaw=prediction.initial_yaw[rows],
+                mean=path.position[:, None],
+                weight=np.ones((len(agents.track), 1)),
+                covariance=None if path.covariance is None else path.covariance[:, None],
+                by_model=np.zeros(len(agents.track), dtype=np.bool_),
+                truth=reference.truth.position,
+                mask=reference.truth.mask,
+            )
+            self.honesty.add(name, protocol, agents, paths)
 
     def merge(self, other: Evaluation) -> None:
         """Add the results on other recordings."""
         self.scores.merge(other.scores)
+        self.honesty.merge(other.honesty)
         self.recordings.update(other.recordings)
         for name, scenes in other.scenes.items():
             self.scenes.setdefault(name, ExtremeScenes()).merge(scenes)
@@ -191,6 +252,7 @@ def evaluate_recording(
                     result.add(
                         model, protocol, scorer, prediction, window, baselines=model == first
                     )
+    result.honesty.finish()
 
 
 def _windows(

@@ -28,7 +28,7 @@ from mtpgo_training.evaluation.scores.agent_scores import (
 )
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.scenes.history_replay import replay
-from mtpgo_training.scenes.kinematic_baselines import predict_baselines
+from mtpgo_training.scenes.kinematic_baselines import BaselinePath, predict_baselines
 
 IntArray = NDArray[np.int64]
 
@@ -73,13 +73,15 @@ class ScoredBaselines:
 
     Attributes:
         rows: [scored agents] which of them were in the history.
-        agents: those.
+        truth: what those did.
         scores: of those, by the baseline's name.
+        paths: of those, by the baseline's name.
     """
 
     rows: BoolArray
-    agents: ScoredAgents
+    truth: GroundTruth
     scores: dict[str, AgentScores]
+    paths: dict[str, BaselinePath]
 
     @property
     def cv_ade(self) -> Float64Array:
@@ -91,7 +93,7 @@ class ScoredBaselines:
     def add_to(self, table: ScoreTable, protocol: str) -> None:
         """Add the scores of all baselines to a table."""
         for name, scores in self.scores.items():
-            table.add(name, protocol, scores, self.agents)
+            table.add(name, protocol, scores, self.truth.agents)
 
 
 class Scorer:
@@ -185,7 +187,7 @@ class Scorer:
             name: score_paths(path.position, truth.position, truth.mask, path.covariance)
             for name, path in paths.items()
         }
-        return ScoredBaselines(rows, truth.agents, scores)
+        return ScoredBaselines(rows, truth, scores, paths)
 
 
 def add_scores(

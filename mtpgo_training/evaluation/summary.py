@@ -11,6 +11,8 @@ from typing import Any
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
 from mtpgo_training.evaluation.evaluator import Settings
+from mtpgo_training.evaluation.honesty.honesty_summary import honesty_summary
+from mtpgo_training.evaluation.honesty.simple_comparison import compare_with_simple
 from mtpgo_training.evaluation.scores.bootstrap import over_groups, seed_groups
 from mtpgo_training.evaluation.scores.score_summary import breakdowns
 from mtpgo_training.evaluation.training_overlap import overlap_by_model, overlap_warnings
@@ -51,6 +53,8 @@ def summarise(
     return {
         "models": averages,
         **breakdowns(evaluation.scores),
+        "honesty": honesty_summary(evaluation.honesty),
+        "groups": compare_with_simple(evaluation.scores.agents()),
         "seeds": over_groups(averages, groups),
         "agreement": {
             bag: {model: found.to_dict() for model, found in found_by.items()}

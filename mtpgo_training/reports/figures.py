@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,35 +15,23 @@ from matplotlib.figure import Figure
 
 from mtpgo_training.atomic_files import replacing
 from mtpgo_training.evaluation.scores import metrics
+from mtpgo_training.reports.figure_style import STYLE, line_style, new_axes, numbers
+from mtpgo_training.reports.honesty.honesty_figures import (
+    coverage_figure,
+    spread_figure,
+    weights_figure,
+)
 from mtpgo_training.reports.series import PROTOCOL, colour, series_names
 
 Json = dict[str, Any]
-
-INK, GRID = "#2b3036", "#e3e5e7"
-
-_STYLE: Any = {
-    "font.size": 10,
-    "font.family": "DejaVu Sans",
-    "axes.edgecolor": "#b9bdc1",
-    "axes.labelcolor": INK,
-    "axes.titlesize": 10.5,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": GRID,
-    "text.color": INK,
-    "xtick.color": "#5d6872",
-    "ytick.color": "#5d6872",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-}
 
 
 def draw_figures(content: Json, folder: Path) -> dict[str, Path]:
     """Draw all figures for which there are values; return the PNG files in a folder by name."""
     drawers: dict[str, Callable[[Json], Figure | None]] = {
+        "coverage": coverage_figure,
+        "spread": spread_figure,
+        "weights": weights_figure,
         "horizon": _horizon,
         "reliability": _reliability,
         "nees": _nees,
@@ -51,7 +39,7 @@ def draw_figures(content: Json, folder: Path) -> dict[str, Path]:
     }
     paths = {}
     for name, draw in drawers.items():
-        with mpl.rc_context(_STYLE):
+        with mpl.rc_context(STYLE):
             figure = draw(content)
             if figure is None:
                 continue
@@ -62,34 +50,14 @@ def draw_figures(content: Json, folder: Path) -> dict[str, Path]:
     return paths
 
 
-def _new(width_in: float = 5.6, height_in: float = 3.9) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
-    return figure, figure.add_subplot()
-
-
-def _style(content: Json, name: str) -> dict[str, Any]:
-    baseline = name in content["baselines"]
-    return {
-        "color": colour(content, name),
-        "lw": 1.4 if baseline else 2.2,
-        "ls": (0, (4, 2)) if baseline else "-",
-        "label": name,
-        "zorder": 3 if baseline else 4,
-    }
-
-
-def _numbers(values: Sequence[float | None]) -> np.ndarray:
-    return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
-
-
 def _horizon(content: Json) -> Figure | None:
-    figure, axes = _new()
+    figure, axes = new_axes()
     tops = []
     for name in series_names(content):
         rows = content["by_horizon"][name][PROTOCOL]
-        time, error = _numbers(rows["time_s"]), _numbers(rows["displacement"])
-        axes.plot(time, error, **_style(content, name))
-        low, high = _numbers(rows["displacement_low"]), _numbers(rows["displacement_high"])
+        time, error = numbers(rows["time_s"]), numbers(rows["displacement"])
+        axes.plot(time, error, **line_style(content, name))
+        low, high = numbers(rows["displacement_low"]), numbers(rows["displacement_high"])
         if np.isfinite(low).any() and name not in content["baselines"]:
             axes.fill_between(time, low, high, color=colour(content, name), alpha=0.13, lw=0)
         if name != "ca":
@@ -106,12 +74,12 @@ def _reliability(content: Json) -> Figure | None:
     names = [n for n in series_names(content) if content["reliability"][n].get(PROTOCOL)]
     if not names:
         return None
-    figure, axes = _new()
+    figure, axes = new_axes()
     axes.plot([0, 1], [0, 1], color="#8d949a", lw=1.0, zorder=2)
     axes.text(0.47, 0.44, "calibrated", ha="left", va="top", color="#8d949a", fontsize=9)
     for name in names:
         rows = content["reliability"][name][PROTOCOL]
-        axes.plot(rows["level"], rows["observed"], **_style(content, name), marker="o", ms=3)
+        axes.plot(rows["level"], rows["observed"], **line_style(content, name), marker="o", ms=3)
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="level of the ellipse")
     axes.set(ylabel="share of truths inside")
     axes.set_title("Reliability")
@@ -127,17 +95,17 @@ def _nees(content: Json) -> Figure | None:
     ]
     if not names:
         return None
-    figure, axes = _new()
+    figure, axes = new_axes()
     axes.axhline(metrics.EXPECTED_NEES, color="#8d949a", lw=1.0, zorder=2)
     top = 4.0
     for name in names:
         rows = content["by_horizon"][name][PROTOCOL]
-        time, own = _numbers(rows["time_s"]), _numbers(rows["nees"])
-        axes.plot(time, own, **_style(content, name))
+        time, own = numbers(rows["time_s"]), numbers(rows["nees"])
+        axes.plot(time, own, **line_style(content, name))
         top = max(top, float(np.nanmax(own)))
         if name not in content["baselines"]:
-            style = _style(content, name) | {"ls": ":", "label": f"{name}, whole mixture"}
-            mixture = _numbers(rows["nees_mixture"])
+            style = line_style(content, name) | {"ls": ":", "label": f"{name}, whole mixture"}
+            mixture = numbers(rows["nees_mixture"])
             axes.plot(time, mixture, **style)
             top = max(top, float(np.nanmax(mixture)))
     axes.set(xlim=(0, None), ylim=(0, min(1.1 * top, 20.0)))
@@ -152,7 +120,7 @@ def _manoeuvres(content: Json) -> Figure | None:
     groups = list(content["by_manoeuvre"][names[0]][PROTOCOL])
     if not groups:
         return None
-    figure, axes = _new(11.4, 3.4)
+    figure, axes = new_axes(11.4, 3.4)
     width = 0.8 / len(names)
     for i, name in enumerate(names):
         rows = content["by_manoeuvre"][name][PROTOCOL]

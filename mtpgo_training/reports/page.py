@@ -16,6 +16,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.reports.figures import draw_figures
+from mtpgo_training.reports.honesty.honesty_tables import honesty_tables
 from mtpgo_training.reports.scene_plot import draw_picture
 from mtpgo_training.reports.series import series_names
 from mtpgo_training.reports.tables import agreement_table, group_tables, result_tables
@@ -73,7 +74,7 @@ def write_report(folder: Path, content: Json, scenes: Mapping[str, ExtremeScenes
         subtitle=_subtitle(content),
         warnings=content["warnings"],
         notes=content["notes"],
-        tables=result_tables(content),
+        tables=[*result_tables(content), *honesty_tables(content)],
         agreement=agreement_table(content),
         figures=[_figure(n, figures[n]) for n in figures if n != "manoeuvres"],
         wide=[_figure(n, figures[n]) for n in figures if n == "manoeuvres"],

@@ -16,14 +16,14 @@ Json = dict[str, Any]
 HEADINGS = {"all": "all agents", "centre": "each agent in the centre of its graph"}
 """Names of the protocols, in the order in which they are shown."""
 
-INTERVAL_KEYS = ("ade", "fde", "anll", "coverage_90")
+INTERVAL_KEYS = ("ade", "fde", "anll", "coverage_90_moving_5s")
 """The values that are given with their interval where there is no room for all."""
 
 NEES_SHARES = (0.2, 0.6, 1.0)
 """The parts of the horizon at whose ends the NEES is printed."""
 
 _LOWER_IS_BETTER = ("ade", "fde", "mr", "apde", "anll", "fnll", "min_ade", "min_fde")
-_GROUP_KEYS = ("ade", "fde", "mr", "anll", "coverage_90")
+_GROUP_KEYS = ("ade", "fde", "mr", "anll")
 
 _TEXTS = {
     "all": "Every road user once an instant, in the graph that the node would predict it in.",
@@ -57,7 +57,7 @@ def score_cells(
     others = [p[protocol] for p in content["models"].values() if protocol in p]
     return [
         Cell(
-            value_text(scores[key], digits),
+            value_text(scores.get(key), digits),
             interval_text(intervals.get(key)) if key in with_interval else "",
             best=key in _LOWER_IS_BETTER and _is_least(scores[key], [row[key] for row in others]),
         )
@@ -136,7 +136,7 @@ def interval_table(content: Json, protocol: str) -> Table:
     rows = []
     for model, protocols in content["intervals"].items():
         if protocol in protocols:
-            ends = [protocols[protocol][key] for key in INTERVAL_KEYS]
+            ends = [protocols[protocol].get(key, (None, None)) for key in INTERVAL_KEYS]
             relative = content["relative"][model].get(protocol, {}).get("ade", {})
             ends.append((relative.get("low"), relative.get("high")))
             rows.append(Row(model, [span_text(*end) for end in ends]))

@@ -8,6 +8,12 @@ from typing import Any
 
 from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
 from mtpgo_training.evaluation.scores.score_summary import averages_table
+from mtpgo_training.reports.honesty.honesty_tables import (
+    comparison_table,
+    headline_table,
+    paths_table,
+    weights_table,
+)
 from mtpgo_training.reports.tables import (
     HEADINGS,
     INTERVAL_KEYS,
@@ -33,6 +39,14 @@ def print_result(content: Json, result: BagResult) -> None:
             print(f"{heading}:\n{to_text(averages_table(content['models'], protocol))}\n")
             if not content["notes"]:
                 print(f"{to_text(interval_table(content, protocol))}\n")
+    for table in (
+        headline_table(content),
+        weights_table(content),
+        paths_table(content),
+        comparison_table(content),
+    ):
+        if table is not None:
+            print(f"{to_text(table)}\n")
     if any("all" in found for found in content["by_manoeuvre"].values()):
         print(f"{to_text(manoeuvre_table(content))}\n\n{to_text(nees_table(content))}\n")
     for group, row in content["seeds"].items():

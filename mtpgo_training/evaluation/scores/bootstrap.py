@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_training.evaluation.scores.agent_scores import KEYS
-from mtpgo_training.evaluation.scores.score_table import Averages, none
+from mtpgo_training.evaluation.scores.score_table import HEADLINE_TIMES_S, Averages, none
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -106,8 +106,8 @@ def over_groups(models: Averages, groups: Mapping[str, Sequence[str]]) -> dict[s
         content[group] = {"models": list(names)}
         for protocol in models[names[0]]:
             row: dict[str, Any] = {}
-            for key in KEYS:
-                values = [models[name][protocol][key] for name in names]
+            for key in (*KEYS, *HEADLINE_TIMES_S):
+                values = [models[name][protocol].get(key) for name in names]
                 given = [value for value in values if value is not None]
                 if len(given) == len(values):
                     mean, low, high = over_seeds(given)

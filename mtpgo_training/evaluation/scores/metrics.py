@@ -139,7 +139,7 @@ def nees(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
     """
     best = np.argmax(weight, axis=-1)[..., None, None, None]
     chosen = np.take_along_axis(covariance, best[..., None], axis=-4).squeeze(-4)
-    squared, _ = _mahalanobis(truth - top_mode(mean, weight), chosen)
+    squared, _ = mahalanobis(truth - top_mode(mean, weight), chosen)
     return squared
 
 
@@ -153,13 +153,13 @@ def mixture_nees(mean: Array, weight: Array, covariance: Array, truth: Array) ->
     middle = (w * mean).sum(axis=-3)
     apart = mean - middle[..., None, :, :]
     spread = covariance + apart[..., :, None] * apart[..., None, :]
-    squared, _ = _mahalanobis(truth - middle, (w[..., None] * spread).sum(axis=-4))
+    squared, _ = mahalanobis(truth - middle, (w[..., None] * spread).sum(axis=-4))
     return squared
 
 
 def nll(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
     """[..., H] negative log-likelihood of the position under the mixture (nats), unmasked."""
-    squared, log_determinant = _mahalanobis(truth[..., None, :, :] - mean, covariance)
+    squared, log_determinant = mahalanobis(truth[..., None, :, :] - mean, covariance)
     log_component = -0.5 * (squared + log_determinant) - np.log(2.0 * np.pi)
     with np.errstate(divide="ignore"):
         log_weight = np.log(weight)[..., None]
@@ -169,7 +169,7 @@ def nll(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
     return -(largest.squeeze(-2) + summed)
 
 
-def _mahalanobis(difference: Array, covariance: Array) -> tuple[Array, Array]:
+def mahalanobis(difference: Array, covariance: Array) -> tuple[Array, Array]:
     """Squared Mahalanobis distance and log-determinant of 2x2 covariances, in float64."""
     d = difference.astype(np.float64)
     c = covariance.astype(np.float64)

@@ -12,7 +12,7 @@ import pandas as pd
 
 from mtpgo_training.data.manoeuvres import MANOEUVRES, members
 from mtpgo_training.evaluation.scores import metrics
-from mtpgo_training.evaluation.scores.agent_scores import KEYS, LEVELS, STEP_KEYS
+from mtpgo_training.evaluation.scores.agent_scores import LEVELS, STEP_KEYS
 from mtpgo_training.evaluation.scores.bootstrap import (
     Array,
     bootstrap,
@@ -41,12 +41,15 @@ TITLES = {
     "fnll": "FNLL",
     "min_ade": "minADE m",
     "min_fde": "minFDE m",
-    "coverage_50": "in 50%",
-    "coverage_90": "in 90%",
-    "coverage_95": "in 95%",
+    "coverage_90_moving_1s": "moving 90% 1s",
+    "coverage_90_moving_3s": "moving 90% 3s",
+    "coverage_90_moving_5s": "moving 90% 5s",
     "n": "agents",
 }
 """Heads of the columns of tables."""
+
+POOLED_TITLES = {"coverage_50": "in 50%", "coverage_90": "in 90%", "coverage_95": "in 95%"}
+"""Heads of the coverages over all steps and agents."""
 
 REFERENCE = "cv"
 """The baseline relative to which the errors of the models are given."""
@@ -71,6 +74,7 @@ def breakdowns(table: ScoreTable) -> Json:
     names, drawn = table.recordings, resampling_counts(len(table.recordings))
     agents = table.agents()
     by_recording = totals(agents, [*_SERIES, "recording"])
+    headline = table.headline_totals([*_SERIES, "recording"]).reindex(by_recording.index)
     steps = totals(table.steps(), [*_SERIES, "recording", "step", "time_s"])
     levels = totals(table.levels(), [*_SERIES, "level"])
     content: Json = {
@@ -85,7 +89,8 @@ def breakdowns(table: ScoreTable) -> Json:
     for model, protocol in by_recording.index.droplevel("recording").unique():
         own = by_recording.loc[model, protocol].reindex(names, fill_value=0.0)
         parts = {
-            "intervals": _intervals(own, drawn),
+            "intervals": _intervals(own, drawn)
+            | _intervals(headline.loc[model, protocol].reindex(names, fill_value=0.0), drawn),
             "relative": {},
             "by_horizon": _by_horizon(steps.loc[model, protocol], names, drawn),
             "reliability": _reliability(levels.loc[model, protocol]),
@@ -108,7 +113,7 @@ def _nested(scores: Mapping[tuple[str, str, str], Any]) -> Json:
 
 def _intervals(own: pd.DataFrame, drawn: Array | None) -> Json:
     low, high = bootstrap(own["sum"].to_numpy(), own["count"].to_numpy(), drawn)
-    return {key: [none(low[i]), none(high[i])] for i, key in enumerate(KEYS)}
+    return {key: [none(low[i]), none(high[i])] for i, key in enumerate(own["sum"].columns)}
 
 
 def _relative(own: pd.DataFrame, other: pd.DataFrame, drawn: Array | None) -> Json:
@@ -178,18 +183,16 @@ def _reliability(levels: pd.DataFrame) -> Json:
 
 
 def averages_table(averages: Averages, protocol: str = "all") -> Table:
-    """Return a row of averages for each model.
+    """Return a row of averages for each model; columns without any value are left out.
 
     Args:
         averages: see :meth:`ScoreTable.averages`.
         protocol: ``all`` or ``centre``.
     """
-    rows = [
-        Row(model, [value_text(protocols[protocol][key]) for key in TITLES])
-        for model, protocols in averages.items()
-        if protocol in protocols
-    ]
-    return Table(["", *TITLES.values()], rows)
+    given = {name: row[protocol] for name, row in averages.items() if protocol in row}
+    keys = [key for key in TITLES if any(row.get(key) is not None for row in given.values())]
+    rows = [Row(name, [value_text(row.get(key)) for key in keys]) for name, row in given.items()]
+    return Table(["", *(TITLES[key] for key in keys)], rows)
 
 
 def value_text(value: float | None, digits: int = 3) -> str:

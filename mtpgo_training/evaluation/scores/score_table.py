@@ -46,8 +46,14 @@ from mtpgo_training.evaluation.scores.metrics import Array, running_mean
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 
 Averages = dict[str, dict[str, dict[str, float | None]]]
-"""By model and protocol, the values of :data:`KEYS` (m, nats, shares), the number of agents ``n``
-and of those observed at the last step ``n_final``; None where a value is not defined."""
+"""By model and protocol, the values of :data:`KEYS` (m, nats, shares) and of
+:data:`HEADLINE_TIMES_S`, the number of agents ``n`` and of those observed at the last step
+``n_final``; None where a value is not defined."""
+
+HEADLINE_TIMES_S = {f"coverage_90_moving_{time_s}s": float(time_s) for time_s in (1, 3, 5)}
+"""The shares by which a model is judged: of moving agents in the heaviest mode's 90 % ellipse, by
+name the time ahead (s). Over all times and agents, standing ones and the first steps hide the
+rest."""
 
 GROUPS = ("model", "protocol", "recording", "agent_class", "motion", "manoeuvres")
 """Columns of all tables by which results are broken down; ``site`` follows from the recording."""
@@ -131,7 +137,7 @@ class ScoreTable:
         named = {column: self._code(column, name) for column, name in names}
         columns: dict[str, Any] = named | {
             "agent_class": agents.agent_class,
-            "motion": _motion(agents.speed_mps),
+            "motion": motion_codes(agents.speed_mps),
             "manoeuvres": agents.manoeuvres,
             "stamp_ns": agents.stamp_ns,
             "track": agents.track,
@@ -263,8 +269,26 @@ class ScoreTable:
         """Return the averages over all agents, the baselines after the models."""
         found: Averages = {}
         for (model, protocol), scores in scores_by(self.agents(), ["model", "protocol"]).items():
-            found.setdefault(model, {})[protocol] = scores
+            found.setdefault(model, {})[protocol] = scores | dict.fromkeys(HEADLINE_TIMES_S)
+        headline = average(self.headline_totals(["model", "protocol"]))
+        for (model, protocol), values in headline.to_dict("index").items():
+            found[model][protocol] |= {key: none(value) for key, value in values.items()}
         return found
+
+    def headline_totals(self, by: Sequence[str]) -> pd.DataFrame:
+        """Return sums and numbers of agents of :data:`HEADLINE_TIMES_S`, as :func:`totals` does.
+
+        Args:
+            by: names of index levels of :meth:`steps`.
+        """
+        steps = self.steps()
+        moving = steps.index.get_level_values("motion") == "moving"
+        time_s = steps.index.get_level_values("time_s").to_numpy()
+        columns: dict[tuple[str, str], pd.Series] = {}
+        for key, at_s in HEADLINE_TIMES_S.items():
+            total = totals(steps[moving & np.isclose(time_s, at_s)], by)
+            columns |= {(part, key): total[part, "coverage_90"] for part in ("sum", "count")}
+        return pd.DataFrame(columns).fillna(0.0)
 
 
 def totals(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
@@ -315,7 +339,7 @@ def _categories(codes: NDArray[Any], names: Sequence[str]) -> pd.Categorical:
     return pd.Categorical.from_codes(codes, categories=list(names))
 
 
-def _motion(speed_mps: Array) -> NDArray[np.int64]:
+def motion_codes(speed_mps: Array) -> NDArray[np.int64]:
     """[n] index in :data:`MOTIONS`."""
     known = np.isfinite(speed_mps)
     return np.where(known, np.nan_to_num(speed_mps) > MOVING_MPS, MOTIONS.index("unknown"))

@@ -17,6 +17,7 @@ from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.evaluation.evaluator import evaluate
 from mtpgo_training.evaluation.scores.agent_scores import KEYS
+from mtpgo_training.evaluation.scores.score_table import HEADLINE_TIMES_S
 
 STRIDE = ["--stride", "1.0", "--quiet"]
 
@@ -51,7 +52,7 @@ def test_the_json_has_the_documented_content(content):
     for protocols in content["models"].values():
         assert set(protocols) == {"all", "centre"}
         for scores in protocols.values():
-            assert set(scores) == {*KEYS, "n", "n_final"}
+            assert set(scores) == {*KEYS, *HEADLINE_TIMES_S, "n", "n_final"}
             assert isinstance(scores["n"], int)
             assert scores["n"] > 0
     assert content["models"]["ca"]["all"]["anll"] is None
@@ -63,6 +64,12 @@ def test_the_json_has_the_documented_content(content):
     assert "lane_keep" in content["by_manoeuvre"]["default"]["all"]
     assert len(content["by_horizon"]["default"]["centre"]["nees"]) == 25
     assert content["warnings"] == content["notes"] == []
+    honesty = content["honesty"]["default"]["all"]
+    assert honesty["all"]["n"] == content["models"]["default"]["all"]["n"]
+    headline = content["models"]["default"]["all"]["coverage_90_moving_5s"]
+    assert honesty["by_motion"]["moving"]["ellipse_90"][2] == pytest.approx(headline)
+    assert honesty["all"]["consistency"]["cycle_s"] == pytest.approx(1.0)
+    assert set(content["groups"]) == {"default"}
 
 
 def test_the_library_gives_the_same_averages(content, data):
@@ -86,6 +93,7 @@ def test_the_page_is_complete_and_needs_nothing_from_outside(results):
         assert heading in text
     pictures = {path.name for path in report.glob("*.png")}
     assert {"horizon.png", "reliability.png", "nees.png", "manoeuvres.png"} <= pictures
+    assert {"coverage.png", "spread.png", "weights.png"} <= pictures
     assert "worst_default.png" in pictures
     assert text.count("data:image/png;base64,") == len(pictures)
     for path in report.glob("*.png"):
