@@ -100,8 +100,13 @@ def _arc(radius: float, start: float, end: float) -> list[tuple[float, float]]:
     return [_point(radius, angle) for angle in np.linspace(start, end, count)]
 
 
+def ring_mouth(radius: float, lanes: int) -> float:
+    """Return the angle between an arm's axis and its two ends at the ring (rad)."""
+    return (lanes * _LANE_M + 1.5) / radius
+
+
 def ring_network(
-    radius: float, lanes: int, angles: Sequence[float] = FOUR_ARMS
+    radius: float, lanes: int, angles: Sequence[float] = FOUR_ARMS, arm_mps: float = 13.9
 ) -> sumo.RoadNetwork:
     """Return the network.
 
@@ -109,11 +114,12 @@ def ring_network(
         radius: radius of the central island (m).
         lanes: lanes of the ring and of each arm, per direction.
         angles: directions of the arms, ascending (rad).
+        arm_mps: speed limit of the arms (m/s).
 
     The ring runs counter-clockwise; at each arm the exit comes before the entry. The ring's edges
     are drawn along their left, inner side, so ``radius`` is that of the island (m).
     """
-    half = (lanes * _LANE_M + 1.5) / radius  # angle between an arm's axis and its two ends (rad)
+    half = ring_mouth(radius, lanes)
     speed = float(np.sqrt(_LATERAL_MPS2 * (radius + lanes * _LANE_M / 2)))
     nodes, edges, ring_edges, ring_nodes = [], [], [], []
 
@@ -125,7 +131,7 @@ def ring_network(
     ) -> None:
         edges.append(
             f'<edge id="{name}" from="{ends[0]}" to="{ends[1]}" numLanes="{lanes}" '
-            f'width="{_LANE_M}" speed="{speed if ring else 13.9:.2f}" '
+            f'width="{_LANE_M}" speed="{speed if ring else arm_mps:.2f}" '
             f'priority="{10 if ring else 1}" spreadType="right" shape="{_shape(points)}"/>'
         )
 

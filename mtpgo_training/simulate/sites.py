@@ -21,6 +21,9 @@ from mtpgo_training.simulate.roundabout import RoundaboutConfig, simulate_rounda
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 from mtpgo_training.simulate.street import StreetConfig, simulate_street
 from mtpgo_training.simulate.varied.curves import CurvesConfig, simulate_curves
+from mtpgo_training.simulate.varied.junctions import JunctionsConfig, simulate_junctions
+from mtpgo_training.simulate.varied.ramps import RampsConfig, simulate_ramps
+from mtpgo_training.simulate.varied.roundabouts import RoundaboutsConfig, simulate_roundabouts
 
 WRITERS: dict[str, Callable[[Recording, Path], list[Path]]] = {
     "highd": write_highd,
@@ -49,6 +52,9 @@ SITES = {
     "roundabout": Site(RoundaboutConfig, simulate_roundabout, "ind"),
     "street": Site(StreetConfig, simulate_street, "ind"),
     "curves": Site(CurvesConfig, simulate_curves, "ind"),
+    "ramps": Site(RampsConfig, simulate_ramps, "ind"),
+    "junctions": Site(JunctionsConfig, simulate_junctions, "ind"),
+    "roundabouts": Site(RoundaboutsConfig, simulate_roundabouts, "ind"),
 }
 
 
