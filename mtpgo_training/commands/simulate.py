@@ -33,7 +33,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         help="length of each (s, default: %(default)g)",
     )
     add("--seed", type=int, default=1, help="seed of the first recording, then counting up")
-    add("--frame-rate", type=positive_number, default=25.0, help="Hz (default: %(default)g)")
+    add(
+        "--frame-rate",
+        type=positive_number,
+        help="Hz (default: highway, roundabout and street 25; all others 10)",
+    )
     add(
         "--vehicles-per-hour",
         type=positive_number,

@@ -7,7 +7,7 @@ The ranges are chosen so that drivers differ. Units are SUMO's: m, s, m/s and m/
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +18,17 @@ from mtpgo_training.simulate.sumo import EXTRA_S, VehicleType
 
 Generator = np.random.Generator
 
+Maker = Callable[[Generator, str, float], VehicleType]
+"""Random numbers, name, and spread of the desired speed -> vehicle type."""
+
 
 def draw_types(
-    generator: Generator, shares: dict[str, float], count: int, *, desired_spread: float
+    generator: Generator,
+    shares: Mapping[str, float],
+    count: int,
+    *,
+    desired_spread: float,
+    makers: Mapping[str, Maker] | None = None,
 ) -> tuple[list[VehicleType], Float64Array]:
     """Draw vehicle types and their probabilities.
 
@@ -29,6 +37,7 @@ def draw_types(
         shares: class label -> share of the traffic.
         count: number of types per label.
         desired_spread: standard deviation of a car's desired speed, as a share of the speed limit.
+        makers: label -> function that draws a type, ``MAKERS`` by default.
 
     Returns:
         The types, and the [types] probability of each.
@@ -36,7 +45,7 @@ def draw_types(
     types, probability = [], []
     for label, share in shares.items():
         for i in range(count if share > 0 else 0):
-            types.append(_MAKERS[label](generator, f"{label}{i}", desired_spread))
+            types.append((makers or MAKERS)[label](generator, f"{label}{i}", desired_spread))
             probability.append(share / count)
     weights = np.array(probability)
     return types, weights / weights.sum()
@@ -84,7 +93,8 @@ def departures(
         number += 1
 
 
-def _between(generator: Generator, low: float, high: float) -> float:
+def between(generator: Generator, low: float, high: float) -> float:
+    """Return a number drawn uniformly from a range."""
     return float(generator.uniform(low, high))
 
 
@@ -95,11 +105,11 @@ def _steering(generator: Generator) -> dict[str, str]:
         "latAlignment": "center",
         "lcSublane": "5",
         "minGapLat": "0.6",
-        "lcSpeedGain": f"{_between(generator, 0.6, 2.5):.2f}",
-        "lcKeepRight": f"{_between(generator, 0.3, 1.5):.2f}",
-        "lcAssertive": f"{_between(generator, 1.0, 1.6):.2f}",
-        "maxSpeedLat": f"{_between(generator, 0.7, 1.5):.2f}",
-        "lcAccelLat": f"{_between(generator, 0.5, 1.0):.2f}",
+        "lcSpeedGain": f"{between(generator, 0.6, 2.5):.2f}",
+        "lcKeepRight": f"{between(generator, 0.3, 1.5):.2f}",
+        "lcAssertive": f"{between(generator, 1.0, 1.6):.2f}",
+        "maxSpeedLat": f"{between(generator, 0.7, 1.5):.2f}",
+        "lcAccelLat": f"{between(generator, 0.5, 1.0):.2f}",
         # No lateral motion at rest, and none at an angle that steering cannot reach.
         "lcMaxSpeedLatStanding": "0",
         "lcMaxSpeedLatFactor": "0.3",
@@ -111,15 +121,15 @@ def _car(generator: Generator, name: str, spread: float) -> VehicleType:
     return VehicleType(
         name,
         "car",
-        length=_between(generator, 3.7, 5.1),
-        width=_between(generator, 1.65, 1.95),
+        length=between(generator, 3.7, 5.1),
+        width=between(generator, 1.65, 1.95),
         attributes={
             "vClass": "passenger",
             "carFollowModel": "EIDM",
-            "accel": f"{_between(generator, 1.4, 2.6):.2f}",
-            "decel": f"{_between(generator, 2.5, 4.0):.2f}",
-            "tau": f"{_between(generator, 0.8, 1.7):.2f}",
-            "minGap": f"{_between(generator, 1.5, 3.0):.2f}",
+            "accel": f"{between(generator, 1.4, 2.6):.2f}",
+            "decel": f"{between(generator, 2.5, 4.0):.2f}",
+            "tau": f"{between(generator, 0.8, 1.7):.2f}",
+            "minGap": f"{between(generator, 1.5, 3.0):.2f}",
             "speedFactor": f"{desired:.3f}",
             **_steering(generator),
         },
@@ -131,9 +141,9 @@ def _van(generator: Generator, name: str, spread: float) -> VehicleType:
     return VehicleType(
         name,
         "van",
-        length=_between(generator, 5.0, 6.9),
-        width=_between(generator, 1.9, 2.1),
-        attributes={**car.attributes, "accel": f"{_between(generator, 1.1, 1.8):.2f}"},
+        length=between(generator, 5.0, 6.9),
+        width=between(generator, 1.9, 2.1),
+        attributes={**car.attributes, "accel": f"{between(generator, 1.1, 1.8):.2f}"},
     )
 
 
@@ -142,19 +152,19 @@ def _truck(generator: Generator, name: str, spread: float) -> VehicleType:
     return VehicleType(
         name,
         "truck",
-        length=_between(generator, 13.0, 18.5) if long else _between(generator, 7.5, 12.0),
-        width=_between(generator, 2.4, 2.55),
+        length=between(generator, 13.0, 18.5) if long else between(generator, 7.5, 12.0),
+        width=between(generator, 2.4, 2.55),
         attributes={
             "vClass": "truck",
             "carFollowModel": "EIDM",
-            "accel": f"{_between(generator, 0.6, 1.1):.2f}",
-            "decel": f"{_between(generator, 2.0, 3.0):.2f}",
-            "tau": f"{_between(generator, 1.3, 2.2):.2f}",
-            "minGap": f"{_between(generator, 2.5, 4.0):.2f}",
-            "maxSpeed": f"{_between(generator, 21.5, 25.0):.2f}",
+            "accel": f"{between(generator, 0.6, 1.1):.2f}",
+            "decel": f"{between(generator, 2.0, 3.0):.2f}",
+            "tau": f"{between(generator, 1.3, 2.2):.2f}",
+            "minGap": f"{between(generator, 2.5, 4.0):.2f}",
+            "maxSpeed": f"{between(generator, 21.5, 25.0):.2f}",
             "speedFactor": "1.0",
             **_steering(generator),
-            "lcSpeedGain": f"{_between(generator, 0.2, 0.8):.2f}",
+            "lcSpeedGain": f"{between(generator, 0.2, 0.8):.2f}",
         },
     )
 
@@ -163,19 +173,20 @@ def _bicycle(generator: Generator, name: str, spread: float) -> VehicleType:
     return VehicleType(
         name,
         "bicycle",
-        length=_between(generator, 1.6, 1.9),
-        width=_between(generator, 0.55, 0.7),
+        length=between(generator, 1.6, 1.9),
+        width=between(generator, 0.55, 0.7),
         attributes={
             "vClass": "bicycle",
             "carFollowModel": "EIDM",
-            "accel": f"{_between(generator, 0.7, 1.2):.2f}",
-            "decel": f"{_between(generator, 1.5, 3.0):.2f}",
-            "tau": f"{_between(generator, 0.8, 1.4):.2f}",
+            "accel": f"{between(generator, 0.7, 1.2):.2f}",
+            "decel": f"{between(generator, 1.5, 3.0):.2f}",
+            "tau": f"{between(generator, 0.8, 1.4):.2f}",
             "minGap": "0.8",
-            "maxSpeed": f"{_between(generator, 3.8, 7.0):.2f}",
+            "maxSpeed": f"{between(generator, 3.8, 7.0):.2f}",
             **_steering(generator),
         },
     )
 
 
-_MAKERS = {"car": _car, "van": _van, "truck": _truck, "bicycle": _bicycle}
+MAKERS: dict[str, Maker] = {"car": _car, "van": _van, "truck": _truck, "bicycle": _bicycle}
+"""Label -> function that draws a vehicle type of that label."""

@@ -12,7 +12,7 @@ from mtpgo_core.schema import AgentClass, BoolArray, Float64Array
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 from mtpgo_training.simulate.sumo import FloatingCarData, SimulationError, VehicleType
-from mtpgo_training.simulate.vehicle_motion import MotionConfig, centre_motion
+from mtpgo_training.simulate.vehicle_motion import centre_motion
 
 InView = Callable[[Float64Array, Float64Array], BoolArray]
 """[rows, 2] centres and [rows, 2] sizes (m) -> [rows] whether the vehicle is in the image."""
@@ -50,7 +50,8 @@ def make_recording(
     own = [kinds[type_name] for type_name in seen.types]
     size = np.array([[kind.length, kind.width] for kind in own])
     frame_rate, first_number = config.frame_rate, FIRST_NUMBER[layout]
-    moved = centre_motion(seen, size[:, 0], frame_rate, MotionConfig(), config.seed)
+    motions = [kind.motion for kind in own]
+    moved = centre_motion(seen, size[:, 0], frame_rate, motions, config.seed)
     vehicle, step = seen.vehicle[moved.rows], seen.step[moved.rows]
     filmed = (step >= 0) & (step < round(config.seconds * frame_rate))
     rows = np.flatnonzero(filmed & in_view(moved.position, size[vehicle]))

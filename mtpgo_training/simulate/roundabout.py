@@ -8,7 +8,7 @@ layout: y up, the origin in the upper left corner of the image.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,8 @@ CENTRE = (60.0, -60.0)
 _VIEW_M = 58.0  # half the edge of the square image (m)
 _ARM_M = 160.0  # from the centre to the outer end of an arm (m)
 _LANE_M = 3.6  # width of a lane (m)
-_ARMS = 4
+FOUR_ARMS = tuple(arm * 2 * np.pi / 4 for arm in range(4))
+"""Directions of four arms at right angles (rad)."""
 _LATERAL_MPS2 = 2.6  # comfortable lateral acceleration in the ring (m/s^2)
 
 
@@ -74,8 +75,10 @@ def simulate_roundabout(config: RoundaboutConfig, name: str = "00") -> Recording
     if per_hour is None:
         # Chosen: a higher demand blocks the ring, where vehicles do not give way.
         per_hour = float(generator.uniform(1000.0, 1900.0))
-    vehicles = _vehicles(config, generator, per_hour, types, probability)
-    seen = sumo.run_simulation(_network(radius, lanes), types, [*_routes(), *vehicles], config)
+    vehicles = ring_vehicles(config, generator, per_hour, types, probability)
+    seen = sumo.run_simulation(
+        ring_network(radius, lanes), types, [*ring_routes(), *vehicles], config
+    )
     return make_recording(seen, types, _in_view, config, name=name, layout="ind")
 
 
@@ -97,13 +100,26 @@ def _arc(radius: float, start: float, end: float) -> list[tuple[float, float]]:
     return [_point(radius, angle) for angle in np.linspace(start, end, count)]
 
 
-def _network(radius: float, lanes: int) -> sumo.RoadNetwork:
+def ring_mouth(radius: float, lanes: int) -> float:
+    """Return the angle between an arm's axis and its two ends at the ring (rad)."""
+    return (lanes * _LANE_M + 1.5) / radius
+
+
+def ring_network(
+    radius: float, lanes: int, angles: Sequence[float] = FOUR_ARMS, arm_mps: float = 13.9
+) -> sumo.RoadNetwork:
     """Return the network.
+
+    Args:
+        radius: radius of the central island (m).
+        lanes: lanes of the ring and of each arm, per direction.
+        angles: directions of the arms, ascending (rad).
+        arm_mps: speed limit of the arms (m/s).
 
     The ring runs counter-clockwise; at each arm the exit comes before the entry. The ring's edges
     are drawn along their left, inner side, so ``radius`` is that of the island (m).
     """
-    half = (lanes * _LANE_M + 1.5) / radius  # angle between an arm's axis and its two ends (rad)
+    half = ring_mouth(radius, lanes)
     speed = float(np.sqrt(_LATERAL_MPS2 * (radius + lanes * _LANE_M / 2)))
     nodes, edges, ring_edges, ring_nodes = [], [], [], []
 
@@ -115,13 +131,13 @@ def _network(radius: float, lanes: int) -> sumo.RoadNetwork:
     ) -> None:
         edges.append(
             f'<edge id="{name}" from="{ends[0]}" to="{ends[1]}" numLanes="{lanes}" '
-            f'width="{_LANE_M}" speed="{speed if ring else 13.9:.2f}" '
+            f'width="{_LANE_M}" speed="{speed if ring else arm_mps:.2f}" '
             f'priority="{10 if ring else 1}" spreadType="right" shape="{_shape(points)}"/>'
         )
 
-    for arm in range(_ARMS):
-        angle = arm * 2 * np.pi / _ARMS
-        following = (arm + 1) * 2 * np.pi / _ARMS
+    arms = len(angles)
+    for arm, angle in enumerate(angles):
+        following = angles[arm + 1] if arm + 1 < arms else angles[0] + 2 * np.pi
         outside = np.array([np.cos(angle), np.sin(angle)])
         side = np.array([-outside[1], outside[0]])
 
@@ -156,7 +172,7 @@ def _network(radius: float, lanes: int) -> sumo.RoadNetwork:
         )
         edge(
             f"ring{arm}",
-            (f"enter{arm}", f"leave{(arm + 1) % _ARMS}"),
+            (f"enter{arm}", f"leave{(arm + 1) % arms}"),
             _arc(radius, angle + half, following - half),
             ring=True,
         )
@@ -166,34 +182,36 @@ def _network(radius: float, lanes: int) -> sumo.RoadNetwork:
     return sumo.RoadNetwork(nodes, edges)
 
 
-def _routes() -> list[str]:
+def ring_routes(arms: int = 4) -> list[str]:
     """Return XML elements of routes from every arm to every other, without U-turns (rare)."""
     routes = []
-    for start in range(_ARMS):
-        for turn in range(1, _ARMS):
+    for start in range(arms):
+        for turn in range(1, arms):
             edges = [f"in{start}"]
             for passed in range(turn):
-                edges.append(f"ring{(start + passed) % _ARMS}")
+                edges.append(f"ring{(start + passed) % arms}")
                 if passed < turn - 1:
-                    edges.append(f"mouth{(start + passed + 1) % _ARMS}")
-            edges.append(f"out{(start + turn) % _ARMS}")
+                    edges.append(f"mouth{(start + passed + 1) % arms}")
+            edges.append(f"out{(start + turn) % arms}")
             routes.append(f'<route id="r{start}{turn}" edges="{" ".join(edges)}"/>')
     return routes
 
 
-def _vehicles(
-    config: RoundaboutConfig,
+def ring_vehicles(
+    config: SimulationConfig,
     generator: np.random.Generator,
     per_hour: float,
     types: list[sumo.VehicleType],
     probability: Float64Array,
+    arms: int = 4,
 ) -> list[str]:
-    arm_share = generator.dirichlet(np.full(_ARMS, 6.0))
-    turn_share = generator.dirichlet(np.full(_ARMS - 1, 6.0), size=_ARMS)
+    """Return XML elements of the vehicles, sorted by departure."""
+    arm_share = generator.dirichlet(np.full(arms, 6.0))
+    turn_share = generator.dirichlet(np.full(arms - 1, 6.0), size=arms)
     vehicles = []
     for departure in drivers.departures(config, generator, per_hour, types, probability):
-        arm = int(generator.choice(_ARMS, p=arm_share))
-        turn = 1 + int(generator.choice(_ARMS - 1, p=turn_share[arm]))
+        arm = int(generator.choice(arms, p=arm_share))
+        turn = 1 + int(generator.choice(arms - 1, p=turn_share[arm]))
         vehicles.append(
             f'<vehicle id="{departure.number}" type="{departure.kind.name}" '
             f'route="r{arm}{turn}" '

@@ -21,6 +21,9 @@ class SimulationConfig:
         lanes: number of lanes.
         truck_share: share of trucks in the demand, 0 to 1.
         warm_up_s: simulated time before the first frame (s).
+        max_step_s: longest simulation step (s). With SUMO's car following and lateral motion are
+            visibly rough above 0.04 s unless the motion is smoothed over more than 0.3 s.
+        lateral_resolution_m: width of a sublane (m).
     """
 
     seconds: float = 60.0
@@ -30,6 +33,22 @@ class SimulationConfig:
     lanes: int | None = None
     truck_share: float | None = None
     warm_up_s: float = 120.0
+    max_step_s: float = 0.04
+    lateral_resolution_m: float = 0.4
 
     def __post_init__(self) -> None:
         check_options(self)
+
+
+@dataclass(frozen=True)
+class VariedConfig(SimulationConfig):
+    """What is simulated on roads that are drawn; None is drawn from the seed.
+
+    Frames and steps are coarser than elsewhere, for more roads in the same time. Paths are
+    smoothed over 0.35 s and more, so that the steps do not show.
+    """
+
+    frame_rate: float = 10.0
+    warm_up_s: float = 75.0
+    max_step_s: float = 0.1
+    lateral_resolution_m: float = 0.8

@@ -20,6 +20,10 @@ from mtpgo_training.simulate.highway import HighwayConfig, simulate_highway
 from mtpgo_training.simulate.roundabout import RoundaboutConfig, simulate_roundabout
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 from mtpgo_training.simulate.street import StreetConfig, simulate_street
+from mtpgo_training.simulate.varied.curves import CurvesConfig, simulate_curves
+from mtpgo_training.simulate.varied.junctions import JunctionsConfig, simulate_junctions
+from mtpgo_training.simulate.varied.ramps import RampsConfig, simulate_ramps
+from mtpgo_training.simulate.varied.roundabouts import RoundaboutsConfig, simulate_roundabouts
 
 WRITERS: dict[str, Callable[[Recording, Path], list[Path]]] = {
     "highd": write_highd,
@@ -47,6 +51,10 @@ SITES = {
     "highway": Site(HighwayConfig, simulate_highway, "highd"),
     "roundabout": Site(RoundaboutConfig, simulate_roundabout, "ind"),
     "street": Site(StreetConfig, simulate_street, "ind"),
+    "curves": Site(CurvesConfig, simulate_curves, "ind"),
+    "ramps": Site(RampsConfig, simulate_ramps, "ind"),
+    "junctions": Site(JunctionsConfig, simulate_junctions, "ind"),
+    "roundabouts": Site(RoundaboutsConfig, simulate_roundabouts, "ind"),
 }
 
 
@@ -70,8 +78,8 @@ def site_config(site: str, options: Mapping[str, Any]) -> SimulationConfig:
 
     Args:
         site: name in ``SITES``.
-        options: field -> value; None means drawn from the seed and is allowed for fields that the
-            site does not have.
+        options: field -> value; None means the default, which for most is drawn from the seed,
+            and is allowed for fields that the site does not have.
 
     Raises:
         ConfigurationError: a value is out of range, or the site does not have the field.
@@ -85,7 +93,7 @@ def site_config(site: str, options: Mapping[str, Any]) -> SimulationConfig:
                 f"--{option} is given for a {site}, which has no such option: see mtpgo simulate "
                 "--help"
             )
-    return config(**{name: value for name, value in options.items() if name in fields})
+    return config(**{name: value for name, value in options.items() if value is not None})
 
 
 def write_recordings(

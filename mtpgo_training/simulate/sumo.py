@@ -15,7 +15,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -23,15 +23,12 @@ import pandas as pd
 
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.schema import Float64Array
+from mtpgo_training.simulate.motion_config import MotionConfig
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 
 EXTRA_S = 1.5
 """Observed time before and after the recording (s), so that smoothing has no edges in it. Chosen:
 five standard deviations of the smoothing, ``MotionConfig.smoothing_s``."""
-
-MAX_STEP_S = 0.04
-"""Longest simulation step (s). Chosen: above it car following and lateral
-motion are not smooth."""
 
 
 class SimulationError(MtpgoError):
@@ -44,10 +41,11 @@ class VehicleType:
 
     Attributes:
         name: identifier, unique in a simulation.
-        label: class as in the data sets (car, van, truck, bus, bicycle, motorcycle).
+        label: class as in the data sets (car, van, truck, bus, bicycle, motorcycle, pedestrian).
         length: length of the vehicle (m).
         width: width of the vehicle (m).
         attributes: further attributes of SUMO's ``vType``.
+        motion: how its path is smoothed and wanders.
     """
 
     name: str
@@ -55,6 +53,7 @@ class VehicleType:
     length: float
     width: float
     attributes: dict[str, str]
+    motion: MotionConfig = field(default_factory=MotionConfig)
 
     def xml(self) -> str:
         """Return the ``vType`` element."""
@@ -182,7 +181,7 @@ def _simulate(
     observed.write_text("".join(f"edge:{edge}\n" for edge in observed_edges))
     seen = folder / "seen.csv"
     warm_up_s, frame_rate = config.warm_up_s, config.frame_rate
-    steps_per_frame = max(1, math.ceil(1.0 / (frame_rate * MAX_STEP_S) - 1e-9))
+    steps_per_frame = max(1, math.ceil(1.0 / (frame_rate * config.max_step_s) - 1e-9))
     # SUMO's time step is a multiple of 1 ms; _load selects the steps nearest to the frames.
     step_s = max(1, round(1000.0 / (frame_rate * steps_per_frame))) / 1000.0
     _run(
@@ -191,7 +190,7 @@ def _simulate(
         *("--route-files", folder / "traffic.rou.xml"),
         *("--additional-files", folder / "signs.add.xml"),
         *("--step-length", f"{step_s:g}"),
-        *("--lateral-resolution", "0.4"),
+        *("--lateral-resolution", f"{config.lateral_resolution_m:g}"),
         *("--precision", "4"),
         "--step-method.ballistic",
         *("--fcd-output", seen),

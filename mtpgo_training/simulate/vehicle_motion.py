@@ -12,34 +12,21 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mtpgo_core.schema import Float64Array
+from mtpgo_training.simulate.motion_config import MotionConfig
 from mtpgo_training.simulate.sumo import FloatingCarData
 
 REAR_AXLE = 0.8
 """Distance from the front bumper to the rear axle, as a share of the length. Chosen."""
 
-
-@dataclass(frozen=True)
-class MotionConfig:
-    """Smoothing and random wander of the paths; all values are chosen.
-
-    Attributes:
-        smoothing_s: standard deviation of the Gaussian filter over time (s).
-        wander_m: standard deviation of the lateral wander (m).
-        surge_m: standard deviation of the longitudinal wander (m), which varies the speed.
-        wander_time_s: time constant of each of the two low-pass filters of the wander (s).
-        wander_speed_mps: below this speed the wander slows down with the vehicle (m/s).
-    """
-
-    smoothing_s: float = 0.3
-    wander_m: float = 0.12
-    surge_m: float = 0.35
-    wander_time_s: float = 2.0
-    wander_speed_mps: float = 8.0
+_TURNING_MPS = 0.3
+"""Below this speed a pedestrian's heading turns more slowly than the velocity (m/s). Chosen: less
+than the slowest walk."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +49,11 @@ class CentreMotion:
 
 
 def centre_motion(
-    seen: FloatingCarData, length: Float64Array, frame_rate: float, config: MotionConfig, seed: int
+    seen: FloatingCarData,
+    length: Float64Array,
+    frame_rate: float,
+    configs: Sequence[MotionConfig],
+    seed: int,
 ) -> CentreMotion:
     """Return the motion of the centres.
 
@@ -70,7 +61,7 @@ def centre_motion(
         seen: front bumpers.
         length: [vehicles] lengths (m).
         frame_rate: frames per second (Hz).
-        config: smoothing and wander.
+        configs: [vehicles] smoothing and wander of each.
         seed: seed of the wander.
     """
     generator = np.random.default_rng(seed)
@@ -82,6 +73,7 @@ def centre_motion(
     for start, end in itertools.pairwise(bounds):
         if end - start < 5:
             continue
+        config = configs[seen.vehicle[start]]
         front = _smooth(seen.front[start:end], config.smoothing_s * frame_rate)
         speed = np.linalg.norm(np.gradient(front, dt, axis=0), axis=1)
         heading = np.unwrap(seen.heading[start:end])
@@ -89,11 +81,16 @@ def centre_motion(
         left = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
         surge = config.surge_m * _wander(speed, dt, config, generator)[:, None]
         wander = config.wander_m * _wander(speed, dt, config, generator)[:, None]
-        front += _smooth(surge * forward + wander * left, config.smoothing_s * frame_rate)
-        own_length = float(length[seen.vehicle[start]])
-        yaw = _trail(front, REAR_AXLE * own_length, float(heading[0]))
-        ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-        position = front - own_length / 2 * ahead
+        front += _smooth(
+            surge * forward + (wander + config.offset_m) * left, config.smoothing_s * frame_rate
+        )
+        if config.trailing:
+            own_length = float(length[seen.vehicle[start]])
+            yaw = _trail(front, REAR_AXLE * own_length, float(heading[0]))
+            ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+            position = front - own_length / 2 * ahead
+        else:
+            position, yaw = front, _walking_heading(front, dt, float(heading[0]))
         velocity = np.gradient(position, dt, axis=0)
         acceleration = np.gradient(velocity, dt, axis=0)
         # Without the outermost samples, whose differences are one-sided.
@@ -162,3 +159,17 @@ def _trail(front: Float64Array, wheelbase: float, heading: float) -> Float64Arra
         x = fx - wheelbase * math.cos(angle)
         y = fy - wheelbase * math.sin(angle)
     return np.unwrap(yaw)
+
+
+def _walking_heading(path: Float64Array, dt: float, heading: float) -> Float64Array:
+    """Return the [n] heading (rad) of a pedestrian: that of the velocity, kept while standing."""
+    facing = np.array([math.cos(heading), math.sin(heading)])
+    out = np.empty(len(path))
+    for i, velocity in enumerate(np.gradient(path, dt, axis=0)):
+        speed = float(np.hypot(*velocity))
+        # A first-order filter that is the faster, the faster the pedestrian walks.
+        share = min(1.0, (speed / _TURNING_MPS) ** 2 * dt / 0.2)
+        if speed > 1e-6:
+            facing = (1 - share) * facing + share * velocity / speed
+        out[i] = math.atan2(facing[1], facing[0])
+    return np.unwrap(out)

@@ -17,7 +17,7 @@ from mtpgo_training.simulate.roundabout import CENTRE, RoundaboutConfig
 
 def edges(radius: float = 15.0, lanes: int = 1) -> dict[str, dict[str, str]]:
     """Return the attributes of the network's edges by name."""
-    elements = map(ElementTree.fromstring, roundabout._network(radius, lanes).edges)
+    elements = map(ElementTree.fromstring, roundabout.ring_network(radius, lanes).edges)
     return {e.attrib["id"]: e.attrib for e in elements if e.tag == "edge"}
 
 
@@ -55,7 +55,7 @@ def test_entering_traffic_yields_and_the_ring_is_driven_slowly() -> None:
 def test_routes_are_connected_and_lead_from_every_arm_to_every_other() -> None:
     found = edges()
     ends = set()
-    for element in map(ElementTree.fromstring, roundabout._routes()):
+    for element in map(ElementTree.fromstring, roundabout.ring_routes()):
         names = element.attrib["edges"].split()
         for one, other in itertools.pairwise(names):
             assert found[one]["to"] == found[other]["from"]

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from mtpgo_training.simulate import vehicle_motion as motion
+from mtpgo_training.simulate.motion_config import MotionConfig
 from mtpgo_training.simulate.sumo import FloatingCarData
 
-STILL = motion.MotionConfig(wander_m=0.0, surge_m=0.0)
+STILL = MotionConfig(wander_m=0.0, surge_m=0.0)
 
 
 def car_data(front: np.ndarray, heading: np.ndarray) -> FloatingCarData:
@@ -33,7 +34,7 @@ def test_straight_drive_is_shifted_by_half_the_length() -> None:
     t = np.arange(200) / 25.0
     front = np.stack([20.0 * t, np.full(200, -5.0)], axis=1)
     moved = motion.centre_motion(
-        car_data(front, np.zeros(200)), np.array([5.0]), 25.0, STILL, seed=0
+        car_data(front, np.zeros(200)), np.array([5.0]), 25.0, [STILL], seed=0
     )
     assert moved.rows.tolist() == list(range(2, 198))
     np.testing.assert_allclose(moved.position, front[2:-2] - (2.5, 0.0), atol=1e-9)
@@ -48,9 +49,9 @@ def test_on_a_circle_the_rear_cuts_the_corner() -> None:
     radius, length, speed = 20.0, 10.0, 8.0
     angle = speed / radius * np.arange(3000) / 25.0
     front = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    config = motion.MotionConfig(smoothing_s=0.04, wander_m=0.0, surge_m=0.0)
+    config = MotionConfig(smoothing_s=0.04, wander_m=0.0, surge_m=0.0)
     seen = car_data(front, angle + math.pi / 2)
-    moved = motion.centre_motion(seen, np.array([length]), 25.0, config, seed=0)
+    moved = motion.centre_motion(seen, np.array([length]), 25.0, [config], seed=0)
     settled = slice(2000, -10)
     offset = moved.yaw[settled] - (angle[moved.rows[settled]] + math.pi / 2)
     expected = -math.asin(motion.REAR_AXLE * length / radius)
@@ -64,7 +65,7 @@ def test_velocity_and_acceleration_belong_to_the_position() -> None:
     t = np.arange(100) / 25.0
     front = np.stack([10.0 * t + 0.5 * 1.5 * t**2, np.zeros(100)], axis=1)
     moved = motion.centre_motion(
-        car_data(front, np.zeros(100)), np.array([4.0]), 25.0, STILL, seed=0
+        car_data(front, np.zeros(100)), np.array([4.0]), 25.0, [STILL], seed=0
     )
     middle = slice(30, -30)
     np.testing.assert_allclose(moved.acceleration[middle, 0], 1.5, atol=1e-6)
@@ -74,7 +75,7 @@ def test_velocity_and_acceleration_belong_to_the_position() -> None:
 
 
 def test_wander_has_unit_variance_and_stops_with_the_vehicle() -> None:
-    config = motion.MotionConfig(wander_time_s=0.5)
+    config = MotionConfig(wander_time_s=0.5)
     generator = np.random.default_rng(0)
     moving = motion._wander(np.full(50_000, 30.0), 0.04, config, generator)
     assert moving.std() == pytest.approx(1.0, abs=0.1)
