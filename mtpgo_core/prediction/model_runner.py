@@ -22,6 +22,7 @@ from mtpgo_core.errors import ModelFileError
 from mtpgo_core.frames import rotate_covariance
 from mtpgo_core.prediction.calibrated_prediction import calibrate
 from mtpgo_core.prediction.constant_velocity import usable_covariances
+from mtpgo_core.prediction.forward_motion import without_reversing
 from mtpgo_core.prediction.output_assembly import ModelOutput, assemble
 from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.scene.trails.trail_context import COLUMNS
@@ -135,8 +136,9 @@ class ModelRunner:
 
         Returns:
             One row for each agent of the window, in the fixed frame, modes sorted by descending
-            weight, calibrated as the task says. Rows of agents that are primary in no graph, or
-            whose output is not usable, are NaN; the caller provides a fallback.
+            weight, calibrated as the task says; no moving vehicle reverses. Rows of agents that
+            are primary in no graph, or whose output is not usable, are NaN; the caller provides a
+            fallback.
         """
         covariance = self._tracked(window, batch) if initial_covariance else None
         pieces = [
@@ -151,7 +153,8 @@ class ModelRunner:
         )
         joined = [np.concatenate(parts) for parts in zip(empty, *pieces, strict=True)]
         prediction = assemble(window, batch, ModelOutput(*joined), self.task.history.dt_s)
-        return calibrate(prediction, self.task.calibration, window.velocity[:, -1])
+        calibrated = calibrate(prediction, self.task.calibration, window.velocity[:, -1])
+        return without_reversing(calibrated)
 
     def _piece(
         self, batch: SceneBatch, piece: slice, covariance: Float32Array | None

@@ -13,7 +13,7 @@ from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.identity import key_to_int, keys_from_integers
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
-from mtpgo_core.schema import Source
+from mtpgo_core.schema import AgentClass, Source
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig, TaskDescription
 
 
@@ -333,7 +333,7 @@ def trail_runner(tmp_path_factory):
 
 
 def follow(stream, count=1, cycles=30, start=0, frame="map"):
-    """Cars 16 m apart around a ring of 30 m, five cycles a second; the last prediction."""
+    """Agents 16 m apart around a ring of 30 m, five cycles a second; the last prediction."""
     for k in range(start, start + cycles):
         angle = (1.6 * k + 16.0 * np.arange(count)) / 30.0
         states = states_of(
@@ -343,6 +343,7 @@ def follow(stream, count=1, cycles=30, start=0, frame="map"):
             frame=frame,
             velocity=8.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1),
             yaw=(angle + np.pi) % (2.0 * np.pi) - np.pi,
+            agent_class=np.full(count, AgentClass.PEDESTRIAN, np.uint8),  # may turn back
         )
         stream.history.update(states)
         given = stream.predict()

@@ -1,0 +1,76 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Moving vehicles do not reverse: a predicted path that turns back stops there instead."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from mtpgo_core.schema import MOVING_MPS, AgentClass, BoolArray, Float64Array, Prediction
+
+_NEVER_TURNS = np.ones(256, dtype=np.bool_)
+_NEVER_TURNS[[AgentClass.UNKNOWN, AgentClass.PEDESTRIAN, AgentClass.ANIMAL]] = False
+"""Classes that do not turn round within a step; an unknown road user may be a pedestrian."""
+
+_VEHICLE_MPS = 4.0
+"""Speed from which an agent of unknown class is no pedestrian (m/s); chosen: a fast run."""
+
+_LEAST_M = 1e-3
+"""Shortest displacement in a step whose direction counts (m); chosen: 5 mm/s."""
+
+
+def without_reversing(prediction: Prediction) -> Prediction:
+    """Return the prediction with no vehicle that moves at t reversing in any mode.
+
+    A path turns back in the first step whose displacement has a component against that of the
+    step before (at first, against the velocity at t). From there on it stays where it was, with
+    velocity 0; direction and covariance stay. Networks give such paths rarely, for vehicles that
+    brake to a stop.
+    """
+    fast = np.hypot(prediction.initial[:, 2], prediction.initial[:, 3])
+    vehicle = _NEVER_TURNS[prediction.agent_class] | (
+        (prediction.agent_class == AgentClass.UNKNOWN) & (fast > _VEHICLE_MPS)
+    )
+    rows = np.flatnonzero(vehicle & (fast > MOVING_MPS))
+    if not len(rows):
+        return prediction
+    mean = prediction.mean[rows]  # [r, M, H, 4]
+    last = _last_forward_step(mean, prediction.initial[rows])  # [r, M]
+    steps = mean.shape[2]
+    stops = last < steps - 1
+    if not stops.any():
+        return prediction
+    after = np.arange(steps) > last[..., None]
+    start = np.broadcast_to(prediction.initial[rows, None, :2], (*last.shape, 2))
+    place = np.take_along_axis(mean, np.maximum(last, 0)[..., None, None], axis=2)[:, :, 0, :2]
+    place = np.where(last[..., None] >= 0, place, start)
+    held = np.concatenate([place, np.zeros_like(place)], axis=-1)[:, :, None]
+    whole = prediction.mean.copy()
+    whole[rows] = np.where(after[..., None], held, mean)
+    yaw = prediction.yaw.copy()
+    before = np.take_along_axis(yaw[rows], np.maximum(last, 0)[..., None], axis=2)
+    yaw_at_stop = np.where(last[..., None] >= 0, before, prediction.initial_yaw[rows, None, None])
+    yaw[rows] = np.where(after, yaw_at_stop, yaw[rows])
+    return dataclasses.replace(prediction, mean=whole, yaw=yaw)
+
+
+def _last_forward_step(mean: Float64Array, initial: Float64Array) -> np.ndarray:
+    """Return [r, M] the last step before a path turns back, -1 for none, H - 1 if it does not."""
+    points = np.concatenate(
+        [np.broadcast_to(initial[:, None, None, :2], (*mean.shape[:2], 1, 2)), mean[..., :2]],
+        axis=2,
+    )
+    displacement = np.diff(points, axis=2)
+    long = (displacement**2).sum(axis=-1) > _LEAST_M**2
+    before = np.broadcast_to(initial[:, None, 2:], (*mean.shape[:2], 2))
+    last = np.full(mean.shape[:2], mean.shape[2] - 1)
+    going: BoolArray = np.ones(mean.shape[:2], dtype=np.bool_)
+    for k in range(mean.shape[2]):
+        step = displacement[:, :, k]
+        back = going & long[:, :, k] & ((step * before).sum(axis=-1) < 0.0)
+        last[back] = k - 1
+        going &= ~back
+        before = np.where(long[:, :, k, None], step, before)
+    return last

@@ -1,0 +1,77 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Predicted vehicles do not reverse."""
+
+import numpy as np
+import pytest
+
+from mtpgo_core.prediction.forward_motion import without_reversing
+from mtpgo_core.schema import AgentClass, Prediction
+
+H, DT = 25, 0.2
+TIME = DT * np.arange(1, H + 1)
+
+
+def braking(agent_class=AgentClass.CAR, speed=4.0, heading=0.7):
+    """Two modes: braking at 2 m/s^2 beyond the standstill, and driving on."""
+    ahead = np.array([np.cos(heading), np.sin(heading)])
+    along = np.stack([speed * TIME - TIME**2, speed * TIME])
+    velocity = np.stack([speed - 2.0 * TIME, np.full(H, speed)])
+    mean = np.concatenate([along[..., None] * ahead, velocity[..., None] * ahead], axis=-1)
+    return Prediction(
+        stamp_ns=0,
+        frame_id="map",
+        key=np.zeros((1, 4), np.uint32),
+        agent_class=np.array([agent_class], np.uint8),
+        z=np.zeros(1),
+        size=np.full((1, 2), 2.0),
+        initial=np.concatenate([np.zeros(2), speed * ahead])[None],
+        initial_yaw=np.array([heading]),
+        time_s=TIME,
+        weight=np.array([[0.6, 0.4]]),
+        mean=mean[None],
+        yaw=np.where(velocity < 0.0, heading + np.pi, heading)[None],
+        covariance=np.broadcast_to(np.eye(2), (1, 2, H, 2, 2)).copy(),
+        source=np.zeros(1, np.uint8),
+    )
+
+
+def test_a_path_that_turns_back_stops_where_it_does():
+    given = braking()
+    result = without_reversing(given)
+    stop = np.linalg.norm(result.mean[0, 0, -1, :2])
+    assert stop == pytest.approx(4.0, abs=0.02)  # v^2 / (2 a)
+    assert (np.diff(np.linalg.norm(result.mean[0, 0, :, :2], axis=-1)) >= 0.0).all()
+    np.testing.assert_array_equal(result.mean[0, 0, 11:, 2:], 0.0)
+    np.testing.assert_allclose(result.yaw[0, 0], 0.7)
+    np.testing.assert_array_equal(result.mean[0, 1], given.mean[0, 1])
+    np.testing.assert_array_equal(result.covariance, given.covariance)
+
+
+def test_a_path_that_reverses_from_the_start_stays_at_the_start():
+    given = braking()
+    given.mean[0, 0, :, :2] *= -1.0
+    result = without_reversing(given)
+    np.testing.assert_array_equal(result.mean[0, 0], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("agent_class", "speed", "changes"),
+    [
+        (AgentClass.PEDESTRIAN, 1.0, False),
+        (AgentClass.UNKNOWN, 1.0, False),
+        (AgentClass.UNKNOWN, 8.0, True),
+        (AgentClass.BICYCLE, 3.0, True),
+        (AgentClass.CAR, 0.3, False),  # stands
+    ],
+)
+def test_only_moving_vehicles_are_changed(agent_class, speed, changes):
+    given = braking(agent_class, speed)
+    assert (without_reversing(given) is not given) == changes
+
+
+def test_a_tight_turn_is_not_a_reversal():
+    given = braking(speed=5.0, heading=0.0)
+    angle = np.linspace(0.0, np.pi, H + 1)[1:]  # a U-turn of 8 m
+    given.mean[0, :, :, :2] = 8.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=-1)
+    assert without_reversing(given) is given
