@@ -25,7 +25,10 @@ _REACH_M = 1.95
 """From the middle of the places of those points, half a point's distance behind the agent, to the
 farthest (m): 1.5 m along, 1.2 m across."""
 CANDIDATES = 16
-"""Trails that are followed per agent, the most recent; chosen, bounds the time."""
+"""Trails that are followed per agent; chosen, bounds the time."""
+SETTLED_S = 5.0
+"""Trails that passed this long ago are followed first, the most recent ones before others (s):
+those of road users right ahead are not known far yet; a horizon, measured."""
 MAX_POINTS = 96
 """Most points of a trail that are followed: 192 m of a vehicle, 48 m of a pedestrian."""
 MAX_AGE_S = 1800.0
@@ -33,9 +36,9 @@ MAX_AGE_S = 1800.0
 FADE_S = 300.0
 """Time over which the weight of a trail falls to 1/e (s); chosen: lights and jams change in
 minutes, roads do not."""
-MERGE_M = 10.0
+MERGE_M = 20.0
 """Distance over which a path moves from the agent's place onto the trail (m); chosen, measured."""
-_ACROSS_M, _HEADING_RAD = 0.6, 0.15
+_ACROSS_M, _HEADING_RAD = 0.6, 0.1
 """Differences in place (m) and direction (rad) at which the weight of a trail falls to 0.6 (a
 normal distribution): the nearer ones tell more; chosen, measured."""
 
@@ -59,7 +62,7 @@ class Places:
 
 @dataclass(frozen=True)
 class TrailPaths:
-    """Paths of up to C earlier road users from the places of n agents on, the latest first.
+    """Paths of up to C earlier road users from the places of n agents on.
 
     Attributes:
         ahead: [H, n, C] place in the agent's frame at the distances asked for (m), 0 where not
@@ -99,7 +102,8 @@ def trail_paths(
     oldest_ns = oldest_ns if since_ns is None else max(oldest_ns, since_ns)
     first, end = memory.points.since(oldest_ns), memory.points.known_at(time_ns)
     if n and first < end:
-        found = _candidates(memory, places, first, end)
+        settled = memory.points.known_at(time_ns - round(SETTLED_S * 1e9))
+        found = _candidates(memory, places, first, end, settled)
         row, place = found.row, found.place
         age_s = 1e-9 * (time_ns - memory.points.column("time_ns", found.number))
         weight[row, place] = np.exp(
@@ -118,7 +122,8 @@ class _Candidates:
     """Trails that pass the agents.
 
     Attributes:
-        row: [a] the agent. place: [a] 0 for its latest trail, and so on.
+        row: [a] the agent.
+        place: [a] 0 for the trail that is used first, and so on.
         number: [a] the trail's point next to the agent, behind it.
         along: [a] from there to the agent along the trail (m).
         across: [a] from the trail to the agent, to the left of the trail (m).
@@ -135,8 +140,18 @@ class _Candidates:
     spacing: Float64Array
 
 
-def _candidates(memory: TrailMemory, places: Places, first: int, end: int) -> _Candidates:
-    """Return the trails that pass the agents, of points ``first`` to ``end``."""
+def _candidates(
+    memory: TrailMemory, places: Places, first: int, end: int, settled: int
+) -> _Candidates:
+    """Return the trails that pass the agents.
+
+    Args:
+        memory: the trails.
+        places: the agents.
+        first: lowest number of a point (inclusive).
+        end: highest number (exclusive).
+        settled: points with lower numbers go before the others.
+    """
     points = memory.points
     some = np.flatnonzero(np.isfinite(places.heading) & np.isfinite(places.position).all(axis=1))
     heading = places.heading[some]
@@ -160,7 +175,7 @@ def _candidates(memory: TrailMemory, places: Places, first: int, end: int) -> _C
     passes &= points.column("owner", number) != owner_hash(places.key[some])[row]
     kept = np.flatnonzero(passes)
     kept = _latest_of_each(row[kept], points.column("trail", number[kept]), number[kept], kept)
-    kept = kept[np.lexsort((-number[kept], row[kept]))]
+    kept = kept[np.lexsort((-number[kept], number[kept] >= settled, row[kept]))]
     begin = np.searchsorted(row[kept], row[kept])
     place = np.arange(len(kept)) - begin
     kept, place = kept[place < CANDIDATES], place[place < CANDIDATES]

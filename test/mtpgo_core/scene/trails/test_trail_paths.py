@@ -15,6 +15,7 @@ from mtpgo_core.scene.trails.trail_paths import (
     FADE_S,
     HEADING_RAD,
     MERGE_M,
+    SETTLED_S,
     Places,
     trail_paths,
 )
@@ -54,7 +55,7 @@ def test_on_a_trail_the_path_is_the_line_that_was_driven(turn, start):
     place, _ = along(bend(turn), 40.0 + DISTANCE_M + (start if turn == 0 else -start))
     expected = place - ([start, 0.0] if turn == 0 else [-start, 0.0])
     assert reach[0] == len(DISTANCE_M)
-    assert weight[0] > 0.8
+    assert weight[0] > 0.3
     assert not weight[1:].any()
     np.testing.assert_allclose(ahead[:, 0], expected[:, 0], atol=ACCURACY_M)
     np.testing.assert_allclose(left[:, 0], expected[:, 1], atol=ACCURACY_M)
@@ -132,10 +133,25 @@ def test_the_latest_trails_are_used_and_weigh_more():
     memory, start_s = TrailMemory(), 0.0
     for ident in range(CANDIDATES + 5):
         start_s = drive(memory, bend(0), ident=ident, start_s=start_s, speed=20.0) + 2.0
+    start_s += SETTLED_S
     _, _, reach, weight = asked(memory, time_s=start_s)
     assert (reach == len(DISTANCE_M)).all()
-    period_s = start_s / (CANDIDATES + 5)
+    period_s = (start_s - SETTLED_S) / (CANDIDATES + 5)
     np.testing.assert_allclose(weight[1:] / weight[:-1], np.exp(-period_s / FADE_S), rtol=1e-3)
+
+
+def test_trails_that_have_settled_go_before_those_right_ahead():
+    memory, start_s = TrailMemory(), 0.0
+    for ident in range(3):
+        start_s = drive(memory, bend(0), ident=ident, start_s=start_s, speed=20.0)
+    for ident in range(3, 3 + CANDIDATES):  # passed the place in the last seconds and stand ahead
+        line = np.array([[-6.0, 0.0], [6.0, 0.0]])
+        drive(memory, line, ident=ident, start_s=start_s + 0.2 * ident)
+    time_s = start_s + SETTLED_S
+    _, _, reach, weight = asked(memory, time_s=time_s)
+    assert reach[:3].tolist() == [len(DISTANCE_M)] * 3
+    assert (reach[3:] < 10).all()
+    assert (weight > 0.0).all()
 
 
 def test_trails_nearer_in_place_and_direction_weigh_more():
