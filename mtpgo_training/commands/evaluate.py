@@ -31,6 +31,9 @@ from mtpgo_training.evaluation.summary import summarise
 from mtpgo_training.reports.markdown import markdown_table, read_results
 from mtpgo_training.reports.terminal import print_result
 
+TRACKERS = (RECORDED, SIMULATED) = ("recorded", "simulated")
+"""Whose observations the predictions are made from."""
+
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add ``mtpgo evaluate`` to the command line."""
@@ -66,6 +69,19 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--one-sample",
         action="store_true",
         help="forget the past before each instant, as if all agents were new",
+    )
+    add(
+        "--tracker",
+        choices=TRACKERS,
+        default=TRACKERS[0],
+        help="observe the recordings as they are, or as a simulated tracker reports them, with "
+        "noise, lag and gaps; the truth is the recording (recorded)",
+    )
+    add(
+        "--tracker-seed",
+        type=int,
+        metavar="N",
+        help="seed of the simulated tracker, of which each recording gets another (0)",
     )
     add("--no-centre", action="store_true", help="score only all agents")
     add(
@@ -106,7 +122,12 @@ def run(args: argparse.Namespace) -> int:
         require_writable(args.json)
     runners = load_models(args.model)
     settings = Settings(
-        args.policy, args.stride, not args.no_centre, args.min_future, args.one_sample
+        args.policy,
+        args.stride,
+        not args.no_centre,
+        args.min_future,
+        args.one_sample,
+        (args.tracker_seed or 0) if args.tracker == SIMULATED else None,
     )
     if args.predictions:
         result = _from_bags(args, runners)
@@ -141,6 +162,8 @@ def run(args: argparse.Namespace) -> int:
     if args.markdown:
         print(markdown_table([("", content)]))
     else:
+        if settings.tracker_seed is not None:
+            print(f"observed by a simulated tracker, seed {settings.tracker_seed}\n")
         print_result(content, result)
     if args.report is not None:
         page = write_report(args.report, content, result.evaluation.scenes)
@@ -172,6 +195,14 @@ def _check(args: argparse.Namespace) -> None:
         )
     if args.predictions and args.one_sample:
         raise ConfigurationError("--one-sample is given with --predictions, which have a past")
+    if args.predictions and args.tracker == SIMULATED:
+        raise ConfigurationError(
+            "--tracker simulated is given with --predictions, whose observations were recorded"
+        )
+    if args.tracker_seed is not None and args.tracker != SIMULATED:
+        raise ConfigurationError("--tracker-seed is given without --tracker simulated")
+    if args.tracker_seed is not None and args.tracker_seed < 0:
+        raise ConfigurationError(f"--tracker-seed is {args.tracker_seed}, expected at least 0")
     if args.topic is not None and not args.predictions:
         raise ConfigurationError("--topic is given without --predictions")
 

@@ -65,6 +65,15 @@ class DataConfig:
         restart_probability: share of the training scenes in which every agent was first seen
             within the last ``restart_within_s``, as after an occlusion or a tracker's restart.
         restart_within_s: longest time such agents have been seen (s).
+        tracker_share: share of the training scenes whose observations come from a simulated
+            tracker (:mod:`mtpgo_training.scenes.tracker.simulated_tracker`), with its noise, lag
+            and gaps. The targets are still those of the recording. Of the trackers, the share
+            ``restart_probability`` has short pasts.
+        tracker_variants: simulated trackers drawn for each recording.
+        unknown_class_share: share of the training scenes in which the class of every agent, or of
+            a random half of the agents, is unknown.
+        validation_tracker: validation scenes are cut twice, from the recordings and from the
+            observations of one simulated tracker of each, so that a score is over both.
         mirror_probability: share of the training scenes that are mirrored (left for right): it
             doubles the data where the side of the road does not matter.
         rotation_std_rad: standard deviation of a random turn of the training scenes (rad), for
@@ -107,6 +116,10 @@ class DataConfig:
     validation_stride_s: float = option(1.0, above=0.0)
     restart_probability: float = option(0.15, low=0.0, high=1.0)
     restart_within_s: float = option(1.2, above=0.0)
+    tracker_share: float = option(0.0, low=0.0, high=1.0)
+    tracker_variants: int = option(3, low=1)
+    unknown_class_share: float = option(0.0, low=0.0, high=1.0)
+    validation_tracker: bool = False
     mirror_probability: float = option(0.0, low=0.0, high=1.0)
     rotation_std_rad: float = 0.0
     scale_std: float = 0.0

@@ -25,6 +25,7 @@ from mtpgo_training.evaluation.scorer import Scorer
 from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
+from mtpgo_training.scenes.tracker.simulated_tracker import draw_tracker
 from mtpgo_training.scenes.windows import frames_every
 
 CENTRE_EVERY = 5
@@ -45,6 +46,9 @@ class Settings:
         min_future_s: agents observed for a shorter time afterwards are left out (s).
         one_sample: forget the past before each instant, as if all agents were observed for the
             first time.
+        tracker_seed: score what is predicted from the observations of a simulated tracker with
+            this seed, None for the observations as recorded. The truth is the recording either
+            way.
     """
 
     policy: str | None = None
@@ -52,6 +56,7 @@ class Settings:
     centre: bool = True
     min_future_s: float = 0.0
     one_sample: bool = False
+    tracker_seed: int | None = None
 
 
 @dataclass
@@ -163,6 +168,9 @@ def evaluate_recording(
     name = recording.name if name is None else name
     result.recordings[name] = recording.sha256
     first = next(iter(runners), None)
+    observed = recording
+    if settings.tracker_seed is not None:
+        observed = draw_tracker(recording, settings.tracker_seed).observe(recording)
     for group in _same_history(runners):
         history = runners[group[0]].task.history
         scorer = Scorer(
@@ -174,7 +182,7 @@ def evaluate_recording(
             for protocol, policy in (("all", settings.policy), ("centre", "each"))
             if protocol == "all" or settings.centre
         }
-        for window, protocols in _windows(recording, history, settings, tick):
+        for window, protocols in _windows(recording, observed, history, settings, tick):
             for (model, protocol), predictor in predictors.items():
                 if protocol not in protocols:
                     continue
@@ -187,16 +195,25 @@ def evaluate_recording(
 
 def _windows(
     recording: Recording,
+    observed: Recording,
     history: HistoryConfig,
     settings: Settings,
     tick: Callable[[], object],
 ) -> Iterator[tuple[HistoryWindow, set[str]]]:
-    """Yield the windows of all scored instants, each with the protocols that it is scored for."""
+    """Yield the windows of all scored instants, each with the protocols that it is scored for.
+
+    Args:
+        recording: gives the instants.
+        observed: gives the observations.
+        history: see :func:`~mtpgo_training.scenes.history_replay.replay`.
+        settings: the strides.
+        tick: called after each observed frame.
+    """
     strides = {"all": settings.stride_s, "centre": CENTRE_EVERY * settings.stride_s}
     frames = {p: set(frames_every(recording, stride).tolist()) for p, stride in strides.items()}
     scored = sorted(set.union(*frames.values()))
     windows = replay(
-        recording,
+        observed,
         history,
         map(recording.stamp_ns, scored),
         one_sample=settings.one_sample,

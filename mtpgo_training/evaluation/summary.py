@@ -65,6 +65,8 @@ def summarise(
         "min_future_s": settings.min_future_s,
         "policy": settings.policy,
         "one_sample": settings.one_sample,
+        "tracker": "recorded" if settings.tracker_seed is None else "simulated",
+        "tracker_seed": settings.tracker_seed,
         "baselines": list(BASELINES),
         "tasks": {name: dataclasses.asdict(r.task.scene) for name, r in runners.items()},
         "weights": {name: r.task.weights_sha256 for name, r in runners.items()},

@@ -135,5 +135,7 @@ def _facts(content: Json) -> list[tuple[str, str]]:
     ]
     if content["one_sample"]:
         facts.append(("past", "forgotten before each instant: each road user has one sample"))
+    if content["tracker"] == "simulated":
+        facts.append(("observations", f"of a simulated tracker, seed {content['tracker_seed']}"))
     facts += [(f"recording {n}", f"SHA-256 {h[:16]}") for n, h in content["recordings"].items()]
     return facts

@@ -27,7 +27,29 @@ from mtpgo_training.scenes.centre_sampling import Candidates, centre_chances
 from mtpgo_training.scenes.lane_change_balancing import lane_changes
 from mtpgo_training.scenes.recorded_trails import recorded_trails
 from mtpgo_training.scenes.track_samples import SampleTable, take_in
-from mtpgo_training.scenes.windows import TrackedWindow, Windows, cut_tracks, windows_of
+from mtpgo_training.scenes.tracker.simulated_tracker import (
+    SimulatedTracker,
+    draw_tracker,
+    tracked_columns,
+)
+from mtpgo_training.scenes.windows import Windows, cut_tracks, windows_of, with_pieces
+
+RECORDED, RESTARTED, TRACKED = 0, 1, 2
+"""Numbers of the views of a recording: as recorded, with short pasts, and from ``TRACKED`` on as
+the simulated trackers report it."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A recording as it is observed.
+
+    Attributes:
+        windows: its windows, of the same instants in all views.
+        trails: the trails that these observations leave, None if the task has none.
+    """
+
+    windows: Windows
+    trails: TrailMemory | None = None
 
 
 @dataclass(frozen=True)
@@ -38,6 +60,7 @@ class PreparedRecording:
         recording: the recording.
         windows: its windows.
         restarted: windows of the same instants with short pasts, None if not wanted.
+        tracked: as simulated trackers report it.
         future: the future of its tracks.
         lanes: its lanes if the context needs them.
         chance: [p] chance of the agents of ``windows.instants`` to be a graph's centre.
@@ -57,27 +80,29 @@ class PreparedRecording:
     changes: NDArray[np.int8] | None = None
     weight: float = 1.0
     trails: TrailMemory | None = None
+    tracked: tuple[View, ...] = ()
 
-    def window(self, index: int, *, restarted: bool = False) -> TrackedWindow:
-        """Return a window, or its restarted form."""
-        chosen = self.restarted if restarted and self.restarted is not None else self.windows
-        return chosen[index]
+    @property
+    def views(self) -> tuple[View, ...]:
+        """The views by number; without restarts, the one as recorded in their place."""
+        restarted = self.windows if self.restarted is None else self.restarted
+        return (View(self.windows, self.trails), View(restarted, self.trails), *self.tracked)
 
-    def candidates(self, window: int, *, restarted: bool = False) -> Candidates:
-        """Return the agents present in a window, or in its restarted form."""
+    def candidates(self, window: int, view: int = RECORDED) -> Candidates:
+        """Return the agents present in a window of one of the views."""
         instants = self.windows.instants
         rows = instants.rows(window)
         changes = np.empty(0, dtype=np.int8) if self.changes is None else self.changes[rows]
         index = np.flatnonzero(instants.present[rows])
-        if not restarted or self.restarted is None:
+        other = self.views[view].windows.instants
+        if other is instants:
             known = changes[index] if len(changes) else changes
             return Candidates(
                 index, instants.position[rows][index], self.chance[rows][index], known
             )
-        # The restarted window has the same agents in other rows.
+        # The window of another view has the agents in other rows.
         at = np.full(len(self.recording.track_id), -1)
         at[instants.track[rows]] = np.arange(rows.stop - rows.start)
-        other = self.restarted.instants
         mine = other.rows(window)
         index = np.flatnonzero(other.present[mine])
         place = at[other.track[mine][index]]
@@ -107,7 +132,7 @@ def prepare(
         data: strides, restarts, smoothing and balancing.
         training: use stride, smoothing and restarts of training, else those of validation.
         horizon_steps: steps over which lane changes are looked for.
-        seed: seed of the restarts.
+        seed: seed of the restarts and trackers.
         weight: how often its windows are drawn in an epoch.
         cache: cache of the columns that are costly to compute.
     """
@@ -136,6 +161,25 @@ def prepare(
         )
         times_ns = windows.instants.stamp_ns
         restarted = Windows(pieces, SampleTable(table, history), times_ns, owner)
+    trails = recorded_trails(recording, samples) if scene.trails else None
+    tracked = []
+    for tracker in trackers_of(recording, data, training=training, seed=seed):
+        within_s = data.restart_within_s if tracker.restarts else None
+        table = columns(
+            "tracked",
+            {**settings, "tracker": dataclasses.asdict(tracker), "within_s": within_s},
+            functools.partial(tracked_columns, recording, tracker, history, within_s),
+        )
+        owner, reported = table["owner"], tracker.attributes(recording)
+        if tracker.restarts:
+            reported = with_pieces(reported, owner)
+        times_ns = windows.instants.stamp_ns
+        reports = SampleTable(table, history)
+        # The pieces of a tracker that restarts have keys of their own: the recorded trails then.
+        left = trails
+        if scene.trails and not tracker.restarts:
+            left = recorded_trails(reported, reports)
+        tracked.append(View(Windows(reported, reports, times_ns, owner), left))
     smoothing_s = data.velocity_smoothing_s if training else 0.0
     future = FutureTable(
         recording,
@@ -156,8 +200,31 @@ def prepare(
         changes=changes,
         lanes=LaneMap(recording.lanes) if scene.context == "lanes" else None,
         weight=weight,
-        trails=recorded_trails(recording, samples) if scene.trails else None,
+        trails=trails,
+        tracked=tuple(tracked),
     )
+
+
+def trackers_of(
+    recording: Recording, data: DataConfig, *, training: bool, seed: int
+) -> list[SimulatedTracker]:
+    """Return the simulated trackers of a training or validation recording.
+
+    Validation recordings have the same one whatever the seed of a run, so that runs are compared
+    on the same observations.
+
+    Args:
+        recording: the recording.
+        data: number of trackers and share of restarts.
+        training: use those of training.
+        seed: seed of the trackers of training.
+    """
+    if not training:
+        return [draw_tracker(recording, 0)] if data.validation_tracker else []
+    if data.tracker_share <= 0.0:
+        return []
+    numbers, share = range(data.tracker_variants), data.restart_probability
+    return [draw_tracker(recording, seed, n, restart_share=share) for n in numbers]
 
 
 def prepare_all(

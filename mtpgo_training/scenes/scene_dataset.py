@@ -21,16 +21,28 @@ from torch_geometric.utils import to_dense_batch
 
 from mtpgo_core.frames import rotate
 from mtpgo_core.scene.graph_selection import GraphState
-from mtpgo_core.scene.scene_builder import build_scenes
+from mtpgo_core.scene.scene_builder import build_scenes, class_one_hot
 from mtpgo_core.scene.trails.trail_context import TrailContext
-from mtpgo_core.schema import Float64Array, HistoryWindow, SceneBatch
+from mtpgo_core.schema import (
+    AgentClass,
+    Float32Array,
+    Float64Array,
+    HistoryWindow,
+    SceneBatch,
+)
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.scenes.augmentation import Augmentation
 from mtpgo_training.scenes.centre_sampling import copies, draw_cover, graph_sizes, standing
 from mtpgo_training.scenes.kinematic_baselines import predict_baselines
 from mtpgo_training.scenes.lane_change_balancing import balanced_copies, draw_balanced
-from mtpgo_training.scenes.prepared_recording import PreparedRecording
+from mtpgo_training.scenes.prepared_recording import (
+    RECORDED,
+    RESTARTED,
+    TRACKED,
+    PreparedRecording,
+    View,
+)
 from mtpgo_training.scenes.windows import TrackedWindow
 
 
@@ -43,19 +55,22 @@ class Item:
         window: index of its window there.
         centre: row of its centre there.
         agents: number of agents in it.
-        restarted: whether the pasts are shortened.
+        view: number of its view of the recording, see
+            :mod:`mtpgo_training.scenes.prepared_recording`.
         augmentation: see :class:`~mtpgo_training.scenes.augmentation.Augmentation`.
         trails_age: how far back trails are known, as a share of the time since the recording's
             start: 0 for none, 1 for all.
+        unknown_seed: classes are hidden, see :func:`hide_classes`; None if they are not.
     """
 
     source: int
     window: int
     centre: int
     agents: int
-    restarted: bool
+    view: int
     augmentation: Augmentation
     trails_age: float = 1.0
+    unknown_seed: int | None = None
 
 
 class SceneDataset(Dataset[Data]):
@@ -109,8 +124,8 @@ class SceneDataset(Dataset[Data]):
         self, s: int, w: int, source: PreparedRecording, rng: np.random.Generator
     ) -> list[Item]:
         """Draw the graphs of one window."""
-        restarted = source.restarted is not None and rng.random() < self.data.restart_probability
-        candidates = source.candidates(w, restarted=restarted)
+        view = self._draw_view(source, rng)
+        candidates = source.candidates(w, view)
         items = []
         if self._copies is None:
             centres = draw_cover(candidates, self.scene, rng)
@@ -123,7 +138,10 @@ class SceneDataset(Dataset[Data]):
             scale = float(np.exp(rng.normal(0.0, 1.0) * self.data.scale_std))
             change = Augmentation(mirror, turn, scale)
             age = self._trails_age(rng) if self.scene.trails else 1.0
-            items.append(Item(s, w, centre, agents, restarted, change, age))
+            unknown_seed, share = None, self.data.unknown_class_share
+            if share > 0.0 and rng.random() < share:
+                unknown_seed = int(rng.integers(1 << 32))
+            items.append(Item(s, w, centre, agents, view, change, age, unknown_seed))
         return items
 
     def _trails_age(self, rng: np.random.Generator) -> float:
@@ -134,15 +152,23 @@ class SceneDataset(Dataset[Data]):
         some = self.data.trails_none_probability + self.data.trails_partial_probability
         return age if kind < some else 1.0
 
+    def _draw_view(self, source: PreparedRecording, rng: np.random.Generator) -> int:
+        """Draw which view of a recording a window is cut from."""
+        if source.tracked and rng.random() < self.data.tracker_share:
+            return TRACKED + int(rng.integers(len(source.tracked)))
+        restarted = source.restarted is not None and rng.random() < self.data.restart_probability
+        return RESTARTED if restarted else RECORDED
+
     def __len__(self) -> int:
         return len(self.items)
 
     def __getitem__(self, index: int) -> Data:
         item = self.items[index]
         source = self.sources[item.source]
-        tracked = source.window(item.window, restarted=item.restarted)
+        view = source.views[item.view]
+        tracked = view.windows[item.window]
         trails = trail_context(
-            source, tracked, self.horizon_steps, self.history.dt_s, item.trails_age
+            source, view, tracked, self.horizon_steps, self.history.dt_s, item.trails_age
         )
         batch = build_scenes(
             with_own_keys(tracked, source),
@@ -161,6 +187,7 @@ class SceneDataset(Dataset[Data]):
             self.horizon_steps,
             augmentation=item.augmentation,
             standing_weight=self.data.standing_weight,
+            unknown_seed=item.unknown_seed,
         )
 
 
@@ -172,31 +199,49 @@ def validation_scenes(
 ) -> list[Data]:
     """Return the graphs that the node would cut under ``scene.policy``, with their baselines.
 
-    As in the node, each window keeps the centres of the one before that are still useful.
-    ``primary`` marks the graph whose prediction would be published for an agent, so every agent
-    counts once; ``centre`` marks the agents in the centres of the graphs.
+    They are cut from the recorded observations and, where there are any, from those of the
+    simulated trackers. As in the node, each window keeps the centres of the one before that are
+    still useful. ``primary`` marks the graph whose prediction would be published for an agent, so
+    every agent counts once; ``centre`` marks the agents in the centres of the graphs.
     """
     scenes = []
     for source in sources:
-        previous = GraphState()
-        for tracked in source.windows:
-            trails = trail_context(source, tracked, horizon_steps, history.dt_s)
-            batch = build_scenes(
-                tracked.window, scene, previous=previous, lanes=source.lanes, trails=trails
-            )
-            for b in range(batch.features.shape[0]):
-                data = scene_data(batch, b, tracked, source, scene, history.dt_s, horizon_steps)
-                agents = batch.agent[b][batch.agent[b] >= 0]
-                own = predict_baselines(tracked.window.select(agents), horizon_steps, history.dt_s)
-                paths = np.stack([path.position for path in own.values()], axis=1)
-                local = to_scene(paths - batch.origin[b], batch.rotation[b])
-                data.baselines = torch.from_numpy(np.nan_to_num(local).astype(np.float32))
-                scenes.append(data)
+        for view in (source.views[RECORDED], *source.tracked):
+            previous = GraphState()
+            for tracked in view.windows:
+                trails = trail_context(source, view, tracked, horizon_steps, history.dt_s)
+                batch = build_scenes(
+                    tracked.window, scene, previous=previous, lanes=source.lanes, trails=trails
+                )
+                for b in range(batch.features.shape[0]):
+                    scenes.append(
+                        _with_baselines(batch, b, tracked, source, scene, history, horizon_steps)
+                    )
     return scenes
+
+
+def _with_baselines(
+    batch: SceneBatch,
+    b: int,
+    tracked: TrackedWindow,
+    source: PreparedRecording,
+    scene: SceneConfig,
+    history: HistoryConfig,
+    horizon_steps: int,
+) -> Data:
+    """Return :func:`scene_data` with the field ``baselines`` [N, baselines, H, 2]."""
+    data = scene_data(batch, b, tracked, source, scene, history.dt_s, horizon_steps)
+    agents = batch.agent[b][batch.agent[b] >= 0]
+    own = predict_baselines(tracked.window.select(agents), horizon_steps, history.dt_s)
+    paths = np.stack([path.position for path in own.values()], axis=1)
+    local = to_scene(paths - batch.origin[b], batch.rotation[b])
+    data.baselines = torch.from_numpy(np.nan_to_num(local).astype(np.float32))
+    return data
 
 
 def trail_context(
     source: PreparedRecording,
+    view: View,
     tracked: TrackedWindow,
     horizon_steps: int,
     dt_s: float,
@@ -206,12 +251,13 @@ def trail_context(
 
     Args:
         source: the recording.
+        view: the view of it that the window is cut from.
         tracked: the window.
         horizon_steps: H.
         dt_s: step of the horizon (s).
         age: how far back they are known, as a share of the time since the recording's start.
     """
-    if source.trails is None:
+    if view.trails is None:
         return None
     since_ns = None
     if age < 1.0:
@@ -219,7 +265,7 @@ def trail_context(
         start_ns = source.recording.stamp_ns(int(source.recording.frames[0]))
         # What becomes known at t itself does not count as known at the age 0.
         since_ns = now_ns + 1 - round(age * (now_ns - start_ns))
-    return TrailContext(source.trails, horizon_steps, dt_s, since_ns)
+    return TrailContext(view.trails, horizon_steps, dt_s, since_ns)
 
 
 def with_own_keys(tracked: TrackedWindow, source: PreparedRecording) -> HistoryWindow:
@@ -243,6 +289,7 @@ def scene_data(
     *,
     augmentation: Augmentation | None = None,
     standing_weight: float = 1.0,
+    unknown_seed: int | None = None,
 ) -> Data:
     """Return graph ``b`` of a batch as PyG Data.
 
@@ -268,10 +315,13 @@ def scene_data(
     weight = known.astype(np.float32)
     if standing_weight < 1.0:
         weight[standing(features, target, known)] *= standing_weight
+    static = batch.static[b][there]
+    if unknown_seed is not None:
+        static = hide_classes(static, scene.classes, unknown_seed)
     data = Data(
         x=torch.from_numpy(features),
         valid=torch.from_numpy(valid),
-        static=torch.from_numpy(batch.static[b][there]),
+        static=torch.from_numpy(static),
         target=torch.from_numpy(target.astype(np.float32)),
         weight=torch.from_numpy(weight),
         primary=torch.from_numpy(batch.primary[b][there]),
@@ -284,6 +334,27 @@ def scene_data(
             trails = augmentation.trails(trails)
         data.trails = torch.from_numpy(trails)
     return data
+
+
+def hide_classes(static: Float32Array, classes: tuple[str, ...], seed: int) -> Float32Array:
+    """Return static features in which the class of everybody, or of a random half, is unknown.
+
+    Either has the same chance: a tracker without classes, and one that is often unsure. The
+    columns after the classes are unchanged.
+
+    Args:
+        static: [N, C + ...] one-hot classes first.
+        classes: the C classes.
+        seed: seed of the draw.
+    """
+    rng = np.random.default_rng(seed)
+    hidden = np.ones(len(static), dtype=np.bool_)
+    if rng.random() < 0.5:
+        hidden = rng.random(len(static)) < 0.5
+    static = static.copy()
+    unknown = np.array([AgentClass.UNKNOWN], dtype=np.uint8)
+    static[hidden, : len(classes)] = class_one_hot(unknown, classes)
+    return static
 
 
 def dense(batch: Batch) -> dict[str, Tensor]:

@@ -214,16 +214,24 @@ def cut_tracks(
     code = recording.track * (int(number.max(initial=0)) + 1) + number
     _, first, piece = np.unique(code, return_index=True, return_inverse=True)
     owner = recording.track[first]
-    pieces = dataclasses.replace(
+    return dataclasses.replace(with_pieces(recording, owner), track=piece.astype(np.int64)), owner
+
+
+def with_pieces(recording: Recording, owner: IntArray) -> Recording:
+    """Return the recording with a track for each of [pieces] pieces of its tracks, rows unchanged.
+
+    Args:
+        recording: the recording.
+        owner: [pieces] the track of each piece.
+    """
+    return dataclasses.replace(
         recording,
-        track=piece.astype(np.int64),
         track_id=np.arange(len(owner), dtype=np.int64),
         agent_class=recording.agent_class[owner],
         size=recording.size[owner],
         ego_id=None,
         track_key=None,
     )
-    return pieces, owner
 
 
 def frames_every(recording: Recording, stride_s: float) -> IntArray:

@@ -133,6 +133,18 @@ def test_several_processes_give_the_same(data, content, tmp_path):
     assert json.loads(out.read_text()) == content
 
 
+def test_a_simulated_tracker_observes_the_recordings(data, content, tmp_path, capsys):
+    out = tmp_path / "scores.json"
+    tracker = ["--tracker", "simulated", "--tracker-seed", "3", "--no-centre"]
+    assert run(data / "b", "--model", "default", *tracker, "--json", out) == 0
+    assert "observed by a simulated tracker, seed 3" in capsys.readouterr().out
+    alone = json.loads(out.read_text())
+    assert (alone["tracker"], alone["tracker_seed"]) == ("simulated", 3)
+    assert (content["tracker"], content["tracker_seed"]) == ("recorded", None)
+    own, full = alone["by_recording"], content["by_recording"]
+    assert own["cv"]["all"]["01"]["ade"] != full["cv"]["all"]["b/01"]["ade"]
+
+
 def test_one_sample_forgets_the_past(data, content, tmp_path):
     out = tmp_path / "scores.json"
     assert run(data / "b", "--model", "default", "--no-centre", "--one-sample", "--json", out) == 0
@@ -230,6 +242,11 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
         (["--predictions", "NONE"], "does not exist, expected a bag"),
         (["--predictions", "FILE"], "FILE"),
         (["--predictions", "NONE", "--one-sample"], "--one-sample is given with --predictions"),
+        (["--predictions", "NONE", "--tracker", "simulated"], "--tracker simulated is given with"),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--tracker-seed", "1"],
+            "--tracker-seed is given without --tracker simulated",
+        ),
         (["--predictions", "NONE", "--policy", "each"], "--policy is given with --predictions"),
         (["--model", "default", "--data", "DATA", "--layout", "ind", "--topic", "/x"], "--topic"),
         (

@@ -22,6 +22,7 @@ from mtpgo_training.evaluation.evaluator import (
     load_models,
 )
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
+from mtpgo_training.scenes.tracker.simulated_tracker import draw_tracker
 from mtpgo_training.scenes.windows import frames_every
 
 
@@ -53,12 +54,36 @@ def test_models_evaluated_together_have_the_scores_of_each_alone(runner):
     assert both["cv"]["all"]["n"] == both["one"]["all"]["n"]
 
 
+def test_a_tracker_observes_and_the_recording_is_the_truth(runner):
+    recordings = [("01", braking_cars(tracks=8, seconds=9.0))]
+
+    def scores(seed):
+        settings = Settings(stride_s=1.0, centre=False, tracker_seed=seed)
+        averages = evaluate_all({"m": runner}, recordings, settings).scores.averages()
+        return {name: value["all"] for name, value in averages.items()}
+
+    recorded, one, same, other = (scores(seed) for seed in (None, 1, 1, 2))
+    assert one == same
+    assert len({s["cv"]["ade"] for s in (recorded, one, other)}) == 3
+    tracker = draw_tracker(recordings[0][1], 1)
+    seen = tracker.observe(recordings[0][1])
+    assert one["m"]["n"] <= len(seen)
+    # Scored against its own noisy reports, a prediction has another error.
+    settings = Settings(stride_s=1.0, centre=False)
+    of_itself = evaluate_all({"m": runner}, [("01", seen)], settings).scores.averages()
+    assert of_itself["cv"]["all"]["ade"] != one["cv"]["ade"]
+
+
 def test_instants_have_the_stride_and_every_fifth_is_scored_for_the_centre(runner):
     recording = braking_cars(tracks=2, seconds=6.0)
     ticks = []
     found = list(
         _windows(
-            recording, runner.task.history, Settings(stride_s=0.4), lambda: ticks.append(None)
+            recording,
+            recording,
+            runner.task.history,
+            Settings(stride_s=0.4),
+            lambda: ticks.append(None),
         )
     )
     stamps_s = [(window.stamp_ns - recording.start_time_ns) * 1e-9 for window, _ in found]

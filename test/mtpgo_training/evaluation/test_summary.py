@@ -32,6 +32,9 @@ def test_the_content_is_json_and_says_what_was_evaluated(runner):
     assert content["weights"] == {"m": runner.task.weights_sha256}
     assert content["notes"] == content["warnings"] == []
     assert content["seeds"] == {}
+    assert (content["tracker"], content["tracker_seed"]) == ("recorded", None)
+    simulated = summarise(result, {"m": runner}, Settings(tracker_seed=0))
+    assert (simulated["tracker"], simulated["tracker_seed"]) == ("simulated", 0)
 
 
 def test_instants_of_a_bag_have_no_stride_and_one_recording_no_intervals():

@@ -37,6 +37,8 @@ def test_the_facts_say_what_was_evaluated():
         "layout": ["highd"],
         "min_future_s": 0.0,
         "one_sample": False,
+        "tracker": "recorded",
+        "tracker_seed": None,
     }
     assert page._facts(content) == [
         ("m", "weights 0123456789abcdef, policy cover, up to 16 neighbours within 60 m"),
@@ -46,7 +48,9 @@ def test_the_facts_say_what_was_evaluated():
         ("recording 01", "SHA-256 fedcba9876543210"),
     ]
     changed = {"policy": "each", "stride_s": None, "layout": [], "one_sample": True}
+    changed |= {"tracker": "simulated", "tracker_seed": 4}
     facts = dict(page._facts(content | changed))
+    assert facts["observations"] == "of a simulated tracker, seed 4"
     assert "policy each" in facts["m"]
     assert facts["layout"] == "the bag's own observations"
     assert facts["instants"] == "those of the bag"

@@ -16,10 +16,11 @@ from msg_adapters.types import TypestoreTypes
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.scene.scene_builder import build_scenes
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
-from mtpgo_training.scenes.prepared_recording import prepare
+from mtpgo_training.scenes.prepared_recording import RECORDED, TRACKED, prepare
 from mtpgo_training.scenes.scene_dataset import (
     SceneDataset,
     dense,
+    hide_classes,
     to_scene,
     validation_scenes,
 )
@@ -180,6 +181,59 @@ def test_dense_lays_graphs_of_different_sizes_out_without_mixing_them():
         torch.testing.assert_close(fields["target"][b, :n], sample.target)
         assert not fields["valid"][b, n:].any()
         assert fields["weight"][b, n:].sum() == 0.0
+
+
+def test_scenes_of_a_tracker_have_its_observations_and_the_recordings_future():
+    data = dataclasses.replace(PLAIN, tracker_share=0.5, tracker_variants=2)
+    drawn = dataset(data)
+    views = [item.view for item in drawn.items]
+    assert set(views) == {RECORDED, TRACKED, TRACKED + 1}
+    windows = {item.window: item.view for item in drawn.items}
+    assert 0.3 < np.mean([view >= TRACKED for view in windows.values()]) < 0.7
+    source, compared = drawn.sources[0], 0
+    for i in range(0, len(drawn), 5):
+        item, sample = drawn.items[i], drawn[i]
+        tracked = source.views[item.view].windows[item.window]
+        batch = build_scenes(tracked.window, SCENE, centres=np.array([item.centre]))
+        np.testing.assert_array_equal(sample.x.numpy(), batch.features[0])
+        assert sample.num_nodes == item.agents
+        track = tracked.track[batch.agent[0]]
+        future = source.future.at(track, tracked.window.stamp_ns, H, HISTORY.dt_s)
+        local = to_scene(future.position - batch.origin[0], batch.rotation[0])
+        known = sample.weight.numpy() > 0
+        np.testing.assert_allclose(sample.target.numpy()[known, :2], local[known], atol=1e-4)
+        compared += int(known.sum()) * (item.view >= TRACKED)
+    assert compared > 100
+
+
+def test_classes_are_hidden_in_a_share_of_the_scenes_and_sizes_are_kept():
+    data = dataclasses.replace(PLAIN, unknown_class_share=0.5)
+    drawn = dataset(data)
+    hidden = [drawn[i].static.sum(dim=1) == 0 for i in range(0, len(drawn), 3)]
+    nobody = np.mean([bool((~rows).all()) for rows in hidden])
+    everybody = np.mean([bool(rows.all()) for rows in hidden])
+    assert 0.3 < nobody < 0.7
+    assert 0.15 < everybody < 0.5
+    assert nobody + everybody < 1.0
+    static = np.ones((6, 5), dtype=np.float32)
+    out = [hide_classes(static, ("car", "unknown"), seed) for seed in range(20)]
+    assert {tuple(row) for o in out for row in o.tolist()} == {(1, 1, 1, 1, 1), (0, 1, 1, 1, 1)}
+    assert static.all()
+    np.testing.assert_array_equal(hide_classes(static, ("car", "unknown"), 3), out[3])
+
+
+def test_validation_is_over_the_recorded_and_the_tracked_observations():
+    data = dataclasses.replace(PLAIN, validation_stride_s=1.0)
+    recorded = validation_scenes(sources(data, training=False), HISTORY, SCENE, H)
+    both = dataclasses.replace(data, validation_tracker=True)
+    prepared = sources(both, training=False)
+    scenes = validation_scenes(prepared, HISTORY, SCENE, H)
+    for one, other in zip(recorded, scenes, strict=False):
+        torch.testing.assert_close(one.x, other.x)
+    present = int(prepared[0].tracked[0].windows.instants.present.sum())
+    more = scenes[len(recorded) :]
+    assert present > 0
+    assert sum(int(s.primary.sum()) for s in more) == present
 
 
 def test_to_scene_turns_vectors_backwards():
