@@ -69,6 +69,10 @@ class Tracker:
 class TrackerConfig:
     """Ranges from which trackers are drawn; all chosen, see the reasons.
 
+    Together they give velocities that differ from the recorded ones by 0.35 to 0.7 m/s per axis (5
+    to 95 % of the noisy trackers on NGSIM, whose velocities are noisy themselves; measured) and
+    positions that are off by 0.05 to 0.26 m.
+
     Attributes:
         ideal_share: share of the trackers without any defect: noiseless measurements of every
             frame, everything known. Their velocity, acceleration and yaw still come from a causal
@@ -106,14 +110,14 @@ class TrackerConfig:
 
     ideal_share: float = option(0.2, low=0.0, high=1.0)
     position_std_m: tuple[float, float] = option((0.03, 0.4), above=0.0)
-    drift_std_m: tuple[float, float] = option((0.0, 0.25), low=0.0)
-    drift_time_s: tuple[float, float] = option((0.5, 4.0), above=0.0)
+    drift_std_m: tuple[float, float] = option((0.0, 0.15), low=0.0)
+    drift_time_s: tuple[float, float] = option((1.0, 5.0), above=0.0)
     agent_spread: float = option(0.3, low=0.0)
-    assumed_factor: tuple[float, float] = option((0.5, 2.0), above=0.0)
+    assumed_factor: tuple[float, float] = option((0.7, 2.0), above=0.0)
     assumed_least_m: float = option(0.03, above=0.0)
     acceleration_share: float = option(0.4, low=0.0, high=1.0)
-    process_noise: tuple[float, float] = option((0.5, 5.0), above=0.0)
-    jerk_noise: tuple[float, float] = option((1.0, 10.0), above=0.0)
+    process_noise: tuple[float, float] = option((0.5, 3.0), above=0.0)
+    jerk_noise: tuple[float, float] = option((0.5, 4.0), above=0.0)
     rate_hz: tuple[float, float] = option((5.0, 25.0), above=0.0)
     clear_share: float = option(0.4, low=0.0, high=1.0)
     dropout_share: tuple[float, float] = option((0.01, 0.15), low=0.0, below=1.0)
