@@ -40,6 +40,19 @@ the simulated trackers report it."""
 
 
 @dataclass(frozen=True)
+class View:
+    """A recording as it is observed.
+
+    Attributes:
+        windows: its windows, of the same instants in all views.
+        trails: the trails that these observations leave, None if the task has none.
+    """
+
+    windows: Windows
+    trails: TrailMemory | None = None
+
+
+@dataclass(frozen=True)
 class PreparedRecording:
     """One recording with its windows, futures and sampling weights.
 
@@ -47,7 +60,7 @@ class PreparedRecording:
         recording: the recording.
         windows: its windows.
         restarted: windows of the same instants with short pasts, None if not wanted.
-        tracked: windows of the same instants as simulated trackers report them.
+        tracked: as simulated trackers report it.
         future: the future of its tracks.
         lanes: its lanes if the context needs them.
         chance: [p] chance of the agents of ``windows.instants`` to be a graph's centre.
@@ -68,14 +81,14 @@ class PreparedRecording:
     changes: NDArray[np.int8] | None = None
     weight: float = 1.0
     trails: TrailMemory | None = None
-    tracked: tuple[Windows, ...] = ()
+    tracked: tuple[View, ...] = ()
     site: str = ""
 
     @property
-    def views(self) -> tuple[Windows, ...]:
-        """All windows of the same instants; without restarts, those as recorded in their place."""
+    def views(self) -> tuple[View, ...]:
+        """The views by number; without restarts, the one as recorded in their place."""
         restarted = self.windows if self.restarted is None else self.restarted
-        return (self.windows, restarted, *self.tracked)
+        return (View(self.windows, self.trails), View(restarted, self.trails), *self.tracked)
 
     def candidates(self, window: int, view: int = RECORDED) -> Candidates:
         """Return the agents present in a window of one of the views."""
@@ -83,7 +96,7 @@ class PreparedRecording:
         rows = instants.rows(window)
         changes = np.empty(0, dtype=np.int8) if self.changes is None else self.changes[rows]
         index = np.flatnonzero(instants.present[rows])
-        other = self.views[view].instants
+        other = self.views[view].windows.instants
         if other is instants:
             known = changes[index] if len(changes) else changes
             return Candidates(
@@ -150,6 +163,7 @@ def prepare(
         )
         times_ns = windows.instants.stamp_ns
         restarted = Windows(pieces, SampleTable(table, history), times_ns, owner)
+    trails = recorded_trails(recording, samples) if scene.trails else None
     tracked = []
     for tracker in trackers_of(recording, data, training=training, seed=seed):
         within_s = data.restart_within_s if tracker.restarts else None
@@ -162,7 +176,12 @@ def prepare(
         if tracker.restarts:
             reported = with_pieces(reported, owner)
         times_ns = windows.instants.stamp_ns
-        tracked.append(Windows(reported, SampleTable(table, history), times_ns, owner))
+        reports = SampleTable(table, history)
+        # The pieces of a tracker that restarts have keys of their own: the recorded trails then.
+        left = trails
+        if scene.trails and not tracker.restarts:
+            left = recorded_trails(reported, reports)
+        tracked.append(View(Windows(reported, reports, times_ns, owner), left))
     smoothing_s = data.velocity_smoothing_s if training else 0.0
     future = FutureTable(
         recording,
@@ -183,7 +202,7 @@ def prepare(
         changes=changes,
         lanes=LaneMap(recording.lanes) if scene.context == "lanes" else None,
         weight=weight,
-        trails=recorded_trails(recording, samples) if scene.trails else None,
+        trails=trails,
         tracked=tuple(tracked),
     )
 

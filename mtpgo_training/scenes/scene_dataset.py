@@ -36,6 +36,7 @@ from mtpgo_training.scenes.prepared_recording import (
     RESTARTED,
     TRACKED,
     PreparedRecording,
+    View,
 )
 from mtpgo_training.scenes.windows import TrackedWindow
 
@@ -131,19 +132,12 @@ class SceneDataset(Dataset[Data]):
             turn = float(rng.normal(0.0, 1.0)) * self.data.rotation_std_rad
             scale = float(np.exp(rng.normal(0.0, 1.0) * self.data.scale_std))
             change = Augmentation(mirror, turn, scale)
+            age = self._trails_age(rng) if self.scene.trails else 1.0
             unknown_seed, share = None, self.data.unknown_class_share
             if share > 0.0 and rng.random() < share:
                 unknown_seed = int(rng.integers(1 << 32))
-            age = self._trails_age(rng) if self.scene.trails else 1.0
             items.append(Item(s, w, centre, agents, view, change, age, unknown_seed))
         return items
-
-    def _draw_view(self, source: PreparedRecording, rng: np.random.Generator) -> int:
-        """Draw which view of a recording a window is cut from."""
-        if source.tracked and rng.random() < self.data.tracker_share:
-            return TRACKED + int(rng.integers(len(source.tracked)))
-        restarted = source.restarted is not None and rng.random() < self.data.restart_probability
-        return RESTARTED if restarted else RECORDED
 
     def _trails_age(self, rng: np.random.Generator) -> float:
         """Draw how far back the trails of a graph are known."""
@@ -153,15 +147,23 @@ class SceneDataset(Dataset[Data]):
         some = self.data.trails_none_probability + self.data.trails_partial_probability
         return age if kind < some else 1.0
 
+    def _draw_view(self, source: PreparedRecording, rng: np.random.Generator) -> int:
+        """Draw which view of a recording a window is cut from."""
+        if source.tracked and rng.random() < self.data.tracker_share:
+            return TRACKED + int(rng.integers(len(source.tracked)))
+        restarted = source.restarted is not None and rng.random() < self.data.restart_probability
+        return RESTARTED if restarted else RECORDED
+
     def __len__(self) -> int:
         return len(self.items)
 
     def __getitem__(self, index: int) -> Data:
         item = self.items[index]
         source = self.sources[item.source]
-        tracked = source.views[item.view][item.window]
+        view = source.views[item.view]
+        tracked = view.windows[item.window]
         trails = trail_context(
-            source, tracked, self.horizon_steps, self.history.dt_s, item.trails_age
+            source, view, tracked, self.horizon_steps, self.history.dt_s, item.trails_age
         )
         batch = build_scenes(
             with_own_keys(tracked, source),
@@ -200,10 +202,10 @@ def validation_scenes(
     """
     scenes = []
     for source in sources:
-        for windows in (source.windows, *source.tracked):
+        for view in (source.views[RECORDED], *source.tracked):
             previous = GraphState()
-            for tracked in windows:
-                trails = trail_context(source, tracked, horizon_steps, history.dt_s)
+            for tracked in view.windows:
+                trails = trail_context(source, view, tracked, horizon_steps, history.dt_s)
                 batch = build_scenes(
                     tracked.window, scene, previous=previous, lanes=source.lanes, trails=trails
                 )
@@ -239,6 +241,7 @@ def _with_baselines(
 
 def trail_context(
     source: PreparedRecording,
+    view: View,
     tracked: TrackedWindow,
     horizon_steps: int,
     dt_s: float,
@@ -248,12 +251,13 @@ def trail_context(
 
     Args:
         source: the recording.
+        view: the view of it that the window is cut from.
         tracked: the window.
         horizon_steps: H.
         dt_s: step of the horizon (s).
         age: how far back they are known, as a share of the time since the recording's start.
     """
-    if source.trails is None:
+    if view.trails is None:
         return None
     since_ns = None
     if age < 1.0:
@@ -261,7 +265,7 @@ def trail_context(
         start_ns = source.recording.stamp_ns(int(source.recording.frames[0]))
         # What becomes known at t itself does not count as known at the age 0.
         since_ns = now_ns + 1 - round(age * (now_ns - start_ns))
-    return TrailContext(source.trails, horizon_steps, dt_s, since_ns)
+    return TrailContext(view.trails, horizon_steps, dt_s, since_ns)
 
 
 def with_own_keys(tracked: TrackedWindow, source: PreparedRecording) -> HistoryWindow:

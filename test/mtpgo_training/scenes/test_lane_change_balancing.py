@@ -138,5 +138,5 @@ def test_only_the_classes_named_are_centres():
     assert len(scenes) > 30
     for item in scenes.items:
         source = scenes.sources[0]
-        windows = source.views[item.view]
+        windows = source.views[item.view].windows
         assert windows[item.window].window.agent_class[item.centre] == 7

@@ -67,13 +67,13 @@ def with_trackers(**changes):
 def test_training_has_as_many_trackers_as_wanted_and_validation_one():
     train = prepared(data=with_trackers(tracker_variants=2, validation_tracker=True))
     assert len(train.tracked) == 2
-    for windows in train.tracked:
+    for windows in (view.windows for view in train.tracked):
         np.testing.assert_array_equal(windows.instants.stamp_ns, train.windows.instants.stamp_ns)
     assert prepared().tracked == ()
     assert prepared(data=with_trackers(), training=False).tracked == ()
     validation = with_trackers(validation_tracker=True)
     seen = [
-        prepared(data=validation, training=False, seed=seed).tracked[0].instants.position
+        prepared(data=validation, training=False, seed=seed).tracked[0].windows.instants.position
         for seed in (1, 2)
     ]
     np.testing.assert_array_equal(*seen)  # runs with different seeds are comparable
@@ -84,9 +84,9 @@ def test_training_has_as_many_trackers_as_wanted_and_validation_one():
 def test_a_tracked_window_is_what_the_history_makes_of_the_reports():
     data = with_trackers(tracker_variants=4)
     source = prepared(data=data)
-    for tracker, windows in zip(
-        trackers_of(CARS, data, training=True, seed=0), source.tracked, strict=True
-    ):
+    trackers = trackers_of(CARS, data, training=True, seed=0)
+    for tracker, view in zip(trackers, source.tracked, strict=True):
+        windows = view.windows
         stamps = windows.instants.stamp_ns
         if tracker.restarts:
             longest = max(w.window.valid.sum(axis=1).max(initial=0) for w in windows)
@@ -96,7 +96,7 @@ def test_a_tracked_window_is_what_the_history_makes_of_the_reports():
         for cut, window in zip(windows, replayed, strict=True):
             for name in ("key", "agent_class", "size", "position", "velocity", "yaw", "valid"):
                 np.testing.assert_array_equal(getattr(cut.window, name), getattr(window, name))
-    assert {t.restarts for t in trackers_of(CARS, data, training=True, seed=0)} == {False, True}
+    assert {tracker.restarts for tracker in trackers} == {False, True}
 
 
 def test_trackers_are_kept_in_the_cache(tmp_path, monkeypatch):
@@ -105,7 +105,7 @@ def test_trackers_are_kept_in_the_cache(tmp_path, monkeypatch):
     monkeypatch.setattr(SimulatedTracker, "observe", None)  # a second observation would fail
     second = prepared(data=data, cache=RecordingCache(tmp_path))
     for one, other in zip(first.tracked, second.tracked, strict=True):
-        for a, b in zip(one, other, strict=True):
+        for a, b in zip(one.windows, other.windows, strict=True):
             np.testing.assert_array_equal(a.window.position, b.window.position)
             np.testing.assert_array_equal(a.track, b.track)
 
@@ -139,14 +139,14 @@ def test_chance_and_lane_change_of_a_candidate_are_those_of_its_track(view):
     )
     for w in range(len(source.windows)):
         found = source.candidates(w, view)
-        tracked = source.views[view][w]
+        tracked = source.views[view].windows[w]
         np.testing.assert_array_equal(found.changes, tracked.track[found.index])
         np.testing.assert_allclose(found.chance, 0.1 * tracked.track[found.index])
 
 
 def test_without_restarts_the_windows_are_the_plain_ones():
     source = prepared(training=False)
-    one, other = source.views[RESTARTED][1], source.windows[1]
+    one, other = source.views[RESTARTED].windows[1], source.windows[1]
     np.testing.assert_array_equal(one.window.valid, other.window.valid)
     np.testing.assert_array_equal(
         source.candidates(1, RESTARTED).index, source.candidates(1).index

@@ -107,7 +107,7 @@ def test_trails_are_those_of_the_node_and_end_up_in_the_batch():
     compared = 0
     for index in range(0, len(data), 3):
         item, sample = data.items[index], data[index]
-        tracked = data.sources[0].views[item.view][item.window]
+        tracked = data.sources[0].views[item.view].windows[item.window]
         track = tracked.track[item.centre]
         expected = stamps[tracked.window.stamp_ns][data.sources[0].recording.track_id[track]]
         if item.view == RECORDED:  # the others have other velocities
@@ -268,7 +268,7 @@ def test_scenes_of_a_tracker_have_its_observations_and_the_recordings_future():
     source, compared = drawn.sources[0], 0
     for i in range(0, len(drawn), 5):
         item, sample = drawn.items[i], drawn[i]
-        tracked = source.views[item.view][item.window]
+        tracked = source.views[item.view].windows[item.window]
         batch = build_scenes(tracked.window, SCENE, centres=np.array([item.centre]))
         np.testing.assert_array_equal(sample.x.numpy(), batch.features[0])
         assert sample.num_nodes == item.agents
@@ -305,7 +305,7 @@ def test_validation_is_over_the_recorded_and_the_tracked_observations():
     scenes = validation_scenes(prepared, HISTORY, SCENE, H)
     for one, other in zip(recorded, scenes, strict=False):
         torch.testing.assert_close(one.x, other.x)
-    present = int(prepared[0].tracked[0].instants.present.sum())
+    present = int(prepared[0].tracked[0].windows.instants.present.sum())
     more = scenes[len(recorded) :]
     assert present > 0
     assert sum(int(s.primary.sum()) for s in more) == present
