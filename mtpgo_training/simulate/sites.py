@@ -20,6 +20,7 @@ from mtpgo_training.simulate.highway import HighwayConfig, simulate_highway
 from mtpgo_training.simulate.roundabout import RoundaboutConfig, simulate_roundabout
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 from mtpgo_training.simulate.street import StreetConfig, simulate_street
+from mtpgo_training.simulate.varied.crowd import CrowdConfig, simulate_crowd
 from mtpgo_training.simulate.varied.curves import CurvesConfig, simulate_curves
 from mtpgo_training.simulate.varied.junctions import JunctionsConfig, simulate_junctions
 from mtpgo_training.simulate.varied.ramps import RampsConfig, simulate_ramps
@@ -55,6 +56,7 @@ SITES = {
     "ramps": Site(RampsConfig, simulate_ramps, "ind"),
     "junctions": Site(JunctionsConfig, simulate_junctions, "ind"),
     "roundabouts": Site(RoundaboutsConfig, simulate_roundabouts, "ind"),
+    "crowd": Site(CrowdConfig, simulate_crowd, "ind"),
 }
 
 
