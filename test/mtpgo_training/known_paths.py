@@ -3,12 +3,18 @@
 """Predicted paths whose values of honesty are known."""
 
 import dataclasses
+import functools
 
 import numpy as np
 
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.evaluation.honesty.agent_honesty import PredictedPaths
-from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents
+from mtpgo_training.evaluation.honesty.honesty_summary import honesty_summary
+from mtpgo_training.evaluation.honesty.honesty_table import HonestyTable
+from mtpgo_training.evaluation.honesty.simple_comparison import compare_with_simple
+from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents, score_agents
+from mtpgo_training.evaluation.scores.score_summary import breakdowns
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
 
 H, DT = 25, 0.2
 TIME = DT * np.arange(1, H + 1)
@@ -55,3 +61,29 @@ def paths(who, *, error_m=0.0, sigma_m=1.0, weight=(1.0,), apart_m=0.0, known=H,
         truth=truth,
         mask=np.tile(np.arange(H) < known, (n, 1)),
     )
+
+
+@functools.cache
+def honest_content():
+    """Return the JSON content of a model with two modes and of constant velocity.
+
+    Moving cars and standing pedestrians over four instants; it is computed once for all tests,
+    which must not change it.
+    """
+    honesty, scores = HonestyTable(), ScoreTable()
+    for k in range(4):
+        cars = agents(3, 0.2 * k)
+        walkers = agents(2, 0.2 * k, kind=AgentClass.PEDESTRIAN, speed=0.0, first=3)
+        for name, error_m, weight in (("m", 3.0, (0.8, 0.2)), ("cv", 0.5 * k, (1.0,))):
+            for who in (cars, walkers):
+                given = paths(who, error_m=error_m, apart_m=-3.0, weight=weight)
+                honesty.add(name, "all", who, given)
+                scored = (given.mean, given.weight, given.covariance, given.truth, given.mask)
+                scores.add(name, "all", score_agents(*scored), who)
+    return {
+        "models": scores.averages(),
+        **breakdowns(scores),
+        "honesty": honesty_summary(honesty),
+        "groups": compare_with_simple(scores.agents()),
+        "baselines": ["cv", "ca", "ctrv"],
+    }

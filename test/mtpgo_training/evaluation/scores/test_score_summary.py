@@ -91,3 +91,12 @@ def test_the_table_of_averages_has_a_row_for_each_model():
     assert [line.split()[0] for line in lines[1:]] == ["m", "cv"]
     assert "ADE m" in lines[0]
     assert len({len(line) for line in lines}) == 1
+
+
+def test_columns_without_a_value_are_left_out_of_the_table():
+    table = filled()
+    assert "moving 90% 5s" not in averages_table(table.averages()).heads  # the horizon is 1 s
+    assert "moving 90% 1s" in averages_table(table.averages()).heads
+    low, high = breakdowns(table)["intervals"]["m"]["all"]["coverage_90_moving_1s"]
+    assert (low, high) == (0.0, 1.0)
+    assert breakdowns(table)["intervals"]["m"]["all"]["coverage_90_moving_5s"] == [None, None]

@@ -11,7 +11,12 @@ from known_scores import STANDS, H, add, filled
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.evaluation.scores.agent_scores import KEYS, LEVELS
 from mtpgo_training.evaluation.scores.score_summary import breakdowns
-from mtpgo_training.evaluation.scores.score_table import ScoreTable, average, totals
+from mtpgo_training.evaluation.scores.score_table import (
+    HEADLINE_TIMES_S,
+    ScoreTable,
+    average,
+    totals,
+)
 
 
 def two_sites():
@@ -116,3 +121,18 @@ def test_an_empty_table_has_no_rows():
     assert len(table) == len(table.agents()) == len(table.steps()) == len(table.levels()) == 0
     assert table.averages() == {}
     assert set(KEYS) < set(table.agents().columns)
+
+
+def test_the_headline_is_the_coverage_of_moving_agents_at_single_times():
+    table = ScoreTable()
+    add(table, [0.0, 0.0, 0.0, 0.0, 1.0], step_s=0.2, n=3)
+    add(table, 9.0, step_s=0.2, n=1)
+    add(table, 0.0, step_s=0.2, n=50, speed=0.0)
+    add(table, 9.0, model="cv", speed=0.0)
+    scores = table.averages()
+    assert scores["m"]["all"]["coverage_90_moving_1s"] == 0.75
+    assert scores["m"]["all"]["coverage_90_moving_5s"] is None  # the horizon ends at 1 s
+    assert set(HEADLINE_TIMES_S) <= set(scores["cv"]["all"])
+    assert scores["cv"]["all"]["coverage_90_moving_1s"] is None  # nobody moves
+    total = table.headline_totals(["model", "recording"])
+    assert total.loc[("m", "01"), ("count", "coverage_90_moving_1s")] == 4

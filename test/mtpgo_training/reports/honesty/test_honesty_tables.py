@@ -1,0 +1,80 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of honesty, from known paths."""
+
+import pytest
+from known_paths import honest_content
+from known_scores import json_content
+
+from mtpgo_training.reports.honesty.honesty_tables import (
+    comparison_table,
+    coverage_table,
+    headline_table,
+    honesty_tables,
+    jump_text,
+    paths_table,
+    weights_table,
+)
+from mtpgo_training.table_format import to_html, to_text
+
+
+@pytest.fixture(scope="module")
+def content():
+    return honest_content()
+
+
+def cell(table, row, head):
+    (found,) = (r for r in table.rows if r.name == row)
+    return found.cells[list(table.heads).index(head) - 1]
+
+
+def test_the_headline_is_of_moving_road_users(content):
+    table = headline_table(content)
+    assert [row.name for row in table.rows] == ["m", "cv"]
+    # 3 m off with a standard deviation of 1 m; the lighter mode is right.
+    assert cell(table, "m", "5 s") == "0.000 (1.000)"
+    assert cell(table, "m", "sigma/RMSE 1 s") == "0.47"
+    assert cell(table, "m", "agents") == "12"
+
+
+def test_every_table_has_as_many_cells_as_heads(content):
+    tables = honesty_tables(content)
+    assert len(tables) == 8
+    for table in (*tables, headline_table(content)):
+        assert all(len(row.cells) + 1 == len(table.heads) for row in table.rows), table.heads
+        assert "nan" not in to_text(table).lower()
+        assert table is headline_table(content) or to_html(table)
+
+
+def test_a_value_that_is_not_defined_is_a_dash(content):
+    table = paths_table(content)
+    assert cell(table, "cv", "jump m (95 %)") == "0.50 (0.50)"
+    assert cell(table, "cv", "creep m") == "-"
+    assert cell(table, "cv", "reverses") == "0.0 %"
+    assert [row.name for row in weights_table(content, ("moving", "standing")).rows] == [
+        "moving: m",
+        "standing: m",
+    ]
+
+
+def test_motions_that_do_not_occur_have_no_rows(content):
+    names = [row.name for row in coverage_table(content, ("moving", "unknown")).rows]
+    assert names == ["moving: m", "moving: cv"]
+
+
+def test_a_model_that_is_worse_than_simple_motion_is_marked(content):
+    table = comparison_table(content)
+    assert cell(table, "car, moving: m", "never worse") == "worse"
+    assert cell(table, "car, moving: m", "/ cv") == "4.00"
+    assert cell(table, "car, moving: m", "ca") == "-"
+
+
+def test_the_text_says_over_which_time_jumps_are(content):
+    assert "0.2 s later" in jump_text(content)
+    assert jump_text({**content, "honesty": {}}).startswith("Jumps are not available")
+
+
+def test_results_without_honesty_have_the_pooled_coverage_only():
+    content = json_content()
+    assert headline_table(content) is None
+    assert [table.heading for table in honesty_tables(content)] == ["Coverage, pooled"]
