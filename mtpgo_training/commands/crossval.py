@@ -73,6 +73,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="S",
         help="time between two scored instants (s; default 1)",
     )
+    add(
+        "--tracker",
+        nargs="+",
+        choices=("recorded", "simulated"),
+        default=["recorded", "simulated"],
+        help="score what is predicted from the recordings as they are, or as a simulated tracker "
+        "reports them (both)",
+    )
     add("--jobs", type=positive_integer, default=1, metavar="N", help="folds at the same time (1)")
     add(
         "--compare",
@@ -115,11 +123,19 @@ def run(args: argparse.Namespace) -> int:
         without_site(config, recordings, site)  # its errors, before anything is trained
     folder = CrossvalFolder(args.out)
     budget = Budget(args.minutes_per_fold, args.epochs_per_fold, args.steps_per_fold)
-    folder.start(config, sites, recordings, budget, args.stride)
+    trackers = tuple(dict.fromkeys(args.tracker))
+    folder.start(config, sites, recordings, budget, args.stride, trackers)
     cache_folder = None if cache is None else cache.folder
     jobs = [
         FoldJob(
-            site, config, sources, cache_folder, folder.fold(site.name).path, budget, args.stride
+            site,
+            config,
+            sources,
+            cache_folder,
+            folder.fold(site.name).path,
+            budget,
+            args.stride,
+            trackers,
         )
         for site in chosen
         if not folder.fold(site.name).done
@@ -133,7 +149,7 @@ def run(args: argparse.Namespace) -> int:
 
     def finished(job: FoldJob) -> None:
         fold = next(f for f in folder.write_results()["folds"] if f["site"] == job.site.name)
-        training, scores = fold["training"], fold["scores"]["recorded"].get("all", {})
+        training, scores = fold["training"], fold["scores"][trackers[0]].get("all", {})
         ade, cv = scores.get("ade"), scores.get("ade_cv")
         result = "nothing to score" if ade is None else f"ADE {ade:.3f} m (CV {cv:.3f})"
         say(

@@ -84,6 +84,7 @@ class CrossvalFolder:
         recordings: Sequence[NamedRecording],
         budget: Budget,
         stride_s: float,
+        trackers: Sequence[str],
     ) -> None:
         """Write what determines the results, or check that it is the same as before.
 
@@ -95,6 +96,7 @@ class CrossvalFolder:
             recordings: all recordings.
             budget: of each fold.
             stride_s: time between two scored instants (s).
+            trackers: whose observations are scored.
 
         Raises:
             ConfigurationError: the folder has something else in it, or it cannot be written.
@@ -102,6 +104,7 @@ class CrossvalFolder:
         facts = {
             "budget": dataclasses.asdict(budget),
             "stride_s": stride_s,
+            "trackers": list(trackers),
             "sites": {site.name: list(site.recordings) for site in sites},
             "recordings": {item.name: item.recording.sha256 for item in recordings},
         }
@@ -128,31 +131,30 @@ class CrossvalFolder:
             )
         before = _read(self._facts)
         different = next((key for key in facts if before.get(key) != facts[key]), None)
-        if different in ("budget", "stride_s"):
-            raise ConfigurationError(
-                f"the {different} differs from {self._facts} ({before.get(different)} there, "
-                f"{facts[different]} here), expected the same or another --out"
-            )
-        if different is not None:
+        if different in ("sites", "recordings"):
             raise ConfigurationError(
                 f"the {different} differ from those in {self._facts}, expected the same or "
                 "another --out"
+            )
+        if different is not None:
+            raise ConfigurationError(
+                f"{different} is {facts[different]}, but {before.get(different)} in "
+                f"{self._facts}, expected the same or another --out"
             )
 
     def results(self) -> Json:
         """Return the results of the folds that are done, in the order of the sites."""
         facts = _read(self._facts)
         folds = [_read(f.scores) for f in map(self.fold, facts["sites"]) if f.done]
-        trackers = list(dict.fromkeys(key for fold in folds for key in fold["scores"]))
         return {
             "budget": facts["budget"],
             "stride_s": facts["stride_s"],
+            "trackers": facts["trackers"],
             "sites": facts["sites"],
             "folds": folds,
             "mean_of_sites": {
                 tracker: pooled_scores([f["scores"][tracker] for f in folds])
-                for tracker in trackers
-                if all(tracker in fold["scores"] for fold in folds)
+                for tracker in facts["trackers"]
             },
             "versions": facts["versions"],
         }

@@ -131,23 +131,18 @@ def comparison_table(
     for title, _ in _COMPARED:
         heads += [f"{title} {names[0]}", names[1], "change" if title in _CHANGES else "ratio"]
     rows = []
-    for tracker in _trackers(first, second):
+    trackers = [name for name in first["trackers"] if name in second["trackers"]]
+    for tracker in trackers:
         pair = [[c[site]["scores"][tracker] for site in common] for c in contents]
         by_site = dict(zip(common, zip(*pair, strict=True), strict=True))
         by_site[POOLED] = tuple(map(pooled_scores, pair))
         for site, (one, other) in by_site.items():
-            prefix = site if tracker == "recorded" else f"{site} ({tracker})"
+            prefix = f"{site}, {tracker}" if len(trackers) > 1 else site
             for group in one:
                 hidden = group in MANOEUVRES and group != "standing" and not manoeuvres
                 if group in other and one[group]["n"] and not hidden:
                     rows.append(_compared_row(f"{prefix}: {group}", one[group], other[group]))
     return Table(heads, rows)
-
-
-def _trackers(first: Json, second: Json) -> list[str]:
-    """Return the trackers that all folds of both were scored with."""
-    folds = [fold["scores"] for content in (first, second) for fold in content["folds"]]
-    return [tracker for tracker in folds[0] if all(tracker in scores for scores in folds)]
 
 
 def _compared_row(name: str, one: Json, other: Json) -> Row:

@@ -30,8 +30,8 @@ from mtpgo_training.training.training_config import CrossvalConfig, TrainingConf
 
 Json = dict[str, Any]
 
-TRACKERS = ("recorded",)
-"""What the observations of the left-out site come from, in the order of the tables."""
+TRACKER_SEEDS: dict[str, int | None] = {"recorded": None, "simulated": 0}
+"""What the observations of a left-out site come from, with the seed of the simulated tracker."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class FoldJob:
         folder: folder of the fold.
         budget: how long it may train.
         stride_s: time between two scored instants (s).
+        trackers: whose observations it is scored with, of :data:`TRACKER_SEEDS`.
     """
 
     site: FoldSite
@@ -55,6 +56,7 @@ class FoldJob:
     folder: Path
     budget: Budget
     stride_s: float
+    trackers: tuple[str, ...] = ("recorded",)
 
     def run(self) -> bool:
         """Run it, see :func:`run_fold`."""
@@ -102,8 +104,11 @@ def run_fold(job: FoldJob) -> bool:
         "breakdowns": {},
     }
     runner = ModelRunner.load(files.model)
-    for tracker in TRACKERS:
-        result = score_site(runner, left_out, job.site, job.stride_s)
+    for tracker in job.trackers:
+        settings = Settings(
+            stride_s=job.stride_s, centre=False, tracker_seed=TRACKER_SEEDS[tracker]
+        )
+        result = score_site(runner, left_out, job.site, settings)
         content["scores"][tracker] = group_scores(result.scores)
         content["breakdowns"][tracker] = breakdowns(result.scores)
     content["scoring_seconds"] = round(time.monotonic() - start, 1)
@@ -112,7 +117,7 @@ def run_fold(job: FoldJob) -> bool:
 
 
 def score_site(
-    runner: ModelRunner, recordings: list[NamedRecording], site: FoldSite, stride_s: float
+    runner: ModelRunner, recordings: list[NamedRecording], site: FoldSite, settings: Settings
 ) -> Evaluation:
     """Score a model and the baselines on all recordings of a site, as ``mtpgo evaluate`` does.
 
@@ -120,10 +125,9 @@ def score_site(
         runner: the model.
         recordings: of the site.
         site: its name is that of the scores' site.
-        stride_s: time between two instants (s).
+        settings: what is scored.
     """
     result = Evaluation()
-    settings = Settings(stride_s=stride_s, centre=False)
     for item in recordings:
         if len(item.recording):
             recording = dataclasses.replace(item.recording, location=site.name)

@@ -24,6 +24,7 @@ def content(sites, tracker="recorded"):
     """The content of a cross-validation: groups by site."""
     training = {"epochs": 12, "epochs_done": 11, "share": 0.5, "minutes": 6.0}
     return {
+        "trackers": [tracker],
         "folds": [
             {
                 "site": site,
@@ -32,5 +33,5 @@ def content(sites, tracker="recorded"):
                 "scores": {tracker: groups},
             }
             for site, groups in sites.items()
-        ]
+        ],
     }

@@ -22,7 +22,7 @@ SITES = [FoldSite("a", ("a/01",)), FoldSite("b/c", ("b/01",))]
 
 def start(path, config=CONFIG, *, sites=SITES, recordings=RECORDINGS, budget=None, stride_s=1.0):
     folder = CrossvalFolder(path)
-    folder.start(config, sites, recordings, budget or Budget(minutes=1.0), stride_s)
+    folder.start(config, sites, recordings, budget or Budget(minutes=1.0), stride_s, ("recorded",))
     return folder
 
 
@@ -35,8 +35,8 @@ def test_the_same_again_continues(tmp_path):
     ("other", "sentence"),
     [
         ({"config": dataclasses.replace(CONFIG, seed=5)}, r"in seed \(1 there, 5 here\)"),
-        ({"budget": Budget(minutes=2.0)}, "the budget differs"),
-        ({"stride_s": 2.0}, r"the stride_s differs from .* \(1.0 there, 2.0 here\)"),
+        ({"budget": Budget(minutes=2.0)}, "budget is .*2.0.* but .*1.0"),
+        ({"stride_s": 2.0}, r"stride_s is 2.0, but 1.0 in"),
         ({"sites": SITES[:1]}, "the sites differ"),
         ({"recordings": RECORDINGS[:1]}, "the recordings differ"),
     ],
