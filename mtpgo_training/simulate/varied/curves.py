@@ -132,7 +132,7 @@ def simulate_curves(config: CurvesConfig, name: str = "00") -> Recording:
 def _draw_line(generator: Generator, style: _Style) -> Float64Array:
     """Draw the [n, 2] middle line of a road that crosses the image (m)."""
     while True:
-        pieces: list[object] = []
+        pieces: list[tuple[float, float]] = []
         side = float(generator.choice([-1.0, 1.0]))
         while sum(length for length, _ in pieces) < 1300.0:
             # Small radii are as frequent as large ones on a logarithmic scale.
