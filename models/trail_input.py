@@ -32,6 +32,7 @@ class TrailInput(nn.Module):
     def __init__(self, config: ModelConfig):
         super().__init__()
         self.dt_s = config.dt_s
+        self.largest_m = LARGEST_M
         self.branches = config.trail_branches
         steps = config.horizon_steps
         self.stride = max(1, steps // SUMMARY_STEPS)
@@ -48,7 +49,7 @@ class TrailInput(nn.Module):
 
     def forward(self, trails: Tensor) -> tuple[Tensor, Tensor]:
         """Return scaled inputs [H, B, N, R * 5] of all steps, and a summary [B, N, D]."""
-        offset = trails[..., :2].clamp(-LARGEST_M, LARGEST_M)
+        offset = trails[..., :2].clamp(-self.largest_m, self.largest_m)
         share = trails[..., 2:]
         before = torch.cat((torch.zeros_like(offset[..., :1, :]), offset[..., :-1, :]), dim=-2)
         velocity = (offset - before) / self.dt_s * (share > 0.0)

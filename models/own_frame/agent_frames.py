@@ -7,12 +7,6 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-HELD_MPS = 0.3
-"""Speed up to which an agent stands (m/s)."""
-
-MOVING_MPS = 0.5
-"""Speed above which an agent moves (m/s), as in :mod:`mtpgo_core.schema`."""
-
 
 class Start(NamedTuple):
     """Frame and state of all agents at t, from which the roll-out starts.
@@ -106,10 +100,11 @@ def hold_first_mode(states: Tensor, start: Start, dt_s: float) -> Tensor:
 def motion_share(velocity: Tensor) -> Tensor:
     """Return [B, N] 0 for agents that stand, 1 for those that move, of velocities [B, N, 2] (m/s).
 
-    The limits are chosen: a tracker's standing road users have speeds of some 0.1 to 0.2 m/s.
+    0 up to 0.3 m/s, because a tracker's standing road users have speeds of some 0.1 to 0.2 m/s
+    (chosen); 1 from 0.5 m/s on, ``MOVING_MPS`` of :mod:`mtpgo_core.schema`.
     """
     speed = torch.linalg.vector_norm(velocity, dim=-1)
-    return ((speed - HELD_MPS) / (MOVING_MPS - HELD_MPS)).clamp(0.0, 1.0)
+    return ((speed - 0.3) / 0.2).clamp(0.0, 1.0)
 
 
 def last_seen(features: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
