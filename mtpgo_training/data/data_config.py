@@ -84,8 +84,9 @@ class DataConfig:
             (s), 0 for the recorded ones; see
             :class:`mtpgo_training.data.ground_truth.FutureTable`.
         standing_weight: weight in the loss of an agent that is standing and does not move over its
-            observed future, and its chance to be a graph's centre; below 1, moving agents
-            weigh more.
+            observed future. Below 1, moving agents weigh more, and the network takes it for less
+            likely than it is that a standing agent stays where it is.
+        standing_chance: chance of such an agent to be a graph's centre.
         min_future_s: an agent whose future is known for a shorter time is not a graph's centre in
             training (s): such graphs cost as much as others and contain fewer targets.
         centre_classes: names of the classes that may be a graph's centre in training; empty for
@@ -125,6 +126,7 @@ class DataConfig:
     scale_std: float = 0.0
     velocity_smoothing_s: float = 0.0
     standing_weight: float = option(1.0, low=0.0, high=1.0)
+    standing_chance: float = option(1.0, low=0.0, high=1.0)
     min_future_s: float = 0.0
     centre_classes: tuple[str, ...] = option((), choices=CLASSES)
     lane_change_share: float = option(0.0, low=0.0, below=1.0)

@@ -106,13 +106,13 @@ def centre_chances(
 ) -> Float64Array:
     """Return [p] the chance of each agent of the windows to be the centre of a graph.
 
-    It follows ``min_future_s``, ``standing_weight`` and ``centre_classes`` of
+    It follows ``min_future_s``, ``standing_chance`` and ``centre_classes`` of
     :class:`~mtpgo_training.data.data_config.DataConfig`. The rows are those of
     ``windows.instants``.
     """
     instants = windows.instants
     chance = np.ones(len(instants.track))
-    if data.min_future_s > 0.0 or data.standing_weight < 1.0:
+    if data.min_future_s > 0.0 or data.standing_chance < 1.0:
         steps = max(1, round(max(data.min_future_s, 2.0) / dt_s))
         stamp_ns = instants.stamp_ns[instants.window]
         for begin in range(0, len(chance), FUTURES_AT_ONCE):
@@ -123,7 +123,7 @@ def centre_chances(
             stands = np.where(ahead.known, moved, 0.0).max(axis=1) < STANDING_M
             stands &= speed < STANDING_MPS
             long_enough = ahead.known.sum(axis=1) >= round(data.min_future_s / dt_s)
-            chance[some] = np.where(stands, data.standing_weight, 1.0) * long_enough
+            chance[some] = np.where(stands, data.standing_chance, 1.0) * long_enough
     if data.centre_classes:
         classes = [AgentClass.from_name(name) for name in data.centre_classes]
         chance *= np.isin(recording.agent_class, classes)[instants.track]

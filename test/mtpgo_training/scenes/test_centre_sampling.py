@@ -145,7 +145,7 @@ def test_every_agent_may_be_a_centre_by_default():
 
 
 def test_a_standing_agent_is_a_centre_by_its_weight():
-    found = chances(traffic(), standing_weight=0.25)
+    found = chances(traffic(), standing_chance=0.25)
     # In the last window no future shows whether it goes on standing: its speed decides alone.
     assert {found[0, time] for time in range(2, 9)} == {0.25}
     assert {found[1, time] for time in range(2, 9)} == {1.0}
