@@ -28,7 +28,7 @@ CANDIDATES = 16
 """Trails that are followed per agent; chosen, bounds the time."""
 SETTLED_S = 5.0
 """Trails that passed this long ago are followed first, the most recent ones before others (s):
-those of road users right ahead are not known far yet; a horizon, measured."""
+those of road users right ahead are not known far yet; chosen: the usual horizon."""
 MAX_POINTS = 96
 """Most points of a trail that are followed: 192 m of a vehicle, 48 m of a pedestrian."""
 MAX_AGE_S = 1800.0

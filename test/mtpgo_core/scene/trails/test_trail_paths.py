@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from trail_lines import S_NS, along, bend, drive
+from trail_lines import DT_S, S_NS, along, bend, drive, window_at
 
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.scene.trails.class_groups import class_groups
@@ -144,9 +144,13 @@ def test_trails_that_have_settled_go_before_those_right_ahead():
     memory, start_s = TrailMemory(), 0.0
     for ident in range(3):
         start_s = drive(memory, bend(0), ident=ident, start_s=start_s, speed=20.0)
-    for ident in range(3, 3 + CANDIDATES):  # passed the place in the last seconds and stand ahead
-        line = np.array([[-6.0, 0.0], [6.0, 0.0]])
-        drive(memory, line, ident=ident, start_s=start_s + 0.2 * ident)
+    ids = range(3, 3 + CANDIDATES)  # they passed the place in the last seconds and are right ahead
+    for k in range(8):
+        place = np.stack(
+            [np.full(CANDIDATES, 1.6 * k - 6.0), 0.02 * np.arange(CANDIDATES)], axis=1
+        )
+        velocity = np.full((CANDIDATES, 2), [8.0, 0.0])
+        memory.add(window_at(start_s + DT_S * (k + 1), ids, place, velocity), DT_S)
     time_s = start_s + SETTLED_S
     _, _, reach, weight = asked(memory, time_s=time_s)
     assert reach[:3].tolist() == [len(DISTANCE_M)] * 3
