@@ -97,6 +97,8 @@ def test_columns_without_a_value_are_left_out_of_the_table():
     table = filled()
     assert "moving 90% 5s" not in averages_table(table.averages()).heads  # the horizon is 1 s
     assert "moving 90% 1s" in averages_table(table.averages()).heads
-    low, high = breakdowns(table)["intervals"]["m"]["all"]["coverage_90_moving_1s"]
-    assert (low, high) == (0.0, 1.0)
-    assert breakdowns(table)["intervals"]["m"]["all"]["coverage_90_moving_5s"] == [None, None]
+    intervals = breakdowns(table)["intervals"]
+    # 1 and 2 m off are within 2.15 standard deviations, 4 m are not.
+    assert intervals["m"]["all"]["coverage_90_moving_1s"] == [1.0, 1.0]
+    assert intervals["cv"]["all"]["coverage_90_moving_1s"] == [0.0, 0.0]
+    assert intervals["m"]["all"]["coverage_90_moving_5s"] == [None, None]
