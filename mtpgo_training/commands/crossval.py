@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
         return _compare(args)
     _check(args)
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
-    from mtpgo_training.crossval.crossval_folder import CrossvalFolder
+    from mtpgo_training.crossval.crossval_folder import CALIBRATION_HEADING, CrossvalFolder
     from mtpgo_training.crossval.fold import FoldJob
     from mtpgo_training.crossval.fold_plan import Budget
     from mtpgo_training.crossval.fold_processes import FoldError, run_folds
@@ -177,6 +177,9 @@ def run(args: argparse.Namespace) -> int:
     content = folder.write_results()
     if content["folds"]:
         _print_results(content, manoeuvres=args.manoeuvres)
+        calibrated = folder.calibration()
+        if calibrated is not None:
+            print(f"\n{CALIBRATION_HEADING}\n{to_text(calibrated)}\n")
         say(f"written to {folder.result} and {folder.markdown}")
     if interruption.received_signal is not None:
         say("interrupted; to continue: the same command")

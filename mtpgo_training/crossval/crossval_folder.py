@@ -19,16 +19,21 @@ from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
+from mtpgo_training.calibration.calibration_report import calibration_table, leave_one_site_out
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
 from mtpgo_training.crossval.fold_plan import Budget
 from mtpgo_training.crossval.site_folds import FoldSite
 from mtpgo_training.crossval.site_scores import pooled_scores
 from mtpgo_training.data.splits import NamedRecording
-from mtpgo_training.table_format import to_markdown
+from mtpgo_training.table_format import Table, to_markdown
 from mtpgo_training.training.run_folder import first_difference, versions
 from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
 
 Json = dict[str, Any]
+
+CALIBRATION_HEADING = "Each site without and with a calibration fitted to the other sites:"
+"""Of the table of :meth:`CrossvalFolder.calibration`."""
 
 
 class FoldFolder:
@@ -159,6 +164,18 @@ class CrossvalFolder:
             "versions": facts["versions"],
         }
 
+    def calibration(self) -> Table | None:
+        """Return what a calibration brings to each site, fitted to the other sites that are done.
+
+        None with fewer than two sites with samples.
+        """
+        files = [f.samples for f in map(self.fold, _read(self._facts)["sites"]) if f.done]
+        parts = [CalibrationSamples.load(file) for file in files if file.is_file()]
+        if len({name for part in parts for name in part.sites}) < 2:
+            return None
+        samples = merge_samples(parts)
+        return calibration_table(samples, leave_one_site_out(samples))
+
     def write_results(self) -> Json:
         """Write and return :meth:`results`."""
         content = self.results()
@@ -167,6 +184,9 @@ class CrossvalFolder:
         for tracker in content["mean_of_sites"]:
             table = to_markdown(scores_table(content, tracker, manoeuvres=True))
             parts.append(f"Observations: {tracker}\n\n{table}")
+        calibrated = self.calibration()
+        if calibrated is not None:
+            parts.append(f"{CALIBRATION_HEADING}\n\n{to_markdown(calibrated)}")
         write_text(self.markdown, "\n\n".join([*parts, NOTE]) + "\n")
         return content
 

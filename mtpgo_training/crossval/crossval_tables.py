@@ -30,19 +30,22 @@ _HEADS = (
     "/ CA",
     "minADE m",
     *(f"in 90% {time:g} s" for time in TIMES_S),
+    "sigma/RMSE",
+    "nearest",
     "NLL",
 )
 
 _COMPARED = (
     ("ADE m", "ade"),
-    ("/ CV", "ratio_cv"),
     ("minADE m", "min_ade"),
+    ("brier-minFDE m", "brier_min_fde"),
+    ("nearest", "heaviest_nearest"),
     (f"in 90% {TIMES_S[-1]:g} s", f"{TIMES_S[-1]:g}"),
     ("NLL", "anll"),
 )
 """Columns of a comparison: title, and key of the value or time of the coverage."""
 
-_CHANGES = (_COMPARED[-2][0], "NLL")
+_CHANGES = ("nearest", _COMPARED[-2][0], "NLL")
 """Those that are compared by their difference; the others by their ratio."""
 
 
@@ -84,6 +87,8 @@ def _site_rows(site: str, scores: Json, manoeuvres: bool) -> list[Row]:
                     value_text(row["ratio_ca"], 2),
                     value_text(row["min_ade"]),
                     *coverage,
+                    value_text(row["sigma_to_rmse_at"][f"{TIMES_S[-1]:g}"], 2),
+                    value_text(row["heaviest_nearest"], 2),
                     value_text(row["anll"], 2),
                 ],
             )
@@ -162,6 +167,8 @@ def _compared_row(name: str, one: Json, other: Json) -> Row:
 NOTE = (
     f"Every site counts equally in the {POOLED}, if it has at least {LEAST_AGENTS} agents and "
     "instants of a group (ratios: geometric mean). '!': more than 2 % worse than the better of "
-    "constant velocity (CV) and constant acceleration (CA)."
+    "constant velocity (CV) and constant acceleration (CA). sigma/RMSE: standard deviation of the "
+    f"heaviest mode over its error {TIMES_S[-1]:g} s ahead. nearest: share in which the heaviest "
+    "mode is the nearest."
 )
 """Explains the tables."""

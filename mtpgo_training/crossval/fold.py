@@ -13,14 +13,17 @@ from typing import Any
 
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.atomic_files import write_text
+from mtpgo_training.calibration.calibration_samples import merge_samples
 from mtpgo_training.crossval.crossval_folder import FoldFolder
 from mtpgo_training.crossval.fold_plan import Budget, FoldPlan, plan_fold
+from mtpgo_training.crossval.fold_samples import SampledEvaluation
 from mtpgo_training.crossval.site_folds import FoldSite, without_site
 from mtpgo_training.crossval.site_scores import MODEL, group_scores
 from mtpgo_training.data.data_sources import DataSource, read_sources
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
-from mtpgo_training.evaluation.evaluator import Evaluation, Settings, evaluate_recording
+from mtpgo_training.evaluation.evaluator import Settings, evaluate_recording
+from mtpgo_training.evaluation.honesty.honesty_summary import honesty_summary
 from mtpgo_training.evaluation.scores.score_summary import breakdowns
 from mtpgo_training.export.exporter import export_runs
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
@@ -93,7 +96,9 @@ def run_fold(job: FoldJob) -> bool:
     )
     if run.received_signal is not None:
         return False
-    export_runs([files.run], files.model, name=f"{job.config.name}-without-{job.site.name}")
+    # A model that was trained for a few minutes may have ellipses that an export refuses.
+    name = f"{job.config.name}-without-{job.site.name}"
+    export_runs([files.run], files.model, name=name, force=True)
     start = time.monotonic()
     left_out = [item for item in recordings if item.name in job.site.recordings]
     content: Json = {
@@ -104,21 +109,27 @@ def run_fold(job: FoldJob) -> bool:
         "breakdowns": {},
     }
     runner = ModelRunner.load(files.model)
+    samples = []
     for tracker in job.trackers:
         settings = Settings(
             stride_s=job.stride_s, centre=False, tracker_seed=TRACKER_SEEDS[tracker]
         )
         result = score_site(runner, left_out, job.site, settings)
-        content["scores"][tracker] = group_scores(result.scores)
-        content["breakdowns"][tracker] = breakdowns(result.scores)
+        content["scores"][tracker] = group_scores(result.scores, result.honesty)
+        honesty = honesty_summary(result.honesty)
+        content["breakdowns"][tracker] = breakdowns(result.scores) | {"honesty": honesty}
+        samples.append(result.samples(runner.task.calibration))
     content["scoring_seconds"] = round(time.monotonic() - start, 1)
+    known = [part for part in samples if part is not None]
+    if known:
+        merge_samples(known).save(files.samples)
     write_text(files.scores, json.dumps(content, indent=1, allow_nan=False) + "\n")
     return True
 
 
 def score_site(
     runner: ModelRunner, recordings: list[NamedRecording], site: FoldSite, settings: Settings
-) -> Evaluation:
+) -> SampledEvaluation:
     """Score a model and the baselines on all recordings of a site, as ``mtpgo evaluate`` does.
 
     Args:
@@ -127,7 +138,7 @@ def score_site(
         site: its name is that of the scores' site.
         settings: what is scored.
     """
-    result = Evaluation()
+    result = SampledEvaluation()
     for item in recordings:
         if len(item.recording):
             recording = dataclasses.replace(item.recording, location=site.name)

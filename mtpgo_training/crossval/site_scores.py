@@ -11,8 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from mtpgo_core.schema import AgentClass, BoolArray
+from mtpgo_core.schema import BoolArray
+from mtpgo_core.task import calibration
 from mtpgo_training.data.manoeuvres import MANOEUVRES, members
+from mtpgo_training.evaluation.honesty.honesty_summary import honesty_values
+from mtpgo_training.evaluation.honesty.honesty_table import HonestyTable
 from mtpgo_training.evaluation.scores.score_table import ScoreTable, average, none, totals
 
 Json = dict[str, Any]
@@ -24,18 +27,10 @@ REFERENCES = ("cv", "ca")
 """The baselines relative to which the errors are given."""
 
 CLASS_GROUPS = {
-    "vehicle": (
-        AgentClass.CAR,
-        AgentClass.TRUCK,
-        AgentClass.BUS,
-        AgentClass.TRAILER,
-        AgentClass.VAN,
-    ),
-    "two_wheeler": (AgentClass.MOTORCYCLE, AgentClass.BICYCLE),
-    "pedestrian": (AgentClass.PEDESTRIAN,),
-    "unknown": (AgentClass.UNKNOWN, AgentClass.ANIMAL),
+    "unknown" if name == "any" else name: classes
+    for name, classes in calibration.CLASS_GROUPS.items()
 }
-"""Classes that move alike."""
+"""Classes that are calibrated together."""
 
 TIMES_S = (1.0, 3.0, 5.0)
 """Times at which the coverage is given (s)."""
@@ -43,6 +38,23 @@ TIMES_S = (1.0, 3.0, 5.0)
 VALUES = ("ade", "fde", "min_ade", "min_fde", "mr", "anll", "coverage_90")
 """Averages over agents that are given for each group, see
 :data:`mtpgo_training.evaluation.scores.agent_scores.KEYS`."""
+
+HONESTY_VALUES = (
+    "heaviest_nearest",
+    "brier",
+    "brier_min_fde",
+    "weight_near_heaviest",
+    "mode_distance",
+    "jump",
+    "mixture_jump",
+    "reverses",
+    "creep",
+    "creeps",
+    "lateral_8",
+    "overlaps",
+)
+"""Values of honesty and plausibility, see
+:func:`mtpgo_training.evaluation.honesty.honesty_summary.honesty_values`."""
 
 LEAST_AGENTS = 50
 """A site counts in the average over sites where it has this many agents and instants of a group;
@@ -52,16 +64,19 @@ SIMPLE_TOLERANCE = 1.02
 """An ADE above this multiple of the better baseline's is worse than simple (the project's bar)."""
 
 
-def group_scores(table: ScoreTable) -> dict[str, Json]:
+def group_scores(table: ScoreTable, honesty: HonestyTable) -> dict[str, Json]:
     """Return the scores of a site by group of agents; None where a value is not defined.
 
     Groups: ``all``, ``moving`` and ``standing``; ``CLASS MOTION`` for each of
     :data:`CLASS_GROUPS`; each manoeuvre. Values: ``n`` agents and instants; those of
     :data:`VALUES`; ``ade_cv`` and ``ade_ca``, the ADE of the baselines (m), and ``ratio_cv`` and
-    ``ratio_ca`` relative to them; ``coverage_90_at``, the coverage at each of :data:`TIMES_S`.
+    ``ratio_ca`` relative to them; ``coverage_90_at``, the coverage at each of :data:`TIMES_S`;
+    those of :data:`HONESTY_VALUES`, ``jump_cv`` (m), and by time ``region_90_at`` (coverage of the
+    mixture), ``sigma_to_rmse_at`` and ``nll_at``.
 
     Args:
         table: with the scores of :data:`MODEL` and of the baselines by the protocol ``all``.
+        honesty: of the same agents.
     """
     agents = table.agents()
     agents = agents[agents["protocol"] == "all"]
@@ -70,11 +85,16 @@ def group_scores(table: ScoreTable) -> dict[str, Json]:
     wanted = ((labels["protocol"] == "all") & (labels["model"] == MODEL)).to_numpy()
     steps, labels = steps[wanted], labels[wanted]
     chosen, chosen_steps = _selections(agents), _selections(labels)
-    return {
+    found = {
         group: _scores(agents[rows], steps[chosen_steps[group]])
         for group, rows in chosen.items()
         if rows.any()
     }
+    sums, jumps = honesty.sums(), honesty.jumps()
+    chosen_sums, chosen_jumps = _selections(sums.index.to_frame(index=False)), _selections(jumps)
+    for group, row in found.items():
+        row |= _honesty(sums[chosen_sums[group]], jumps[chosen_jumps[group]])
+    return found
 
 
 def _selections(labels: pd.DataFrame) -> dict[str, BoolArray]:
@@ -109,6 +129,29 @@ def _scores(agents: pd.DataFrame, steps: pd.DataFrame) -> Json:
         found[f"ratio_{name}"] = found["ade"] / other if found["ade"] and other else None
     found["coverage_90_at"] = _coverage(steps)
     return found
+
+
+def _honesty(sums: pd.DataFrame, jumps: pd.DataFrame) -> Json:
+    """Return the values of :data:`HONESTY_VALUES` and by time, from rows of a honesty table."""
+    values = honesty_values(sums, jumps, ["model"])
+    own = values.get((MODEL,))
+    if own is None:
+        times: Json = {f"{time:g}": None for time in TIMES_S}
+        by_time = dict.fromkeys(("region_90_at", "sigma_to_rmse_at", "nll_at"), times)
+        return dict.fromkeys((*HONESTY_VALUES, "jump_cv")) | by_time
+    flat = own["weights"] | own["diversity"] | own["consistency"] | own["feasibility"]
+    found: Json = {name: flat[name] for name in HONESTY_VALUES}
+    found["jump_cv"] = values.get(("cv",), {}).get("consistency", {}).get("jump")
+    found["region_90_at"] = _at(own["time_s"], own["region_90"])
+    found["nll_at"] = _at(own["time_s"], own["nll"])
+    found["sigma_to_rmse_at"] = _at(own["spread"]["time_s"], own["spread"]["ratio"])
+    return found
+
+
+def _at(times_s: Sequence[float], values: Sequence[float | None]) -> Json:
+    """Return the values at :data:`TIMES_S`, by the time as text."""
+    by_time = dict(zip((f"{time:g}" for time in times_s), values, strict=True))
+    return {f"{time:g}": by_time.get(f"{time:g}") for time in TIMES_S}
 
 
 def _coverage(steps: pd.DataFrame) -> Json:

@@ -91,8 +91,8 @@ class Evaluation:
         window: HistoryWindow | None = None,
         *,
         baselines: bool = False,
-    ) -> None:
-        """Score a prediction.
+    ) -> ScoredPrediction:
+        """Score a prediction, and return its scores.
 
         Args:
             model: name of the model or bag that it comes from.
@@ -108,7 +108,7 @@ class Evaluation:
             self._add_honesty(model, protocol, scorer, prediction, found)
         scenes = self.scenes.get(model) if protocol == "all" else None
         if window is None or not (baselines or scenes is not None):
-            return
+            return found
         reference = scorer.score_baselines(window, found.truth)
         if baselines:
             reference.add_to(self.scores, protocol)
@@ -116,6 +116,7 @@ class Evaluation:
                 self._add_baselines(protocol, scorer, prediction, found, reference)
         if scenes is not None:
             scenes.update(scorer, prediction, found, reference.cv_ade)
+        return found
 
     def _add_honesty(
         self,

@@ -2,7 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Made-up results of a cross-validation."""
 
-VALUES = {"fde": 2.0, "min_fde": 1.0, "mr": 0.1, "coverage_90": 0.9}
+VALUES = {
+    "fde": 2.0,
+    "min_fde": 1.0,
+    "mr": 0.1,
+    "coverage_90": 0.9,
+    "heaviest_nearest": 0.25,
+    "brier_min_fde": 1.5,
+    "sigma_to_rmse_at": {"1": 1.0, "3": 0.9, "5": 0.8},
+}
 
 
 def group(ade, *, n=100, cv=2.0, five=0.8, nll=1.0):

@@ -58,6 +58,7 @@ def test_two_results_are_compared_on_what_both_have():
     assert list(table.heads[:5]) == ["site, road users", "n", "ADE m old", "new", "ratio"]
     cells = [str(cell) for cell in table.rows[0].cells]
     assert cells[:4] == ["100", "1.000", "0.500", "0.50"]
+    assert cells[7:13] == ["1.500", "1.500", "1.00", "0.25", "0.25", "+0.00"]
     assert cells[-6:] == ["0.80", "0.90", "+0.10", "1.00", "-0.50", "-1.50"]
     assert [str(cell) for cell in table.rows[1].cells] == cells
 

@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from known_paths import agents, paths
 from known_scores import STANDS, add
 
 from mtpgo_core.schema import AgentClass
@@ -14,6 +15,7 @@ from mtpgo_training.crossval.site_scores import (
     pooled_scores,
     worse_than_simple,
 )
+from mtpgo_training.evaluation.honesty.honesty_table import HonestyTable
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
 
 
@@ -36,7 +38,7 @@ def site_table(error=1.0, cv=4.0, ca=2.0):
 
 
 def test_groups_are_those_of_class_motion_and_manoeuvre():
-    scores = group_scores(site_table())
+    scores = group_scores(site_table(), HonestyTable())
     assert list(scores) == [
         "all",
         "moving",
@@ -57,10 +59,10 @@ def test_groups_are_those_of_class_motion_and_manoeuvre():
 
 
 def test_errors_stand_beside_those_of_the_baselines():
-    row = group_scores(site_table())["vehicle moving"]
+    row = group_scores(site_table(), HonestyTable())["vehicle moving"]
     assert (row["ade"], row["ade_cv"], row["ade_ca"]) == (1.0, 4.0, 2.0)
     assert (row["ratio_cv"], row["ratio_ca"]) == (0.25, 0.5)
-    everybody = group_scores(site_table())["all"]
+    everybody = group_scores(site_table(), HonestyTable())["all"]
     assert everybody["ade"] == pytest.approx((10 * 1.0 + 5 * 0.5) / 15)
 
 
@@ -70,16 +72,28 @@ def test_coverage_is_given_by_time():
     add(table, np.array([1.0, 1.0, 2.0, 2.0, 2.2]), model="model", n=4, step_s=1.0)
     add(table, np.array([2.2, 1.0, 2.0, 2.0, 2.2]), model="model", n=1, step_s=1.0)
     add(table, 9.0, model="cv", n=5, step_s=1.0)
-    row = group_scores(table)["moving"]
+    row = group_scores(table, HonestyTable())["moving"]
     assert row["coverage_90_at"] == {"1": 0.8, "3": 1.0, "5": 0.0}
 
 
 def test_a_horizon_that_ends_earlier_has_no_coverage_there():
     table = ScoreTable()
     add(table, 1.0, model="model", step_s=0.2)
-    row = group_scores(table)["moving"]
+    row = group_scores(table, HonestyTable())["moving"]
     assert row["coverage_90_at"] == {"1": 1.0, "3": None, "5": None}
     assert (row["ade_cv"], row["ratio_cv"]) == (None, None)
+
+
+def test_honesty_is_that_of_the_group():
+    honesty = HonestyTable()
+    for who, error_m in ((agents(10), 1.0), (agents(5, kind=AgentClass.PEDESTRIAN), 3.0)):
+        given = paths(who, error_m=error_m, weight=(0.75, 0.25), apart_m=2.0)
+        honesty.add("model", "all", who, given)
+    rows = group_scores(site_table(), honesty)
+    assert rows["vehicle moving"]["sigma_to_rmse_at"]["5"] == pytest.approx(1.0)
+    assert rows["moving"]["region_90_at"]["1"] is not None
+    assert 0.0 <= rows["vehicle moving"]["heaviest_nearest"] <= 1.0
+    assert rows["pedestrian standing"]["heaviest_nearest"] is None
 
 
 def test_every_site_counts_equally():
