@@ -49,6 +49,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--epochs", type=int, help="most epochs (default: 30)")
     parser.add_argument("--seed", type=int, help="seed of the training (default: 1)")
+    parser.add_argument("--threads", type=int, help="threads of torch (default: 2)")
     parser.add_argument(
         "--force", action="store_true", help="write the model even if it has become worse"
     )
@@ -76,7 +77,12 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.export.exporter import describe, export_model, load_model
     from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
 
-    given = {name: getattr(args, name) for name in ("minutes", "epochs", "seed")}
+    given = {
+        "minutes": args.minutes,
+        "epochs": args.epochs,
+        "seed": args.seed,
+        "num_threads": args.threads,
+    }
     options = AdaptOptions(**{name: value for name, value in given.items() if value is not None})
 
     def say(text: str) -> None:
