@@ -28,6 +28,7 @@ from mtpgo_training.adapt.weight_averaging import SHARES, between
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, Splits, split, window_s
+from mtpgo_training.evaluation.training_overlap import training_hashes
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.scenes.scene_dataset import dense
 from mtpgo_training.training.data_loading import Scenes, prepare_scenes
@@ -108,6 +109,8 @@ def adapt(
     prepare_process(options.num_threads)
     splits = split(recordings, config.data, config.seed, window_s(config.history, horizon))
     scenes = prepare_scenes(config, splits, horizon, cache=cache, progress=progress)
+    for sentence in _overlap(base, splits):
+        report(sentence)
     begin_s = time.monotonic()
     before = score_site(predict_site(model, scenes.validation), dt_s, base_scale)
     validation_s = time.monotonic() - begin_s
@@ -173,7 +176,8 @@ def adapted_config(
 ) -> TrainingConfig:
     """Return the configuration of the training: the base model's task on other recordings.
 
-    How the scenes are augmented stays as the base model was trained.
+    How the scenes are augmented stays as the base model was trained, but for the simulated
+    trackers: the recordings of a user come from the tracker that the model will have.
     """
     config = from_dict(TrainingConfig, base["config"], "the checkpoint's configuration")
     data = dataclasses.replace(
@@ -185,6 +189,8 @@ def adapted_config(
         test=(),
         validation_fraction=options.validation_fraction,
         test_fraction=0.0,
+        tracker_share=0.0,
+        validation_tracker=False,
         lane_change_share=0.0,
         centre_classes=(),
     )
@@ -226,6 +232,13 @@ def _scenes_of(
         agents = len(recording) / (recording.frame_rate * data.stride_s)
         scenes += share * max(instants, 2.0 * agents / (1 + config.scene.max_neighbours))
     return scenes
+
+
+def _overlap(base: Checkpoint, splits: Splits) -> list[str]:
+    """Return a sentence if the base model has seen recordings of the validation."""
+    known = training_hashes({"recordings": base["splits"]})
+    seen = [item.name for item in splits.validation if item.recording.sha256 in known]
+    return [f"the model was already trained on {', '.join(seen)}"] if seen else []
 
 
 def _tuned_weights(run: TrainingRun, folder: Path) -> dict[str, Tensor]:

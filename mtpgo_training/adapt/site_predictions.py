@@ -67,7 +67,8 @@ def predict_site(model: TrajectoryPredictor, scenes: Sequence[Data]) -> SitePred
     batches = []
     for batch in DataLoader(list(scenes), batch_size=BATCH_SCENES):
         fields = dense(batch)
-        log_weight, mean, covariance = model(fields["x"], fields["valid"], fields["static"])
+        given = (fields["x"], fields["valid"], fields["static"], None, fields.get("trails"))
+        log_weight, mean, covariance = model(*given)
         observed = fields["weight"] > 0.0
         rows = fields["primary"] & observed.any(dim=-1)
         batches.append(
