@@ -22,14 +22,17 @@ from torch_geometric.loader import DataLoader
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import from_dict
 from mtpgo_training.adapt.adapt_options import FEWEST_AGENTS, AdaptOptions
+from mtpgo_training.adapt.site_calibration import cross_calibrated, site_calibration
 from mtpgo_training.adapt.site_predictions import predict_site
-from mtpgo_training.adapt.site_scores import SiteScores, fit_scale, score_site
+from mtpgo_training.adapt.site_scores import SiteScores, score_site
 from mtpgo_training.adapt.weight_averaging import SHARES, between
+from mtpgo_training.calibration.calibration_report import moving_scores
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, Splits, split, window_s
 from mtpgo_training.evaluation.training_overlap import training_hashes
 from mtpgo_training.export.exporter import load_model
+from mtpgo_training.export.model_calibration import own_calibration
 from mtpgo_training.scenes.scene_dataset import dense
 from mtpgo_training.training.data_loading import Scenes, prepare_scenes
 from mtpgo_training.training.networks import weights_hash
@@ -102,9 +105,8 @@ def adapt(
     """
     started_s = time.monotonic() if started_s is None else started_s
     base = load_checkpoint(base_path)
-    model = load_model(base, calibrated=False)
-    base_scale = float(base.get("covariance_scale", 1.0))
-    horizon, dt_s = model.config.horizon_steps, model.config.dt_s
+    model, base_calibration = load_model(base), own_calibration(base)
+    horizon = model.config.horizon_steps
     config = adapted_config(base, recordings, options, name)
     prepare_process(options.num_threads)
     splits = split(recordings, config.data, config.seed, window_s(config.history, horizon))
@@ -112,7 +114,8 @@ def adapt(
     for sentence in _overlap(base, splits):
         report(sentence)
     begin_s = time.monotonic()
-    before = score_site(predict_site(model, scenes.validation), dt_s, base_scale)
+    predictions = predict_site(model, scenes.validation)
+    before = score_site(predictions.calibrated(base_calibration))
     validation_s = time.monotonic() - begin_s
     if before.moving < FEWEST_AGENTS:
         raise ConfigurationError(
@@ -143,13 +146,16 @@ def adapt(
             progress=progress,
         )
         tuned = _tuned_weights(run, Path(folder) / "run")
-    share, weights, after = _best_share(base, tuned, scenes, dt_s, before)
+    share, weights, after = _best_share(base, tuned, scenes, before)
     checkpoint = _checkpoint(base, run, splits, weights)
-    model = load_model(checkpoint, calibrated=False)
-    scale = fit_scale(predict_site(model, scenes.validation))
+    model = load_model(checkpoint)
+    samples = predict_site(model, scenes.validation).samples()
+    calibration = site_calibration(samples, base_calibration)
     batches = (dense(batch) for batch in DataLoader(scenes.validation, BATCH_SCENES))
-    checkpoint["covariance_scale"] = scale
-    checkpoint["metrics"] = validate(model, batches, scale)[0].averages()
+    averages = validate(model, batches, calibration)[0].averages()
+    averages["model"]["all"].update(moving_scores(samples.calibrated(calibration)))
+    checkpoint["metrics"] = averages
+    checkpoint["calibration"] = dataclasses.asdict(calibration)
     checkpoint["adapted_from"] = {
         "name": base["config"]["name"],
         "weights_sha256": weights_hash(load_model(base)),
@@ -258,7 +264,7 @@ def _tuned_weights(run: TrainingRun, folder: Path) -> dict[str, Tensor]:
 
 
 def _best_share(
-    base: Checkpoint, tuned: dict[str, Tensor], scenes: Scenes, dt_s: float, before: SiteScores
+    base: Checkpoint, tuned: dict[str, Tensor], scenes: Scenes, before: SiteScores
 ) -> tuple[float, dict[str, Tensor], SiteScores]:
     """Return the share of the change that is best, the weights with it and their scores.
 
@@ -269,7 +275,8 @@ def _best_share(
     for share in SHARES:
         weights = between(base["average"], tuned, share)
         model = load_model({**base, "average": weights}, calibrated=False)
-        scores = score_site(predict_site(model, scenes.validation), dt_s)
+        predictions = predict_site(model, scenes.validation)
+        scores = score_site(cross_calibrated(predictions, own_calibration(base)))
         found.append((scores.nll > before.nll, scores.ade_m, share, weights, scores))
     _, _, share, weights, scores = min(found, key=lambda entry: entry[:3])
     return share, weights, scores

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Scores of a calibrated model on the validation part of a site."""
+"""Scores of a model on the validation part of a site."""
 
 from __future__ import annotations
 
@@ -8,15 +8,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import torch
 
-from mtpgo_core.schema import MOVING_MPS
+from mtpgo_core.task.calibration import MOTIONS
 from mtpgo_training.adapt.site_predictions import SitePredictions
+from mtpgo_training.calibration.calibration_fit import LEVEL
+from mtpgo_training.calibration.calibration_text import TIMES_S
 from mtpgo_training.evaluation.scores import metrics
-from mtpgo_training.training.validation import CovarianceCalibration
-
-COVERAGE_TIMES_S = (1.0, 3.0, 5.0)
-"""Times ahead at which the coverage is reported (s)."""
 
 
 @dataclass(frozen=True)
@@ -48,36 +45,22 @@ class SiteScores:
         return plain
 
 
-def score_site(
-    predictions: SitePredictions, dt_s: float, scale: float | None = None
-) -> SiteScores:
+def score_site(predictions: SitePredictions) -> SiteScores:
     """Return the scores of a model.
 
     Args:
-        predictions: of the model for the validation scenes.
-        dt_s: time between two horizon steps (s).
-        scale: factor on the covariances. None fits it to each half of the time and applies it to
-            the other half, so that the coverage is not that of the data it was fitted to.
+        predictions: of the model for the validation scenes, calibrated as they are to be scored.
     """
-    n = len(predictions)
-    scales = np.ones(n)
-    if scale is not None:
-        scales[:] = scale
-    else:
-        first, second = slice(0, n // 2), slice(n // 2, n)
-        scales[first] = fit_scale(predictions.select(second))
-        scales[second] = fit_scale(predictions.select(first))
-    mean, weight = predictions.mean, np.exp(predictions.log_weight)
-    covariance = predictions.covariance * scales[:, None, None, None, None]
+    mean, weight, covariance = predictions.mean, predictions.weight, predictions.covariance
     truth, mask = predictions.truth, predictions.mask
-    moving = predictions.speed_mps > MOVING_MPS
+    moving = predictions.group % len(MOTIONS) == MOTIONS.index("moving")
     nees = metrics.nees(mean, weight, covariance, truth)
-    inside = (nees <= metrics.radius_squared(0.9)) & mask
+    inside = (nees <= metrics.radius_squared(LEVEL)) & mask
     straight = np.linalg.norm(predictions.constant_velocity - truth, axis=-1)
     coverage = {}
-    for time_s in COVERAGE_TIMES_S:
-        step = round(time_s / dt_s) - 1
-        known = moving & mask[:, step] if step < mask.shape[1] else np.zeros(n, np.bool_)
+    for time_s in TIMES_S:
+        step = round(time_s / predictions.step_s) - 1
+        known = moving & (mask[:, step] if step < mask.shape[1] else False)
         coverage[time_s] = float(inside[known, step].mean()) if known.any() else float("nan")
     return SiteScores(
         int(moving.sum()),
@@ -86,18 +69,3 @@ def score_site(
         metrics.average(metrics.anll(mean, weight, covariance, truth, mask)),
         coverage,
     )
-
-
-def fit_scale(predictions: SitePredictions) -> float:
-    """Return the factor on the covariances that calibrates them on these agents."""
-    if not len(predictions):
-        return 1.0
-    calibration = CovarianceCalibration()
-    fields = {
-        "target": torch.from_numpy(predictions.truth)[None],
-        "weight": torch.from_numpy(predictions.mask).float()[None],
-        "primary": torch.ones(1, len(predictions), dtype=torch.bool),
-    }
-    output = (predictions.log_weight, predictions.mean, predictions.covariance)
-    calibration.add(fields, *(torch.from_numpy(value)[None] for value in output))
-    return calibration.scale()

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import os
 import signal
 import sys
@@ -75,6 +76,7 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.adapt.adaptation import adapt
     from mtpgo_training.data.data_sources import read_sources
     from mtpgo_training.export.exporter import describe, export_model, load_model
+    from mtpgo_training.export.model_calibration import check_coverage, own_calibration
     from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
 
     given = {
@@ -106,9 +108,13 @@ def run(args: argparse.Namespace) -> int:
     if not args.force:
         require_better(adaptation)
     checkpoint = adaptation.checkpoint
-    export_model(load_model(checkpoint), describe(checkpoint), args.output)
+    warning = check_coverage(checkpoint["metrics"], force=args.force)
+    if warning:
+        print(f"mtpgo: warning: {warning}", file=sys.stderr)
+    task = dataclasses.replace(describe(checkpoint), calibration=own_calibration(checkpoint))
+    task = export_model(load_model(checkpoint), task, args.output)
     if args.checkpoint is not None:
-        write_shipped_checkpoint(checkpoint, args.checkpoint)
+        write_shipped_checkpoint(checkpoint, task, args.checkpoint)
     say(report_text(adaptation, (time.monotonic() - started_s) / 60.0))
     written = [str(path) for path in (args.output, args.checkpoint) if path is not None]
     say(f"written    {', '.join(written)}")

@@ -1,13 +1,16 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A base model that knows constant velocity only, and a site where cars brake."""
+"""A base model that knows constant velocity only, a site where cars brake, known predictions."""
 
 import dataclasses
 
+import numpy as np
 import torch
 from tiny_run import CONFIG
 from traffic import braking_cars
 
+from mtpgo_core.task.calibration import calibration_groups
+from mtpgo_training.adapt.site_predictions import SitePredictions
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.training.networks import build_network
@@ -58,3 +61,29 @@ def site(*, seconds=5.0, count=6, tracks=8):
         )
         for seed in range(1, count + 1)
     ]
+
+
+def predictions(error, sigma=1.0, speed=10.0, known=None, cv_error=3.0):
+    """One mode whose errors along x are ``error`` [n, H] (m), with a circular covariance."""
+    error = np.asarray(error, dtype=np.float32)
+    n, h = error.shape
+    truth = np.zeros((n, h, 2), np.float32)
+    mean = np.zeros((n, 1, h, 2), np.float32)
+    mean[:, 0, :, 0] = error
+    straight = np.zeros((n, h, 2), np.float32)
+    straight[..., 1] = cv_error
+    covariance = np.broadcast_to(sigma**2 * np.eye(2), (n, 1, h, 2, 2)).copy()
+    mask = np.ones((n, h), np.bool_) if known is None else np.asarray(known)
+    velocity = np.stack([np.broadcast_to(speed, n), np.zeros(n)], axis=1)
+    return SitePredictions(
+        weight=np.ones((n, 1)),
+        mean=mean,
+        covariance=covariance,
+        truth=truth,
+        mask=mask,
+        constant_velocity=straight,
+        group=calibration_groups(np.ones(n, np.uint8), velocity),
+        site=np.zeros(n, np.int64),
+        sites=("here",),
+        step_s=1.0,
+    )
