@@ -57,7 +57,7 @@ def test_the_checkpoint_says_where_it_comes_from(adapted, base):
     assert uses["site", "06"] == "validation"
     scores = checkpoint["metrics"]["model"]["all"]
     assert scores["moving_n"] > 0
-    assert from_dict(Calibration, checkpoint["calibration"], "here").sites[0].name == "site"
+    assert from_dict(Calibration, checkpoint["calibration"], "here").sites[0].name == "site/test"
 
 
 def test_the_same_seed_gives_the_same_weights(adapted, base):
@@ -148,7 +148,7 @@ def test_an_interrupt_in_the_first_epoch_keeps_what_was_trained(base, monkeypatc
     ("recordings", "options", "sentence"),
     [
         (site(count=1), OPTIONS, "is left for data.validation out of 1 recordings"),
-        (site(tracks=1), OPTIONS, "moving agents, counted each second, expected at least 50"),
+        (site(tracks=1), OPTIONS, "moving agents, counted every 1 s, expected at least 50"),
         (site(), dataclasses.replace(OPTIONS, minutes=0.01), "--minutes is 0.01, expected at lea"),
     ],
 )
