@@ -17,6 +17,7 @@ COMMANDS = {
     "simulate": "simulate traffic as recordings (Eclipse SUMO)",
     "train": "train a model on recordings",
     "crossval": "train without a site and test on it, site by site",
+    "adapt": "adapt a model to recordings of your site",
     "curve": "draw the learning curves of runs",
     "export": "export a trained model for the node",
     "evaluate": "score a model on recordings",

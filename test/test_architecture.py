@@ -103,6 +103,7 @@ ROOMS = {
         "training",
         "export",
         "crossval",
+        "adapt",
         "reports",
         "simulate",
         "demo",
@@ -299,6 +300,7 @@ def test_a_file_has_a_licence_header_and_a_docstring(path):
 
 KINDS = {
     ".cfg",
+    ".ckpt",
     ".csv",
     ".gz",
     ".j2",
@@ -324,7 +326,7 @@ def test_no_bag_archive_or_cache_is_among_the_shipped_files():
             where = path.relative_to(ROOT)
             assert path.suffix in KINDS or where == Path("resource/mtpgo_ros"), where
             assert path.stat().st_size <= LARGEST_BYTES, f"{where} is too large"
-            if path.suffix == ".pt":
+            if path.suffix in (".pt", ".ckpt"):
                 assert where.parts[:2] == ("resource", "weights"), f"{where} is out of place"
             if path.suffix in (".csv", ".gz"):
                 assert where.parts[0] in ("resource", "test"), f"{where} is out of place"

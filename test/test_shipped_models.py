@@ -8,15 +8,19 @@ import numpy as np
 import pytest
 
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_core.task.model_file import find_model, load_task, model_card
+from mtpgo_core.task.model_file import find_checkpoint, find_model, load_task, model_card
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.evaluation.evaluator import evaluate
-from mtpgo_training.training.networks import build_network
+from mtpgo_training.export.exporter import load_model
+from mtpgo_training.export.model_calibration import own_calibration
+from mtpgo_training.training.networks import build_network, weights_hash
+from mtpgo_training.training.run_folder import load_checkpoint
 from mtpgo_training.training.training_config import load_config
 
 ROOT = Path(__file__).parents[1]
 RECIPES = sorted((ROOT / "config/training").glob("*.yaml"))
 SHIPPED = sorted(path.stem for path in (ROOT / "resource/weights").glob("*.pt"))
+CHECKPOINTS = sorted(path.stem for path in (ROOT / "resource/weights").glob("*.ckpt"))
 
 
 def test_the_documented_models_are_shipped():
@@ -53,6 +57,16 @@ def test_a_model_is_small_and_carries_its_description(name: str):
     card = model_card(path)
     assert card is not None
     assert card.startswith(f"# Model card: `{name}`")
+
+
+@pytest.mark.parametrize("name", CHECKPOINTS)
+def test_a_checkpoint_is_small_and_has_the_weights_of_its_model(name: str):
+    path = find_checkpoint(name)
+    assert path.stat().st_size < 2e6
+    checkpoint, task = load_checkpoint(path), load_task(find_model(name))
+    assert weights_hash(load_model(checkpoint)) == task.weights_sha256
+    assert own_calibration(checkpoint) == task.calibration
+    assert checkpoint["config"]["name"] == name
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -12,6 +12,7 @@ from mtpgo_training.atomic_files import require_writable
 from mtpgo_training.calibration.calibration_samples import load_samples
 from mtpgo_training.export.exporter import export_runs
 from mtpgo_training.export.model_info import model_text
+from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
 from mtpgo_training.table_format import to_text
 
 
@@ -48,12 +49,22 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="export a model whose 90 %% ellipses hold less than 80 %% or more than 98 %% of the "
         "moving validation road users 5 s ahead",
     )
+    export.add_argument(
+        "--checkpoint",
+        dest="shipped_checkpoint",
+        type=Path,
+        metavar="FILE",
+        help="also write the weights as a checkpoint for `mtpgo adapt` and `train --init-from`; "
+        "beside the model file with the suffix .ckpt it is found by the model's name",
+    )
     export.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo export``."""
-    require_writable(args.output)
+    for path in (args.output, args.shipped_checkpoint):
+        if path is not None:
+            require_writable(path)
     exported = export_runs(
         args.checkpoint,
         args.output,
@@ -71,5 +82,10 @@ def run(args: argparse.Namespace) -> int:
     for candidate in exported.candidates if len(exported.candidates) > 1 else ():
         mark = ", chosen" if candidate is exported.run else ""
         print(f"candidate  {candidate.path}: validation ADE {candidate.ade_m:.3f} m{mark}")
-    print(f"written    {args.output}, {args.output.stat().st_size / 1e6:.2f} MB")
+    written = [args.output]
+    if args.shipped_checkpoint is not None:
+        write_shipped_checkpoint(exported.run.checkpoint, exported.task, args.shipped_checkpoint)
+        written.append(args.shipped_checkpoint)
+    for path in written:
+        print(f"written    {path}, {path.stat().st_size / 1e6:.2f} MB")
     return 0

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task.model_file import find_checkpoint
 from mtpgo_training.commands.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
@@ -31,9 +32,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--resume", action="store_true", help="continue an interrupted run")
     parser.add_argument(
         "--init-from",
-        type=Path,
         metavar="CHECKPOINT",
-        help="start from these weights (checkpoint or run folder of the same architecture)",
+        help="start from these weights: shipped model, checkpoint or run folder, of the same "
+        "architecture",
     )
     parser.add_argument(
         "--set",
@@ -74,6 +75,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigurationError(
             "--init-from is given with --resume, expected one: a resumed run has its weights"
         )
+    init_from = None if args.init_from is None else find_checkpoint(args.init_from)
     sources = data_sources(args.data_options)
     cache = cache_from(args)
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
@@ -87,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
         list(read_sources(sources, cache)),
         RunFolder(args.out),
         resume=args.resume,
-        init_from=args.init_from,
+        init_from=init_from,
         max_minutes=args.minutes,
         cache=cache,
         verbose=not args.quiet,

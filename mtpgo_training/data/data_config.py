@@ -11,7 +11,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, listed, option, require
 from mtpgo_core.schema import AgentClass
 
-SPLITS = ("recording", "time")
+SPLITS = ("recording", "time", "end")
 CLASSES = tuple(member.name.lower() for member in AgentClass)
 
 _PAPER: dict[str, Any] = {
@@ -51,7 +51,8 @@ class DataConfig:
         preset: name of a preset in ``PRESETS`` for all values that a configuration file does not
             give; the saved configuration contains them all.
         split: ``recording``: a whole recording has one use; ``time``: recordings are divided into
-            blocks of time, and each block has one use. Never by track.
+            blocks of time, and each block has one use; ``end``: the end of each directory's
+            recordings, in their order, is for validation and test. Never by track.
         block_s: length of such a block (s); at every border between two uses a whole window, its
             past and its future, is left out.
         validation: names of the recordings from which the checkpoint is chosen.
@@ -149,10 +150,10 @@ class DataConfig:
             "at most 1",
         )
         named = self.train or self.validation or self.test
-        if self.split == "time" and named:
+        if self.split != "recording" and named:
             raise ConfigurationError(
-                f"data.split is 'time' but the recording {named[0]!r} is given a use by name, "
-                "expected fractions only"
+                f"data.split is {self.split!r} but the recording {named[0]!r} is given a use by "
+                "name, expected fractions only"
             )
 
 

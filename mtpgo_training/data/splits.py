@@ -4,15 +4,17 @@
 
 With ``data.split: recording`` a recording has one use. With ``time`` each is divided into blocks
 of ``data.block_s``, the blocks of all recordings are assigned by the fractions, and neighbours of
-the same use are joined again. At a border between two uses a whole window is left out, so no
-instant is part of windows of two uses, their pasts and futures included. Each part is a separate
-recording, without a past before its first frame.
+the same use are joined again. With ``end`` the recordings of each directory, one after the other,
+begin with those to train on and end with those of validation and test. At a border between two
+uses a whole window is left out, so no instant is part of windows of two uses, their pasts and
+futures included. Each part is a separate recording, without a past before its first frame.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,6 +76,10 @@ class Splits:
 
 USES = ("train", "validation", "test")
 
+SHORTEST_PART = 1.5
+"""Shortest part of a recording divided by ``data.split: end`` (windows); chosen: a half is left
+out at its border, and what remains has a whole window."""
+
 
 def split(
     recordings: Sequence[NamedRecording], data: DataConfig, seed: int, guard_s: float = 8.0
@@ -92,16 +98,19 @@ def split(
             train on or to validate with.
     """
     _check_weights(recordings, data)
-    splits = (
-        _by_time(recordings, data, seed, guard_s)
-        if data.split == "time"
-        else _by_recording(recordings, data, seed)
-    )
+    if data.split == "time":
+        splits = _by_time(recordings, data, seed, guard_s)
+    elif data.split == "end":
+        splits = _by_end(recordings, data, guard_s)
+    else:
+        splits = _by_recording(recordings, data, seed)
     for use in ("train", "validation"):
         if not getattr(splits, use):
             what = "recording"
             if data.split == "time":
                 what = f"block of {data.block_s:g} s (data.block_s)"
+            elif data.split == "end":
+                what = f"part of at least {SHORTEST_PART * guard_s:g} s (data.split is 'end')"
             raise ConfigurationError(
                 f"no {what} is left for data.{use} out of {len(recordings)} recordings, "
                 "expected at least 1"
@@ -166,6 +175,60 @@ def _by_time(
         for part, use in _parts(item, mine, guard_s):
             parts[use].append(part)
     return Splits(**{use: tuple(parts[use]) for use in USES})
+
+
+def _by_end(recordings: Sequence[NamedRecording], data: DataConfig, guard_s: float) -> Splits:
+    """Assign the beginning of each directory's recordings to training, the end to the others."""
+    parts: dict[str, list[NamedRecording]] = {use: [] for use in USES}
+    validation, test = data.validation_fraction, data.test_fraction
+    for source in dict.fromkeys(item.source for item in recordings):
+        own = [item for item in recordings if item.source == source]
+        total_s = sum(item.recording.duration_s for item in own)
+        begins = {
+            "train": 0.0,
+            "validation": max(0.0, 1.0 - validation - test) * total_s,
+            "test": (1.0 - test) * total_s,
+        }
+        before_s = 0.0
+        for item in own:
+            duration_s = item.recording.duration_s
+            blocks = _blocks_by_use(
+                {use: begin - before_s for use, begin in begins.items()},
+                duration_s,
+                SHORTEST_PART * guard_s,
+            )
+            for part, use in _parts(item, blocks, guard_s):
+                parts[use].append(part)
+            before_s += duration_s
+    return Splits(**{use: tuple(parts[use]) for use in USES})
+
+
+def _blocks_by_use(
+    begins: Mapping[str, float], duration_s: float, shortest_s: float
+) -> list[tuple[float, float, str]]:
+    """Return begin, end and use of the blocks of a recording, of which none is too short.
+
+    Args:
+        begins: where each use begins, in order and from the begin of the recording (s).
+        duration_s: of the recording (s).
+        shortest_s: shortest block; a recording of less than two has one use (s).
+    """
+    ends = [*list(begins.values())[1:], math.inf]
+    bounds: list[tuple[float, float, str]] = []
+    for (use, begin), end in zip(begins.items(), ends, strict=True):
+        low, high = _moved(begin, duration_s, shortest_s), _moved(end, duration_s, shortest_s)
+        if high > low or (duration_s == 0.0 and begin <= 0.0 < end):
+            bounds.append((low, high, use))
+    return bounds
+
+
+def _moved(border_s: float, duration_s: float, shortest_s: float) -> float:
+    """Return a border within a recording, moved so that no block beside it is too short (s)."""
+    if border_s <= 0.0 or border_s >= duration_s:
+        return min(max(border_s, 0.0), duration_s)
+    if duration_s < 2.0 * shortest_s:
+        return 0.0 if border_s < 0.5 * duration_s else duration_s
+    return min(max(border_s, shortest_s), duration_s - shortest_s)
 
 
 def _blocks(duration_s: float, block_s: float) -> list[tuple[float, float]]:

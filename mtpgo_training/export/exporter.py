@@ -196,6 +196,7 @@ def describe(checkpoint: Checkpoint, name: str | None = None) -> TaskDescription
     """
     config = from_dict(TrainingConfig, checkpoint["config"], "the checkpoint's configuration")
     plain: dict[str, Any] = json.loads(json.dumps(checkpoint["config"]))
+    origin = {"adapted_from": checkpoint["adapted_from"]} if "adapted_from" in checkpoint else {}
     return TaskDescription(
         name=name or config.name,
         version=_version(),
@@ -209,6 +210,7 @@ def describe(checkpoint: Checkpoint, name: str | None = None) -> TaskDescription
             "epochs": checkpoint["epoch"],
             "steps": checkpoint["step"],
             "versions": versions(),
+            **origin,
         },
         metrics={"validation": checkpoint["metrics"]},
     )

@@ -43,6 +43,9 @@ def model_text(task: TaskDescription) -> str:
     if candidates:
         scores = ", ".join(f"{r['validation_ade_m']:.3f} m (seed {r['seed']})" for r in candidates)
         lines.append(f"chosen     from {len(candidates)} runs by validation ADE: {scores}")
+    origin = training.get("adapted_from")
+    if origin:
+        lines.append(f"adapted    from {origin['name']}, sha256 {origin['weights_sha256']}")
     for key in ("licence", "attribution"):
         if training.get(key):
             lines.append(f"{key:<10} {training[key]}")

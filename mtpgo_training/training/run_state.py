@@ -120,7 +120,8 @@ class TrainingRun:
     def loss_weights(self, epoch: int | None = None) -> LossWeights:
         """Return the weights of the losses in an epoch, by default the current one."""
         epoch = self.state.epoch if epoch is None else epoch
-        return loss_weights(epoch, self.config.optimisation.epochs, self.model.config.modes)
+        options = self.config.optimisation
+        return loss_weights(epoch, options.epochs, self.model.config.modes, options.warm_up_share)
 
     @torch.no_grad()
     def update_average(self) -> None:

@@ -62,6 +62,7 @@ def train(
     init_from: Path | None = None,
     max_minutes: float | None = None,
     cache: RecordingCache | None = None,
+    scenes: Scenes | None = None,
     verbose: bool = False,
     progress: bool = False,
 ) -> TrainingRun:
@@ -75,6 +76,7 @@ def train(
         init_from: checkpoint of the same architecture whose weights to start from.
         max_minutes: time limit of the training (min); the current step is completed.
         cache: keeps what is expensive to compute from the recordings.
+        scenes: the scenes of these recordings with this configuration, if they were prepared.
         verbose: print the setting of the run and a line per epoch.
         progress: show progress bars.
 
@@ -107,7 +109,8 @@ def train(
     creates_folder = run.is_global_zero and not resume
     if creates_folder:
         folder.require_new()
-    scenes = prepare_scenes(config, splits, horizon, cache=cache, progress=progress)
+    if scenes is None:
+        scenes = prepare_scenes(config, splits, horizon, cache=cache, progress=progress)
     if not (checkpoint or initial):
         _fit_statistics(run, scenes)
     _require_shares(fabric.world_size, config, len(scenes.training))
@@ -319,9 +322,12 @@ def _share(
 
 
 def _teacher_forcing_probability(run: TrainingRun) -> float:
-    """Fall linearly to zero within the first quarter of the epochs, the warm-up of Algorithm 1."""
+    """Fall linearly to zero within the warm-up of Algorithm 1."""
     options = run.config.optimisation
-    return options.teacher_forcing * max(0.0, 1.0 - 4.0 * run.state.epoch / options.epochs)
+    warm_up_epochs = options.warm_up_share * options.epochs
+    if run.state.epoch >= warm_up_epochs:
+        return 0.0
+    return options.teacher_forcing * (1.0 - run.state.epoch / warm_up_epochs)
 
 
 def _fabric(config: TrainingConfig) -> Fabric:

@@ -17,7 +17,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, from_dict, option, require
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig, with_preset
-from mtpgo_training.training.losses.schedules import LEARNING_RATE_SCHEDULES
+from mtpgo_training.training.losses.schedules import LEARNING_RATE_SCHEDULES, WARM_UP_SHARE
 
 ACCELERATORS = ("auto", "cpu", "gpu", "mps")
 STRATEGIES = ("auto", "ddp")
@@ -37,6 +37,8 @@ class OptimisationConfig:
 
     Attributes:
         epochs: length of the schedule of Algorithm 1.
+        warm_up_share: share of the epochs with an EWTA loss, W / total in Algorithm 1; 0 trains on
+            the likelihood from the start, for trained weights that are to be improved.
         batch_scenes: graphs in a batch.
         learning_rate: peak of the learning rate.
         learning_rate_schedule: one of ``LEARNING_RATE_SCHEDULES``.
@@ -61,6 +63,7 @@ class OptimisationConfig:
     """
 
     epochs: int = option(40, above=0)
+    warm_up_share: float = option(WARM_UP_SHARE, low=0.0, high=1.0)
     batch_scenes: int = option(128, above=0)
     learning_rate: float = option(2e-3, above=0)
     learning_rate_schedule: str = option("cosine", choices=LEARNING_RATE_SCHEDULES)

@@ -11,6 +11,9 @@ from mtpgo_core.errors import ConfigurationError
 
 LEARNING_RATE_SCHEDULES = ("cosine", "constant")
 
+WARM_UP_SHARE = 0.25
+"""Share of the epochs before the likelihood alone, W / total in Algorithm 1 of the paper."""
+
 
 @dataclass(frozen=True)
 class LossWeights:
@@ -36,16 +39,19 @@ class LossWeights:
         return f"{self.ewta:.2f} EWTA(1) + {self.nll:.2f} NLL"
 
 
-def loss_weights(epoch: int, total_epochs: int, modes: int) -> LossWeights:
+def loss_weights(
+    epoch: int, total_epochs: int, modes: int, warm_up_share: float = WARM_UP_SHARE
+) -> LossWeights:
     """Return the loss weights of epoch n (counted from 0) by Algorithm 1 of the paper.
 
-    EWTA alone for n < V = total / 8 with K = ceil(M (V - n) / V) winners, then a blend with
-    beta = (W - n) / (W - V) until W = total / 4, then NLL alone.
+    EWTA alone for n < V = W / 2 with K = ceil(M (V - n) / V) winners, then a blend with
+    beta = (W - n) / (W - V) until W = ``warm_up_share`` * total, then NLL alone.
 
     Args:
         epoch: n.
         total_epochs: length of the training.
         modes: M.
+        warm_up_share: W / total; 0 for NLL alone from the start.
 
     Raises:
         ConfigurationError: ``total_epochs`` or ``modes`` is below 1.
@@ -54,7 +60,8 @@ def loss_weights(epoch: int, total_epochs: int, modes: int) -> LossWeights:
         raise ConfigurationError(
             f"the schedule is given {total_epochs} epochs and {modes} modes, expected at least 1"
         )
-    ewta_epochs, warm_up_epochs = total_epochs / 8.0, total_epochs / 4.0
+    warm_up_epochs = warm_up_share * total_epochs
+    ewta_epochs = 0.5 * warm_up_epochs
     if epoch < ewta_epochs:
         winners = math.ceil(modes * (ewta_epochs - epoch) / ewta_epochs)
         return LossWeights(winners=winners, ewta=1.0, nll=0.0)

@@ -14,7 +14,13 @@ from core_helpers import write_model
 
 from mtpgo_core.errors import ModelFileError
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_core.task.model_file import find_model, load_task, model_card, shipped_models
+from mtpgo_core.task.model_file import (
+    find_checkpoint,
+    find_model,
+    load_task,
+    model_card,
+    shipped_models,
+)
 from mtpgo_core.task.task_description import TASK_FILE, HistoryConfig, TaskDescription
 
 
@@ -170,6 +176,34 @@ def test_paths_stay_paths_and_names_are_looked_up(tmp_path, monkeypatch):
     assert find_model("junction") == weights / "junction.pt"
     with pytest.raises(ModelFileError, match="'no_such' is neither a file nor a shipped model"):
         find_model("no_such")
+
+
+def test_a_name_finds_the_shipped_checkpoint(tmp_path, monkeypatch):
+    weights = tmp_path / "share" / "mtpgo_ros" / "weights"
+    weights.mkdir(parents=True)
+    (weights / "junction.ckpt").write_bytes(b"")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    assert find_checkpoint("junction") == weights / "junction.ckpt"
+    with pytest.raises(ModelFileError, match="'no_such' is neither a file nor a shipped checkp"):
+        find_checkpoint("no_such")
+
+
+def test_a_run_folder_or_a_checkpoint_stays_a_path(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run").mkdir()
+    assert str(find_checkpoint("run")) == "run"
+    assert str(find_checkpoint("no/where")) == "no/where"
+    torch.save({"weight": torch.zeros(3)}, tmp_path / "best.pt")
+    assert str(find_checkpoint("best.pt")) == "best.pt"
+
+
+def test_a_model_file_stands_for_the_checkpoint_beside_it(model_file, tmp_path):
+    file = tmp_path / "mine.pt"
+    file.write_bytes(model_file.read_bytes())
+    with pytest.raises(ModelFileError, match=r"mine\.pt has no checkpoint mine\.ckpt beside it"):
+        find_checkpoint(file)
+    (tmp_path / "mine.ckpt").write_bytes(b"")
+    assert find_checkpoint(file) == tmp_path / "mine.ckpt"
 
 
 def test_every_shipped_model_is_found_by_name_and_has_a_card():

@@ -136,6 +136,50 @@ def test_too_short_for_blocks_is_one_sentence():
         split(recordings(9.0), data, 0, GUARD_S)
 
 
+BY_END = DataConfig(split="end", validation_fraction=0.25, restart_probability=0.0)
+
+
+def test_the_end_of_a_recording_validates_and_the_guard_is_kept():
+    splits = split(recordings(200.0), BY_END, 0, GUARD_S)
+    (train, validation) = parts_of(splits, "01")
+    assert (train[2], validation[2]) == ("train", "validation")
+    assert train[0] == 0
+    assert 1498 - 40 - 1 <= train[1] <= 1498 - 40 + 1  # three quarters of 199.9 s, half a guard
+    assert (validation[0] - train[1]) / 10.0 == pytest.approx(GUARD_S, abs=0.2)
+    assert validation[1] == 1999
+    other_seed = split(recordings(200.0), BY_END, 5, GUARD_S)
+    assert parts_of(other_seed, "01") == [train, validation]
+
+
+def test_the_last_recordings_of_each_directory_validate():
+    pool = named(*(f"{d}/{i:02d}" for d in "ab" for i in range(4)))
+    splits = split(pool, BY_END, 0, GUARD_S)
+    assert names(splits.validation) == ["a/03", "b/03"]
+    assert names(splits.train) == ["a/00", "a/01", "a/02", "b/00", "b/01", "b/02"]
+    both = dataclasses.replace(BY_END, test_fraction=0.25)
+    splits = split(pool, both, 0, GUARD_S)
+    assert names(splits.validation) == ["a/02", "b/02"]
+    assert names(splits.test) == ["a/03", "b/03"]
+
+
+def test_a_border_near_an_end_is_moved_so_that_both_parts_have_a_whole_window():
+    data = dataclasses.replace(BY_END, validation_fraction=0.02)
+    (train, validation) = parts_of(split(recordings(100.0), data, 0, GUARD_S), "01")
+    assert (validation[1] - validation[0]) / 10.0 == pytest.approx(GUARD_S, abs=0.2)
+    assert train[0] == 0
+
+
+def test_too_short_to_be_divided_is_one_sentence():
+    sentence = r"no part of at least 12 s \(data.split is 'end'\) is left for data.validation"
+    with pytest.raises(ConfigurationError, match=sentence):
+        split(recordings(20.0), BY_END, 0, GUARD_S)
+
+
+def test_a_division_by_time_and_names_do_not_go_together():
+    with pytest.raises(ConfigurationError, match=r"data\.split is 'end' but the recording '01'"):
+        DataConfig(split="end", validation=("01",))
+
+
 def test_fractions_of_recordings_are_drawn_for_the_test_too():
     pool = recordings(*[5.0] * 10)
     data = DataConfig(validation_fraction=0.1, test_fraction=0.2)

@@ -26,6 +26,17 @@ def test_the_number_of_winners_is_rounded_up():
     assert [loss_weights(n, 24, 8).winners for n in range(3)] == [8, 6, 3]
 
 
+def test_without_a_warm_up_it_is_the_likelihood_from_the_start():
+    for n in (0, 1, 31):
+        weights = loss_weights(n, 32, 8, warm_up_share=0.0)
+        assert (weights.ewta, weights.nll) == (0.0, 1.0)
+
+
+def test_a_longer_warm_up_is_twice_as_long_in_both_of_its_parts():
+    assert [loss_weights(n, 16, 8, warm_up_share=0.5).winners for n in range(4)] == [8, 6, 4, 2]
+    assert [loss_weights(n, 16, 8, warm_up_share=0.5).ewta for n in (4, 6, 8)] == [1.0, 0.5, 0.0]
+
+
 def test_a_single_epoch_is_ewta_with_all_modes():
     assert loss_weights(0, 1, 8).winners == 8
 

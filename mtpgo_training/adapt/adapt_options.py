@@ -1,0 +1,41 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Options of an adaptation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mtpgo_core.options import check_options, option
+
+FEWEST_AGENTS = 50
+"""Fewest moving agents, each at one instant, by whose errors two models are compared (chosen)."""
+
+
+@dataclass(frozen=True)
+class AdaptOptions:
+    """How a model is adapted.
+
+    Attributes:
+        minutes: time limit of everything, reading the recordings included (min).
+        epochs: most epochs.
+        epoch_scenes: about how many scenes an epoch has; of more, other ones are drawn each time.
+        learning_rate: constant after its rise over the first steps.
+        validation_fraction: share of the time, at the end of each directory's recordings, on which
+            the model is chosen and calibrated.
+        patience_epochs: stop after this many epochs without a better validation.
+        seed: of the order of the scenes and their augmentation.
+        num_threads: threads of torch.
+    """
+
+    minutes: float = option(10.0, above=0)
+    epochs: int = option(30, above=0)
+    epoch_scenes: int = option(1000, above=0)
+    learning_rate: float = option(5e-4, above=0)
+    validation_fraction: float = option(0.25, above=0.0, below=1.0)
+    patience_epochs: int = option(5, above=0)
+    seed: int = 1
+    num_threads: int = option(2, low=0)
+
+    def __post_init__(self) -> None:
+        check_options(self, "adapt.")

@@ -1,0 +1,57 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The checkpoint of a model file: small, plain, and a start for a training or an export."""
+
+import dataclasses
+
+import pytest
+import torch
+from site_data import base_checkpoint
+from tiny_run import new_run
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.export.exporter import describe, load_model
+from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
+from mtpgo_training.training.checkpointing import start_from
+from mtpgo_training.training.run_folder import load_checkpoint
+
+
+def task_of(checkpoint, name="tiny"):
+    """The task description of the model file that is exported from a checkpoint."""
+    task = dataclasses.replace(describe(checkpoint, name), metrics={"validation": {"model": {}}})
+    return dataclasses.replace(task, model=load_model(checkpoint).config.to_dict())
+
+
+def test_it_holds_the_weights_alone_and_is_small(tmp_path):
+    checkpoint = base_checkpoint()
+    weights = checkpoint["average"]
+    name = next(name for name, value in weights.items() if value.is_floating_point())
+    shape = weights[name].shape
+    weights[name] = torch.zeros(1000, *shape, dtype=torch.float64)[3]  # a view of large memory
+    resumption = {"optimiser": {"state": torch.zeros(10_000)}, "model": weights, "state": {}}
+    path = tmp_path / "tiny.ckpt"
+    write_shipped_checkpoint(checkpoint | resumption, task_of(checkpoint, "other"), path)
+    loaded = load_checkpoint(path)
+    assert set(loaded) == {"format", "calibration", *checkpoint}
+    assert loaded["covariance_scale"] == 1.3
+    assert loaded["config"] == {**checkpoint["config"], "name": "other"}
+    floats = [v for v in loaded["average"].values() if v.is_floating_point()]
+    assert {value.dtype for value in floats} == {torch.float32}
+    size = sum(value.numel() * value.element_size() for value in loaded["average"].values())
+    assert path.stat().st_size < size + 40_000
+
+
+def test_a_training_and_an_export_start_from_it(tmp_path):
+    checkpoint, path = base_checkpoint(), tmp_path / "tiny.ckpt"
+    write_shipped_checkpoint(checkpoint, task_of(checkpoint), path)
+    run = new_run(seed=8)
+    start_from(run, load_checkpoint(path), path)
+    for name, value in load_model(load_checkpoint(path)).state_dict().items():
+        assert torch.equal(run.model.state_dict()[name], value)
+
+
+def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path):
+    checkpoint = base_checkpoint()
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(ConfigurationError, match=r"tiny\.ckpt cannot be written: "):
+        write_shipped_checkpoint(checkpoint, task_of(checkpoint), tmp_path / "file" / "tiny.ckpt")
