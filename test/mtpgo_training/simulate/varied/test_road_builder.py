@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 from xml.etree import ElementTree
 
 import numpy as np
@@ -45,7 +46,7 @@ def test_the_speed_of_a_carriageway_follows_from_its_radius() -> None:
     speeds = [float(edge["speed"]) for edge in edges]
     assert speeds[0] == speeds[-1] == 25.0
     assert min(speeds) == pytest.approx(10.0, rel=0.03)  # v^2 / 50 m = 2 m/s^2
-    for one, other in zip(edges, edges[1:], strict=False):
+    for one, other in itertools.pairwise(edges):
         assert one["to"] == other["from"]
         assert one["shape"].split()[-1] == other["shape"].split()[0]
 

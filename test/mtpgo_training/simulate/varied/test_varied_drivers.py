@@ -20,13 +20,15 @@ def test_drivers_differ_in_model_and_motion() -> None:
     assert len({kind.motion for kind in cars}) == len(cars)
     assert all(kind.motion.trailing for kind in cars)
     walkers = [kind for kind in types if kind.label == "pedestrian"]
-    assert walkers and not any(kind.motion.trailing for kind in walkers)
+    assert walkers
+    assert not any(kind.motion.trailing for kind in walkers)
 
 
 def test_walking_speeds_are_between_the_limits() -> None:
     generator = np.random.default_rng(0)
     speeds = [drivers.draw_walking_speed(generator) for _ in range(500)]
-    assert min(speeds) >= 0.6 and max(speeds) <= 2.0
+    assert min(speeds) >= 0.6
+    assert max(speeds) <= 2.0
     assert np.mean(speeds) == pytest.approx(1.34, abs=0.05)
 
 
