@@ -18,9 +18,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         "simulate",
         help="simulate traffic as recordings (Eclipse SUMO)",
         description="Simulate traffic with Eclipse SUMO (extra 'simulation') and write it as "
-        "recordings: a highway in highD layout, a roundabout or a street with traffic lights in "
-        "inD layout. Options that are not given are drawn from the seed, so that recordings "
-        "differ.",
+        "recordings: a highway in highD layout; a roundabout or a street with traffic lights in "
+        "inD layout; curves, ramps, junctions, roundabouts and crowds whose roads are drawn for "
+        "every recording, in inD layout. Options that are not given are drawn from the seed, so "
+        "that recordings differ.",
     )
     add = parser.add_argument
     add("site", choices=list(SITES), help="what is simulated")
@@ -41,12 +42,21 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     add(
         "--vehicles-per-hour",
         type=positive_number,
-        help="demand (highway: per direction; roundabout and street: in total)",
+        help="demand (highway, curves and ramps: per direction; others: in total; not of a crowd)",
     )
-    add("--lanes", type=int, help="lanes (highway: 2 to 4; roundabout: 1 or 2; street: 1 to 3)")
+    add(
+        "--lanes",
+        type=int,
+        help="lanes (highway: 2 to 4; roundabout and roundabouts: 1 or 2; street and junctions: "
+        "1 to 3; curves and ramps: 1 to 4)",
+    )
     add("--truck-share", type=share, help="share of trucks, 0 to 0.9")
     add("--traffic", choices=TRAFFIC_STATES, help="highway: traffic state")
-    add("--speed-limit", type=positive_number, help="highway and street: desired speed (m/s)")
+    add(
+        "--speed-limit",
+        type=positive_number,
+        help="highway, street, curves and ramps: desired speed (m/s)",
+    )
     parser.set_defaults(run=run)
 
 

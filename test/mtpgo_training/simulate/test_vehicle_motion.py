@@ -83,3 +83,15 @@ def test_wander_has_unit_variance_and_stops_with_the_vehicle() -> None:
     assert np.diff(moving).std() == pytest.approx(0.04 / 0.5, rel=0.1)
     standing = motion._wander(np.zeros(100), 0.04, config, generator)
     np.testing.assert_allclose(standing, standing[0])
+
+
+def test_a_pedestrian_turns_with_its_velocity_and_keeps_its_heading_at_rest() -> None:
+    # One second to the east, one to the north, one second of standing.
+    t = np.arange(25) / 25.0
+    east = np.stack([1.2 * t, np.zeros(25)], axis=1)
+    north = np.stack([np.full(25, 1.2), 1.2 * t], axis=1)
+    path = np.concatenate([east, north, np.repeat(north[-1:], 25, axis=0)])
+    yaw = motion._walking_heading(path, 0.04, 0.0)
+    assert yaw[20] == pytest.approx(0.0, abs=1e-6)
+    assert yaw[47] == pytest.approx(math.pi / 2, abs=0.02)
+    np.testing.assert_allclose(yaw[55:], yaw[55])

@@ -1,0 +1,21 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of the kind ``curves``: reproducible, consistent, without sudden motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from simulated_traffic import check_consistent, needs_sumo
+
+from mtpgo_core.schema import AgentClass
+from mtpgo_training.simulate.varied.curves import CurvesConfig, simulate_curves
+
+
+@needs_sumo
+def test_a_recording_is_reproducible_and_its_motion_is_smooth() -> None:
+    config = CurvesConfig(seconds=6.0, seed=3, warm_up_s=25.0, style="lane")
+    recording = simulate_curves(config)
+    np.testing.assert_array_equal(recording.position, simulate_curves(config).position)
+    assert AgentClass.CAR in recording.agent_class
+    check_consistent(recording, sideways_mps=1.5)
+    assert np.linalg.norm(recording.acceleration, axis=1).max() < 8.0
