@@ -144,18 +144,16 @@ def test_trails_that_have_settled_go_before_those_right_ahead():
     memory, start_s = TrailMemory(), 0.0
     for ident in range(3):
         start_s = drive(memory, bend(0), ident=ident, start_s=start_s, speed=20.0)
-    ids = range(3, 3 + CANDIDATES)  # they passed the place in the last seconds and are right ahead
+    ids = range(3, 3 + 8)  # they passed the place in the last seconds and are right ahead
     for k in range(8):
-        place = np.stack(
-            [np.full(CANDIDATES, 1.6 * k - 6.0), 0.02 * np.arange(CANDIDATES)], axis=1
-        )
-        velocity = np.full((CANDIDATES, 2), [8.0, 0.0])
+        place = np.stack([np.full(8, 1.6 * k - 6.0), 0.02 * np.arange(8)], axis=1)
+        velocity = np.full((8, 2), [8.0, 0.0])
         memory.add(window_at(start_s + DT_S * (k + 1), ids, place, velocity), DT_S)
     time_s = start_s + SETTLED_S
     _, _, reach, weight = asked(memory, time_s=time_s)
     assert reach[:3].tolist() == [len(DISTANCE_M)] * 3
     assert (reach[3:] < 10).all()
-    assert (weight > 0.0).all()
+    assert (weight > 0.0).sum() == 3 + 8
 
 
 def test_trails_nearer_in_place_and_direction_weigh_more():
