@@ -22,8 +22,8 @@ from models.own_frame.agent_frames import (
     states_to_scene,
 )
 from models.own_frame.covariance_frames import initial_in_own_frame, rotate_blocks
+from models.own_frame.trail_input import TrailInput
 from models.temporal_attention import presence_bias
-from models.trail_input import TrailInput
 from models.trajectory_predictor import TrajectoryPredictor
 
 
@@ -73,7 +73,7 @@ class MTPGO(TrajectoryPredictor):
             self.direct_covariance = DirectCovariance(config)
         self.mixture = MixtureHead(config.hidden, config.modes)
         if self.sees_trails:
-            self.trail = TrailInput(config)
+            self.trail = TrailInput(config, config.trail_branches)
 
     def roll_out(
         self,

@@ -8,7 +8,7 @@ import math
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.adapt.adaptation import Adaptation
-from mtpgo_training.adapt.site_scores import SiteScores
+from mtpgo_training.adapt.adaptation_scores import SiteScores
 
 
 def report_text(adaptation: Adaptation, minutes: float) -> str:

@@ -23,9 +23,9 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import from_dict
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_training.adapt.adapt_options import FEWEST_AGENTS, AdaptOptions
+from mtpgo_training.adapt.adaptation_scores import SiteScores, score_site
 from mtpgo_training.adapt.site_calibration import cross_calibrated, site_calibration
 from mtpgo_training.adapt.site_predictions import predict_site
-from mtpgo_training.adapt.site_scores import SiteScores, score_site
 from mtpgo_training.adapt.weight_averaging import SHARES, between
 from mtpgo_training.calibration.calibration_report import moving_scores
 from mtpgo_training.data.data_config import DataConfig

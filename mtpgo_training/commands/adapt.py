@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mtpgo_core.task.model_file import CHECKPOINT_SUFFIX, find_checkpoint
 from mtpgo_training.atomic_files import require_writable
-from mtpgo_training.commands.data_arguments import (
+from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
     cache_from,

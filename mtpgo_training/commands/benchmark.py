@@ -14,7 +14,7 @@ from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.benchmark.growth_plan import GrowthPlan
 from mtpgo_training.benchmark.measurement.benchmark_model import REFERENCE
 from mtpgo_training.benchmark.measurement.machine import command_line
-from mtpgo_training.commands.argument_types import positive_integer, positive_number
+from mtpgo_training.commands.arguments.argument_types import positive_integer, positive_number
 
 Add = Callable[..., Any]
 

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from msg_adapters.registry import INPUTS
-from mtpgo_training.commands.data_arguments import add_data_arguments, data_sources
+from mtpgo_training.commands.arguments.data_arguments import add_data_arguments, data_sources
 from mtpgo_training.data.bag_conversion import JOIN_GAP_S, convert, selected
 from mtpgo_training.data.data_sources import named_recordings
 from mtpgo_training.data.recording_bag import DEFAULT_KIND

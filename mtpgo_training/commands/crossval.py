@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, MtpgoError
-from mtpgo_training.commands.argument_types import positive_integer, positive_number
-from mtpgo_training.commands.data_arguments import (
+from mtpgo_training.commands.arguments.argument_types import positive_integer, positive_number
+from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
     cache_from,

@@ -8,7 +8,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from mtpgo_training.commands.data_arguments import add_data_arguments, data_sources
+from mtpgo_training.commands.arguments.data_arguments import add_data_arguments, data_sources
 
 DESCRIPTION = (
     "Play recordings at real time through the predictor, started as its own process, score its "

@@ -13,7 +13,7 @@ from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.atomic_files import require_writable, write_text
-from mtpgo_training.commands.data_arguments import (
+from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
     cache_from,

@@ -7,7 +7,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from mtpgo_training.commands.argument_types import positive_integer, positive_number, share
+from mtpgo_training.commands.arguments.argument_types import (
+    positive_integer,
+    positive_number,
+    share,
+)
 from mtpgo_training.simulate.highway import TRAFFIC_STATES
 from mtpgo_training.simulate.sites import SITES, site_config, write_recordings
 

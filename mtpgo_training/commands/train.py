@@ -14,7 +14,7 @@ from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.model_file import find_checkpoint
-from mtpgo_training.commands.data_arguments import (
+from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
     cache_from,

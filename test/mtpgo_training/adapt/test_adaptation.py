@@ -16,7 +16,7 @@ from mtpgo_training.adapt import adaptation as module
 from mtpgo_training.adapt.adapt_options import AdaptOptions
 from mtpgo_training.adapt.adapt_report import report_text, require_better
 from mtpgo_training.adapt.adaptation import adapt, adapted_config
-from mtpgo_training.adapt.site_scores import SiteScores
+from mtpgo_training.adapt.adaptation_scores import SiteScores
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.training.data_loading import Scenes
 from mtpgo_training.training.interruption import Interruption

@@ -10,8 +10,8 @@ import pytest
 from site_data import predictions
 
 from mtpgo_core.task.calibration import GROUPS, Calibration, CalibrationSite, GroupCalibration
+from mtpgo_training.adapt.adaptation_scores import score_site
 from mtpgo_training.adapt.site_calibration import cross_calibrated, site_calibration
-from mtpgo_training.adapt.site_scores import score_site
 
 RADIUS = math.sqrt(-2.0 * math.log(0.1))
 """Of the 90 % circle, in standard deviations."""

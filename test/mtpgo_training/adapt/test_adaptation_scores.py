@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from site_data import predictions
 
-from mtpgo_training.adapt.site_scores import score_site
+from mtpgo_training.adapt.adaptation_scores import score_site
 
 
 def test_errors_are_those_of_moving_agents_and_the_likelihood_of_all():

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.commands.data_arguments import add_data_arguments, data_sources
+from mtpgo_training.commands.arguments.data_arguments import add_data_arguments, data_sources
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.readers import LAYOUTS
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from mtpgo_core.schema import AgentClass
-from mtpgo_training.evaluation.honesty.class_groups import CLASS_GROUPS, class_group
+from mtpgo_training.evaluation.honesty.road_user_groups import CLASS_GROUPS, class_group
 
 
 def test_every_class_has_a_group():

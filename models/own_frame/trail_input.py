@@ -10,9 +10,11 @@ nearly a linear function of the decoder's input. Not in the paper; docs/design.m
 import torch
 from torch import Tensor, nn
 
-from models.heads import SMALL
-from models.mtp_go_config import ModelConfig
+from models.network_config import NetworkConfig
 from models.own_frame.conditioning import DEVIATION_STD
+
+SMALL = 0.01
+"""Factor on the initial weights, as in :mod:`models.heads`: untrained, trails change nothing."""
 
 COLUMNS = 5
 """Per path and step: position (2), velocity (2), share."""
@@ -29,11 +31,11 @@ class TrailInput(nn.Module):
 
     std: Tensor
 
-    def __init__(self, config: ModelConfig):
+    def __init__(self, config: NetworkConfig, branches: int):
         super().__init__()
         self.dt_s = config.dt_s
         self.largest_m = LARGEST_M
-        self.branches = config.trail_branches
+        self.branches = branches
         steps = config.horizon_steps
         self.stride = max(1, steps // SUMMARY_STEPS)
         count = len(range(self.stride - 1, steps, self.stride))

@@ -6,7 +6,11 @@ import argparse
 
 import pytest
 
-from mtpgo_training.commands.argument_types import positive_integer, positive_number, share
+from mtpgo_training.commands.arguments.argument_types import (
+    positive_integer,
+    positive_number,
+    share,
+)
 
 
 @pytest.mark.parametrize(
