@@ -17,7 +17,7 @@ from mtpgo_training.calibration.calibration_samples import merge_samples
 from mtpgo_training.crossval.crossval_folder import FoldFolder
 from mtpgo_training.crossval.fold_plan import Budget, FoldPlan, plan_fold
 from mtpgo_training.crossval.fold_samples import SampledEvaluation
-from mtpgo_training.crossval.site_folds import FoldSite, without_site
+from mtpgo_training.crossval.site_folds import FoldSite, automatic_sites, without_site
 from mtpgo_training.crossval.site_scores import MODEL, group_scores
 from mtpgo_training.data.data_sources import DataSource, read_sources
 from mtpgo_training.data.recording_cache import RecordingCache
@@ -114,7 +114,7 @@ def run_fold(job: FoldJob) -> bool:
         settings = Settings(
             stride_s=job.stride_s, centre=False, tracker_seed=TRACKER_SEEDS[tracker]
         )
-        result = score_site(runner, left_out, job.site, settings)
+        result = score_site(runner, left_out, settings)
         content["scores"][tracker] = group_scores(result.scores, result.honesty)
         honesty = honesty_summary(result.honesty)
         content["breakdowns"][tracker] = breakdowns(result.scores) | {"honesty": honesty}
@@ -128,20 +128,20 @@ def run_fold(job: FoldJob) -> bool:
 
 
 def score_site(
-    runner: ModelRunner, recordings: list[NamedRecording], site: FoldSite, settings: Settings
+    runner: ModelRunner, recordings: list[NamedRecording], settings: Settings
 ) -> SampledEvaluation:
     """Score a model and the baselines on all recordings of a site, as ``mtpgo evaluate`` does.
 
     Args:
         runner: the model.
-        recordings: of the site.
-        site: its name is that of the scores' site.
+        recordings: of the sites that are left out together, each with its own name in the scores.
         settings: what is scored.
     """
     result = SampledEvaluation()
+    own_site = automatic_sites(recordings)
     for item in recordings:
         if len(item.recording):
-            recording = dataclasses.replace(item.recording, location=site.name)
+            recording = dataclasses.replace(item.recording, location=own_site[item.name])
             evaluate_recording(result, {MODEL: runner}, recording, settings, name=item.name)
     return result
 

@@ -45,7 +45,7 @@ def find_sites(
     Raises:
         ConfigurationError: an entry names nothing, or a recording is in two sites.
     """
-    automatic = _automatic_sites(recordings)
+    automatic = automatic_sites(recordings)
     groups: dict[str, list[str]] = {}
     for item in recordings:
         for group in {item.source, automatic[item.name], item.name}:
@@ -133,7 +133,7 @@ def without_site(
     return dataclasses.replace(config, data=data), others
 
 
-def _automatic_sites(recordings: Sequence[NamedRecording]) -> dict[str, str]:
+def automatic_sites(recordings: Sequence[NamedRecording]) -> dict[str, str]:
     """Return the site of each recording by directory and location."""
     locations: dict[str, set[str]] = {}
     for item in recordings:
