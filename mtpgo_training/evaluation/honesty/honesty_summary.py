@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from mtpgo_core.task.calibration import CLASS_GROUPS
 from mtpgo_training.evaluation.honesty.agent_honesty import (
     PERCENTS,
     REGION_TIMES_S,
     SPREAD_TIMES_S,
 )
-from mtpgo_training.evaluation.honesty.class_groups import CLASS_GROUPS
 from mtpgo_training.evaluation.honesty.feasibility import LATERAL_MPS2
 from mtpgo_training.evaluation.honesty.honesty_table import SPEED_BANDS, HonestyTable
 from mtpgo_training.evaluation.honesty.mode_weights import BINS, calibration_error
