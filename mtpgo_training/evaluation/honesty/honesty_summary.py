@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from mtpgo_core.task.calibration import CLASS_GROUPS
 from mtpgo_training.evaluation.honesty.agent_honesty import (
     PERCENTS,
     REGION_TIMES_S,

@@ -21,6 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from mtpgo_core.schema import AgentClass
+from mtpgo_core.task.calibration import CLASS_GROUPS
 from mtpgo_training.evaluation.honesty.agent_honesty import PredictedPaths, Values, agent_honesty
 from mtpgo_training.evaluation.honesty.consistency import LONGEST_CYCLE_S
 from mtpgo_training.evaluation.honesty.road_user_groups import class_group
@@ -51,6 +52,7 @@ SPEED_BANDS = ("0-1", "1-5", "5-15", "15-25", "25+", "unknown")
 AT_ONCE = 512
 """Agents computed together; chosen, bounds the memory (5 MB with eight modes and 25 steps)."""
 
+_CLASS_GROUP = {kind: name for name, kinds in CLASS_GROUPS.items() for kind in kinds}
 _Series = tuple[str, str, str, str]
 _Group = tuple[int, int, int, int]
 _JUMPS = ("jump", "mixture_jump")
@@ -168,7 +170,7 @@ def _labels(keys: list[tuple[_Series, _Group]]) -> pd.DataFrame:
         (
             *series,
             classes[code[0]],
-            class_group(code[0]),
+            _CLASS_GROUP[AgentClass(code[0])],
             MOTIONS[code[1]],
             SPEED_BANDS[code[2]],
             code[3],

@@ -31,7 +31,7 @@ def test_it_is_json_with_all_breakdowns(content):
     own = content["m"]["all"]
     assert set(own) == {"all", *BREAKDOWNS}
     assert own["all"]["n"] == 20
-    assert set(own["by_class_group_and_motion"]) == {"vehicles, moving", "pedestrians, standing"}
+    assert set(own["by_class_group_and_motion"]) == {"vehicle, moving", "pedestrian, standing"}
     assert set(own["by_speed"]) == {"0-1", "5-15"}
     assert own["by_class"]["car"] == own["by_motion"]["moving"]
 

@@ -37,7 +37,7 @@ def test_groups_are_averages_of_their_agents():
     assert cars["squared_error_5s"] == pytest.approx(np.mean(squared))
     assert np.isnan(found.loc["cv", "car", "moving", "5-15"]["ellipse_50_5s"])
     groups = totals(filled().sums(), ["class_group"])["count", "overlaps"]
-    assert groups.to_dict() == {"vehicles": 2 * 6 * 3 * 2, "pedestrians": 2 * 6 * 2}
+    assert groups.to_dict() == {"vehicle": 2 * 6 * 3 * 2, "pedestrian": 2 * 6 * 2}
 
 
 def test_the_portions_that_are_computed_together_make_no_difference(monkeypatch):
