@@ -90,7 +90,7 @@ def test_honesty_is_that_of_the_group():
         given = paths(who, error_m=error_m, weight=(0.75, 0.25), apart_m=2.0)
         honesty.add("model", "all", who, given)
     rows = group_scores(site_table(), honesty)
-    assert rows["vehicle moving"]["sigma_to_rmse_at"]["5"] == pytest.approx(1.0)
+    assert rows["vehicle moving"]["sigma_to_rmse_at"]["5"] == pytest.approx(2.0**0.5)
     assert rows["moving"]["region_90_at"]["1"] is not None
     assert 0.0 <= rows["vehicle moving"]["heaviest_nearest"] <= 1.0
     assert rows["pedestrian standing"]["heaviest_nearest"] is None
