@@ -113,9 +113,9 @@ def best_factor(distance: Array, weight: Array) -> float:
     """Return the factor at which the ellipse holds its share, but narrow at no cost of likelihood.
 
     Errors may have heavier tails than a Gaussian: of road users that stand, most stay exactly
-    where they are and some start. Ellipses that hold 90 % would then be so small that the
-    others cost more likelihood than the narrow ellipses gain. A factor below 1 is therefore no smaller than the one
-    of the largest likelihood, the mean squared distance divided by its expectation.
+    where they are and some start. Ellipses that hold 90 % would then be so small that the others
+    cost more likelihood than the narrow ellipses gain. A factor below 1 is therefore no smaller
+    than the one of the largest likelihood, the mean squared distance divided by its expectation.
 
     Args:
         distance: [n] squared Mahalanobis distances.
