@@ -23,7 +23,7 @@ from mtpgo_core.task.calibration import (
     GroupCalibration,
 )
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
-from mtpgo_training.evaluation.scores.metrics import Array, radius_squared
+from mtpgo_training.evaluation.scores.metrics import EXPECTED_NEES, Array, radius_squared
 
 LEVEL = 0.9
 """Share of the truths that the ellipse of this level shall hold."""
@@ -96,8 +96,7 @@ def _fit(
         known = np.isfinite(distance[:, step])
         if known.any():
             weight = site_weights(site[known])
-            quantile = weighted_quantile(distance[known, step], weight, LEVEL)
-            factor = np.clip(quantile / radius_squared(LEVEL), *FACTOR_LIMITS)
+            factor = np.clip(best_factor(distance[known, step], weight), *FACTOR_LIMITS)
             own = _own_share(weight)
             fitted[step] = own * np.log(factor) + (1.0 - own) * log_factors[step]
     error = samples.mode_error[rows]
@@ -108,6 +107,25 @@ def _fit(
     own = _own_share(weight)
     best = best_temperature(samples.log_weight[rows][whole], error[whole], weight)
     return fitted, float(own * np.log(best) + (1.0 - own) * log_temperature)
+
+
+def best_factor(distance: Array, weight: Array) -> float:
+    """Return the factor at which the ellipse holds its share, but narrow at no cost of likelihood.
+
+    Errors may have heavier tails than a Gaussian: of road users that stand, most stay exactly
+    where they are and some start. Ellipses that hold 90 % would then be so small that the others
+    cost more likelihood than the narrow ellipses gain. A factor below 1 is therefore no smaller
+    than the one of the largest likelihood, the mean squared distance divided by its expectation.
+
+    Args:
+        distance: [n] squared Mahalanobis distances.
+        weight: [n] of the agents.
+    """
+    factor = weighted_quantile(distance, weight, LEVEL) / radius_squared(LEVEL)
+    if factor >= 1.0:
+        return factor
+    likeliest = float((weight * distance).sum() / weight.sum()) / EXPECTED_NEES
+    return min(1.0, max(factor, likeliest))
 
 
 def site_weights(site: np.ndarray) -> Array:
@@ -156,11 +174,12 @@ def best_temperature(log_weight: Array, mode_error: Array, weight: Array) -> flo
     """
     target = nearest_shares(mode_error)
     logits = log_weight.astype(np.float64)
+    logits = logits - logits.max(axis=1, keepdims=True)
     share = weight / weight.sum()
 
     def cross_entropy(log_temperature: float) -> float:
         scaled = logits * np.exp(-log_temperature)
-        total = np.logaddexp.reduce(scaled, axis=1)
+        total = np.log(np.exp(scaled).sum(axis=1))
         return float((share * (total - (target * scaled).sum(axis=1))).sum())
 
     low, high = np.log(TEMPERATURE_LIMITS)

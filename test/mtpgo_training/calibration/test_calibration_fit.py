@@ -9,6 +9,7 @@ from calibration_sets import PEDESTRIAN, VEHICLE, random_samples, with_distance
 from mtpgo_core.task.calibration import FACTOR_LIMITS, GROUPS
 from mtpgo_training.calibration.calibration_fit import (
     LEVEL,
+    best_factor,
     best_temperature,
     fit_calibration,
     nearest_shares,
@@ -135,3 +136,14 @@ def test_the_calibration_says_where_it_was_fitted():
     calibration = fit_calibration(random_samples(1, sites=("a", "b"), n=(30, 20)), left_out=True)
     assert [(site.name, site.agents) for site in calibration.sites] == [("a", 30), ("b", 20)]
     assert calibration.left_out
+
+
+def test_ellipses_are_not_narrowed_at_the_cost_of_the_likelihood():
+    weight = np.ones(100)
+    # Nearly all at the centre, some far away: their mean squared distance is 0.95, or 4.75.
+    for far, expected in ((19.0, 0.475), (95.0, 1.0)):
+        distance = np.where(np.arange(100) < 95, 0.0, far)
+        assert best_factor(distance, weight) == pytest.approx(expected)
+    assert best_factor(np.full(100, 2.0), weight) == pytest.approx(1.0)
+    assert best_factor(np.full(100, 0.5), weight) == pytest.approx(0.25)
+    assert best_factor(np.full(100, 9.0), weight) == pytest.approx(9.0 / RADIUS_90)
