@@ -55,7 +55,8 @@ def test_one_can_adapt_again_by_the_name_of_the_model_file(adapted, place, capsy
     assert errors == ""
     lines = said.splitlines()
     heads = [line.split()[0] for line in lines]
-    assert heads == ["begins", "ADE", "in", "trained", "written"]
+    assert heads == ["the", "begins", "ADE", "in", "trained", "written"]
+    assert lines[0] == "the model was already trained on site/05, site/06"
     assert load_task(place / "twice.pt").training["adapted_from"]["name"] == "mine"
 
 
