@@ -19,7 +19,6 @@ from mtpgo_training.evaluation.honesty.agent_honesty import (
 from mtpgo_training.evaluation.honesty.feasibility import LATERAL_MPS2
 from mtpgo_training.evaluation.honesty.honesty_table import SPEED_BANDS, HonestyTable
 from mtpgo_training.evaluation.honesty.mode_weights import BINS, calibration_error
-from mtpgo_training.evaluation.honesty.road_user_groups import CLASS_GROUPS
 from mtpgo_training.evaluation.scores.score_table import none, totals
 
 Json = dict[str, Any]

@@ -24,7 +24,6 @@ from mtpgo_core.schema import AgentClass
 from mtpgo_core.task.calibration import CLASS_GROUPS
 from mtpgo_training.evaluation.honesty.agent_honesty import PredictedPaths, Values, agent_honesty
 from mtpgo_training.evaluation.honesty.consistency import LONGEST_CYCLE_S
-from mtpgo_training.evaluation.honesty.road_user_groups import class_group
 from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents
 from mtpgo_training.evaluation.scores.metrics import Array
 from mtpgo_training.evaluation.scores.score_table import MOTIONS, motion_codes
