@@ -3,7 +3,9 @@
 """The command ``mtpgo train``: what it says, what it refuses, and two processes that are one."""
 
 import dataclasses
+import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +17,8 @@ from traffic import braking_cars
 
 from mtpgo_training import cli
 from mtpgo_training.data.writers.ind_writer import write_ind
+from mtpgo_training.export.exporter import load_model
+from mtpgo_training.training.networks import weights_hash
 from mtpgo_training.training.run_folder import load_checkpoint
 from mtpgo_training.training.training_config import load_config
 
@@ -85,6 +89,18 @@ def test_a_quiet_run_says_nothing(place, capsys):
     assert capsys.readouterr() == ("", "")
 
 
+def test_a_run_starts_from_a_shipped_model_by_its_name(place, whole, tmp_path, monkeypatch):
+    weights = tmp_path / "share" / "mtpgo_ros" / "weights"
+    weights.mkdir(parents=True)
+    shutil.copy(whole / "best.pt", weights / "junction.ckpt")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    given = ("--quiet", "--epochs", "1", "--init-from", "junction")
+    assert cli.main(arguments(place, "from_name", *given)) == 0
+    facts = json.loads((place / "from_name" / "run.json").read_text(encoding="utf-8"))
+    best = load_checkpoint(whole)
+    assert facts["initial_weights_sha256"] == weights_hash(load_model(best, calibrated=False))
+
+
 def test_two_processes_are_one(place, whole):
     """Each takes its half of every batch, and both score half of the validation."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "CUDA_VISIBLE_DEVICES": ""}
@@ -142,6 +158,7 @@ def test_a_run_in_mixed_precision_stays_close(place, whole, precision):
         (["--resume", "--out", "{whole}", "--seed", "5"], "config.yaml in seed (1 there, 5 here)"),
         (["--resume", "--init-from", "{whole}"], "--init-from is given with --resume"),
         (["--init-from", "{place}/c.yaml"], "c.yaml is no readable checkpoint"),
+        (["--init-from", "no_such_model"], "is neither a file nor a shipped checkpoint, expected"),
         (["--init-from", "{whole}", "--model", "seq2seq"], "are of 'mtp-go', but the configured"),
         (["--layout", "highd"], "has the layout"),
     ],

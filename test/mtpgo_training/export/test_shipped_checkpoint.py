@@ -6,13 +6,17 @@ import dataclasses
 
 import pytest
 import torch
-from site_data import base_checkpoint
+from site_data import base_checkpoint, write_base
 from tiny_run import new_run
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task.model_file import find_checkpoint, load_task
+from mtpgo_training import cli
 from mtpgo_training.export.exporter import describe, load_model
+from mtpgo_training.export.model_calibration import own_calibration
 from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
 from mtpgo_training.training.checkpointing import start_from
+from mtpgo_training.training.networks import weights_hash
 from mtpgo_training.training.run_folder import load_checkpoint
 
 
@@ -48,6 +52,16 @@ def test_a_training_and_an_export_start_from_it(tmp_path):
     start_from(run, load_checkpoint(path), path)
     for name, value in load_model(load_checkpoint(path)).state_dict().items():
         assert torch.equal(run.model.state_dict()[name], value)
+
+
+def test_an_export_writes_it_beside_the_model_file(tmp_path):
+    run, model = write_base(tmp_path / "run"), tmp_path / "mine.pt"
+    command = ["export", str(run), "-o", str(model), "--name", "mine"]
+    assert cli.main([*command, "--checkpoint", str(tmp_path / "mine.ckpt")]) == 0
+    checkpoint = load_checkpoint(find_checkpoint(model))
+    assert checkpoint["config"]["name"] == "mine"
+    assert weights_hash(load_model(checkpoint)) == load_task(model).weights_sha256
+    assert own_calibration(checkpoint) == load_task(model).calibration
 
 
 def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path):
