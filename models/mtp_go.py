@@ -99,7 +99,6 @@ class MTPGO(TrajectoryPredictor):
         last = encoded[:, :, -1]
         trail: list[Tensor] = []
         if self.sees_trails:
-            assert trails is not None, "this network needs trails"
             steps, summary = self.trail(trails)
             trail = list(self.trail.embed(steps).unbind(0))
             last = last + summary

@@ -98,7 +98,6 @@ class FastMTPGO(nn.Module):
         last = encoded[:, :, -1].contiguous()
         trail: list[Tensor] = []
         if self.sees_trails:
-            assert trails is not None, "this network needs trails"
             steps, summary = self.trail(trails)
             trail = list(self.decoder.of_trails(self.trail.embed(steps)).unbind(0))
             last = last + summary

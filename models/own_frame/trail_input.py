@@ -4,7 +4,8 @@
 
 At each step the decoder sees where each path is after the distance that the agent covers until
 then at its present speed, in the same frame and scale as its own state: to follow a path is then
-nearly a linear function of the decoder's input. Not in the paper; docs/design.md, "Trails".
+nearly a linear function of the decoder's input. Not in the paper: docs/design.md, "Trails in the
+network".
 """
 
 import torch
@@ -39,8 +40,7 @@ class TrailInput(nn.Module):
         steps = config.horizon_steps
         self.stride = max(1, steps // SUMMARY_STEPS)
         count = len(range(self.stride - 1, steps, self.stride))
-        std = [*DEVIATION_STD[:2], *DEVIATION_STD[2:], 1.0]
-        self.register_buffer("std", torch.tensor(std), persistent=False)
+        self.register_buffer("std", torch.tensor([*DEVIATION_STD, 1.0]), persistent=False)
         self.embed = nn.Linear(self.branches * COLUMNS, config.hidden, bias=False)
         self.body = nn.Linear(self.branches * COLUMNS * count, config.hidden)
         self.out = nn.Linear(config.hidden, config.hidden)
@@ -49,8 +49,16 @@ class TrailInput(nn.Module):
             self.out.weight.mul_(SMALL)
             self.out.bias.zero_()
 
-    def forward(self, trails: Tensor) -> tuple[Tensor, Tensor]:
-        """Return scaled inputs [H, B, N, R * 5] of all steps, and a summary [B, N, D]."""
+    def forward(self, trails: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Return scaled inputs [H, B, N, R * 5] of all steps, and a summary [B, N, D].
+
+        Raises:
+            ValueError: no trails are given.
+        """
+        if trails is None:
+            raise ValueError(
+                "the network has trail_branches but is given no trails, expected [B, N, R, H, 3]"
+            )
         offset = trails[..., :2].clamp(-self.largest_m, self.largest_m)
         share = trails[..., 2:]
         before = torch.cat((torch.zeros_like(offset[..., :1, :]), offset[..., :-1, :]), dim=-2)

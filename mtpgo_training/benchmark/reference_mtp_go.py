@@ -219,6 +219,7 @@ class ReferenceMTPGO(nn.Module):
         static: Tensor,
         initial: Tensor | None = None,
         teacher: Tensor | None = None,
+        trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Return what ``MTPGO.forward`` returns; results of absent agents have no meaning.
 
@@ -228,6 +229,7 @@ class ReferenceMTPGO(nn.Module):
             static: [B, N, C].
             initial: [B, N, S, S] P_0 in the scene frame.
             teacher: [B, N, H, S] true states in the scene frame that the decoder sees.
+            trails: [B, N, R, H, 3].
         """
         batch, agents = valid.shape[:2]
         scene = torch.arange(batch).repeat_interleave(agents)
@@ -239,6 +241,7 @@ class ReferenceMTPGO(nn.Module):
             True,
             None if initial is None else initial.flatten(0, 1),
             None if teacher is None else teacher.flatten(0, 1),
+            None if trails is None else trails.flatten(0, 1),
         )
         log_weight, mean, covariance = (x.unflatten(0, (batch, agents)) for x in results)
         return log_weight, mean, covariance
@@ -252,6 +255,7 @@ class ReferenceMTPGO(nn.Module):
         with_covariance: bool,
         initial: Tensor | None = None,
         teacher: Tensor | None = None,
+        trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Return log weights [N, M], means [N, M, H, S] and covariances [N, M, H, S, S].
 
@@ -263,6 +267,7 @@ class ReferenceMTPGO(nn.Module):
             with_covariance: false saves Jacobians and covariances, which come back empty.
             initial: [N, S, S] P_0 in the scene frame.
             teacher: [N, H, S] true states in the scene frame that the decoder sees.
+            trails: [N, R, H, 3], if the network has them.
         """
         c = self.config
         for gnn in self.gnn.values():
@@ -277,6 +282,9 @@ class ReferenceMTPGO(nn.Module):
 
         # Encoder.
         inputs = self.encoder_inputs(features, valid, origin, turn, velocity)
+        if c.static_features and c.static_inputs == "all":
+            repeated = static.unsqueeze(1).expand(-1, inputs.size(1), -1)
+            inputs = torch.cat((inputs, repeated), dim=-1)
         h = self.w["encoder.initial"].expand(len(valid), -1)
         encoded = []
         for i, graph in enumerate(graphs):
@@ -284,6 +292,11 @@ class ReferenceMTPGO(nn.Module):
             h = torch.where(valid[:, i, None], following, h)
             encoded.append(h)
         history = torch.stack(encoded, dim=1)  # [N, T, D]
+        along: Tensor | None = None
+        if c.trail_branches:
+            assert trails is not None
+            along, summary = self.trail_inputs(trails)
+            h = h + summary
         log_weight = torch.log_softmax(self.linear("mixture.out", elu(h)), dim=-1)
 
         # Decoder, motion model and Kalman filter.
@@ -299,7 +312,8 @@ class ReferenceMTPGO(nn.Module):
             if k > 0 and teacher is not None:
                 seen = self.into_frames(teacher[:, k - 1], origin, turn).unsqueeze(1)
                 seen = seen.expand_as(state)
-            x = self.decoder_input(h, seen, start, velocity, k, history, valid)
+            trail = None if along is None else along[:, k]
+            x = self.decoder_input(h, seen, start, velocity, k, history, valid, trail)
             h = self.graph_gru("decoder", x, h, graphs[-1])
             control = self.linear("control.out", elu(self.linear("control.body", h)))
             control = control.view(len(h), c.modes, -1)
@@ -315,7 +329,10 @@ class ReferenceMTPGO(nn.Module):
                 p = self.kalman(p, jacobian, q) if c.ekf else self.direct_covariance(q, k + 1)
                 covariances.append(p)
 
-        mean = self.into_scene(torch.stack(means, dim=2), origin, turn)
+        path = torch.stack(means, dim=2)
+        if c.hold_standing:
+            path = self.held(path, start, velocity)
+        mean = self.into_scene(path, origin, turn)
         if not with_covariance:
             return log_weight, mean, mean.new_empty(0)
         return log_weight, mean, self.output_covariance(torch.stack(covariances, dim=2), turn)
@@ -395,6 +412,7 @@ class ReferenceMTPGO(nn.Module):
         step: int,
         history: Tensor,
         valid: Tensor,
+        trail: Tensor | None,
     ) -> Tensor:
         """Return the GRU input f [N, D], eq. (16), with temporal attention, eq. (14) and (15)."""
         if self.config.agent_frame:  # how far each state is from uniform motion
@@ -402,12 +420,42 @@ class ReferenceMTPGO(nn.Module):
             states = states - uniform[:, None, : states.size(-1)]
         x = (states - self.w["condition.state_mean"]) / self.w["condition.state_std"]
         embedded = self.linear("decoder.embed", x.flatten(1))
+        if trail is not None:
+            embedded = embedded + trail
         score = self.linear("decoder.attention.score", torch.cat((h, embedded), dim=1))
         alpha = torch.softmax(score.masked_fill(~valid, float("-inf")), dim=1)
         summary = torch.einsum("nt,ntd->nd", alpha, history)
         return leaky_relu(self.linear("decoder.combine", torch.cat((summary, embedded), 1)), 0.2)
 
+    def trail_inputs(self, trails: Tensor) -> tuple[Tensor, Tensor]:
+        """Return embedded trails [N, H, D] and their summary [N, D] of trails [N, R, H, 3].
+
+        Not in the paper: place, velocity and share of each path, in the decoder's scales.
+        """
+        place, share = trails[..., :2].clamp(-40.0, 40.0), trails[..., 2:]
+        velocity = torch.diff(place, dim=2, prepend=torch.zeros_like(place[:, :, :1]))
+        velocity = torch.where(share > 0.0, velocity / self.config.dt_s, 0.0)
+        scale = torch.tensor([5.0, 2.0, 3.0, 1.0, 1.0], dtype=trails.dtype)
+        columns = torch.cat((place, velocity, share), dim=-1) / scale  # [N, R, H, 5]
+        each = linear(columns.transpose(1, 2).flatten(2), self.w["trail.embed.weight"])
+        every = max(1, self.config.horizon_steps // 5)
+        some = columns[:, :, every - 1 :: every].flatten(1)
+        return each, self.linear("trail.out", elu(self.linear("trail.body", some)))
+
     # Motion and covariance.
+
+    def held(self, path: Tensor, start: Tensor, velocity: Tensor) -> Tensor:
+        """Return [N, M, H, S] paths, the first of standing agents in uniform motion.
+
+        Not in the paper. Below 0.3 m/s an agent stands, from 0.5 m/s on it moves.
+        """
+        time = self.config.dt_s * torch.arange(1, path.size(2) + 1, dtype=path.dtype)
+        moved = start.unsqueeze(1) + velocity.unsqueeze(1) * time.unsqueeze(1)
+        uniform = torch.cat((moved, velocity.unsqueeze(1).expand_as(moved)), dim=-1)
+        uniform = uniform[..., : path.size(-1)]
+        share = ((velocity.norm(dim=-1) - 0.3) / 0.2).clamp(0.0, 1.0)[:, None, None]
+        first = share * path[:, 0] + (1.0 - share) * uniform
+        return torch.cat((first.unsqueeze(1), path[:, 1:]), dim=1)
 
     def move(
         self, state: Tensor, u: Tensor, classes: Tensor, with_jacobian: bool

@@ -15,6 +15,14 @@ from models.inference import deployable
 from models.mixture_likelihood import mixture_nll
 from models.trajectory_predictor import TrajectoryPredictor
 
+BEYOND_PAPER = {
+    "static_features": True,
+    "static_inputs": "all",
+    "trail_branches": 3,
+    "hold_standing": True,
+}
+"""The options that the paper does not have, together."""
+
 SMALL = {"history_steps": 6, "horizon_steps": 5, "modes": 3, "hidden": 8, "ode_hidden": 5}
 
 
@@ -84,6 +92,32 @@ def make_scene(
     return Scene(features.to(dtype), valid, static.expand(batch, -1, -1).to(dtype))
 
 
+def make_trails(
+    batch: int, agents: int, branches: int, steps: int, dtype: torch.dtype = torch.float64
+) -> Tensor:
+    """[B, N, R, H, 3] bending paths that are known up to a random step each, some beyond 40 m."""
+    draw = torch.Generator().manual_seed(100 * batch + agents)
+    shape = (batch, agents, branches)
+    time = 0.2 * torch.arange(1, steps + 1).double().unsqueeze(-1)
+    bend = 20.0 * torch.randn(*shape, 1, 2, generator=draw).double()
+    share = torch.softmax(torch.randn(*shape, 1, generator=draw).double(), dim=2)
+    reach = torch.randint(0, steps + 2, (*shape, 1), generator=draw)
+    paths = torch.cat((bend * time**2, share.expand(*shape, steps).unsqueeze(-1)), dim=-1)
+    known = torch.arange(steps) < reach
+    return (paths * known.unsqueeze(-1)).to(dtype)
+
+
+def inputs_for(model: TrajectoryPredictor, scene: Scene) -> tuple[Tensor | None, ...]:
+    """Return all inputs of a model, with trails if it takes them."""
+    config = model.config
+    branches = config.trail_branches if isinstance(config, ModelConfig) else 0
+    if branches == 0:
+        return (*scene.inputs(), None, None)
+    size = scene.valid.shape[:2]
+    trails = make_trails(*size, branches, config.horizon_steps, scene.features.dtype)
+    return (*scene.inputs(), None, trails)
+
+
 def make_model(dtype: torch.dtype = torch.float64, wild: bool = True, **choices: object) -> MTPGO:
     """Return a small model; ``wild`` gives every weight and scale a random value that matters."""
     model = MTPGO(ModelConfig.from_dict({**SMALL, **choices})).eval()
@@ -127,9 +161,10 @@ def constant_velocity(scene: Scene, steps: int, dt_s: float = 0.2) -> Tensor:
 def check_mixed_precision(model: TrajectoryPredictor) -> None:
     """Assert that autocast changes a float32 model's result little, and that it has gradients."""
     scene = make_scene(2, 6, steps=6, dtype=torch.float32)
-    mean = model(*scene.inputs())[1]
+    inputs = inputs_for(model, scene)
+    mean = model(*inputs)[1]
     with torch.autocast("cpu", torch.bfloat16):
-        given = model(*scene.inputs())
+        given = model(*inputs)
     torch.testing.assert_close(given[1], mean, rtol=0.0, atol=0.02)
     known = scene.present.unsqueeze(-1).expand(-1, -1, mean.size(3))
     target = torch.zeros(*known.shape, mean.size(-1))

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One step of the decoder written out agent by agent, and the graph it keeps."""
 
+import pytest
 import torch
 from graph_samples import torch_cell_of
 from torch.nn.functional import leaky_relu
@@ -28,17 +29,21 @@ def make_inputs():
     return h, states, encoded, valid
 
 
+@pytest.mark.parametrize("with_trail", [False, True])
 @torch.no_grad()
-def test_a_step_without_edges_agent_by_agent():
+def test_a_step_without_edges_agent_by_agent(with_trail):
     """Eq. 14 to 16 and the GRU update (eq. 6), with loops over agents and steps."""
     decoder = make_decoder(decoder_gnn=False)
     h, states, encoded, valid = make_inputs()
     edges = decoder.prepare(torch.zeros(B, N, 2).double(), valid[..., -1])
-    got = decoder(h, states, encoded, presence_bias(valid), edges)
+    trail = torch.randn(B, N, 4).double() if with_trail else None
+    got = decoder(h, states, encoded, presence_bias(valid), edges, trail)
     oracle = torch_cell_of(decoder.cell)
     for b in range(B):
         for n in range(N):
             embedded = decoder.embed(states[b, n])
+            if trail is not None:
+                embedded = embedded + trail[b, n]
             score = decoder.attention.score(torch.cat((h[b, n], embedded)))
             seen = [t for t in range(5) if valid[b, n, t]]
             total = sum(score[t].exp() for t in seen)

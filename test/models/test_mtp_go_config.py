@@ -23,6 +23,13 @@ def test_round_trip_through_json():
         ("integrator", "rk5", "integrator is 'rk5', expected one of 'euler', 'heun', 'rk4'"),
         ("noise_input", "", "noise_input is '', expected one of 'velocity', 'integrated'"),
         ("initial_covariance", "x", "expected one of 'learned', 'configured'"),
+        (
+            "static_inputs",
+            "encoder",
+            "is 'encoder', expected one of 'motion', 'all'",
+        ),
+        ("trail_branches", -1, "trail_branches is -1, expected at least 0"),
+        ("hold_standing", 1, "hold_standing is 1, expected bool"),
         ("modes", 0, "modes is 0, expected at least 1"),
         ("feature_size", 7, "feature_size is 7, expected at least 8"),
         ("hidden", 64.0, "hidden is 64.0, expected int"),

@@ -4,7 +4,14 @@
 
 import pytest
 import torch
-from model_samples import check_mixed_precision, constant_velocity, make_model, make_scene
+from model_samples import (
+    BEYOND_PAPER,
+    check_mixed_precision,
+    constant_velocity,
+    inputs_for,
+    make_model,
+    make_scene,
+)
 
 from models.mixture_likelihood import mixture_nll, position_nll
 
@@ -194,13 +201,14 @@ def test_predictions_rotate_with_the_scene_if_only_the_own_frame_is_seen(order):
         {"ekf": False},
         {"ekf": False, "ode": False},
         {"encoder_gnn": False, "decoder_gnn": False},
+        BEYOND_PAPER,
     ],
     ids=str,
 )
 def test_a_gradient_reaches_every_parameter(choices):
     model = make_model(**choices)
     scene = make_scene(2, 4, steps=6)
-    log_weight, mean, covariance = model(*scene.inputs())
+    log_weight, mean, covariance = model(*inputs_for(model, scene))
     target = constant_velocity(scene, 5) + 0.3
     target = torch.cat((target, torch.ones_like(target)), dim=-1)
     loss = mixture_nll if model.config.ekf else position_nll
@@ -251,3 +259,20 @@ def test_double_run_gives_the_same_numbers():
 @LAYERS
 def test_mixed_precision_is_near_and_has_gradients(layer):
     check_mixed_precision(make_model(torch.float32, wild=False, layer=layer))
+
+
+def test_mixed_precision_with_the_inputs_that_the_paper_does_not_have():
+    check_mixed_precision(make_model(torch.float32, wild=False, **BEYOND_PAPER))
+
+
+@torch.no_grad()
+def test_the_order_of_agents_and_padding_do_not_matter_with_trails():
+    model = make_model(**BEYOND_PAPER)
+    scene = make_scene(2, 5, steps=6)
+    *inputs, _, trails = inputs_for(model, scene)
+    expected = model(*inputs, None, trails)
+    order = torch.randperm(5)
+    moved = model(*(x[:, order] for x in inputs), None, trails[:, order])
+    close(moved, pick(expected, order))
+    wide = [torch.cat((x, x.new_zeros(2, 2, *x.shape[2:])), dim=1) for x in (*inputs, trails)]
+    close(pick(model(*wide[:3], None, wide[3]), slice(0, 5)), expected)

@@ -44,6 +44,31 @@ def test_a_step_is_that_of_the_decoder(choices):
 
 
 @torch.no_grad()
+def test_embedded_trails_are_added_as_in_the_decoder():
+    model = make_model()
+    fast = FastDecoder(model.decoder, model.condition, M).double()
+    h, encoded = torch.randn(B, N, D).double(), torch.randn(B, N, T, D).double()
+    states, trail = torch.randn(B, N, M * 4).double(), torch.randn(2, B, N, D).double()
+    everywhere, position = torch.zeros(B, N, T).double(), torch.zeros(B, N, 2).double()
+    present = torch.ones(B, N, dtype=torch.bool)
+    edges = model.decoder.prepare(position, present)
+    want = model.decoder(h, states, encoded, everywhere, edges, trail[1])
+    # The fast form sees unscaled states.
+    condition = model.condition
+    deviation = states.view(B, N, M, 4) * condition.state_std + condition.state_mean
+    summaries, constant = fast.prepare(encoded, everywhere)
+    got = fast(
+        h.flatten(0, 1),
+        deviation.view(B * N, M * 4),
+        summaries,
+        constant + fast.of_trails(trail)[1],
+        *fast.gnn.prepare(squared_distances(position), complete_graph(present).logical_not()),
+        make_scratch(h, N, fast.gnn.size),
+    )
+    torch.testing.assert_close(got.view(B, N, D), want, rtol=1e-10, atol=1e-10)
+
+
+@torch.no_grad()
 def test_missing_samples_get_no_weight():
     """What the encoder left at a sample without an observation does not matter."""
     model = make_model()

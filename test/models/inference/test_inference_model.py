@@ -4,7 +4,7 @@
 
 import pytest
 import torch
-from model_samples import frozen, make_model, make_scene
+from model_samples import BEYOND_PAPER, frozen, inputs_for, make_model, make_scene
 
 from models.inference import FastMTPGO, deployable
 
@@ -17,6 +17,11 @@ COVERED = {
     "euler, configured P_0": {"integrator": "euler", "initial_covariance": "configured"},
     "calibrated": {"observation_std_m": 0.2, "covariance_scale": 1.3},
     "context": {"feature_size": 11},
+    "static features in the encoder": {"static_features": True, "static_inputs": "all"},
+    "trails": {"trail_branches": 3},
+    "held": {"hold_standing": True},
+    "beyond the paper": BEYOND_PAPER,
+    "beyond the paper, twelve steps": {**BEYOND_PAPER, "horizon_steps": 12},
 }
 NOT_COVERED = (
     {"order": 1},
@@ -39,7 +44,8 @@ def test_same_numbers_as_the_model(name, agents):
     scene = make_scene(2, agents, steps=6, size=model.config.feature_size)
     fast = deployable(model)
     assert isinstance(fast, FastMTPGO)
-    for got, want in zip(fast(*scene.inputs()), model(*scene.inputs()), strict=True):
+    inputs = inputs_for(model, scene)
+    for got, want in zip(fast(*inputs), model(*inputs), strict=True):
         here = scene.present
         torch.testing.assert_close(got[here], want[here], rtol=1e-9, atol=1e-9)
 
@@ -57,14 +63,16 @@ def test_given_initial_covariances():
         torch.testing.assert_close(got, expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("choices", [{}, BEYOND_PAPER], ids=str)
 @torch.no_grad()
-def test_single_precision_at_driving_speeds():
+def test_single_precision_at_driving_speeds(choices):
     """The size that is exported, in float32: within a tenth of the 1e-4 m that is allowed."""
     sizes = {"history_steps": 16, "horizon_steps": 25, "modes": 8, "hidden": 64}
-    model = make_model(torch.float32, wild=False, **sizes)
+    model = make_model(torch.float32, wild=False, **sizes, **choices)
     model.motion.last.normal_(0.0, 0.1)
     scene = make_scene(1, 24, dtype=torch.float32)
-    want, got = model(*scene.inputs()), frozen(model)(*scene.inputs())
+    inputs = inputs_for(model, scene)
+    want, got = model(*inputs), frozen(model)(*inputs)
     here = scene.present
     # Scene coordinates reach a hundred metres, where float32 has steps of 8e-6 m.
     torch.testing.assert_close(got[1][here], want[1][here], rtol=0, atol=5e-5)

@@ -36,6 +36,16 @@ def test_fitted_statistics_standardise_the_inputs():
         assert not inputs[~scene.valid].any()
 
 
+def test_static_features_are_repeated_at_every_sample_that_is_known():
+    condition = make_model().condition
+    inputs = torch.arange(12.0).view(1, 2, 3, 2)
+    static = torch.tensor([[[5.0], [6.0]]])
+    valid = torch.tensor([[[True, True, True], [False, True, False]]])
+    whole = condition.append_static(inputs, static, valid)
+    torch.testing.assert_close(whole[..., :2], inputs)
+    assert whole[0, :, :, 2].tolist() == [[5.0, 5.0, 5.0], [0.0, 6.0, 0.0]]
+
+
 def test_set_statistics_fills_what_is_given():
     model = make_model(agent_frame=True, wild=False)
     before = model.condition.input_std[8:].clone()

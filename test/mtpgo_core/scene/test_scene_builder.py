@@ -13,7 +13,7 @@ from core_helpers import states_of
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.scene.lane_map import LaneMap
-from mtpgo_core.scene.scene_builder import build_scenes, class_one_hot
+from mtpgo_core.scene.scene_builder import build_scenes, class_one_hot, static_features
 from mtpgo_core.scene.trails.trail_context import TrailContext
 from mtpgo_core.scene.trails.trail_memory import TrailMemory
 from mtpgo_core.schema import AgentClass
@@ -187,6 +187,49 @@ def test_one_hot_classes():
     assert class_one_hot(np.uint8([0]), ("unknown",)).tolist() == [[1]]
     batch = build_scenes(window_of(), SceneConfig(), centres=np.array([0]))
     assert batch.static[0].argmax(axis=1).tolist() == [0, 7]
+
+
+NAN, INF = math.nan, math.inf
+
+
+@pytest.mark.parametrize(
+    ("size", "expected"),
+    [
+        ((4.5, 1.8), (0.45, 0.6, 1.0)),
+        ((0.5, 0.5), (0.05, 1.0 / 6.0, 1.0)),
+        ((30.0, 9.0), (3.0, 3.0, 1.0)),
+        ((75.0, 12.0), (3.0, 3.0, 1.0)),  # cut off at 30 m and 9 m
+        ((NAN, NAN), (0.0, 0.0, 0.0)),
+        ((4.5, NAN), (0.0, 0.0, 0.0)),
+        ((0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((4.5, 0.0), (0.0, 0.0, 0.0)),
+        ((-4.5, 1.8), (0.0, 0.0, 0.0)),
+        ((INF, 1.8), (0.0, 0.0, 0.0)),
+    ],
+)
+def test_sizes_follow_the_classes_and_are_zero_where_unknown(size, expected):
+    window = core_helpers.window_of(
+        np.zeros((2, 1, 2)), np.zeros((2, 1, 2)), np.zeros((2, 1)), size=[size, (10.0, 3.0)]
+    )
+    config = SceneConfig(classes=("car", "pedestrian"), sizes=True)
+    assert config.static_features == ("car", "pedestrian", "length", "width", "size_known")
+    features = static_features(window, config)
+    assert features.dtype == np.float32
+    np.testing.assert_allclose(features, [[0, 0, *expected], [0, 0, 1, 1, 1]], rtol=1e-6)
+
+
+def test_sizes_are_part_of_a_scene_only_if_the_task_has_them():
+    position = np.array([[[0.0, 0.0]], [[4.0, 0.0]], [[500.0, 0.0]]])
+    sizes = [[5.0, 1.5], [NAN, NAN], [20.0, 3.0]]
+    window = core_helpers.window_of(position, np.zeros((3, 1, 2)), np.zeros((3, 1)), size=sizes)
+    window.agent_class[:] = [AgentClass.CAR, AgentClass.PEDESTRIAN, AgentClass.TRUCK]
+    plain = build_scenes(window, SceneConfig(), centres=np.array([0, 2]))
+    sized = build_scenes(window, SceneConfig(sizes=True), centres=np.array([0, 2]))
+    assert plain.static.shape == (2, 2, 8)
+    assert sized.static.shape == (2, 2, 11)
+    np.testing.assert_array_equal(sized.static[..., :8], plain.static)
+    expected = [[[0.5, 0.5, 1.0], [0.0, 0.0, 0.0]], [[2.0, 1.0, 1.0], [0.0, 0.0, 0.0]]]
+    np.testing.assert_allclose(sized.static[..., 8:], expected)  # the last one is padding
 
 
 @pytest.mark.parametrize("centre", [-1, 2, 99])

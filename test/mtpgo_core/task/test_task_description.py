@@ -23,6 +23,21 @@ def test_there_and_back():
     assert TaskDescription.from_json(task.to_json()) == task
 
 
+def test_sizes_and_trails_there_and_back():
+    task = TaskDescription(scene=SceneConfig(classes=("car", "bus"), sizes=True, trails=True))
+    again = TaskDescription.from_json(task.to_json())
+    assert again == task
+    assert again.scene.static_features == ("car", "bus", "length", "width", "size_known")
+    assert SceneConfig(classes=("car", "bus")).static_features == ("car", "bus")
+
+
+def test_a_file_from_before_sizes_and_trails_has_none():
+    data = json.loads(TaskDescription().to_json())
+    del data["scene"]["sizes"], data["scene"]["trails"]
+    scene = TaskDescription.from_json(json.dumps(data)).scene
+    assert (scene.sizes, scene.trails) == (False, False)
+
+
 def test_whole_numbers_serve_as_floats_and_lists_as_tuples():
     scene = from_dict(SceneConfig, {"radius_m": 50, "site_origin": [1, 2]}, "scene")
     assert scene.radius_m == 50.0

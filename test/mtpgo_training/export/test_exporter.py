@@ -8,18 +8,22 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from traffic import braking_cars, cut_windows
+from traffic import braking_cars, cut_windows, turning_cars
 
 from models.mtp_go import MTPGO
 from models.mtp_go_config import ModelConfig
 from mtpgo_core.errors import ConfigurationError, ModelFileError
 from mtpgo_core.prediction.model_runner import ModelRunner, load_task
 from mtpgo_core.scene.scene_builder import build_scenes
-from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_core.scene.trails.trail_context import TrailContext
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig, TaskDescription
 from mtpgo_training import cli
 from mtpgo_training.commands import evaluate as evaluation
 from mtpgo_training.commands import info as info_command
 from mtpgo_training.export import exporter as export
+from mtpgo_training.scenes.recorded_trails import recorded_trails
+from mtpgo_training.scenes.track_samples import SampleTable, take_in
+from mtpgo_training.training.networks import build_network
 from mtpgo_training.training.run_folder import RunFolder
 from mtpgo_training.training.training_config import TrainingConfig
 
@@ -91,12 +95,45 @@ def test_the_runner_computes_what_the_eager_model_computes(model_file, model):
     window = cut_windows(recording, HistoryConfig(), 0.2)[-1].window
     batch = build_scenes(window, CONFIG.scene)
     prediction = ModelRunner.load(model_file).predict(window, batch)
+    assert_predicts_as(model, batch, prediction, scale=1.3)
+
+
+def test_the_runner_gives_the_model_its_trails_and_sizes(tmp_path):
+    scene = SceneConfig(max_neighbours=3, sizes=True, trails=True)
+    history, path = HistoryConfig(), tmp_path / "m.pt"
+    options = {**OPTIONS, "static_features": True, "static_inputs": "all", "hold_standing": True}
+    torch.manual_seed(4)
+    model = build_network("mtp-go", options, history, scene)
     with torch.no_grad():
-        log_weight, mean, covariance = model(
-            torch.from_numpy(batch.features),
-            torch.from_numpy(batch.valid),
-            torch.from_numpy(batch.static),
-        )
+        for value in model.parameters():
+            value.add_(0.05 * torch.randn_like(value))
+    export.export_model(model, TaskDescription(scene=scene), path)
+    assert load_task(path).scene == scene
+    recording = turning_cars(tracks=8)
+    window = cut_windows(recording, history, 4.0)[-4].window
+    memory = recorded_trails(recording, SampleTable(take_in(recording, history), history))
+    batch = build_scenes(window, scene, trails=TrailContext(memory, 8, history.dt_s))
+    assert (batch.trails[..., 2] > 0.0).any()
+    runner = ModelRunner.load(path)
+    prediction = runner.predict(window, batch)
+    assert_predicts_as(model, batch, prediction)
+    none = dataclasses.replace(batch, trails=np.zeros_like(batch.trails))
+    assert np.nanmax(np.abs(runner.predict(window, none).mean - prediction.mean)) > 1e-3
+
+
+def test_a_network_with_trails_is_not_exported_for_a_task_without_them(tmp_path):
+    network = build_network("mtp-go", OPTIONS, HistoryConfig(), SceneConfig(trails=True))
+    with pytest.raises(ModelFileError, match=r"does not run on the input .* given no trails"):
+        export.export_model(network, TaskDescription(scene=SceneConfig()), tmp_path / "m.pt")
+    assert list(tmp_path.iterdir()) == []
+
+
+def assert_predicts_as(model, batch, prediction, scale=1.0):
+    """Compare the runner's prediction with the eager model's on the same scenes."""
+    given = [torch.from_numpy(x) for x in (batch.features, batch.valid, batch.static)]
+    trails = None if batch.trails is None else torch.from_numpy(batch.trails)
+    with torch.no_grad():
+        log_weight, mean, covariance = model(*given, None, trails)
     for b, i in zip(*np.nonzero(batch.primary), strict=True):
         row = batch.agent[b, i]
         order = np.argsort(-log_weight[b, i].numpy(), kind="stable")
@@ -104,7 +141,7 @@ def test_the_runner_computes_what_the_eager_model_computes(model_file, model):
         turn = np.array([[c, -s], [s, c]])
         expected = mean[b, i].numpy()[order][..., :2] @ turn.T + batch.origin[b]
         np.testing.assert_allclose(prediction.mean[row][..., :2], expected, atol=1e-4)
-        spread = 1.3 * turn @ covariance[b, i].numpy()[order][..., :2, :2] @ turn.T
+        spread = scale * turn @ covariance[b, i].numpy()[order][..., :2, :2] @ turn.T
         np.testing.assert_allclose(prediction.covariance[row], spread, atol=1e-4, rtol=1e-3)
 
 

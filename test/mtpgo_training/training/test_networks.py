@@ -13,6 +13,7 @@ from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.model_runner import ModelRunner, load_task
+from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training import cli
 from mtpgo_training.commands import info as info_command
@@ -51,6 +52,19 @@ def test_sizes_follow_from_the_task(name):
     config = network_config(name, OPTIONS, HISTORY, scene)
     assert (config.feature_size, config.static_size, config.history_steps) == (11, 1, 16)
     assert (config.hidden, config.modes, config.horizon_steps) == (12, 3, 8)
+
+
+@ALL
+def test_sizes_are_static_features_and_trails_belong_to_mtp_go(name):
+    scene = SceneConfig(sizes=True, trails=True)
+    config = network_config(name, OPTIONS, HISTORY, scene)
+    assert config.static_size == len(scene.classes) + 3
+    assert getattr(config, "trail_branches", 0) == (BRANCHES if name == "mtp-go" else 0)
+
+
+def test_a_task_without_trails_gives_a_network_without_them():
+    config = network_config("mtp-go", {**OPTIONS, "trail_branches": 2}, HISTORY, SCENE)
+    assert config.trail_branches == 0
 
 
 @ALL

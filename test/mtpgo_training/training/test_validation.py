@@ -34,7 +34,7 @@ class Beside(torch.nn.Module):
         self.distance_m = torch.nn.Parameter(torch.tensor(distance_m))
         self.config = SimpleNamespace(dt_s=0.2)
 
-    def forward(self, x, valid, static):
+    def forward(self, x, valid, static, initial_covariance=None, trails=None):
         b, n = x.shape[:2]
         mean = torch.zeros(b, n, 1, 3, 4)
         mean[..., :2] = x[:, :, -1, None, None, :2]

@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The loss of one batch, and the validation with its calibration of the covariances."""
 
+import copy
+import functools
+
 import pytest
 import torch
 from torch_geometric.loader import DataLoader
-from traffic import braking_cars
+from traffic import braking_cars, turning_cars
 
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.scene.scene_builder import build_scenes
@@ -15,7 +18,12 @@ from mtpgo_training.evaluation.evaluator import evaluate
 from mtpgo_training.export.exporter import export_model
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import dense, validation_scenes
-from mtpgo_training.training.losses.batch_loss import training_loss
+from mtpgo_training.training.losses import gradient_accumulation
+from mtpgo_training.training.losses.batch_loss import batch_loss, training_loss
+from mtpgo_training.training.losses.likelihood_loss import (
+    negative_log_likelihood,
+    trajectory_likelihood_loss,
+)
 from mtpgo_training.training.losses.schedules import LossWeights
 from mtpgo_training.training.networks import NETWORKS, build_network
 from mtpgo_training.training.training_config import DataConfig
@@ -94,6 +102,75 @@ def test_an_untrained_model_scores_nearly_as_constant_velocity(model, batches):
         assert models["model"][protocol]["n"] == models["cv"][protocol]["n"]
         expected = models["cv"][protocol]["ade"]
         assert models["model"][protocol]["ade"] == pytest.approx(expected, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def on_trails():
+    """A network that takes trails and sizes, and a batch in which earlier cars left trails."""
+    scene = SceneConfig(max_neighbours=3, sizes=True, trails=True)
+    data = DataConfig(validation_stride_s=4.0)
+    source = prepare(turning_cars(tracks=8), HISTORY, scene, data, training=False)
+    scenes = validation_scenes([source], HISTORY, scene, H)
+    torch.manual_seed(0)
+    options = {**OPTIONS, "static_features": True, "static_inputs": "all", "hold_standing": True}
+    network = build_network("mtp-go", options, HISTORY, scene)
+    return network, next(iter(DataLoader(scenes, batch_size=64)))
+
+
+def test_the_network_gets_the_trails_and_sizes_of_the_scenes(on_trails):
+    network, batch = on_trails
+    fields = dense(batch)
+    assert (fields["trails"][..., 2] > 0.0).any()
+    assert fields["static"].shape[-1] == 8 + 3
+    known = fields["valid"][..., -1]
+    expected = torch.tensor([0.45, 1.9 / 3.0, 1.0]).expand(int(known.sum()), 3)
+    torch.testing.assert_close(fields["static"][known][:, 8:], expected)
+    aim = LossWeights(1, 0.0, 1.0)
+    with torch.no_grad():
+        value = training_loss(network, fields, aim, huber_delta=1.0)
+        output = network(fields["x"], fields["valid"], fields["static"], None, fields["trails"])
+        expected = negative_log_likelihood(*output, fields["target"], fields["weight"])
+        none = {**fields, "trails": torch.zeros_like(fields["trails"])}
+        torch.testing.assert_close(value, expected)
+        assert not torch.equal(training_loss(network, none, aim, huber_delta=1.0), value)
+
+
+def test_the_loss_of_a_batch_is_that_of_its_micro_batches_with_trails(on_trails, monkeypatch):
+    network, batch = on_trails
+    monkeypatch.setattr(gradient_accumulation, "MICRO_BATCH_AGENTS", 10)
+    monkeypatch.setattr(gradient_accumulation, "MIN_MICRO_BATCH_AGENTS", 5)
+    assert len(gradient_accumulation.micro_batches(batch)) > 1
+    likelihood = functools.partial(trajectory_likelihood_loss, correlated_steps=5.0)
+    aim = LossWeights(1, 0.5, 0.5)
+    options = {"huber_delta": 1.0, "mean_weight": 0.5, "likelihood": likelihood}
+    whole = training_loss(network, dense(batch), aim, **options)
+    parts = batch_loss(network, batch, aim, **options)
+    torch.testing.assert_close(parts, whole, rtol=1e-5, atol=1e-6)
+
+
+def test_no_tensor_with_trails_is_left_on_the_cpu(on_trails):
+    network, batch = on_trails
+    fields = {key: value.to("meta") for key, value in dense(batch).items()}
+    likelihood = functools.partial(trajectory_likelihood_loss, correlated_steps=5.0)
+    loss = training_loss(
+        copy.deepcopy(network).to("meta"),
+        fields,
+        LossWeights(1, 0.3, 0.7),
+        huber_delta=1.0,
+        likelihood=likelihood,
+    )
+    loss.backward()
+    assert loss.device.type == "meta"
+
+
+def test_the_validation_gives_the_network_its_trails(on_trails):
+    network, batch = on_trails
+    fields = dense(batch)
+    scores = validate(network, [fields])[0].averages()
+    none = {**fields, "trails": torch.zeros_like(fields["trails"])}
+    without = validate(network, [none])[0].averages()
+    assert scores["model"]["all"]["n"] == without["model"]["all"]["n"] > 0
+    assert scores["model"]["all"]["anll"] != without["model"]["all"]["anll"]
 
 
 @pytest.mark.parametrize("name", NETWORKS)

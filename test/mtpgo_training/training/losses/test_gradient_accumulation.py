@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Micro-batches give the same loss and gradient as the whole batch."""
 
+import dataclasses
 import functools
 import itertools
 from pathlib import Path
@@ -22,16 +23,43 @@ from mtpgo_training.training.losses.gradient_accumulation import (
     split_by_size,
     split_fields,
 )
+from mtpgo_training.training.losses.likelihood_loss import trajectory_likelihood_loss
 from mtpgo_training.training.losses.schedules import LossWeights
 
 SIZES = [3, 1, 6, 2, 2, 5, 4, 1, 3, 2]
 CONFIG = ModelConfig(history_steps=4, horizon_steps=3, modes=3, hidden=16, ode_hidden=4)
+WITH_TRAILS = dataclasses.replace(
+    CONFIG, static_features=True, static_inputs="all", trail_branches=2, hold_standing=True
+)
 
 
 @pytest.fixture
 def model() -> MTPGO:
     torch.manual_seed(0)
     return MTPGO(CONFIG)
+
+
+@pytest.fixture
+def trail_model() -> MTPGO:
+    torch.manual_seed(0)
+    return MTPGO(WITH_TRAILS)
+
+
+@pytest.fixture
+def trail_fields(fields: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The same batch with trails and several classes."""
+    draw = torch.Generator().manual_seed(2)
+    size, steps = fields["weight"].shape[:2], CONFIG.horizon_steps
+    there = fields["valid"][..., -1]
+    trails = torch.randn(*size, WITH_TRAILS.trail_branches, steps, 3, generator=draw)
+    trails[..., 2] = trails[..., 2].relu()
+    kind = torch.randint(CONFIG.static_size, size, generator=draw)
+    static = nn.functional.one_hot(kind, CONFIG.static_size).float()
+    return {
+        **fields,
+        "static": static * there[..., None],
+        "trails": trails * there[..., None, None, None],
+    }
 
 
 @pytest.fixture
@@ -109,14 +137,32 @@ def test_micro_batches_are_as_narrow_as_their_scenes(fields: dict[str, Tensor]) 
 def test_loss_and_gradient_are_those_of_the_whole_batch(
     model: MTPGO, fields: dict[str, Tensor], aim: LossWeights, count: int, threads: int
 ) -> None:
+    assert_same_as_the_whole_batch(model, fields, loss_of(model, aim), count, threads)
+
+
+@pytest.mark.parametrize("aim", [LossWeights(2, 1.0, 0.0), LossWeights(1, 0.4, 0.6)])
+@pytest.mark.parametrize(("count", "threads"), [(3, 1), (4, 2)])
+def test_so_they_are_with_trails_and_the_likelihood_of_trajectories(
+    trail_model: MTPGO, trail_fields: dict[str, Tensor], aim: LossWeights, count: int, threads: int
+) -> None:
+    likelihood = functools.partial(trajectory_likelihood_loss, correlated_steps=2.0)
+    loss = functools.partial(loss_of(trail_model, aim), likelihood=likelihood)
+    assert_same_as_the_whole_batch(trail_model, trail_fields, loss, count, threads)
+
+
+def assert_same_as_the_whole_batch(
+    model: MTPGO,
+    fields: dict[str, Tensor],
+    loss_of_part: functools.partial[Tensor],
+    count: int,
+    threads: int,
+) -> None:
     model.double()
     fields = {k: v.double() if v.is_floating_point() else v for k, v in fields.items()}
-    whole = loss_of(model, aim)(fields)
+    whole = loss_of_part(fields)
     whole.backward()
     expected = gradients(model)
-    loss = accumulated_loss(
-        model, split_fields(fields, SIZES, count), loss_of(model, aim), threads
-    )
+    loss = accumulated_loss(model, split_fields(fields, SIZES, count), loss_of_part, threads)
     (2.0 * loss).backward()
     torch.testing.assert_close(loss.detach(), whole.detach(), rtol=1e-10, atol=1e-12)
     for (name, _), mine, other in zip(
@@ -163,10 +209,12 @@ def test_threads_use_the_modes_of_their_caller(fields: dict[str, Tensor]) -> Non
     assert torch.get_num_threads() == before
 
 
+@pytest.mark.parametrize("names", [("model", "fields"), ("trail_model", "trail_fields")])
 def test_distributed_training_sees_an_ordinary_loss(
-    model: MTPGO, fields: dict[str, Tensor], tmp_path: Path
+    names: tuple[str, str], request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     """DDP takes the gradients, and does not wait for those of unused parameters."""
+    model, fields = (request.getfixturevalue(name) for name in names)
     aim = loss_of(model, LossWeights(2, 1.0, 0.0))
     parts = split_fields(fields, SIZES, 4)
     accumulated_loss(model, parts, aim, 2).backward()
