@@ -24,8 +24,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         description="Simulate traffic with Eclipse SUMO (extra 'simulation') and write it as "
         "recordings: a highway in highD layout; a roundabout or a street with traffic lights in "
         "inD layout; curves, ramps, junctions, roundabouts and crowds whose roads are drawn for "
-        "every recording, in inD layout. Options that are not given are drawn from the seed, so "
-        "that recordings differ.",
+        "every recording, and busy places of a scenario of one's own, in inD layout. Options "
+        "that are not given are drawn from the seed, so that recordings differ.",
     )
     add = parser.add_argument
     add("site", choices=list(SITES), help="what is simulated")
@@ -61,6 +61,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         type=positive_number,
         help="highway, street, curves and ramps: desired speed (m/s)",
     )
+    add("--sumocfg", type=Path, metavar="FILE", help="scenario: configuration of Eclipse SUMO")
     parser.set_defaults(run=run)
 
 
@@ -75,6 +76,7 @@ def run(args: argparse.Namespace) -> int:
         "truck_share": args.truck_share,
         "traffic": args.traffic,
         "speed_limit_mps": args.speed_limit,
+        "sumocfg": args.sumocfg,
     }
     config = site_config(args.site, options)
     for written in write_recordings(args.site, config, args.count, args.output):

@@ -25,6 +25,7 @@ from mtpgo_training.simulate.varied.curves import CurvesConfig, simulate_curves
 from mtpgo_training.simulate.varied.junctions import JunctionsConfig, simulate_junctions
 from mtpgo_training.simulate.varied.ramps import RampsConfig, simulate_ramps
 from mtpgo_training.simulate.varied.roundabouts import RoundaboutsConfig, simulate_roundabouts
+from mtpgo_training.simulate.varied.scenario import ScenarioConfig, simulate_scenario
 
 WRITERS: dict[str, Callable[[Recording, Path], list[Path]]] = {
     "highd": write_highd,
@@ -57,6 +58,7 @@ SITES = {
     "junctions": Site(JunctionsConfig, simulate_junctions, "ind"),
     "roundabouts": Site(RoundaboutsConfig, simulate_roundabouts, "ind"),
     "crowd": Site(CrowdConfig, simulate_crowd, "ind"),
+    "scenario": Site(ScenarioConfig, simulate_scenario, "ind"),
 }
 
 

@@ -174,40 +174,66 @@ def _build_network(network: RoadNetwork, folder: Path) -> None:
     )
 
 
+def run_scenario(sumocfg: Path, begin_s: float, config: SimulationConfig) -> FloatingCarData:
+    """Simulate a configuration of SUMO's and return all road users after the warm-up.
+
+    Args:
+        sumocfg: the configuration, with the files that it names.
+        begin_s: time at which its simulation begins (s).
+        config: times, frame rate, and seed of SUMO's random numbers.
+
+    Raises:
+        SimulationError: SUMO is missing or fails.
+    """
+    with tempfile.TemporaryDirectory(prefix="mtpgo_sumo_") as name:
+        arguments = ("--configuration-file", sumocfg, "--begin", f"{begin_s:g}")
+        return _observe(arguments, Path(name), config, begin_s + config.warm_up_s)
+
+
 def _simulate(
     folder: Path, config: SimulationConfig, observed_edges: Sequence[str]
 ) -> FloatingCarData:
     observed = folder / "observed.txt"
     observed.write_text("".join(f"edge:{edge}\n" for edge in observed_edges))
+    arguments = (
+        *("--net-file", folder / "road.net.xml"),
+        *("--route-files", folder / "traffic.rou.xml"),
+        *("--additional-files", folder / "signs.add.xml"),
+        *("--lateral-resolution", f"{config.lateral_resolution_m:g}"),
+        *(("--fcd-output.filter-edges.input-file", observed) if observed_edges else ()),
+        *("--time-to-teleport", "-1"),
+        *("--collision.action", "none"),
+    )
+    return _observe(arguments, folder, config, config.warm_up_s)
+
+
+def _observe(
+    arguments: Sequence[str | Path], folder: Path, config: SimulationConfig, start_s: float
+) -> FloatingCarData:
+    """Run SUMO and return what it writes around a recording that starts at ``start_s``."""
     seen = folder / "seen.csv"
-    warm_up_s, frame_rate = config.warm_up_s, config.frame_rate
+    frame_rate = config.frame_rate
     steps_per_frame = max(1, math.ceil(1.0 / (frame_rate * config.max_step_s) - 1e-9))
     # SUMO's time step is a multiple of 1 ms; _load selects the steps nearest to the frames.
     step_s = max(1, round(1000.0 / (frame_rate * steps_per_frame))) / 1000.0
     _run(
         "sumo",
-        *("--net-file", folder / "road.net.xml"),
-        *("--route-files", folder / "traffic.rou.xml"),
-        *("--additional-files", folder / "signs.add.xml"),
+        *arguments,
         *("--step-length", f"{step_s:g}"),
-        *("--lateral-resolution", f"{config.lateral_resolution_m:g}"),
         *("--precision", "4"),
         "--step-method.ballistic",
         *("--fcd-output", seen),
         *("--fcd-output.attributes", "x,y,angle,speed,type"),
-        *(("--fcd-output.filter-edges.input-file", observed) if observed_edges else ()),
-        *("--device.fcd.begin", f"{warm_up_s - EXTRA_S:g}"),
-        *("--end", f"{warm_up_s + config.seconds + EXTRA_S:g}"),
+        *("--device.fcd.begin", f"{start_s - EXTRA_S:.3f}"),
+        *("--end", f"{start_s + config.seconds + EXTRA_S:.3f}"),
         *("--seed", str(config.seed)),
-        *("--time-to-teleport", "-1"),
-        *("--collision.action", "none"),
         "--no-step-log",
         "--no-warnings",
     )
-    return _load(seen, warm_up_s, frame_rate, step_s)
+    return _load(seen, start_s, frame_rate, step_s)
 
 
-def _load(path: Path, warm_up_s: float, frame_rate: float, step_s: float) -> FloatingCarData:
+def _load(path: Path, start_s: float, frame_rate: float, step_s: float) -> FloatingCarData:
     table = pd.read_csv(path, sep=";", low_memory=False)
     table.columns = [name.split("_", 1)[1] for name in table.columns]
     # Without any vehicle the file has no column for them.
@@ -216,7 +242,7 @@ def _load(path: Path, warm_up_s: float, frame_rate: float, step_s: float) -> Flo
         raise SimulationError(
             "the simulation saw no vehicle, expected more traffic or a longer recording"
         )
-    time = table["time"].to_numpy(np.float64) - warm_up_s
+    time = table["time"].to_numpy(np.float64) - start_s
     frame = np.round(time * frame_rate).astype(np.int64)
     # The simulation steps nearest to the frames.
     kept = np.abs(time - frame / frame_rate) < step_s / 2

@@ -208,6 +208,8 @@ def _cut(speeds: Float64Array) -> list[int]:
         length = i - places[-1]
         differs = high > _SAME_SPEED * low and length >= shortest
         if (differs or length >= longest) and len(speeds) - 1 - i >= shortest:
-            places.append(i)
-            low = high = speed
+            # The point before, so that a straight does not take the speed of the bend after it.
+            places.append(i - 1 if length > shortest else i)
+            begun = speeds[places[-1] : i + 1]
+            low, high = float(begun.min()), float(begun.max())
     return [*places, len(speeds) - 1]

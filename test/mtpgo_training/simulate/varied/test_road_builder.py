@@ -44,7 +44,8 @@ def test_the_speed_of_a_carriageway_follows_from_its_radius() -> None:
     edges = [ElementTree.fromstring(xml).attrib for xml in builder.network().edges]
     assert [edge["id"] for edge in edges] == names
     speeds = [float(edge["speed"]) for edge in edges]
-    assert speeds[0] == speeds[-1] == 25.0
+    # An edge has speeds that differ by 12 % at most; the bend begins on no edge of the straight.
+    assert min(speeds[0], speeds[-1]) >= 25.0 / 1.12
     assert min(speeds) == pytest.approx(10.0, rel=0.03)  # v^2 / 50 m = 2 m/s^2
     for one, other in itertools.pairwise(edges):
         assert one["to"] == other["from"]
