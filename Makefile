@@ -33,7 +33,7 @@ RUNS ?= runs
 SIMULATED := $(RUNS)/simulated
 TRAIN_ARGS ?=
 
-.PHONY: help demo test numerics benchmark highway urban data-given check lint types format environment clean distclean
+.PHONY: help demo test numerics benchmark default highway urban data-given check lint types format environment clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -68,6 +68,22 @@ benchmark: $(STAMP) ## print the speed tables of docs/performance.md and test th
 	@echo; $(BIN)/mtpgo benchmark node --bars
 	@echo; $(BIN)/python -m pytest benchmarks --benchmark-columns=median,rounds
 
+DEFAULT_REAL := ngsim ngsim_i80 juelich_corridors madras_lyon tgsim_pairs_1d
+DEFAULT_SIMULATED := roundabout street curves junctions roundabouts crowd highway_free highway_dense
+DEFAULT_DATA = $(foreach name,$(DEFAULT_REAL),--data "$(DATA)/$(name)" --layout ind) \
+	  $(foreach name,$(DEFAULT_SIMULATED),--data "$(SIMULATED)/$(name)" \
+	  --layout $(if $(filter highway%,$(name)),highd,ind))
+
+# The shipped model `default`: two cross-validations, each without half of the sites, of which the
+# model's covariances and weights are calibrated; then the training on all sites with two processes.
+default: data-given $(STAMP) $(DEFAULT_SIMULATED:%=$(SIMULATED)/.%) ## train, calibrate and export the shipped model `default`; DATA=DIR of the real recordings [RUNS=DIR]
+	@$(BIN)/mtpgo crossval config/training/default.yaml --out "$(RUNS)/default-crossval" \
+	  --sites first_half second_half --steps-per-fold 1200 --jobs 2 $(DEFAULT_DATA)
+	@$(BIN)/mtpgo train config/training/default.yaml --out "$(RUNS)/default" $(DEFAULT_DATA) \
+	  $(if $(wildcard $(RUNS)/default/last.pt),--resume) $(TRAIN_ARGS)
+	@$(BIN)/mtpgo export "$(RUNS)/default" -o "$(RUNS)/default.pt" \
+	  --checkpoint "$(RUNS)/default.ckpt" --calibration "$(RUNS)/default-crossval"
+
 HIGHWAYS := highway_free highway_dense highway_congested highway_stop_and_go highway
 
 highway: data-given $(STAMP) $(HIGHWAYS:%=$(SIMULATED)/.%) ## train and export the shipped model `highway`; DATA=DIR of the NGSIM recordings [RUNS=DIR]
@@ -94,8 +110,8 @@ TRAIN = $(BIN)/mtpgo train config/training/$(1).yaml --out "$(RUNS)/$(2)" \
 	  $(if $(wildcard $(RUNS)/$(2)/last.pt),--resume) $(TRAIN_ARGS)
 
 data-given:
-	@test -n "$(DATA)" || { echo "make: DATA is not given, expected the directory of the NGSIM \
-	recordings: make highway DATA=DIR/ngsim" >&2; exit 2; }
+	@test -n "$(DATA)" || { echo "make: DATA is not given, expected the directory of the \
+	recordings: make default DATA=DIR, make highway DATA=DIR/ngsim" >&2; exit 2; }
 
 $(SIMULATED)/.highway_free: SIMULATE := highway --traffic free --count 6 --seconds 180 --seed 100
 $(SIMULATED)/.highway_dense: SIMULATE := highway --traffic dense --count 6 --seconds 180 --seed 200
@@ -104,6 +120,10 @@ $(SIMULATED)/.highway_stop_and_go: SIMULATE := highway --traffic stop-and-go --c
 $(SIMULATED)/.highway: SIMULATE := highway --count 6 --seconds 180 --seed 1
 $(SIMULATED)/.roundabout: SIMULATE := roundabout --count 4 --seconds 180 --seed 1
 $(SIMULATED)/.street: SIMULATE := street --count 9 --seconds 180 --seed 1
+$(SIMULATED)/.curves: SIMULATE := curves --count 8 --seconds 120 --seed 1
+$(SIMULATED)/.junctions: SIMULATE := junctions --count 10 --seconds 120 --seed 1
+$(SIMULATED)/.roundabouts: SIMULATE := roundabouts --count 8 --seconds 120 --seed 1
+$(SIMULATED)/.crowd: SIMULATE := crowd --count 4 --seconds 120 --seed 1
 $(SIMULATED)/.%: | $(STAMP)
 	@$(BIN)/mtpgo simulate $(SIMULATE) -o "$(SIMULATED)/$*"
 	@touch $@
