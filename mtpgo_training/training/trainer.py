@@ -291,6 +291,7 @@ class BatchLoss(nn.Module):
             self.run.loss_weights(),
             huber_delta=options.huber_delta,
             mean_weight=options.mean_weight,
+            heaviest_weight=options.heaviest_weight,
             likelihood=self.likelihood,
             teacher_forcing=teacher_forcing,
         )

@@ -49,6 +49,9 @@ class OptimisationConfig:
         huber_delta: error at which the EWTA loss turns linear (m, m/s).
         mean_weight: weight of the expected Huber loss relative to the likelihood; 0 as in the
             paper, see :func:`mtpgo_training.training.losses.likelihood_loss.expected_huber_loss`.
+        heaviest_weight: weight of the Huber loss of the heaviest component, see
+            :func:`mtpgo_training.training.losses.likelihood_loss.heaviest_huber_loss`; 0 as in the
+            paper.
         likelihood: ``step``: the paper's, a mixture at every step (eq. 27); ``trajectory``: a
             mixture of whole trajectories, see
             :func:`mtpgo_training.training.losses.likelihood_loss.trajectory_likelihood_loss`.
@@ -73,6 +76,7 @@ class OptimisationConfig:
     clip_norm: float = option(1.0, above=0)
     huber_delta: float = option(1.0, above=0)
     mean_weight: float = 0.0
+    heaviest_weight: float = option(0.0, low=0.0)
     likelihood: str = option("step", choices=LIKELIHOODS)
     correlated_steps: float = option(5.0, low=1.0)
     teacher_forcing: float = option(0.0, low=0.0, high=1.0)

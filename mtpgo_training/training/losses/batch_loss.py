@@ -15,6 +15,7 @@ from mtpgo_training.training.losses.ewta_loss import ewta_loss
 from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
 from mtpgo_training.training.losses.likelihood_loss import (
     expected_huber_loss,
+    heaviest_huber_loss,
     negative_log_likelihood,
 )
 from mtpgo_training.training.losses.schedules import LossWeights
@@ -30,6 +31,7 @@ def training_loss(
     *,
     huber_delta: float,
     mean_weight: float = 0.0,
+    heaviest_weight: float = 0.0,
     likelihood: Likelihood = negative_log_likelihood,
     teacher_forcing: bool = False,
 ) -> Tensor:
@@ -41,6 +43,7 @@ def training_loss(
         weights: of EWTA and NLL. The covariance is computed only where NLL counts.
         huber_delta: see :func:`.ewta_loss.ewta_loss`.
         mean_weight: weight of :func:`.likelihood_loss.expected_huber_loss`, relative to NLL.
+        heaviest_weight: weight of :func:`.likelihood_loss.heaviest_huber_loss`, relative to NLL.
         likelihood: the negative log-likelihood, one of :mod:`.likelihood_loss`.
         teacher_forcing: feed the observed states to the roll-out.
     """
@@ -66,6 +69,10 @@ def training_loss(
             loss = loss + weights.nll * mean_weight * expected_huber_loss(
                 log_weight, mean, target, mask, huber_delta
             )
+        if heaviest_weight > 0.0:
+            loss = loss + weights.nll * heaviest_weight * heaviest_huber_loss(
+                log_weight, mean, target, mask, huber_delta
+            )
     return loss
 
 
@@ -76,6 +83,7 @@ def batch_loss(
     *,
     huber_delta: float,
     mean_weight: float = 0.0,
+    heaviest_weight: float = 0.0,
     likelihood: Likelihood = negative_log_likelihood,
     teacher_forcing: bool = False,
 ) -> Tensor:
@@ -89,6 +97,7 @@ def batch_loss(
         weights: this and the other arguments as in :func:`training_loss`.
         huber_delta: see :func:`training_loss`.
         mean_weight: see :func:`training_loss`.
+        heaviest_weight: see :func:`training_loss`.
         likelihood: see :func:`training_loss`.
         teacher_forcing: see :func:`training_loss`.
     """
@@ -98,6 +107,7 @@ def batch_loss(
         weights=weights,
         huber_delta=huber_delta,
         mean_weight=mean_weight,
+        heaviest_weight=heaviest_weight,
         likelihood=likelihood,
         teacher_forcing=teacher_forcing,
     )

@@ -83,3 +83,25 @@ def expected_huber_loss(
     """
     loss = huber_per_mode(mean, target, mask, huber_delta)
     return (log_weight.exp() * loss).sum() / mask.sum().clamp(min=1e-6)
+
+
+def heaviest_huber_loss(
+    log_weight: Tensor, mean: Tensor, target: Tensor, mask: Tensor, huber_delta: float = 1.0
+) -> Tensor:
+    """Return the Huber loss of the component with the largest weight, a scalar.
+
+    Not in the paper. The heaviest component is what most consumers take for the prediction.
+    :func:`expected_huber_loss` draws all components to the middle in proportion to their weights;
+    this term draws the heaviest alone, and the others may be distinct futures.
+
+    Args:
+        log_weight: [B, N, M] log mixture weights; only their order matters.
+        mean: [B, N, M, H, S] predicted states.
+        target: [B, N, H, S] observed states; any finite value where not observed.
+        mask: [B, N, H] weight of each step, 0 where not observed.
+        huber_delta: error at which the loss turns from quadratic to linear (m and m/s).
+    """
+    heaviest = log_weight.detach().argmax(dim=-1)[..., None, None, None]
+    path = mean.gather(2, heaviest.expand(-1, -1, 1, *mean.shape[3:]))
+    loss = huber_per_mode(path, target, mask, huber_delta)
+    return loss.sum() / mask.sum().clamp(min=1e-6)
