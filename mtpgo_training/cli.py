@@ -16,7 +16,7 @@ COMMANDS = {
     "convert": "convert recordings into rosbag2 MCAP bags",
     "simulate": "simulate traffic as recordings (Eclipse SUMO)",
     "train": "train a model on recordings",
-    "crossval": "train without a site and test on it, site by site",
+    "crossval": "train without some sites and test on them, until each was left out",
     "adapt": "adapt a model to recordings of your site",
     "curve": "draw the learning curves of runs",
     "export": "export a trained model for the node",

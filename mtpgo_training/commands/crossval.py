@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``mtpgo crossval``: train without a site, test on it, for one site after the other."""
+"""``mtpgo crossval``: train without some sites, test on them, until each was left out."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add ``mtpgo crossval`` to the command line."""
     parser = subparsers.add_parser(
         "crossval",
-        help="train without a site and test on it, site by site",
-        description="Leave one site out: train on the others, score on it, for each site. The "
-        "same command continues what was interrupted. docs/training.md explains the tables.",
+        help="train without some sites and test on them, until each was left out",
+        description="Train without the sites of a fold, score on each of them, fold by fold; by "
+        "default each site is a fold. The same command continues what was interrupted. "
+        "docs/training.md explains the tables.",
     )
     add = parser.add_argument
     add("config", type=Path, nargs="?", help="YAML configuration of the training")
     add_data_arguments(parser)
     add("--out", type=Path, metavar="DIR", help="folder of the results and of all folds")
     add(
-        "--sites",
+        "--folds",
         nargs="+",
-        metavar="SITE",
-        help="sites to leave out (default: each one); crossval.sites of the configuration names "
-        "and merges sites",
+        metavar="NAME",
+        help="folds to run, each by its name or that of a site in it (default: all); the "
+        "configuration's crossval.sites names sites, crossval.folds what is left out together",
     )
     add(
         "--minutes-per-fold",
@@ -105,7 +106,12 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.crossval.fold import FoldJob
     from mtpgo_training.crossval.fold_plan import Budget
     from mtpgo_training.crossval.fold_processes import FoldError, run_folds
-    from mtpgo_training.crossval.site_folds import chosen_sites, find_sites, without_site
+    from mtpgo_training.crossval.site_folds import (
+        chosen_folds,
+        find_folds,
+        find_sites,
+        without_fold,
+    )
     from mtpgo_training.data.data_sources import read_sources
     from mtpgo_training.training.interruption import Interruption
     from mtpgo_training.training.networks import build_network
@@ -118,27 +124,28 @@ def run(args: argparse.Namespace) -> int:
     sources, cache = tuple(data_sources(args.data_options)), cache_from(args)
     recordings = list(read_sources(sources, cache))
     sites = find_sites(recordings, config.crossval.sites)
-    chosen = chosen_sites(sites, args.sites)
-    for site in chosen:
-        without_site(config, recordings, site)  # its errors, before anything is trained
+    folds = find_folds(sites, config.crossval.folds)
+    chosen = chosen_folds(folds, args.folds)
+    for fold in chosen:
+        without_fold(config, recordings, fold)  # its errors, before anything is trained
     folder = CrossvalFolder(args.out)
     budget = Budget(args.minutes_per_fold, args.epochs_per_fold, args.steps_per_fold)
     trackers = tuple(dict.fromkeys(args.tracker))
-    folder.start(config, sites, recordings, budget, args.stride, trackers)
+    folder.start(config, folds, recordings, budget, args.stride, trackers)
     cache_folder = None if cache is None else cache.folder
     jobs = [
         FoldJob(
-            site,
+            fold,
             config,
             sources,
             cache_folder,
-            folder.fold(site.name).path,
+            folder.fold(fold.name).path,
             budget,
             args.stride,
             trackers,
         )
-        for site in chosen
-        if not folder.fold(site.name).done
+        for fold in chosen
+        if not folder.fold(fold.name).done
     ]
     del recordings
     errors: list[tuple[str, MtpgoError]] = []
@@ -148,28 +155,31 @@ def run(args: argparse.Namespace) -> int:
             print(text, flush=True)
 
     def finished(job: FoldJob) -> None:
-        fold = next(f for f in folder.write_results()["folds"] if f["site"] == job.site.name)
-        training, scores = fold["training"], fold["scores"][trackers[0]].get("all", {})
-        ade, cv = scores.get("ade"), scores.get("ade_cv")
-        result = "nothing to score" if ade is None else f"ADE {ade:.3f} m (CV {cv:.3f})"
+        fold = next(f for f in folder.write_results()["folds"] if f["fold"] == job.fold.name)
+        training = fold["training"]
         say(
-            f"{job.site.name}: {training['epochs_done']} of {training['epochs']} epochs in "
-            f"{training['minutes']:.1f} min, {result}"
+            f"{job.fold.name}: {training['epochs_done']} of {training['epochs']} epochs in "
+            f"{training['minutes']:.1f} min"
         )
+        for name, site in fold["sites"].items():
+            scores = site["scores"][trackers[0]].get("moving", {})
+            ade, cv = scores.get("ade"), scores.get("ade_cv")
+            result = "nothing moves" if ade is None else f"moving ADE {ade:.3f} m (CV {cv:.3f})"
+            say(f"  {name}: {result}")
 
     def failed(job: FoldJob, error: MtpgoError) -> None:
-        errors.append((job.site.name, error))
-        print(f"mtpgo: without {job.site.name}: {error}", file=sys.stderr, flush=True)
+        errors.append((job.fold.name, error))
+        print(f"mtpgo: without {job.fold.name}: {error}", file=sys.stderr, flush=True)
 
-    say(f"{len(chosen)} of {len(sites)} sites, {len(chosen) - len(jobs)} done before")
+    say(f"{len(chosen)} of {len(folds)} folds, {len(chosen) - len(jobs)} done before")
     with Interruption() as interruption:
         run_folds(
             jobs,
             args.jobs,
             interruption,
             started=lambda job: say(
-                f"{job.site.name}: leaves out {len(job.site.recordings)} recordings, see "
-                f"{job.folder / 'fold.log'}"
+                f"{job.fold.name}: leaves out {', '.join(site.name for site in job.fold.sites)} "
+                f"({len(job.fold.recordings)} recordings), see {job.folder / 'fold.log'}"
             ),
             finished=finished,
             failed=failed,
@@ -217,6 +227,10 @@ def _compare(args: argparse.Namespace) -> int:
     for key in ("budget", "stride_s"):
         if first[key] != second[key]:
             print(f"Note: {key} is {first[key]} and {second[key]}.")
+    if first["left_out_together"] != second["left_out_together"]:
+        print(
+            "Note: other sites are left out together, so the models were trained on other sites."
+        )
     return 0
 
 

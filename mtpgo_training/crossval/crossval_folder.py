@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The folder of a cross-validation.
 
-``config.yaml`` and ``crossval.json`` (sites, recordings with their hashes, budget) are written at
-the start. ``folds/SITE/`` has the plan of the fold, its run folder, the exported model, what it
-printed, and at last ``scores.json``: a fold with that file is done. ``result.json`` and
-``result.md`` are written again after each fold.
+``config.yaml`` and ``crossval.json`` (sites, folds, recordings with their hashes, budget) are
+written at the start. ``folds/FOLD/`` has the plan of the fold, its run folder, ``training.json``
+once it is trained, the exported model, what it printed, and at last ``scores.json``: a fold with
+that file is done. ``result.json`` and ``result.md`` are written again after each fold.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mtpgo_training.calibration.calibration_report import calibration_table, lea
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
 from mtpgo_training.crossval.fold_plan import Budget
-from mtpgo_training.crossval.site_folds import FoldSite
+from mtpgo_training.crossval.site_folds import Fold
 from mtpgo_training.crossval.site_scores import pooled_scores
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.table_format import Table, to_markdown
@@ -43,16 +43,18 @@ class FoldFolder:
         path: the folder.
         plan: its schedule.
         run: the run folder of the training.
+        training: how it was trained; written when the training is done.
         model: the exported model.
-        samples: the left-out site's samples for a calibration.
+        samples: the left-out sites' samples for a calibration.
         log: what the fold printed.
-        scores: the result; written last.
+        scores: the result by site; written last.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.plan = path / "plan.json"
         self.run = path / "run"
+        self.training = path / "training.json"
         self.model = path / "model.pt"
         self.samples = path / "calibration.npz"
         self.log = path / "fold.log"
@@ -78,14 +80,14 @@ class CrossvalFolder:
         self.result = path / "result.json"
         self.markdown = path / "result.md"
 
-    def fold(self, site: str) -> FoldFolder:
-        """Return the files of the fold that leaves a site out."""
-        return FoldFolder(self.path / "folds" / re.sub(r"[^\w.-]+", "_", site))
+    def fold(self, name: str) -> FoldFolder:
+        """Return the files of a fold."""
+        return FoldFolder(self.path / "folds" / re.sub(r"[^\w.-]+", "_", name))
 
     def start(
         self,
         config: TrainingConfig,
-        sites: Sequence[FoldSite],
+        folds: Sequence[Fold],
         recordings: Sequence[NamedRecording],
         budget: Budget,
         stride_s: float,
@@ -97,7 +99,7 @@ class CrossvalFolder:
 
         Args:
             config: the configuration.
-            sites: all sites.
+            folds: all folds.
             recordings: all recordings.
             budget: of each fold.
             stride_s: time between two scored instants (s).
@@ -110,7 +112,8 @@ class CrossvalFolder:
             "budget": dataclasses.asdict(budget),
             "stride_s": stride_s,
             "trackers": list(trackers),
-            "sites": {site.name: list(site.recordings) for site in sites},
+            "folds": {fold.name: [site.name for site in fold.sites] for fold in folds},
+            "sites": {s.name: list(s.recordings) for fold in folds for s in fold.sites},
             "recordings": {item.name: item.recording.sha256 for item in recordings},
         }
         if self._facts.is_file():
@@ -134,9 +137,9 @@ class CrossvalFolder:
                 f"the configuration differs from {self._config} in "
                 f"{first_difference(stored, config)}, expected the same or another --out"
             )
-        before = _read(self._facts)
+        before = self._stored_facts()
         different = next((key for key in facts if before.get(key) != facts[key]), None)
-        if different in ("sites", "recordings"):
+        if different in ("folds", "sites", "recordings"):
             raise ConfigurationError(
                 f"the {different} differ from those in {self._facts}, expected the same or "
                 "another --out"
@@ -147,18 +150,41 @@ class CrossvalFolder:
                 f"{self._facts}, expected the same or another --out"
             )
 
-    def results(self) -> Json:
-        """Return the results of the folds that are done, in the order of the sites."""
+    def _stored_facts(self) -> Json:
+        """Return what determines the results, as it was stored at the start.
+
+        Raises:
+            ConfigurationError: an earlier version wrote it.
+        """
         facts = _read(self._facts)
-        folds = [_read(f.scores) for f in map(self.fold, facts["sites"]) if f.done]
+        if "folds" not in facts:
+            raise ConfigurationError(
+                f"{self.path} is of an earlier version, which has no scores by site, expected a "
+                "cross-validation of this version"
+            )
+        return facts
+
+    def results(self) -> Json:
+        """Return the results of the folds that are done.
+
+        ``folds`` has them in the order of the folds, ``mean_of_sites`` is the mean over the sites
+        of all of them.
+
+        Raises:
+            ConfigurationError: an earlier version wrote the folder.
+        """
+        facts = self._stored_facts()
+        folds = [_read(f.scores) for f in map(self.fold, facts["folds"]) if f.done]
+        sites = [site["scores"] for fold in folds for site in fold["sites"].values()]
         return {
             "budget": facts["budget"],
             "stride_s": facts["stride_s"],
             "trackers": facts["trackers"],
             "sites": facts["sites"],
+            "left_out_together": facts["folds"],
             "folds": folds,
             "mean_of_sites": {
-                tracker: pooled_scores([f["scores"][tracker] for f in folds])
+                tracker: pooled_scores([scores[tracker] for scores in sites])
                 for tracker in facts["trackers"]
             },
             "versions": facts["versions"],
@@ -169,7 +195,8 @@ class CrossvalFolder:
 
         None with fewer than two sites with samples.
         """
-        files = [f.samples for f in map(self.fold, _read(self._facts)["sites"]) if f.done]
+        folds = map(self.fold, self._stored_facts()["folds"])
+        files = [fold.samples for fold in folds if fold.done]
         parts = [CalibrationSamples.load(file) for file in files if file.is_file()]
         if len({name for part in parts for name in part.sites}) < 2:
             return None
@@ -180,7 +207,7 @@ class CrossvalFolder:
         """Write and return :meth:`results`."""
         content = self.results()
         write_text(self.result, _json(content))
-        parts = [f"{to_markdown(trainings_table(content))}"]
+        parts = [to_markdown(trainings_table(content))]
         for tracker in content["mean_of_sites"]:
             table = to_markdown(scores_table(content, tracker, manoeuvres=True))
             parts.append(f"Observations: {tracker}\n\n{table}")
@@ -198,7 +225,7 @@ def read_results(path: Path) -> Json:
         path: its folder.
 
     Raises:
-        ConfigurationError: it holds none, or no fold of it is done.
+        ConfigurationError: it holds none, an earlier version wrote it, or no fold of it is done.
     """
     folder = CrossvalFolder(path)
     try:

@@ -29,7 +29,7 @@ _HEADS = (
     "/ CV",
     "/ CA",
     "minADE m",
-    *(f"in 90% {time:g} s" for time in TIMES_S),
+    f"in 90% {'/'.join(f'{time:g}' for time in TIMES_S)} s",
     "sigma/RMSE",
     "nearest",
     "NLL",
@@ -52,14 +52,16 @@ _CHANGES = ("nearest", _COMPARED[-2][0], "NLL")
 def scores_table(content: Json, tracker: str, *, manoeuvres: bool = False) -> Table:
     """Return the scores of each left-out site and their mean, a row for each group.
 
-    A row whose ADE is more than 2 % above the better baseline's ends in ``!``.
+    Moving road users come first. Groups of a site with fewer than :data:`LEAST_AGENTS` agents and
+    instants are left out, except ``all``. A row whose ADE is more than 2 % above the better
+    baseline's ends in ``!``.
 
     Args:
         content: of a cross-validation.
         tracker: what the observations come from, a key of ``scores``.
         manoeuvres: give the manoeuvres as well.
     """
-    sites = {fold["site"]: fold["scores"][tracker] for fold in content["folds"]}
+    sites = {name: site["scores"][tracker] for name, site in left_out_sites(content).items()}
     rows = [
         row
         for site, scores in (sites | {POOLED: pooled_scores(list(sites.values()))}).items()
@@ -68,15 +70,43 @@ def scores_table(content: Json, tracker: str, *, manoeuvres: bool = False) -> Ta
     return Table(_HEADS, rows)
 
 
+def left_out_sites(content: Json) -> dict[str, Json]:
+    """Return recordings, scores and breakdowns of each left-out site, in the order of the folds.
+
+    Args:
+        content: of a cross-validation.
+    """
+    return {name: site for fold in content["folds"] for name, site in fold["sites"].items()}
+
+
+def _shown_groups(scores: Json, manoeuvres: bool) -> list[str]:
+    """Return the groups that have a row, those of moving road users first."""
+    shown = [
+        group
+        for group, row in scores.items()
+        if row["n"] >= (1 if group == "all" else LEAST_AGENTS)
+        and (manoeuvres or group == "standing" or group not in MANOEUVRES)
+    ]
+    return sorted(shown, key=_place)
+
+
+def _place(group: str) -> int:
+    """Return the place of a group in a table: moving ones, standing ones, all, manoeuvres."""
+    if group == "all":
+        return 2
+    kind = group.rsplit(" ", 1)[-1]
+    return {"moving": 0, "standing": 1}.get(kind, 3)
+
+
 def _site_rows(site: str, scores: Json, manoeuvres: bool) -> list[Row]:
     rows = []
-    for group, row in scores.items():
-        if not row["n"] or (group in MANOEUVRES and group != "standing" and not manoeuvres):
-            continue
+    for group in _shown_groups(scores, manoeuvres):
+        row = scores[group]
         mark = " !" if worse_than_simple(row) else ""
-        coverage = [value_text(row["coverage_90_at"][f"{time:g}"], 2) for time in TIMES_S]
-        if group == "all":
-            coverage = ["-"] * len(TIMES_S)  # standing road users would hide what moving ones do
+        coverage = "-"  # of all: standing road users would hide what moving ones do
+        if group != "all":
+            at = row["coverage_90_at"]
+            coverage = "/".join(value_text(at[f"{time:g}"], 2) for time in TIMES_S)
         rows.append(
             Row(
                 f"{site}: {group}{mark}",
@@ -86,7 +116,7 @@ def _site_rows(site: str, scores: Json, manoeuvres: bool) -> list[Row]:
                     value_text(row["ratio_cv"], 2),
                     value_text(row["ratio_ca"], 2),
                     value_text(row["min_ade"]),
-                    *coverage,
+                    coverage,
                     value_text(row["sigma_to_rmse_at"][f"{TIMES_S[-1]:g}"], 2),
                     value_text(row["heaviest_nearest"], 2),
                     value_text(row["anll"], 2),
@@ -97,20 +127,20 @@ def _site_rows(site: str, scores: Json, manoeuvres: bool) -> list[Row]:
 
 
 def trainings_table(content: Json) -> Table:
-    """Return what each fold was trained with."""
-    heads = ("left out", "epochs", "share of scenes", "minutes", "validation ADE m", "recordings")
+    """Return what each fold was trained with, and the sites that it leaves out."""
+    heads = ("fold", "epochs", "share of scenes", "minutes", "validation ADE m", "sites left out")
     rows = []
     for fold in content["folds"]:
         training = fold["training"]
         rows.append(
             Row(
-                fold["site"],
+                fold["fold"],
                 [
                     f"{training['epochs_done']} of {training['epochs']}",
                     f"{training['share']:.2f}",
                     f"{training['minutes']:.1f}",
                     value_text(training["validation_ade_m"]),
-                    str(len(fold["recordings"])),
+                    ", ".join(fold["sites"]),
                 ],
             )
         )
@@ -122,7 +152,8 @@ def comparison_table(
 ) -> Table:
     """Return two cross-validations side by side: of each value the first, the second, the ratio.
 
-    Sites and groups that only one of them has are left out, from the mean of sites as well.
+    Sites and groups that only one of them has are left out, from the mean of sites as well, and
+    the groups that :func:`scores_table` leaves out.
 
     Args:
         first: content of one.
@@ -130,7 +161,7 @@ def comparison_table(
         names: of both, for the heads.
         manoeuvres: give the manoeuvres as well.
     """
-    contents = [{fold["site"]: fold for fold in content["folds"]} for content in (first, second)]
+    contents = [left_out_sites(content) for content in (first, second)]
     common = [site for site in contents[0] if site in contents[1]]
     heads = ["site, road users", "n"]
     for title, _ in _COMPARED:
@@ -143,9 +174,9 @@ def comparison_table(
         by_site[POOLED] = tuple(map(pooled_scores, pair))
         for site, (one, other) in by_site.items():
             prefix = f"{site}, {tracker}" if len(trackers) > 1 else site
-            for group in one:
-                hidden = group in MANOEUVRES and group != "standing" and not manoeuvres
-                if group in other and one[group]["n"] and not hidden:
+            also = _shown_groups(other, manoeuvres)
+            for group in _shown_groups(one, manoeuvres):
+                if group in also:
                     rows.append(_compared_row(f"{prefix}: {group}", one[group], other[group]))
     return Table(heads, rows)
 
@@ -165,10 +196,11 @@ def _compared_row(name: str, one: Json, other: Json) -> Row:
 
 
 NOTE = (
-    f"Every site counts equally in the {POOLED}, if it has at least {LEAST_AGENTS} agents and "
-    "instants of a group (ratios: geometric mean). '!': more than 2 % worse than the better of "
-    "constant velocity (CV) and constant acceleration (CA). sigma/RMSE: standard deviation of the "
-    f"heaviest mode over its error {TIMES_S[-1]:g} s ahead. nearest: share in which the heaviest "
-    "mode is the nearest."
+    f"Groups with fewer than {LEAST_AGENTS} agents and instants at a site are left out. Every "
+    f"site counts equally in the {POOLED} (ratios: geometric mean). '!': more than 2 % worse than "
+    "the better of constant velocity (CV) and constant acceleration (CA). in 90%: share of the "
+    "truths in the heaviest mode's 90 % ellipse. sigma/RMSE: standard deviation of the heaviest "
+    f"mode over its error {TIMES_S[-1]:g} s ahead. nearest: share in which the heaviest mode is "
+    "the nearest."
 )
 """Explains the tables."""

@@ -1,23 +1,24 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""One fold: train without a site, export, and score the model file on that site."""
+"""One fold: train without its sites, export, and score the model file on each of them."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.calibration.calibration_samples import merge_samples
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.crossval.crossval_folder import FoldFolder
 from mtpgo_training.crossval.fold_plan import Budget, FoldPlan, plan_fold
 from mtpgo_training.crossval.fold_samples import SampledEvaluation
-from mtpgo_training.crossval.site_folds import FoldSite, automatic_sites, without_site
+from mtpgo_training.crossval.site_folds import Fold, FoldSite, without_fold
 from mtpgo_training.crossval.site_scores import MODEL, group_scores
 from mtpgo_training.data.data_sources import DataSource, read_sources
 from mtpgo_training.data.recording_cache import RecordingCache
@@ -34,7 +35,7 @@ from mtpgo_training.training.training_config import CrossvalConfig, TrainingConf
 Json = dict[str, Any]
 
 TRACKER_SEEDS: dict[str, int | None] = {"recorded": None, "simulated": 0}
-"""What the observations of a left-out site come from, with the seed of the simulated tracker."""
+"""What the observations of left-out sites come from, with the seed of the simulated tracker."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class FoldJob:
     """What a fold is made of; small, to be sent to a process.
 
     Attributes:
-        site: the site that is left out.
+        fold: the sites that are left out.
         config: the configuration of the cross-validation.
         sources: the directories of recordings.
         cache: folder of the cache, None for none.
@@ -52,7 +53,7 @@ class FoldJob:
         trackers: whose observations it is scored with, of :data:`TRACKER_SEEDS`.
     """
 
-    site: FoldSite
+    fold: Fold
     config: TrainingConfig
     sources: tuple[DataSource, ...]
     cache: Path | None
@@ -67,7 +68,9 @@ class FoldJob:
 
 
 def run_fold(job: FoldJob) -> bool:
-    """Train without the site and score on it, or continue where a run before was interrupted.
+    """Train without the sites and score on each, or continue where a run before was interrupted.
+
+    A training that is done is not continued: it is exported and scored.
 
     Returns:
         Whether the fold is done: not if a signal has ended its training.
@@ -78,7 +81,37 @@ def run_fold(job: FoldJob) -> bool:
     files = FoldFolder(job.folder)
     cache = None if job.cache is None else RecordingCache(job.cache)
     recordings = list(read_sources(job.sources, cache))
-    config, others = without_site(_for_one_thread(job.config, job.site), recordings, job.site)
+    if not (files.training.is_file() or _train(job, files, recordings, cache)):
+        return False
+    # A model that was trained for a few minutes may have ellipses that an export refuses.
+    export_runs([files.run], files.model, name=_name(job.config, job.fold), force=True)
+    start = time.monotonic()
+    runner = ModelRunner.load(files.model)
+    scores, samples = {}, []
+    for site in job.fold.sites:
+        left_out = [item for item in recordings if item.name in site.recordings]
+        scores[site.name], parts = _scores(job, runner, site, left_out)
+        samples += parts
+    if samples:
+        merge_samples(samples).save(files.samples)
+    content: Json = {
+        "fold": job.fold.name,
+        "training": json.loads(files.training.read_text(encoding="utf-8")),
+        "scoring_seconds": round(time.monotonic() - start, 1),
+        "sites": scores,
+    }
+    write_text(files.scores, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    return True
+
+
+def _train(
+    job: FoldJob,
+    files: FoldFolder,
+    recordings: Sequence[NamedRecording],
+    cache: RecordingCache | None,
+) -> bool:
+    """Train, or continue the training; return whether it is done."""
+    config, others = without_fold(_for_one_thread(job.config, job.fold), recordings, job.fold)
     if files.plan.is_file():
         plan = FoldPlan.load(files.plan)
     else:
@@ -96,61 +129,62 @@ def run_fold(job: FoldJob) -> bool:
     )
     if run.received_signal is not None:
         return False
-    # A model that was trained for a few minutes may have ellipses that an export refuses.
-    name = f"{job.config.name}-without-{job.site.name}"
-    export_runs([files.run], files.model, name=name, force=True)
-    start = time.monotonic()
-    left_out = [item for item in recordings if item.name in job.site.recordings]
+    text = json.dumps(_training(run, plan, files.run), indent=1, allow_nan=False)
+    write_text(files.training, text + "\n")
+    return True
+
+
+def _scores(
+    job: FoldJob, runner: ModelRunner, site: FoldSite, recordings: Sequence[NamedRecording]
+) -> tuple[Json, list[CalibrationSamples]]:
+    """Return the scores on a site with each tracker, and the samples for a calibration."""
     content: Json = {
-        "site": job.site.name,
-        "recordings": [item.name for item in left_out],
-        "training": _training(run, plan, files.run),
+        "recordings": [item.name for item in recordings],
         "scores": {},
         "breakdowns": {},
     }
-    runner = ModelRunner.load(files.model)
     samples = []
     for tracker in job.trackers:
         settings = Settings(
             stride_s=job.stride_s, centre=False, tracker_seed=TRACKER_SEEDS[tracker]
         )
-        result = score_site(runner, left_out, settings)
+        result = score_site(runner, site.name, recordings, settings)
         content["scores"][tracker] = group_scores(result.scores, result.honesty)
         honesty = honesty_summary(result.honesty)
         content["breakdowns"][tracker] = breakdowns(result.scores) | {"honesty": honesty}
         samples.append(result.samples(runner.task.calibration))
-    content["scoring_seconds"] = round(time.monotonic() - start, 1)
-    known = [part for part in samples if part is not None]
-    if known:
-        merge_samples(known).save(files.samples)
-    write_text(files.scores, json.dumps(content, indent=1, allow_nan=False) + "\n")
-    return True
+    return content, [part for part in samples if part is not None]
 
 
 def score_site(
-    runner: ModelRunner, recordings: list[NamedRecording], settings: Settings
+    runner: ModelRunner, site: str, recordings: Sequence[NamedRecording], settings: Settings
 ) -> SampledEvaluation:
     """Score a model and the baselines on all recordings of a site, as ``mtpgo evaluate`` does.
 
     Args:
         runner: the model.
-        recordings: of the sites that are left out together, each with its own name in the scores.
+        site: name of the site in the scores and the samples.
+        recordings: of the site.
         settings: what is scored.
     """
     result = SampledEvaluation()
-    own_site = automatic_sites(recordings)
     for item in recordings:
         if len(item.recording):
-            recording = dataclasses.replace(item.recording, location=own_site[item.name])
+            recording = dataclasses.replace(item.recording, location=site)
             evaluate_recording(result, {MODEL: runner}, recording, settings, name=item.name)
     return result
 
 
-def _for_one_thread(config: TrainingConfig, site: FoldSite) -> TrainingConfig:
+def _name(config: TrainingConfig, fold: Fold) -> str:
+    """Return the name of the model of a fold."""
+    return f"{config.name}-without-{fold.name}"
+
+
+def _for_one_thread(config: TrainingConfig, fold: Fold) -> TrainingConfig:
     """Return the configuration of a fold: one process with one thread."""
     return dataclasses.replace(
         config,
-        name=f"{config.name}-without-{site.name}",
+        name=_name(config, fold),
         num_threads=1,
         crossval=CrossvalConfig(),
         trainer=dataclasses.replace(

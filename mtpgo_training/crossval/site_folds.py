@@ -1,10 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Sites of recordings, and the training data that is left without one of them.
+"""Sites of recordings, folds of sites, and the training data that is left without a fold.
 
 A site is a directory of recordings. Where a directory has recordings of several locations, each
-location is a site of its own, ``DIRECTORY-LOCATION``. The section ``crossval`` of the
-configuration may give names to sites and merge them.
+location is a site of its own, ``DIRECTORY-LOCATION``. A fold is a training without one or several
+sites, each of which is scored by itself. The section ``crossval`` of the configuration may name
+and merge sites, and say which sites are left out together.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from mtpgo_training.training.training_config import TrainingConfig
 
 @dataclass(frozen=True)
 class FoldSite:
-    """The recordings that are left out together.
+    """The recordings of a site, which are scored together.
 
     Attributes:
         name: name of the site.
@@ -30,6 +31,24 @@ class FoldSite:
 
     name: str
     recordings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Fold:
+    """The sites that one training leaves out.
+
+    Attributes:
+        name: name of the fold.
+        sites: the sites, each scored by itself.
+    """
+
+    name: str
+    sites: tuple[FoldSite, ...]
+
+    @property
+    def recordings(self) -> frozenset[str]:
+        """Names of the recordings of all its sites."""
+        return frozenset(name for site in self.sites for name in site.recordings)
 
 
 def find_sites(
@@ -74,28 +93,69 @@ def find_sites(
     return [site for site in sites if site.recordings]
 
 
-def chosen_sites(sites: Sequence[FoldSite], names: Iterable[str] | None) -> list[FoldSite]:
-    """Return the sites with these names, all of them for None.
+def find_folds(sites: Sequence[FoldSite], named: Mapping[str, Sequence[str]]) -> list[Fold]:
+    """Return the folds, the named ones first; a site in none of them has a fold of its own.
+
+    Args:
+        sites: all sites.
+        named: ``crossval.folds`` of the configuration: names of sites by the name of the fold.
 
     Raises:
-        ConfigurationError: a name is unknown, or there is one site only.
+        ConfigurationError: a name is no site, a site is in two folds, a fold has the name of a
+            site outside it, or there is one fold only, without which no site is left.
     """
-    if len(sites) < 2:
-        raise ConfigurationError(
-            f"the recordings are of one site ({', '.join(s.name for s in sites)}), expected at "
-            "least two to train without one of them"
-        )
     by_name = {site.name: site for site in sites}
+    fold_of: dict[str, str] = {}
+    for fold, entries in named.items():
+        for entry in entries:
+            if entry not in by_name:
+                raise ConfigurationError(
+                    f"crossval.folds.{fold} names {entry!r}, expected sites of {listed(by_name)}"
+                )
+            if fold_of.setdefault(entry, fold) != fold:
+                raise ConfigurationError(
+                    f"the site {entry} is in crossval.folds.{fold_of[entry]} and in "
+                    f"crossval.folds.{fold}, expected one fold"
+                )
+        if fold in by_name and fold not in entries:
+            raise ConfigurationError(
+                f"crossval.folds.{fold} has the name of a site that it does not leave out, "
+                "expected another name"
+            )
+    for name in by_name:
+        fold_of.setdefault(name, name)
+    folds = [
+        Fold(fold, tuple(site for site in sites if fold_of[site.name] == fold))
+        for fold in dict.fromkeys([*named, *fold_of.values()])
+    ]
+    if len(folds) < 2:
+        raise ConfigurationError(
+            f"one fold leaves out all sites ({', '.join(by_name)}), expected at least two folds"
+        )
+    return folds
+
+
+def chosen_folds(folds: Sequence[Fold], names: Iterable[str] | None) -> list[Fold]:
+    """Return folds by their own name or that of a site in them, all folds for None.
+
+    Raises:
+        ConfigurationError: a name is that of no fold and no site.
+    """
+    by_name = {site.name: fold for fold in folds for site in fold.sites}
+    by_name |= {fold.name: fold for fold in folds}
     for name in names or ():
         if name not in by_name:
-            raise ConfigurationError(f"--sites names {name!r}, expected {listed(by_name)}")
-    return [by_name[name] for name in dict.fromkeys(names or by_name)]
+            raise ConfigurationError(
+                f"--folds names {name!r}, expected a fold or a site in it, of {listed(by_name)}"
+            )
+    chosen = folds if names is None else [by_name[name] for name in names]
+    return list({fold.name: fold for fold in chosen}.values())
 
 
-def without_site(
-    config: TrainingConfig, recordings: Sequence[NamedRecording], site: FoldSite
+def without_fold(
+    config: TrainingConfig, recordings: Sequence[NamedRecording], fold: Fold
 ) -> tuple[TrainingConfig, list[NamedRecording]]:
-    """Return configuration and recordings of a training without a site.
+    """Return configuration and recordings of a training without the sites of a fold.
 
     With ``data.split: recording`` the recordings of the other sites keep the use that the
     configuration gives them; those for the test are left out. Where no recording of another site
@@ -105,23 +165,22 @@ def without_site(
     Args:
         config: the configuration of the cross-validation.
         recordings: all recordings.
-        site: the site that is left out.
+        fold: the sites that are left out.
 
     Raises:
         ConfigurationError: no recording is left to train on.
     """
-    data = config.data
-    others = [item for item in recordings if item.name not in site.recordings]
+    data, left_out = config.data, fold.recordings
+    others = [item for item in recordings if item.name not in left_out]
     if data.split == "recording":
         splits = split(recordings, data, config.seed)
         train, validation = (
-            {item.name for item in part} - set(site.recordings)
-            for part in (splits.train, splits.validation)
+            {item.name for item in part} - left_out for part in (splits.train, splits.validation)
         )
         if not train:
             raise ConfigurationError(
-                f"no recording is left in data.train without the site {site.name!r}, expected "
-                "recordings of other sites"
+                f"no recording is left in data.train without {fold.name!r}, expected recordings "
+                "of other sites"
             )
         others = [item for item in others if item.name in train | validation]
         data = dataclasses.replace(

@@ -127,16 +127,21 @@ class CrossvalConfig:
         sites: name of a site -> what belongs to it: directories, recordings (``DIRECTORY/NAME``),
             or sites as they are called by default, ``DIRECTORY-LOCATION`` in a directory with
             several locations. Recordings that are not named are in the site of that default name.
+        folds: name of a fold -> the sites that are left out together; each is scored by itself. A
+            site in no fold has one of its own, with its name.
     """
 
     sites: dict[str, list[str]] = field(default_factory=dict)
+    folds: dict[str, list[str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, entries in self.sites.items():
-            texts = isinstance(entries, list) and all(isinstance(e, str) for e in entries)
-            require(
-                f"crossval.sites.{name}", entries, texts and len(entries) > 0, "a list of names"
-            )
+        for section in ("sites", "folds"):
+            for name, entries in getattr(self, section).items():
+                named = isinstance(name, str) and name != ""
+                require(f"a name in crossval.{section}", name, named, "text")
+                texts = isinstance(entries, list) and all(isinstance(e, str) for e in entries)
+                valid = texts and len(entries) > 0
+                require(f"crossval.{section}.{name}", entries, valid, "a list of names")
 
 
 @dataclass(frozen=True)

@@ -28,18 +28,20 @@ def group(ade, *, n=100, cv=2.0, five=0.8, nll=1.0):
     }
 
 
-def content(sites, tracker="recorded"):
-    """The content of a cross-validation: groups by site."""
+def content(sites, tracker="recorded", folds=None):
+    """The content of a cross-validation: groups by site; each site is a fold by default."""
     training = {"epochs": 12, "epochs_done": 11, "share": 0.5, "minutes": 6.0}
     return {
         "trackers": [tracker],
         "folds": [
             {
-                "site": site,
-                "recordings": ["a/01", "a/02"],
+                "fold": fold,
                 "training": training | {"validation_ade_m": 0.5},
-                "scores": {tracker: groups},
+                "sites": {
+                    site: {"recordings": ["a/01"], "scores": {tracker: sites[site]}}
+                    for site in left_out
+                },
             }
-            for site, groups in sites.items()
+            for fold, left_out in (folds or {site: [site] for site in sites}).items()
         ],
     }

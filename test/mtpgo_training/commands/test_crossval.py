@@ -12,6 +12,7 @@ import yaml
 from traffic import braking_cars
 
 from mtpgo_training import cli
+from mtpgo_training.calibration.calibration_samples import SAMPLES_FILE, CalibrationSamples
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.training.run_folder import load_checkpoint
 
@@ -84,7 +85,7 @@ def in_this_process(monkeypatch):
 def test_two_sites_interrupted_and_continued(place, capsys, in_this_process):
     """An interrupt ends the training after a step; the same command continues it."""
     east = place / "out" / "folds" / "east"
-    assert cli.main(arguments(place, "out", "--sites", "east")) == 130
+    assert cli.main(arguments(place, "out", "--folds", "east")) == 130
     in_this_process.undo()
     said_first, errors = capsys.readouterr()
     assert errors == ""
@@ -96,7 +97,7 @@ def test_two_sites_interrupted_and_continued(place, capsys, in_this_process):
     assert cli.main(arguments(place, "out", "--jobs", "2")) == 0
     said, errors = capsys.readouterr()
     assert errors == ""
-    for expected in ("2 of 2 sites, 0 done before", "west: moving", "mean of sites: moving"):
+    for expected in ("2 of 2 folds, 0 done before", "west: all", "mean of sites: moving"):
         assert expected in said
     assert load_checkpoint(east / "run" / "last.pt")["step"] > stopped
     plan = next(line for line in said_first.splitlines() if line.startswith("plan"))
@@ -105,8 +106,9 @@ def test_two_sites_interrupted_and_continued(place, capsys, in_this_process):
     for fold, other in zip(content["folds"], ("west", "east"), strict=True):
         assert fold["training"]["train"] == [f"{other}/01"]
         assert fold["training"]["validation"] == [f"{other}/02"]
-        assert fold["recordings"] == [f"{fold['site']}/01", f"{fold['site']}/02"]
-        assert (place / "out" / "folds" / fold["site"] / "model.pt").is_file()
+        name = fold["fold"]
+        assert fold["sites"][name]["recordings"] == [f"{name}/01", f"{name}/02"]
+        assert (place / "out" / "folds" / name / "model.pt").is_file()
 
     # A third time nothing is trained, and a comparison with itself finds no change.
     assert cli.main(arguments(place, "out", "--quiet")) == 0
@@ -118,9 +120,16 @@ def test_two_sites_interrupted_and_continued(place, capsys, in_this_process):
 @pytest.mark.parametrize(
     ("more", "sentence"),
     [
-        (["--sites", "north"], "--sites names 'north', expected 'east', 'west'"),
-        (["--set", "crossval.sites.all=[east, west]"], "are of one site (all), expected at least"),
+        (
+            ["--folds", "north"],
+            "--folds names 'north', expected a fold or a site in it, of 'east'",
+        ),
+        (
+            ["--set", "crossval.folds.all=[east, west]"],
+            "one fold leaves out all sites (east, west",
+        ),
         (["--set", "crossval.sites.a=east"], "crossval.sites.a is 'east', expected a list"),
+        (["--set", "crossval.folds={1: [east]}"], "a name in crossval.folds is 1, expected text"),
         (["--set", "model.layer=gat3"], "layer is 'gat3', expected one of"),
         (["--minutes-per-fold", "3"], "--minutes-per-fold and --steps-per-fold are given"),
         (["--compare", "a", "b"], "--compare is given with a configuration, --data or --out"),

@@ -13,16 +13,17 @@ from traffic import braking_cars
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.crossval.crossval_folder import CrossvalFolder, read_results
 from mtpgo_training.crossval.fold_plan import Budget
-from mtpgo_training.crossval.site_folds import FoldSite
+from mtpgo_training.crossval.site_folds import Fold, FoldSite
 from mtpgo_training.data.splits import NamedRecording
 
 RECORDINGS = [NamedRecording(s, braking_cars(tracks=1, seconds=1.0)) for s in ("a", "b")]
-SITES = [FoldSite("a", ("a/01",)), FoldSite("b/c", ("b/01",))]
+A, B = FoldSite("a", ("a/01",)), FoldSite("b/c", ("b/01",))
+FOLDS = [Fold("a", (A,)), Fold("b/c", (B,))]
 
 
-def start(path, config=CONFIG, *, sites=SITES, recordings=RECORDINGS, budget=None, stride_s=1.0):
+def start(path, config=CONFIG, *, folds=FOLDS, recordings=RECORDINGS, budget=None, stride_s=1.0):
     folder = CrossvalFolder(path)
-    folder.start(config, sites, recordings, budget or Budget(minutes=1.0), stride_s, ("recorded",))
+    folder.start(config, folds, recordings, budget or Budget(minutes=1.0), stride_s, ("recorded",))
     return folder
 
 
@@ -37,7 +38,8 @@ def test_the_same_again_continues(tmp_path):
         ({"config": dataclasses.replace(CONFIG, seed=5)}, r"in seed \(1 there, 5 here\)"),
         ({"budget": Budget(minutes=2.0)}, "budget is .*2.0.* but .*1.0"),
         ({"stride_s": 2.0}, r"stride_s is 2.0, but 1.0 in"),
-        ({"sites": SITES[:1]}, "the sites differ"),
+        ({"folds": FOLDS[:1]}, "the folds differ"),
+        ({"folds": [Fold("a", (A,)), Fold("b/c", (FoldSite("b/c", ()),))]}, "the sites differ"),
         ({"recordings": RECORDINGS[:1]}, "the recordings differ"),
     ],
 )
@@ -64,10 +66,31 @@ def test_results_are_those_of_the_folds_that_are_done(tmp_path):
     fold.scores.write_text(json.dumps(content({"b/c": {"all": group(1.0)}})["folds"][0]))
     assert fold.done
     result = folder.write_results()
-    assert [one["site"] for one in result["folds"]] == ["b/c"]
+    assert [one["fold"] for one in result["folds"]] == ["b/c"]
     assert result["mean_of_sites"]["recorded"]["all"]["ade"] == 1.0
     assert json.loads(folder.result.read_text()) == result == read_results(tmp_path / "out")
     assert "| b/c: all | 100 | 1.000 |" in folder.markdown.read_text()
+
+
+def test_the_mean_is_over_the_sites_of_a_fold(tmp_path):
+    folder = start(tmp_path / "out", folds=[Fold("both", (A, B)), Fold("c", ())])
+    fold = folder.fold("both")
+    fold.path.mkdir(parents=True)
+    sites = {"a": {"moving": group(1.0)}, "b/c": {"moving": group(3.0, n=10_000)}}
+    fold.scores.write_text(json.dumps(content(sites, folds={"both": ["a", "b/c"]})["folds"][0]))
+    result = folder.results()
+    assert result["left_out_together"] == {"both": ["a", "b/c"], "c": []}
+    assert result["mean_of_sites"]["recorded"]["moving"]["ade"] == 2.0
+
+
+def test_a_folder_of_an_earlier_version_is_one_sentence(tmp_path):
+    folder = start(tmp_path / "out")
+    facts = json.loads((folder.path / "crossval.json").read_text())
+    del facts["folds"]
+    (folder.path / "crossval.json").write_text(json.dumps(facts))
+    for use in (read_results, start):
+        with pytest.raises(ConfigurationError, match="of an earlier version, which has no scores"):
+            use(folder.path)
 
 
 def test_another_folder_has_no_results(tmp_path):

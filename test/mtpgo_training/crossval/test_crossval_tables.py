@@ -11,6 +11,7 @@ from mtpgo_training.crossval.crossval_tables import (
     scores_table,
     trainings_table,
 )
+from mtpgo_training.crossval.site_scores import LEAST_AGENTS
 from mtpgo_training.table_format import to_text
 
 
@@ -25,16 +26,50 @@ def test_each_site_has_its_groups_and_the_mean_stands_below():
     )
     rows = rows_of(table)
     assert list(rows) == [
-        "a: all",
         "a: moving",
+        "a: all",
         "b: all !",
-        f"{POOLED}: all",
         f"{POOLED}: moving",
+        f"{POOLED}: all",
     ]
     assert rows[f"{POOLED}: all"]["ADE m"] == "2.000"
-    assert rows["a: moving"]["in 90% 5 s"] == "0.80"
-    assert rows["a: all"]["in 90% 5 s"] == "-"
+    assert rows["a: moving"]["in 90% 1/3/5 s"] == "0.90/0.85/0.80"
+    assert rows["a: all"]["in 90% 1/3/5 s"] == "-"
     assert rows["b: all !"]["/ CV"] == "1.50"
+
+
+def test_sites_that_are_left_out_together_have_rows_of_their_own():
+    sites = {"a": {"moving": group(1.0)}, "b": {"moving": group(3.0, n=10_000)}}
+    given = content(sites, folds={"both": ["a", "b"]})
+    rows = rows_of(scores_table(given, "recorded"))
+    assert list(rows) == ["a: moving", "b: moving !", f"{POOLED}: moving"]
+    assert rows[f"{POOLED}: moving"]["ADE m"] == "2.000"
+    [trained] = trainings_table(given).rows
+    assert (trained.name, trained.cells[-1]) == ("both", "a, b")
+
+
+def test_moving_road_users_come_first_and_few_are_left_out():
+    groups = ("all", "standing", "vehicle moving", "turning", "moving", "pedestrian standing")
+    given = {name: group(1.0, n=LEAST_AGENTS) for name in groups}
+    given |= {"bicycle moving": group(1.0, n=LEAST_AGENTS - 1)}
+    table = scores_table(content({"a": given}), "recorded", manoeuvres=True)
+    assert [row.name.removeprefix("a: ") for row in table.rows][:6] == [
+        "vehicle moving",
+        "moving",
+        "standing",
+        "pedestrian standing",
+        "all",
+        "turning",
+    ]
+    assert "bicycle moving" not in to_text(table)
+    few = scores_table(content({"a": {"all": group(1.0, n=1)}}), "recorded")
+    assert [row.name for row in few.rows] == ["a: all"]
+
+
+def test_the_table_fits_a_wide_terminal():
+    sites = {"roundabouts": {"pedestrian standing": group(9.0, n=1_000_000)}}
+    table = to_text(scores_table(content(sites), "recorded"))
+    assert max(map(len, table.splitlines())) <= 120
 
 
 def test_manoeuvres_are_shown_on_request():
@@ -48,6 +83,13 @@ def test_what_was_trained_is_told():
     text = to_text(trainings_table(content({"a": {}})))
     assert "11 of 12" in text
     assert "0.50" in text
+
+
+def test_sites_are_compared_whatever_they_were_left_out_with():
+    sites = {"a": {"moving": group(1.0)}, "b": {"moving": group(2.0)}}
+    first, second = content(sites), content(sites, folds={"both": ["b", "a"]})
+    table = comparison_table(first, second, ("alone", "together"))
+    assert [row.name for row in table.rows] == ["a: moving", "b: moving", f"{POOLED}: moving"]
 
 
 def test_two_results_are_compared_on_what_both_have():

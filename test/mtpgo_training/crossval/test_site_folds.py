@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Sites by directory, location and configuration, and the training data without one of them."""
+"""Sites by directory, location and configuration, folds of them, and the data without a fold."""
 
 import dataclasses
 
@@ -9,7 +9,14 @@ from tiny_run import CONFIG
 from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.crossval.site_folds import FoldSite, chosen_sites, find_sites, without_site
+from mtpgo_training.crossval.site_folds import (
+    Fold,
+    FoldSite,
+    chosen_folds,
+    find_folds,
+    find_sites,
+    without_fold,
+)
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.splits import NamedRecording
 
@@ -31,6 +38,10 @@ RECORDINGS = [
 
 def as_dict(sites):
     return {site.name: site.recordings for site in sites}
+
+
+def fold_of(*recordings):
+    return Fold("one", (FoldSite("site", recordings),))
 
 
 def configured(**data):
@@ -70,20 +81,51 @@ def test_a_site_that_cannot_be_is_an_error(given, sentence):
         find_sites(RECORDINGS, given)
 
 
-def test_sites_are_chosen_by_name():
+def test_each_site_is_left_out_in_one_fold():
     sites = find_sites(RECORDINGS, {})
-    assert [site.name for site in chosen_sites(sites, None)] == [s.name for s in sites]
-    assert [site.name for site in chosen_sites(sites, ["lyon", "i80"])] == ["lyon", "i80"]
-    with pytest.raises(ConfigurationError, match="--sites names 'i81', expected 'ngsim-1', "):
-        chosen_sites(sites, ["i81"])
-    with pytest.raises(ConfigurationError, match=r"of one site \(i80\), expected at least two"):
-        chosen_sites(sites[2:3], None)
+    folds = find_folds(sites, {"half": ["lyon", "ngsim-2"]})
+    assert {fold.name: [site.name for site in fold.sites] for fold in folds} == {
+        "half": ["ngsim-2", "lyon"],
+        "ngsim-1": ["ngsim-1"],
+        "i80": ["i80"],
+    }
+    assert folds[0].recordings == {"ngsim/02", "lyon/01", "lyon/02"}
+    assert [fold.name for fold in find_folds(sites, {})] == [site.name for site in sites]
+    assert find_folds(sites, {"lyon": ["lyon", "i80"]})[0].name == "lyon"
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"a": ["us101"]}, r"crossval\.folds\.a names 'us101', expected sites of 'ngsim-1', "),
+        (
+            {"a": ["i80", "lyon"], "b": ["lyon"]},
+            r"the site lyon is in crossval\.folds\.a and in crossval\.folds\.b, expected one",
+        ),
+        ({"i80": ["lyon"]}, r"crossval\.folds\.i80 has the name of a site that it does not"),
+        ({"a": ["ngsim-1", "ngsim-2", "i80", "lyon"]}, "one fold leaves out all sites"),
+    ],
+)
+def test_a_fold_that_cannot_be_is_an_error(given, sentence):
+    with pytest.raises(ConfigurationError, match=sentence):
+        find_folds(find_sites(RECORDINGS, {}), given)
+
+
+def test_folds_are_chosen_by_name_or_by_a_site_in_them():
+    folds = find_folds(find_sites(RECORDINGS, {}), {"half": ["lyon", "ngsim-2"]})
+
+    def names(chosen):
+        return [fold.name for fold in chosen_folds(folds, chosen)]
+
+    assert names(None) == ["half", "ngsim-1", "i80"]
+    assert names(["i80", "lyon", "half", "ngsim-2"]) == ["i80", "half"]
+    with pytest.raises(ConfigurationError, match=r"--folds names 'i81', expected .*, 'half'"):
+        chosen_folds(folds, ["i81"])
 
 
 def test_the_other_sites_keep_their_uses_without_the_tests():
     config = configured(validation=("ngsim/03", "lyon/01"), test=("i80/01",))
-    site = FoldSite("ngsim-1", ("ngsim/01", "ngsim/03"))
-    fold, others = without_site(config, RECORDINGS, site)
+    fold, others = without_fold(config, RECORDINGS, fold_of("ngsim/01", "ngsim/03"))
     assert [item.name for item in others] == ["ngsim/02", "lyon/01", "lyon/02"]
     assert fold.data.validation == ("lyon/01",)
     assert (fold.data.train, fold.data.test) == ((), ())
@@ -91,13 +133,13 @@ def test_the_other_sites_keep_their_uses_without_the_tests():
 
 def test_only_the_configured_recordings_are_trained_on():
     config = configured(train=("ngsim/02", "lyon/02"), validation=("lyon/01",), test_fraction=0.3)
-    _, others = without_site(config, RECORDINGS, FoldSite("i80", ("i80/01",)))
+    _, others = without_fold(config, RECORDINGS, fold_of("i80/01"))
     assert [item.name for item in others] == ["ngsim/02", "lyon/01", "lyon/02"]
 
 
 def test_validation_is_drawn_where_the_site_took_it_all():
     config = configured(validation=("i80/01",), validation_fraction=0.2)
-    fold, others = without_site(config, RECORDINGS, FoldSite("i80", ("i80/01",)))
+    fold, others = without_fold(config, RECORDINGS, fold_of("i80/01"))
     assert fold.data.validation == ()
     assert fold.data.validation_fraction == 0.2
     assert len(others) == 5
@@ -106,18 +148,26 @@ def test_validation_is_drawn_where_the_site_took_it_all():
 def test_weights_of_the_left_out_site_are_dropped():
     weights = {"i80": 0.5, "i80/01": 0.1, "lyon": 0.3, "lyon/02": 2.0}
     config = configured(validation=("lyon/01",), source_weight=weights)
-    fold, _ = without_site(config, RECORDINGS, FoldSite("i80", ("i80/01",)))
+    fold, _ = without_fold(config, RECORDINGS, fold_of("i80/01"))
     assert fold.data.source_weight == {"lyon": 0.3, "lyon/02": 2.0}
 
 
 def test_with_blocks_of_time_all_other_recordings_are_used():
     config = configured(split="time", validation_fraction=0.2)
-    fold, others = without_site(config, RECORDINGS, FoldSite("lyon", ("lyon/01", "lyon/02")))
+    fold, others = without_fold(config, RECORDINGS, fold_of("lyon/01", "lyon/02"))
     assert [item.name for item in others] == ["ngsim/01", "ngsim/02", "ngsim/03", "i80/01"]
     assert fold.data == config.data
+
+
+def test_all_sites_of_a_fold_are_left_out_together():
+    config = configured(train=("ngsim/02", "lyon/02", "i80/01"), validation=("lyon/01",))
+    fold = Fold("two", (FoldSite("a", ("i80/01",)), FoldSite("b", ("lyon/01",))))
+    part, others = without_fold(config, RECORDINGS, fold)
+    assert [item.name for item in others] == ["ngsim/02", "lyon/02"]
+    assert part.data.validation == ()
 
 
 def test_nothing_left_to_train_on_is_an_error():
     config = configured(train=("i80/01",), validation=("lyon/01",))
     with pytest.raises(ConfigurationError, match=r"no recording is left in data\.train without"):
-        without_site(config, RECORDINGS, FoldSite("i80", ("i80/01",)))
+        without_fold(config, RECORDINGS, fold_of("i80/01"))
