@@ -17,8 +17,8 @@ from mtpgo_core.schema import BoolArray
 from mtpgo_core.task.calibration import GROUPS, MOTIONS
 from mtpgo_training.calibration.calibration_fit import LEVEL, fit_calibration, nearest_shares
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
-from mtpgo_training.calibration.calibration_text import COVERAGE_KEY, TIMES_S
-from mtpgo_training.evaluation.scores.metrics import Array, radius_squared
+from mtpgo_training.calibration.calibration_text import COVERAGE_KEY
+from mtpgo_training.evaluation.scores.metrics import TIMES_S, Array, radius_squared
 from mtpgo_training.evaluation.scores.score_table import none
 from mtpgo_training.table_format import Row, Table
 
