@@ -56,7 +56,7 @@ def score_site(predictions: SitePredictions) -> SiteScores:
     nees = metrics.nees(mean, weight, covariance, truth)
     inside = (nees <= metrics.radius_squared(LEVEL)) & mask
     straight = np.linalg.norm(predictions.constant_velocity - truth, axis=-1)
-    coverage = {}
+    coverage: dict[float, float] = {}
     for time_s in metrics.TIMES_S:
         step = round(time_s / predictions.step_s) - 1
         known = moving & (mask[:, step] if step < mask.shape[1] else False)
