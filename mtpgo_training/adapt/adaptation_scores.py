@@ -12,7 +12,6 @@ import numpy as np
 from mtpgo_core.task.calibration import MOTIONS
 from mtpgo_training.adapt.site_predictions import SitePredictions
 from mtpgo_training.calibration.calibration_fit import LEVEL
-from mtpgo_training.calibration.calibration_text import TIMES_S
 from mtpgo_training.evaluation.scores import metrics
 
 
@@ -57,8 +56,8 @@ def score_site(predictions: SitePredictions) -> SiteScores:
     nees = metrics.nees(mean, weight, covariance, truth)
     inside = (nees <= metrics.radius_squared(LEVEL)) & mask
     straight = np.linalg.norm(predictions.constant_velocity - truth, axis=-1)
-    coverage = {}
-    for time_s in TIMES_S:
+    coverage: dict[float, float] = {}
+    for time_s in metrics.TIMES_S:
         step = round(time_s / predictions.step_s) - 1
         known = moving & (mask[:, step] if step < mask.shape[1] else False)
         coverage[time_s] = float(inside[known, step].mean()) if known.any() else float("nan")

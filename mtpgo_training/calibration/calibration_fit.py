@@ -23,6 +23,7 @@ from mtpgo_core.task.calibration import (
     GroupCalibration,
 )
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
+from mtpgo_training.evaluation.honesty.mode_weights import nearest
 from mtpgo_training.evaluation.scores.metrics import EXPECTED_NEES, Array, radius_squared
 
 LEVEL = 0.9
@@ -152,16 +153,6 @@ def weighted_quantile(values: Array, weight: Array, level: float) -> float:
     return float(values[order[min(int(place), len(order) - 1)]])
 
 
-def nearest_shares(mode_error: Array) -> Array:
-    """Return [n, M] which mode was the nearest, shared equally where several are.
-
-    Args:
-        mode_error: [n, M] average distance from the truth (m).
-    """
-    nearest = mode_error <= mode_error.min(axis=1, keepdims=True) + TIE_M
-    return np.asarray(nearest / nearest.sum(axis=1, keepdims=True))
-
-
 def best_temperature(log_weight: Array, mode_error: Array, weight: Array) -> float:
     """Return the temperature at which the mode weights best predict the nearest mode.
 
@@ -172,7 +163,7 @@ def best_temperature(log_weight: Array, mode_error: Array, weight: Array) -> flo
         mode_error: [n, M] average distance from the truth (m).
         weight: [n] of the agents.
     """
-    target = nearest_shares(mode_error)
+    target = nearest(mode_error, TIE_M)
     logits = log_weight.astype(np.float64)
     logits = logits - logits.max(axis=1, keepdims=True)
     share = weight / weight.sum()

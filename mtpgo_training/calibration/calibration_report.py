@@ -15,10 +15,15 @@ import numpy as np
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import BoolArray
 from mtpgo_core.task.calibration import GROUPS, MOTIONS
-from mtpgo_training.calibration.calibration_fit import LEVEL, fit_calibration, nearest_shares
+from mtpgo_training.calibration.calibration_fit import LEVEL, TIE_M, fit_calibration
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
-from mtpgo_training.calibration.calibration_text import COVERAGE_KEY, TIMES_S
-from mtpgo_training.evaluation.scores.metrics import Array, radius_squared
+from mtpgo_training.calibration.calibration_text import COVERAGE_KEY
+from mtpgo_training.evaluation.honesty.mode_weights import (
+    brier_score,
+    heaviest_is_nearest,
+    nearest,
+)
+from mtpgo_training.evaluation.scores.metrics import TIMES_S, Array, radius_squared
 from mtpgo_training.evaluation.scores.score_table import none
 from mtpgo_training.table_format import Row, Table
 
@@ -73,8 +78,7 @@ def score_samples(samples: CalibrationSamples) -> CalibrationScores:
         nll.append(_mean(0.5 * (distance + log_determinant) + np.log(2.0 * np.pi), site))
     whole = np.isfinite(samples.mode_error).all(axis=1)
     site, log_weight = samples.site[whole], samples.log_weight[whole].astype(np.float64)
-    target = nearest_shares(samples.mode_error[whole]) if whole.any() else log_weight
-    rows = np.arange(len(log_weight))
+    target = nearest(samples.mode_error[whole], TIE_M) if whole.any() else log_weight
     finite = np.maximum(log_weight, np.finfo(np.float32).min)  # a weight of 0 that is not nearest
     return CalibrationScores(
         agents=int(np.isfinite(samples.distance).any(axis=1).sum()),
@@ -83,9 +87,9 @@ def score_samples(samples: CalibrationSamples) -> CalibrationScores:
         coverage=tuple(coverage),
         sigma_m=tuple(sigma),
         nll=tuple(nll),
-        brier=_mean(((np.exp(log_weight) - target) ** 2).sum(axis=1), site),
+        brier=_mean(brier_score(np.exp(log_weight), target), site),
         cross_entropy=_mean(-(target * finite).sum(axis=1), site),
-        heaviest_nearest=_mean(target[rows, log_weight.argmax(axis=1)], site),
+        heaviest_nearest=_mean(heaviest_is_nearest(log_weight, target), site),
     )
 
 

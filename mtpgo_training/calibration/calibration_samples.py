@@ -17,7 +17,8 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import BoolArray, Float32Array, IndexArray
 from mtpgo_core.task.calibration import Calibration, GroupArray
 from mtpgo_training.atomic_files import replacing
-from mtpgo_training.evaluation.scores.metrics import Array, Mask, nees, over_steps
+from mtpgo_training.evaluation.honesty.mode_weights import average_distance
+from mtpgo_training.evaluation.scores.metrics import Array, Mask, nees
 
 SAMPLES_FILE = "calibration.npz"
 """Name of the file of samples in the folder of a cross-validation's fold."""
@@ -89,8 +90,7 @@ class CalibrationSamples:
         chosen = covariance[np.arange(len(best)), best].astype(np.float64)
         determinant = chosen[..., 0, 0] * chosen[..., 1, 1] - chosen[..., 0, 1] ** 2
         squared = nees(mean, weight, covariance, truth)
-        error = np.linalg.norm(mean - truth[:, None], axis=-1)  # [n, M, H]
-        average = over_steps(error, np.broadcast_to(mask[:, None], error.shape))
+        average = average_distance(mean, truth, mask)
         with np.errstate(divide="ignore", invalid="ignore"):
             log_determinant = np.log(determinant)
             log_weight = np.log(weight)

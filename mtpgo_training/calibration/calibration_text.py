@@ -8,9 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from mtpgo_core.task.calibration import Calibration
-
-TIMES_S = (1.0, 3.0, 5.0)
-"""Times ahead that are reported (s), as far as the horizon reaches."""
+from mtpgo_training.evaluation.scores.metrics import TIMES_S
 
 COVERAGE_KEY = "moving_coverage_90_{:g}s"
 """Name in a model's metrics of the share of moving road users inside their 90 % ellipse after a

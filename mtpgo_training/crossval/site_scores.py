@@ -12,28 +12,17 @@ import numpy as np
 import pandas as pd
 
 from mtpgo_core.schema import BoolArray
-from mtpgo_core.task import calibration
 from mtpgo_training.data.manoeuvres import MANOEUVRES, members
 from mtpgo_training.evaluation.honesty.honesty_summary import honesty_values
-from mtpgo_training.evaluation.honesty.honesty_table import HonestyTable
+from mtpgo_training.evaluation.honesty.honesty_table import CLASS_GROUPS, HonestyTable
+from mtpgo_training.evaluation.honesty.simple_comparison import SIMPLE, is_worse
+from mtpgo_training.evaluation.scores.metrics import TIMES_S
 from mtpgo_training.evaluation.scores.score_table import ScoreTable, average, none, totals
 
 Json = dict[str, Any]
 
 MODEL = "model"
 """Name of a fold's model in the scores."""
-
-REFERENCES = ("cv", "ca")
-"""The baselines relative to which the errors are given."""
-
-CLASS_GROUPS = {
-    "unknown" if name == "any" else name: classes
-    for name, classes in calibration.CLASS_GROUPS.items()
-}
-"""Classes that are calibrated together."""
-
-TIMES_S = (1.0, 3.0, 5.0)
-"""Times at which the coverage is given (s)."""
 
 VALUES = ("ade", "fde", "min_ade", "min_fde", "mr", "anll", "coverage_90")
 """Averages over agents that are given for each group, see
@@ -60,17 +49,14 @@ LEAST_AGENTS = 50
 """A site counts in the average over sites where it has this many agents and instants of a group;
 chosen: fewer are a few seconds of a few road users."""
 
-SIMPLE_TOLERANCE = 1.02
-"""An ADE above this multiple of the better baseline's is worse than simple (the project's bar)."""
-
 
 def group_scores(table: ScoreTable, honesty: HonestyTable) -> dict[str, Json]:
     """Return the scores of a site by group of agents; None where a value is not defined.
 
-    Groups: ``all``, ``moving`` and ``standing``; ``CLASS MOTION`` for each of
-    :data:`CLASS_GROUPS`; each manoeuvre. Values: ``n`` agents and instants; those of
-    :data:`VALUES`; ``ade_cv`` and ``ade_ca``, the ADE of the baselines (m), and ``ratio_cv`` and
-    ``ratio_ca`` relative to them; ``coverage_90_at``, the coverage at each of :data:`TIMES_S`;
+    Groups: ``all``, ``moving`` and ``standing``; ``CLASS MOTION`` for each of the class groups;
+    each manoeuvre. Values: ``n`` agents and instants; those of :data:`VALUES`; ``ade_cv`` and
+    ``ade_ca``, the ADE of the baselines (m), and ``ratio_cv`` and ``ratio_ca`` relative to them;
+    ``coverage_90_at``, the coverage at each of ``TIMES_S``;
     those of :data:`HONESTY_VALUES`, ``jump_cv`` (m), and by time ``region_90_at`` (coverage of the
     mixture), ``sigma_to_rmse_at`` and ``nll_at``.
 
@@ -123,7 +109,7 @@ def _scores(agents: pd.DataFrame, steps: pd.DataFrame) -> Json:
     if MODEL in means.index:
         found["n"] = int(counts.at[MODEL, "ade"])
         found |= {key: none(means.at[MODEL, key]) for key in VALUES}
-    for name in REFERENCES:
+    for name in SIMPLE:
         other = none(means.at[name, "ade"]) if name in means.index else None
         found[f"ade_{name}"] = other
         found[f"ratio_{name}"] = found["ade"] / other if found["ade"] and other else None
@@ -149,13 +135,13 @@ def _honesty(sums: pd.DataFrame, jumps: pd.DataFrame) -> Json:
 
 
 def _at(times_s: Sequence[float], values: Sequence[float | None]) -> Json:
-    """Return the values at :data:`TIMES_S`, by the time as text."""
+    """Return the values at ``TIMES_S``, by the time as text."""
     by_time = dict(zip((f"{time:g}" for time in times_s), values, strict=True))
     return {f"{time:g}": by_time.get(f"{time:g}") for time in TIMES_S}
 
 
 def _coverage(steps: pd.DataFrame) -> Json:
-    """Return the coverage of the 90 % ellipses at :data:`TIMES_S`, by the time as text."""
+    """Return the coverage of the 90 % ellipses at ``TIMES_S``, by the time as text."""
     found: Json = {f"{time:g}": None for time in TIMES_S}
     if len(steps):
         for time, value in average(totals(steps, ["time_s"]))["coverage_90"].items():
@@ -207,7 +193,5 @@ def _average(values: Sequence[float | None], geometric: bool = False) -> float |
 
 
 def worse_than_simple(scores: Json) -> bool:
-    """Whether the ADE is above that of the better baseline by more than the tolerance."""
-    others = [scores[f"ade_{name}"] for name in REFERENCES if scores[f"ade_{name}"] is not None]
-    ade = scores["ade"]
-    return bool(others) and ade is not None and ade > SIMPLE_TOLERANCE * min(others)
+    """Whether the ADE is known to be worse than that of the better baseline."""
+    return is_worse(scores["ade"], [scores[f"ade_{name}"] for name in SIMPLE]) is True

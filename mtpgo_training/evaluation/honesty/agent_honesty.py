@@ -26,13 +26,10 @@ from mtpgo_training.evaluation.honesty import (
 from mtpgo_training.evaluation.honesty.mixture_region import region_level
 from mtpgo_training.evaluation.scores import metrics
 from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents
-from mtpgo_training.evaluation.scores.metrics import Array, Mask
+from mtpgo_training.evaluation.scores.metrics import TIMES_S, Array, Mask
 
 PERCENTS = (50, 90, 95)
 """Levels of ellipses and regions (%)."""
-
-REGION_TIMES_S = (1, 3, 5)
-"""Times ahead at which coverages and likelihoods are given (s)."""
 
 SPREAD_TIMES_S = (1, 2, 3, 4, 5)
 """Times ahead at which spread and error are given (s)."""
@@ -174,7 +171,7 @@ def _coverage(given: PredictedPaths, path: Array, spread: Array, dt_s: float) ->
         values[f"squared_error_{time_s}s"] = np.where(seen, error, np.nan)
         trace = spread[:, k, 0, 0] + spread[:, k, 1, 1]
         values[f"variance_{time_s}s"] = np.where(seen, trace, np.nan)
-    for time_s in REGION_TIMES_S:
+    for time_s in TIMES_S:
         k = _at(time_s, given.mask.shape[1], dt_s)
         level, ellipse, nll = unknown.copy(), unknown.copy(), unknown.copy()
         rows = has & given.mask[:, k] if k is not None else np.zeros(len(given), dtype=bool)

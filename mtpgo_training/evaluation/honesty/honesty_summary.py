@@ -10,15 +10,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from mtpgo_core.task.calibration import CLASS_GROUPS
-from mtpgo_training.evaluation.honesty.agent_honesty import (
-    PERCENTS,
-    REGION_TIMES_S,
-    SPREAD_TIMES_S,
-)
+from mtpgo_training.evaluation.honesty.agent_honesty import PERCENTS, SPREAD_TIMES_S
 from mtpgo_training.evaluation.honesty.feasibility import LATERAL_MPS2
-from mtpgo_training.evaluation.honesty.honesty_table import SPEED_BANDS, HonestyTable
+from mtpgo_training.evaluation.honesty.honesty_table import CLASS_GROUPS, SPEED_BANDS, HonestyTable
 from mtpgo_training.evaluation.honesty.mode_weights import BINS, calibration_error
+from mtpgo_training.evaluation.scores.metrics import TIMES_S
 from mtpgo_training.evaluation.scores.score_table import none, totals
 
 Json = dict[str, Any]
@@ -114,13 +110,13 @@ def _values(own: dict[str, tuple[float, float]], quantiles: dict[str, float]) ->
         for kind in ("count", "weight", "nearest")
     }
     count = np.where(bins["count"] > 0, bins["count"], np.nan)
-    content: Json = {"n": int(own["overlaps"][1]), "time_s": list(REGION_TIMES_S)}
+    content: Json = {"n": int(own["overlaps"][1]), "time_s": list(TIMES_S)}
     for kind in ("ellipse", "region"):
         for percent in PERCENTS:
-            names = [f"{kind}_{percent}_{t}s" for t in REGION_TIMES_S]
+            names = [f"{kind}_{percent}_{t}s" for t in TIMES_S]
             content[f"{kind}_{percent}"] = [none(mean(name)) for name in names]
     return content | {
-        "nll": [none(mean(f"nll_{t}s")) for t in REGION_TIMES_S],
+        "nll": [none(mean(f"nll_{t}s")) for t in TIMES_S],
         "spread": {
             "time_s": list(SPREAD_TIMES_S),
             "sigma": [none(value) for value in sigma],

@@ -21,7 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from mtpgo_core.schema import AgentClass
-from mtpgo_core.task.calibration import CLASS_GROUPS
+from mtpgo_core.task import calibration
 from mtpgo_training.evaluation.honesty.agent_honesty import PredictedPaths, Values, agent_honesty
 from mtpgo_training.evaluation.honesty.consistency import LONGEST_CYCLE_S
 from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents
@@ -40,6 +40,13 @@ HONESTY_GROUPS = (
     "manoeuvres",
 )
 """Columns by which the values are broken down."""
+
+CLASS_GROUPS = {
+    "unknown" if name == "any" else name: classes
+    for name, classes in calibration.CLASS_GROUPS.items()
+}
+"""The classes that are calibrated together. Results of ``any`` are those of unknown road users and
+of animals only, and are named ``unknown``."""
 
 SPEED_EDGES_MPS = (1.0, 5.0, 15.0, 25.0)
 """Edges of the speed bands (m/s): creeping, walking and cycling, streets, roads, motorways;

@@ -33,10 +33,10 @@ def average_distance(mean: Array, truth: Array, mask: Mask) -> Array:
     return over_steps(distance, np.broadcast_to(mask[:, None], distance.shape))
 
 
-def nearest(distance: Array) -> Array:
+def nearest(distance: Array, tie_m: float = TIE_M) -> Array:
     """[n, M] share of the event of being nearest: 1 for one mode, or divided among equals."""
     with np.errstate(invalid="ignore"):
-        near = (distance <= distance.min(axis=1, keepdims=True) + TIE_M).astype(float)
+        near = (distance <= distance.min(axis=1, keepdims=True) + tie_m).astype(float)
         share = near / near.sum(axis=1, keepdims=True)
     return np.where(np.isfinite(distance).all(axis=1, keepdims=True), share, np.nan)
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import pandas as pd
@@ -21,6 +22,15 @@ WORSE_BY = 0.02
 that a user would notice."""
 
 _COLUMNS = ["protocol", "model", "agent_class", "motion"]
+
+
+def is_worse(ade: float | None, simple: Iterable[float | None]) -> bool | None:
+    """Return whether an ADE is more than :data:`WORSE_BY` above the smallest of simple motions.
+
+    None if it is not known, or none of theirs is.
+    """
+    least = min((value for value in simple if value is not None), default=None)
+    return None if ade is None or least is None else ade > (1.0 + WORSE_BY) * least
 
 
 def compare_with_simple(agents: pd.DataFrame) -> Json:
@@ -42,11 +52,10 @@ def compare_with_simple(agents: pd.DataFrame) -> Json:
             for name in SIMPLE
         }
         ade = scores["ade"]
-        least = min((value for value in simple.values() if value is not None), default=None)
         row: Json = {"class": agent_class, "motion": motion, "n": scores["n"], "ade": ade} | simple
         for name, value in simple.items():
             row[f"ade_to_{name}"] = ade / value if ade is not None and value else None
-        row["worse"] = None if ade is None or least is None else ade > (1.0 + WORSE_BY) * least
+        row["worse"] = is_worse(ade, simple.values())
         place = content.setdefault(model, {}).setdefault(protocol, {})
         place[f"{agent_class}, {motion}"] = row
     return content

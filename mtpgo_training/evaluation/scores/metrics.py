@@ -24,6 +24,9 @@ Mask = NDArray[np.bool_]
 MISS_THRESHOLD_M = 2.0
 """Final displacement beyond which a prediction is a miss (m), as in the paper."""
 
+TIMES_S = (1, 3, 5)
+"""Times ahead at which coverages and likelihoods are given (s), as far as the horizon reaches."""
+
 EXPECTED_NEES = 2.0
 """Average of the NEES of a position where the covariance is right: its two degrees of freedom."""
 

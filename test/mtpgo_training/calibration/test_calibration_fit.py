@@ -9,13 +9,14 @@ from calibration_sets import PEDESTRIAN, VEHICLE, random_samples, with_distance
 from mtpgo_core.task.calibration import FACTOR_LIMITS, GROUPS
 from mtpgo_training.calibration.calibration_fit import (
     LEVEL,
+    TIE_M,
     best_factor,
     best_temperature,
     fit_calibration,
-    nearest_shares,
     weighted_quantile,
 )
 from mtpgo_training.calibration.calibration_samples import merge_samples
+from mtpgo_training.evaluation.honesty.mode_weights import nearest
 from mtpgo_training.evaluation.scores.metrics import radius_squared
 
 RADIUS_90 = radius_squared(LEVEL)
@@ -108,7 +109,7 @@ def test_the_temperature_is_the_minimum_of_the_cross_entropy():
     weight = np.ones(500)
     found = best_temperature(samples.log_weight, samples.mode_error, weight)
     tried = np.linspace(0.5, 4.0, 200)
-    target = nearest_shares(samples.mode_error)
+    target = nearest(samples.mode_error, TIE_M)
     scaled = samples.log_weight[None] / tried[:, None, None]
     scaled = scaled - np.logaddexp.reduce(scaled, axis=2, keepdims=True)
     entropy = -(target * scaled).sum(axis=2).mean(axis=1)
@@ -116,7 +117,7 @@ def test_the_temperature_is_the_minimum_of_the_cross_entropy():
 
 
 def test_modes_as_near_as_the_nearest_share_it():
-    shares = nearest_shares(np.array([[1.0, 1.05, 3.0], [2.0, 1.0, 1.5]]))
+    shares = nearest(np.array([[1.0, 1.05, 3.0], [2.0, 1.0, 1.5]]), TIE_M)
     np.testing.assert_array_equal(shares, [[0.5, 0.5, 0.0], [0.0, 1.0, 0.0]])
 
 

@@ -9,7 +9,6 @@ from known_scores import STANDS, add
 
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.crossval.site_scores import (
-    CLASS_GROUPS,
     LEAST_AGENTS,
     group_scores,
     pooled_scores,
@@ -130,8 +129,3 @@ def test_a_site_with_few_agents_of_a_group_does_not_count():
 )
 def test_what_is_worse_than_simple(ade, cv, ca, worse):
     assert worse_than_simple({"ade": ade, "ade_cv": cv, "ade_ca": ca}) is worse
-
-
-def test_every_class_is_in_one_group():
-    members = [kind for group in CLASS_GROUPS.values() for kind in group]
-    assert sorted(members) == sorted(AgentClass)

@@ -11,7 +11,11 @@ from known_paths import agents, paths
 
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.evaluation.honesty import honesty_table
-from mtpgo_training.evaluation.honesty.honesty_table import HonestyTable, _speed_bands
+from mtpgo_training.evaluation.honesty.honesty_table import (
+    CLASS_GROUPS,
+    HonestyTable,
+    _speed_bands,
+)
 from mtpgo_training.evaluation.scores.score_table import average, totals
 
 
@@ -38,6 +42,14 @@ def test_groups_are_averages_of_their_agents():
     assert np.isnan(found.loc["cv", "car", "moving", "5-15"]["ellipse_50_5s"])
     groups = totals(filled().sums(), ["class_group"])["count", "overlaps"]
     assert groups.to_dict() == {"vehicle": 2 * 6 * 3 * 2, "pedestrian": 2 * 6 * 2}
+
+
+def test_every_class_is_in_one_group():
+    members = [kind for group in CLASS_GROUPS.values() for kind in group]
+    assert sorted(members) == sorted(AgentClass)
+    table, nameless = HonestyTable(), agents(3, 0.0, "01", AgentClass.UNKNOWN)
+    table.add("m", "all", nameless, paths(nameless, error_m=1.0))
+    assert list(table.sums().index.get_level_values("class_group")) == ["unknown"]
 
 
 def test_the_portions_that_are_computed_together_make_no_difference(monkeypatch):
