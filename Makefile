@@ -75,12 +75,16 @@ DEFAULT_DATA = $(foreach name,$(DEFAULT_REAL),--data "$(DATA)/$(name)" --layout 
 	  --layout $(if $(filter highway%,$(name)),highd,ind))
 
 # The shipped model `default`: two cross-validations, each without half of the sites, of which the
-# model's covariances and weights are calibrated; then the training on all sites with two processes.
+# model's covariances and weights are calibrated; then the training on all sites with two processes,
+# from the weights of the first half.
 default: data-given $(STAMP) $(DEFAULT_SIMULATED:%=$(SIMULATED)/.%) ## train, calibrate and export the shipped model `default`; DATA=DIR of the real recordings [RUNS=DIR]
 	@$(BIN)/mtpgo crossval config/training/default.yaml --out "$(RUNS)/default-crossval" \
-	  --sites first_half second_half --steps-per-fold 1200 --jobs 2 $(DEFAULT_DATA)
+	  --sites first_half second_half --steps-per-fold 1200 --jobs 2 $(DEFAULT_DATA) \
+	  --set optimisation.warm_up_share=0.25 --set optimisation.learning_rate=0.0025 \
+	  --set optimisation.heaviest_weight=0
 	@$(BIN)/mtpgo train config/training/default.yaml --out "$(RUNS)/default" $(DEFAULT_DATA) \
-	  $(if $(wildcard $(RUNS)/default/last.pt),--resume) $(TRAIN_ARGS)
+	  $(if $(wildcard $(RUNS)/default/last.pt),--resume,--init-from \
+	  "$(RUNS)/default-crossval/folds/first_half/run") $(TRAIN_ARGS)
 	@$(BIN)/mtpgo export "$(RUNS)/default" -o "$(RUNS)/default.pt" \
 	  --checkpoint "$(RUNS)/default.ckpt" --calibration "$(RUNS)/default-crossval"
 

@@ -12,7 +12,6 @@ import yaml
 from traffic import braking_cars
 
 from mtpgo_training import cli
-from mtpgo_training.calibration.calibration_samples import SAMPLES_FILE, CalibrationSamples
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.training.run_folder import load_checkpoint
 
