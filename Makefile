@@ -79,7 +79,7 @@ DEFAULT_DATA = $(foreach name,$(DEFAULT_REAL),--data "$(DATA)/$(name)" --layout 
 # from the weights of the first half.
 default: data-given $(STAMP) $(DEFAULT_SIMULATED:%=$(SIMULATED)/.%) ## train, calibrate and export the shipped model `default`; DATA=DIR of the real recordings [RUNS=DIR]
 	@$(BIN)/mtpgo crossval config/training/default.yaml --out "$(RUNS)/default-crossval" \
-	  --sites first_half second_half --steps-per-fold 1200 --jobs 2 $(DEFAULT_DATA) \
+	  --folds first_half second_half --steps-per-fold 1200 --jobs 2 $(DEFAULT_DATA) \
 	  --set optimisation.warm_up_share=0.25 --set optimisation.learning_rate=0.0025 \
 	  --set optimisation.heaviest_weight=0
 	@$(BIN)/mtpgo train config/training/default.yaml --out "$(RUNS)/default" $(DEFAULT_DATA) \
