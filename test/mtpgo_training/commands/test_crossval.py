@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``mtpgo crossval``, interrupted and continued, and what it refuses."""
+"""The command ``mtpgo crossval``, interrupted, continued and scored again; what it refuses."""
 
 import json
 import os
@@ -12,12 +12,14 @@ import yaml
 from traffic import braking_cars
 
 from mtpgo_training import cli
+from mtpgo_training.calibration.calibration_samples import SAMPLES_FILE, CalibrationSamples
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.training.run_folder import load_checkpoint
 
 CONFIG = {
     "name": "tiny",
     "data": {"validation": ["east/02", "west/02"], "restart_probability": 0.0},
+    "crossval": {"sites": {"coast": ["north"]}, "folds": {"both": ["east", "coast"]}},
     "scene": {"max_neighbours": 3},
     "model": {
         "hidden": 8,
@@ -36,10 +38,10 @@ STEPS = 48
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A folder with a configuration and two sites of two recordings each."""
+    """A folder with a configuration and recordings of three sites."""
     folder = tmp_path_factory.mktemp("place")
     for seed, (site, name) in enumerate(
-        [("east", "01"), ("east", "02"), ("west", "01"), ("west", "02")]
+        [("east", "01"), ("east", "02"), ("west", "01"), ("west", "02"), ("north", "01")]
     ):
         write_ind(braking_cars(name, seed=seed, tracks=4, seconds=5.0), folder / site)
     (folder / "c.yaml").write_text(yaml.safe_dump(CONFIG), encoding="utf-8")
@@ -47,8 +49,10 @@ def place(tmp_path_factory):
 
 
 def arguments(place, out, *more):
-    given = [place / "c.yaml", "--data", place / "east", "--data", place / "west"]
-    given += ["--layout", "ind", "--out", place / out, "--cache", place / "cache"]
+    given = [place / "c.yaml"]
+    for site in ("east", "west", "north"):
+        given += ["--data", place / site, "--layout", "ind"]
+    given += ["--out", place / out, "--cache", place / "cache"]
     return ["crossval", *map(str, given), "--steps-per-fold", str(STEPS), "--stride", "0.5", *more]
 
 
@@ -81,39 +85,67 @@ def in_this_process(monkeypatch):
     signal.signal(signal.SIGINT, before)
 
 
-def test_two_sites_interrupted_and_continued(place, capsys, in_this_process):
+def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this_process):
     """An interrupt ends the training after a step; the same command continues it."""
-    east = place / "out" / "folds" / "east"
-    assert cli.main(arguments(place, "out", "--folds", "east")) == 130
+    both = place / "out" / "folds" / "both"
+    assert cli.main(arguments(place, "out", "--folds", "coast")) == 130
     in_this_process.undo()
     said_first, errors = capsys.readouterr()
     assert errors == ""
     assert "interrupted; to continue: the same command" in said_first
-    stopped = load_checkpoint(east / "run" / "last.pt")["step"]
+    stopped = load_checkpoint(both / "run" / "last.pt")["step"]
     assert 0 < stopped < STEPS
-    assert not (east / "scores.json").exists()
+    assert not (both / "training.json").exists()
 
     assert cli.main(arguments(place, "out", "--jobs", "2")) == 0
     said, errors = capsys.readouterr()
     assert errors == ""
-    for expected in ("2 of 2 folds, 0 done before", "west: all", "mean of sites: moving"):
+    for expected in (
+        "both: leaves out east, coast (3 recordings)",
+        "2 of 2 folds, 0 done before",
+        "east: moving",
+        "coast: all",
+        "west: moving",
+        "mean of sites: moving",
+    ):
         assert expected in said
-    assert load_checkpoint(east / "run" / "last.pt")["step"] > stopped
+    assert load_checkpoint(both / "run" / "last.pt")["step"] > stopped
     plan = next(line for line in said_first.splitlines() if line.startswith("plan"))
-    assert plan in (east / "fold.log").read_text()
+    assert plan in (both / "fold.log").read_text()
     content = json.loads((place / "out" / "result.json").read_text())
-    for fold, other in zip(content["folds"], ("west", "east"), strict=True):
-        assert fold["training"]["train"] == [f"{other}/01"]
-        assert fold["training"]["validation"] == [f"{other}/02"]
-        name = fold["fold"]
-        assert fold["sites"][name]["recordings"] == [f"{name}/01", f"{name}/02"]
-        assert (place / "out" / "folds" / name / "model.pt").is_file()
+    trained = {fold["fold"]: fold["training"] for fold in content["folds"]}
+    assert trained["both"]["train"] == ["west/01"]
+    assert trained["west"]["train"] == ["east/01", "north/01"]
+    assert trained["west"]["validation"] == ["east/02"]
+    by_fold = {fold["fold"]: fold["sites"] for fold in content["folds"]}
+    assert {name: site["recordings"] for name, site in by_fold["both"].items()} == {
+        "east": ["east/01", "east/02"],
+        "coast": ["north/01"],
+    }
+    for site in by_fold["both"].values():
+        assert site["breakdowns"]["recorded"]["by_recording"]["model"]["all"].keys() == set(
+            site["recordings"]
+        )
+    assert set(CalibrationSamples.load(both / SAMPLES_FILE).sites) == {"east", "coast"}
 
     # A third time nothing is trained, and a comparison with itself finds no change.
     assert cli.main(arguments(place, "out", "--quiet")) == 0
+    capsys.readouterr()
     assert cli.main(["crossval", "--compare", str(place / "out"), str(place / "out")]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert any(line.startswith("mean of sites: all") and " 1.00 " in line for line in lines)
+    unchanged = next(line for line in lines if line.startswith("mean of sites, recorded: all"))
+    assert " 1.00 " in unchanged
+
+    # Without its scores a trained fold is scored again, with the same result.
+    (both / "scores.json").unlink()
+    in_this_process.setattr("mtpgo_training.crossval.fold.train", pytest.fail)
+    in_this_process.setattr(
+        "mtpgo_training.crossval.fold_processes.run_folds",
+        lambda jobs, *_, **__: [job.run() for job in jobs],
+    )
+    assert cli.main(arguments(place, "out", "--quiet")) == 0
+    again = json.loads((place / "out" / "result.json").read_text())
+    assert again["mean_of_sites"] == content["mean_of_sites"]
 
 
 @pytest.mark.parametrize(
