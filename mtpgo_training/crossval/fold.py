@@ -29,6 +29,7 @@ from mtpgo_training.evaluation.scores.score_summary import breakdowns
 from mtpgo_training.export.exporter import export_runs
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
 from mtpgo_training.training.run_state import TrainingRun
+from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import CrossvalConfig, TrainingConfig
 
@@ -78,6 +79,7 @@ def run_fold(job: FoldJob) -> bool:
     Raises:
         MtpgoError: the recordings or the configuration cannot be used.
     """
+    prepare_process(1)  # so that scores do not depend on whether this process has trained
     files = FoldFolder(job.folder)
     cache = None if job.cache is None else RecordingCache(job.cache)
     recordings = list(read_sources(job.sources, cache))
