@@ -24,6 +24,9 @@ from mtpgo_training.simulate.sumo import FloatingCarData
 REAR_AXLE = 0.8
 """Distance from the front bumper to the rear axle, as a share of the length. Chosen."""
 
+_JUMP_MPS = 5.0
+"""No pedestrian moves faster (m/s). Chosen: far above the desired speeds."""
+
 _TURNING_MPS = 0.3
 """Below this speed a pedestrian's heading turns more slowly than the velocity (m/s). Chosen: less
 than the slowest walk."""
@@ -67,8 +70,11 @@ def centre_motion(
     generator = np.random.default_rng(seed)
     dt = 1.0 / frame_rate
     pieces = []
-    # A vehicle that leaves the observed edges and returns is several pieces.
-    breaks = np.flatnonzero((np.diff(seen.vehicle) != 0) | (np.diff(seen.step) != 1)) + 1
+    # A vehicle that leaves the observed edges and returns is several pieces, and so is a
+    # pedestrian that SUMO moves to the side at once.
+    walks = np.array([not config.trailing for config in configs])[seen.vehicle[1:]]
+    jumps = walks & (np.linalg.norm(np.diff(seen.front, axis=0), axis=1) > _JUMP_MPS * dt)
+    breaks = np.flatnonzero((np.diff(seen.vehicle) != 0) | (np.diff(seen.step) != 1) | jumps) + 1
     bounds = [0, *breaks.tolist(), len(seen.step)]
     for start, end in itertools.pairwise(bounds):
         if end - start < 5:

@@ -95,3 +95,14 @@ def test_a_pedestrian_turns_with_its_velocity_and_keeps_its_heading_at_rest() ->
     assert yaw[20] == pytest.approx(0.0, abs=1e-6)
     assert yaw[47] == pytest.approx(math.pi / 2, abs=0.02)
     np.testing.assert_allclose(yaw[55:], yaw[55])
+
+
+def test_a_pedestrian_that_jumps_is_two_pieces() -> None:
+    t = np.arange(50) / 25.0
+    front = np.stack([1.2 * t, np.where(t < 1.0, 0.0, 2.0)], axis=1)
+    walking = MotionConfig(wander_m=0.0, surge_m=0.0, trailing=False)
+    moved = motion.centre_motion(
+        car_data(front, np.zeros(50)), np.array([0.4]), 25.0, [walking], seed=0
+    )
+    assert moved.rows.tolist() == [*range(2, 23), *range(27, 48)]
+    np.testing.assert_allclose(moved.velocity, np.tile([1.2, 0.0], (42, 1)), atol=1e-9)
