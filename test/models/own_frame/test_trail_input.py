@@ -64,7 +64,7 @@ def test_untrained_it_adds_little():
     """A hundredth of an ordinary layer, so that an untrained network moves agents uniformly."""
     inputs = make_input(3)
     columns, summary = inputs(torch.randn(1, 4, 3, 25, 3))
-    assert 0.0 < inputs.embed(columns).abs().max() < 0.1
+    assert 0.0 < inputs.embed(columns).abs().max() < 0.2
     assert 0.0 < summary.abs().max() < 0.1
     nothing, of_nothing = inputs(torch.zeros(1, 4, 3, 25, 3))
     assert not inputs.embed(nothing).any()
