@@ -112,7 +112,13 @@ class ModelRunner:
             try:
                 output = self._forward(features, valid, static, covariance, trails)
                 given = tuple(tuple(tensor.shape) for tensor in output)
-            except (RuntimeError, TypeError, ValueError, AttributeError) as error:
+            except (
+                torch.jit.Error,  # an error that the module raises itself
+                RuntimeError,
+                TypeError,
+                ValueError,
+                AttributeError,
+            ) as error:
                 raise ModelFileError(
                     f"model file {self.path} does not run on the input that its task description "
                     f"asks for: {_first_line(error)}"

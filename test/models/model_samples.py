@@ -95,11 +95,11 @@ def make_scene(
 def make_trails(
     batch: int, agents: int, branches: int, steps: int, dtype: torch.dtype = torch.float64
 ) -> Tensor:
-    """[B, N, R, H, 3] bending paths that are known up to a random step each, some beyond 40 m."""
+    """[B, N, R, H, 3] bending paths that are known up to a random step each (3 m/s^2)."""
     draw = torch.Generator().manual_seed(100 * batch + agents)
     shape = (batch, agents, branches)
     time = 0.2 * torch.arange(1, steps + 1).double().unsqueeze(-1)
-    bend = 20.0 * torch.randn(*shape, 1, 2, generator=draw).double()
+    bend = 3.0 * torch.randn(*shape, 1, 2, generator=draw).double()
     share = torch.softmax(torch.randn(*shape, 1, generator=draw).double(), dim=2)
     reach = torch.randint(0, steps + 2, (*shape, 1), generator=draw)
     paths = torch.cat((bend * time**2, share.expand(*shape, steps).unsqueeze(-1)), dim=-1)

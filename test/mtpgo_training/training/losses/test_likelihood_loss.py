@@ -122,7 +122,7 @@ def responsibilities(correlated_steps):
 
 def test_with_independent_steps_the_nearest_mode_takes_all_of_the_responsibility():
     """exp(-12.5) against 1; with 5 steps as one, exp(-2.5) against 1."""
-    assert responsibilities(1.0)[1] == pytest.approx(3.7e-6, rel=0.01)
+    assert responsibilities(1.0)[1] == pytest.approx(math.exp(-12.5), rel=0.01)
     assert responsibilities(5.0)[1] == pytest.approx(1.0 / (1.0 + math.exp(2.5)), rel=1e-4)
 
 
