@@ -34,6 +34,7 @@ def without_reversing(prediction: Prediction) -> Prediction:
         (prediction.agent_class == AgentClass.UNKNOWN) & (fast > _VEHICLE_MPS)
     )
     rows = np.flatnonzero(vehicle & (fast > MOVING_MPS))
+    rows = rows[_may_turn_back(prediction.mean[rows], prediction.initial[rows])]
     if not len(rows):
         return prediction
     mean = prediction.mean[rows]  # [r, M, H, 4]
@@ -54,6 +55,19 @@ def without_reversing(prediction: Prediction) -> Prediction:
     yaw_at_stop = np.where(last[..., None] >= 0, before, prediction.initial_yaw[rows, None, None])
     yaw[rows] = np.where(after, yaw_at_stop, yaw[rows])
     return dataclasses.replace(prediction, mean=whole, yaw=yaw)
+
+
+def _may_turn_back(mean: Float64Array, initial: Float64Array) -> BoolArray:
+    """Return [r] whether any path has a displacement against the one before, however short.
+
+    Few agents have one, and only those are looked at step by step.
+    """
+    displacement = np.diff(mean[..., :2], axis=2)
+    first = mean[:, :, 0, :2] - initial[:, None, :2]
+    back = (displacement[:, :, 1:] * displacement[:, :, :-1]).sum(axis=-1) < 0.0
+    at_second = (displacement[:, :, 0] * first).sum(axis=-1) < 0.0
+    at_first = (first * initial[:, None, 2:]).sum(axis=-1) < 0.0
+    return np.asarray(back.any(axis=(1, 2)) | (at_second | at_first).any(axis=1))
 
 
 def _last_forward_step(mean: Float64Array, initial: Float64Array) -> np.ndarray:
