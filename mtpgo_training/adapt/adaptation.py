@@ -27,7 +27,7 @@ from mtpgo_training.adapt.adaptation_scores import SiteScores, score_site
 from mtpgo_training.adapt.site_calibration import cross_calibrated, site_calibration
 from mtpgo_training.adapt.site_predictions import predict_site
 from mtpgo_training.adapt.weight_averaging import SHARES, between
-from mtpgo_training.calibration.calibration_report import moving_scores
+from mtpgo_training.calibration.calibration_report import with_moving_scores
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, Splits, split, window_s
@@ -307,5 +307,6 @@ def _calibrated(checkpoint: Checkpoint, scenes: Scenes, base: Calibration) -> Ch
     calibration = site_calibration(samples, base)
     batches = (dense(batch) for batch in DataLoader(scenes.validation, BATCH_SCENES))
     averages = validate(model, batches, calibration)[0].averages()
-    averages["model"]["all"].update(moving_scores(samples.calibrated(calibration)))
+    scores = averages["model"]
+    scores["all"] = with_moving_scores(scores["all"], samples.calibrated(calibration))
     return {"calibration": dataclasses.asdict(calibration), "metrics": averages}

@@ -7,8 +7,9 @@ Averages are over sites, each of which counts the same, and within a site over i
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,13 +18,18 @@ from mtpgo_core.schema import BoolArray
 from mtpgo_core.task.calibration import GROUPS, MOTIONS
 from mtpgo_training.calibration.calibration_fit import LEVEL, TIE_M, fit_calibration
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
-from mtpgo_training.calibration.calibration_text import COVERAGE_KEY
+from mtpgo_training.calibration.calibration_text import is_moving_score
 from mtpgo_training.evaluation.honesty.mode_weights import (
     brier_score,
     heaviest_is_nearest,
     nearest,
 )
-from mtpgo_training.evaluation.scores.metrics import TIMES_S, Array, radius_squared
+from mtpgo_training.evaluation.scores.metrics import (
+    MOVING_COVERAGE_KEY,
+    TIMES_S,
+    Array,
+    radius_squared,
+)
 from mtpgo_training.evaluation.scores.score_table import none
 from mtpgo_training.table_format import Row, Table
 
@@ -98,12 +104,18 @@ def moving_scores(samples: CalibrationSamples) -> dict[str, float | int | None]:
 
     Returns:
         ``moving_n``, the number of predictions that are known at the last of the times, and
-        ``moving_coverage_90_1s`` and so on, the share inside the 90 % ellipse after 1 s.
+        ``coverage_90_moving_1s`` and so on, the share inside the 90 % ellipse after 1 s.
     """
     scores = score_samples(samples.select(moving(samples)))
     shares = zip(scores.times_s, scores.coverage, strict=True)
-    named = {COVERAGE_KEY.format(time_s): none(share) for time_s, share in shares}
+    named = {MOVING_COVERAGE_KEY.format(time_s): none(share) for time_s, share in shares}
     return {"moving_n": scores.known[-1], **named}
+
+
+def with_moving_scores(scores: Mapping[str, Any], samples: CalibrationSamples) -> dict[str, Any]:
+    """Return the scores of a model with :func:`moving_scores` in place of any that they have."""
+    others = {key: value for key, value in scores.items() if not is_moving_score(key)}
+    return others | moving_scores(samples)
 
 
 def leave_one_site_out(samples: CalibrationSamples) -> CalibrationSamples:

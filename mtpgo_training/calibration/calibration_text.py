@@ -8,20 +8,22 @@ from collections.abc import Mapping
 from typing import Any
 
 from mtpgo_core.task.calibration import Calibration
-from mtpgo_training.evaluation.scores.metrics import TIMES_S
+from mtpgo_training.evaluation.scores.metrics import MOVING_COVERAGE_KEY, TIMES_S
 
-COVERAGE_KEY = "moving_coverage_90_{:g}s"
-"""Name in a model's metrics of the share of moving road users inside their 90 % ellipse after a
-time (s)."""
+_BEFORE, _AFTER = MOVING_COVERAGE_KEY.split("{:g}")
+
+
+def is_moving_score(key: str) -> bool:
+    """Return whether a value in a model's metrics is of ``calibration_report.moving_scores``."""
+    return key.startswith((_BEFORE, "moving_n"))
 
 
 def moving_coverage(scores: Mapping[str, Any]) -> dict[float, float | None]:
     """Return the shares in a model's metrics by the time ahead (s), ascending."""
-    before, after = COVERAGE_KEY.split("{:g}")
     return {
-        float(key.removeprefix(before).removesuffix(after)): scores[key]
+        float(key.removeprefix(_BEFORE).removesuffix(_AFTER)): scores[key]
         for key in scores
-        if key.startswith(before)
+        if key.startswith(_BEFORE)
     }
 
 

@@ -11,9 +11,9 @@ from typing import Any
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import from_dict
 from mtpgo_core.task.calibration import Calibration
-from mtpgo_training.calibration.calibration_report import moving_scores
+from mtpgo_training.calibration.calibration_report import with_moving_scores
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
-from mtpgo_training.calibration.calibration_text import moving_coverage
+from mtpgo_training.calibration.calibration_text import is_moving_score, moving_coverage
 from mtpgo_training.export.run_selection import Candidate
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder
 
@@ -74,13 +74,13 @@ def calibrated_metrics(candidate: Candidate, calibration: Calibration) -> dict[s
         protocol: {
             key: None if key in OF_COVARIANCES else value
             for key, value in scores.items()
-            if not key.startswith("moving_")
+            if not is_moving_score(key)
         }
         for protocol, scores in metrics["model"].items()
     }
     samples = validation_samples(candidate.path)
     if samples is not None and "all" in model:
-        model["all"].update(moving_scores(samples.calibrated(calibration)))
+        model["all"] = with_moving_scores(model["all"], samples.calibrated(calibration))
     return {**metrics, "model": model}
 
 
@@ -98,13 +98,13 @@ def check_coverage(metrics: Mapping[str, Any], *, force: bool = False) -> str:
         ConfigurationError: too few or too many are inside, unless ``force``.
     """
     scores = metrics.get("model", {}).get("all", {})
-    shares = moving_coverage(scores)
-    if not shares:
+    shares, agents = moving_coverage(scores), scores.get("moving_n")
+    time_s, share = list(shares.items())[-1] if shares else (0.0, None)
+    if agents is None or (share is None and agents > 0):
         return (
             "the 90 % ellipses were not checked, because the checkpoint does not say how many"
             " moving validation road users they hold"
         )
-    (time_s, share), agents = list(shares.items())[-1], scores["moving_n"]
     if share is None or agents < LEAST_AGENTS:
         return (
             f"the validation has only {agents} predictions of moving road users that are known "

@@ -5,7 +5,11 @@
 from __future__ import annotations
 
 from mtpgo_core.task.task_description import TaskDescription
-from mtpgo_training.calibration.calibration_text import calibration_text, moving_text
+from mtpgo_training.calibration.calibration_text import (
+    calibration_text,
+    is_moving_score,
+    moving_text,
+)
 
 
 def model_text(task: TaskDescription) -> str:
@@ -56,7 +60,7 @@ def model_text(task: TaskDescription) -> str:
                 values = "  ".join(
                     f"{k} {v:.3f}" if isinstance(v, float) else f"{k} {v}"
                     for k, v in scores.items()
-                    if v is not None and not k.startswith("moving_")
+                    if v is not None and not is_moving_score(k)
                 )
                 if values:
                     rows.append(f"           {model:<6} {protocol:<7} {values}")

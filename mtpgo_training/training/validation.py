@@ -17,7 +17,7 @@ from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_core.prediction.calibrated_prediction import calibrated_covariances, calibrated_weights
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_training.calibration.calibration_fit import fit_calibration
-from mtpgo_training.calibration.calibration_report import moving_scores
+from mtpgo_training.calibration.calibration_report import with_moving_scores
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.evaluation.scores.agent_scores import score_agents, score_paths
 from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
@@ -126,7 +126,8 @@ def validate_epoch(
         state.best, state.best_epoch = criterion, state.epoch + 1
         calibration = fit_calibration(samples)
         calibrated, _ = _validate_together(run, scenes, rank, processes, calibration)
-        calibrated["model"]["all"].update(moving_scores(samples.calibrated(calibration)))
+        scores = calibrated["model"]
+        scores["all"] = with_moving_scores(scores["all"], samples.calibrated(calibration))
         state.calibration = dataclasses.asdict(calibration)
         state.metrics = calibrated
         run.samples = samples

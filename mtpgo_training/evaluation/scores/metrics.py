@@ -27,6 +27,9 @@ MISS_THRESHOLD_M = 2.0
 TIMES_S = (1, 3, 5)
 """Times ahead at which coverages and likelihoods are given (s), as far as the horizon reaches."""
 
+MOVING_COVERAGE_KEY = "coverage_90_moving_{:g}s"
+"""Name of the share of moving road users inside the heaviest mode's 90 % ellipse at a time."""
+
 EXPECTED_NEES = 2.0
 """Average of the NEES of a position where the covariance is right: its two degrees of freedom."""
 

@@ -42,7 +42,12 @@ from mtpgo_training.evaluation.scores.agent_scores import (
     AgentScores,
     ScoredAgents,
 )
-from mtpgo_training.evaluation.scores.metrics import TIMES_S, Array, running_mean
+from mtpgo_training.evaluation.scores.metrics import (
+    MOVING_COVERAGE_KEY,
+    TIMES_S,
+    Array,
+    running_mean,
+)
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 
 Averages = dict[str, dict[str, dict[str, float | None]]]
@@ -50,7 +55,7 @@ Averages = dict[str, dict[str, dict[str, float | None]]]
 :data:`HEADLINE_TIMES_S`, the number of agents ``n`` and of those observed at the last step
 ``n_final``; None where a value is not defined."""
 
-HEADLINE_TIMES_S = {f"coverage_90_moving_{time_s}s": float(time_s) for time_s in TIMES_S}
+HEADLINE_TIMES_S = {MOVING_COVERAGE_KEY.format(time_s): float(time_s) for time_s in TIMES_S}
 """The shares by which a model is judged: of moving agents in the heaviest mode's 90 % ellipse, by
 name the time ahead (s). Over all times and agents, standing ones and the first steps hide the
 rest."""

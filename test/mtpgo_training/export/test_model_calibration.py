@@ -25,7 +25,7 @@ OPTIONS = {"hidden": 8, "modes": 3, "horizon_steps": 25, "ode_hidden": 4}
 
 
 def metrics(share, agents=50):
-    scores = {"moving_n": agents, "moving_coverage_90_1s": 0.5, "moving_coverage_90_5s": share}
+    scores = {"moving_n": agents, "coverage_90_moving_1s": 0.5, "coverage_90_moving_5s": share}
     return {"model": {"all": scores}}
 
 
@@ -47,7 +47,9 @@ def test_with_few_agents_there_is_a_warning_only(share, agents):
     assert f"has only {agents} predictions" in check_coverage(metrics(share, agents))
 
 
-@pytest.mark.parametrize("given", [{}, {"model": {"all": {"ade": 0.5}}}])
+@pytest.mark.parametrize(
+    "given", [{}, {"model": {"all": {"ade": 0.5, "coverage_90_moving_5s": None}}}, metrics(None)]
+)
 def test_what_is_not_known_is_not_checked(given):
     assert "were not checked" in check_coverage(given)
 
@@ -110,7 +112,7 @@ def test_an_uncalibrated_model_with_narrow_ellipses_is_refused(make_run, tmp_pat
     assert task.calibration == Calibration()
     scores = task.metrics["validation"]["model"]["all"]
     assert (scores["ade"], scores["anll"]) == (0.5, None)
-    assert scores["moving_coverage_90_5s"] < 0.4
+    assert scores["coverage_90_moving_5s"] < 0.4
 
 
 def test_a_model_is_calibrated_on_left_out_sites(make_run, tmp_path, capsys):
@@ -132,8 +134,8 @@ def test_a_model_is_calibrated_on_left_out_sites(make_run, tmp_path, capsys):
     np.testing.assert_allclose(task.calibration.factor_table[:, -1], 6.0, rtol=0.1)
     here, there = (task.metrics[name]["model"]["all"] for name in ("validation", "left-out sites"))
     # An ellipse of 6 holds 1 - 0.1^(6 / 4) of an error of 4.
-    assert here["moving_coverage_90_5s"] == pytest.approx(0.968, abs=0.02)
-    assert there["moving_coverage_90_5s"] == pytest.approx(0.9, abs=0.02)
+    assert here["coverage_90_moving_5s"] == pytest.approx(0.968, abs=0.02)
+    assert there["coverage_90_moving_5s"] == pytest.approx(0.9, abs=0.02)
     assert there["moving_n"] == 4000
     out = capsys.readouterr().out
     assert "each site without and with the calibration fitted to the other sites:" in out

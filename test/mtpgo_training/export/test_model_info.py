@@ -64,7 +64,7 @@ def test_the_calibration_and_the_coverage_of_moving_road_users_are_described():
         for name in GROUPS
     )
     calibration = Calibration(groups, (CalibrationSite("a", 5), CalibrationSite("b", 4)), True)
-    scores = {"ade": 0.5, "moving_n": 60, "moving_coverage_90_5s": 0.875}
+    scores = {"ade": 0.5, "moving_n": 60, "coverage_90_moving_5s": 0.875}
     metrics = {"validation": {"model": {"all": scores}}}
     text = lines(calibration=calibration, metrics=metrics)
     assert text[9] == "calibrated fitted to left-out sites: a (5), b (4)"
