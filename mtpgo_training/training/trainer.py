@@ -35,6 +35,7 @@ from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_s
 from mtpgo_training.training.interruption import Interruption
 from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
 from mtpgo_training.training.losses.likelihood_loss import (
+    mode_likelihood_loss,
     negative_log_likelihood,
     trajectory_likelihood_loss,
 )
@@ -90,6 +91,7 @@ def train(
     prepare_process(_threads(config))
     torch.manual_seed(config.seed)
     model = build_network(config.network, config.model, config.history, config.scene)
+    _freeze(model, config.optimisation.train_only)
     horizon = model.config.horizon_steps
     splits = split(recordings, config.data, config.seed, window_s(config.history, horizon))
     run = TrainingRun(model, config)
@@ -281,6 +283,8 @@ class BatchLoss(nn.Module):
             self.likelihood = functools.partial(
                 trajectory_likelihood_loss, correlated_steps=options.correlated_steps
             )
+        elif options.likelihood == "mode":
+            self.likelihood = mode_likelihood_loss
 
     def forward(self, batch: Batch, teacher_forcing: bool) -> Tensor:
         """Return the loss of a batch with the weights of the run's present epoch."""
@@ -380,6 +384,26 @@ def _threads(config: TrainingConfig) -> int:
         options.accelerator == "auto" and not torch.cuda.is_available()
     )
     return 1 if on_cpu and options.devices != 1 else config.num_threads
+
+
+def _freeze(model: nn.Module, train_only: Sequence[str]) -> None:
+    """Exclude all parameters from the training whose names have none of the prefixes.
+
+    Raises:
+        ConfigurationError: no parameter has a prefix.
+    """
+    names = [name for name, _ in model.named_parameters()]
+    for prefix in train_only:
+        if not any(name.startswith(f"{prefix}.") or name == prefix for name in names):
+            parts = sorted({name.partition(".")[0] for name in names})
+            raise ConfigurationError(
+                f"optimisation.train_only names {prefix!r}, expected parts of the network: "
+                + ", ".join(parts)
+            )
+    for name, parameter in model.named_parameters() if train_only else ():
+        parameter.requires_grad_(
+            any(name.startswith(f"{prefix}.") or name == prefix for prefix in train_only)
+        )
 
 
 def _fit_statistics(run: TrainingRun, scenes: Scenes) -> None:

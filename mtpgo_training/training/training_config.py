@@ -24,7 +24,7 @@ STRATEGIES = ("auto", "ddp")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 """Choices of Fabric that are tested with these networks, which are small and fit on one device."""
 
-LIKELIHOODS = ("step", "trajectory")
+LIKELIHOODS = ("step", "trajectory", "mode")
 """What the mixture is a distribution of."""
 
 KEEP = ("best", "last")
@@ -54,7 +54,11 @@ class OptimisationConfig:
             paper.
         likelihood: ``step``: the paper's, a mixture at every step (eq. 27); ``trajectory``: a
             mixture of whole trajectories, see
-            :func:`mtpgo_training.training.losses.likelihood_loss.trajectory_likelihood_loss`.
+            :func:`mtpgo_training.training.losses.likelihood_loss.trajectory_likelihood_loss`;
+            ``mode``: each mode on its own, see
+            :func:`mtpgo_training.training.losses.likelihood_loss.mode_likelihood_loss`.
+        train_only: prefixes of the names of the parameters that are trained, for instance
+            ``noise``, ``initial_covariance`` and ``mixture``; empty for all.
         correlated_steps: steps that count as one in the likelihood of a trajectory.
         teacher_forcing: probability at the start that a roll-out is fed the observed states; it
             falls linearly to zero at the end of the warm-up (total / 4). The default is none: the
@@ -79,6 +83,7 @@ class OptimisationConfig:
     heaviest_weight: float = option(0.0, low=0.0)
     likelihood: str = option("step", choices=LIKELIHOODS)
     correlated_steps: float = option(5.0, low=1.0)
+    train_only: tuple[str, ...] = ()
     teacher_forcing: float = option(0.0, low=0.0, high=1.0)
     average_decay: float = option(0.0, low=0.0, high=1.0)
     keep: str = option("best", choices=KEEP)

@@ -14,6 +14,10 @@ from torch import Tensor
 from models.mixture_likelihood import gaussian_log_prob, mixture_nll
 from mtpgo_training.training.losses.ewta_loss import huber_per_mode
 
+NEAREST_SCALE_M = 0.2
+"""Difference of two modes' mean errors at which the nearer one is e times as likely to be taken
+for the nearest (m); chosen: nearer modes cannot be told apart by a tracker."""
+
 
 def negative_log_likelihood(
     log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
@@ -105,3 +109,37 @@ def heaviest_huber_loss(
     path = mean.gather(2, heaviest.expand(-1, -1, 1, *mean.shape[3:]))
     loss = huber_per_mode(path, target, mask, huber_delta)
     return loss.sum() / mask.sum().clamp(min=1e-6)
+
+
+def mode_likelihood_loss(
+    log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
+) -> Tensor:
+    """Return what makes each mode's ellipse and the weights honest on their own, a scalar.
+
+    Not in the paper, and meant for a last stage that trains only the covariances and the weights
+    (``optimisation.train_only``). In a mixture's likelihood a mode's covariance has to explain only
+    the truths that this mode is responsible for, so the ellipse of the heaviest mode is far too
+    small for all others. Here every mode is scored as if it were the prediction: the Gaussian
+    negative log-likelihood of the position, averaged with the mixture weights. The weights
+    themselves get the cross-entropy against the mode that was nearest, softened by
+    ``NEAREST_SCALE_M``, so that they are probabilities of it.
+
+    Args:
+        log_weight: [B, N, M] log mixture weights.
+        mean: [B, N, M, H, S].
+        covariance: [B, N, M, H, S, S].
+        target: [B, N, H, S] observed states; any finite value where not observed.
+        mask: [B, N, H] weight of each step, 0 where not observed.
+    """
+    known = (mask > 0.0).unsqueeze(2)  # [B, N, 1, H]
+    place = mean[..., :2]
+    truth = torch.where(known.unsqueeze(-1), target[..., :2].unsqueeze(2), place.detach())
+    nll = -gaussian_log_prob(place, covariance[..., :2, :2], truth)
+    nll = torch.where(known, nll, 0.0).sum(dim=-1)  # [B, N, M]
+    steps = known.sum(dim=-1)  # [B, N, 1]
+    distance = torch.linalg.vector_norm(truth - place.detach(), dim=-1).sum(dim=-1)
+    nearest = torch.softmax(-distance / steps.clamp(min=1) / NEAREST_SCALE_M, dim=-1)
+    entropy = -(nearest * log_weight).sum(dim=-1) * steps.squeeze(-1)
+    of_agent = (log_weight.detach().exp() * nll).sum(dim=-1) + entropy
+    weight = mask.amax(dim=-1)  # all steps of an agent have the same
+    return (of_agent * weight).sum() / mask.sum().clamp(min=1e-6)
