@@ -117,9 +117,9 @@ def mode_likelihood_loss(
     """Return what makes each mode's ellipse and the weights honest on their own, a scalar.
 
     Not in the paper, and meant for a last stage that trains only the covariances and the weights
-    (``optimisation.train_only``). In a mixture's likelihood a mode's covariance has to explain only
-    the truths that this mode is responsible for, so the ellipse of the heaviest mode is far too
-    small for all others. Here every mode is scored as if it were the prediction: the Gaussian
+    (``optimisation.train_only``). In a mixture's likelihood a mode's covariance has to explain
+    only the truths that this mode is responsible for, so the ellipse of the heaviest mode is far
+    too small for all others. Here every mode is scored as if it were the prediction: the Gaussian
     negative log-likelihood of the position, averaged with the mixture weights. The weights
     themselves get the cross-entropy against the mode that was nearest, softened by
     ``NEAREST_SCALE_M``, so that they are probabilities of it.

@@ -9,6 +9,8 @@ import torch
 
 from mtpgo_training.training.losses.likelihood_loss import (
     expected_huber_loss,
+    heaviest_huber_loss,
+    mode_likelihood_loss,
     negative_log_likelihood,
     trajectory_likelihood_loss,
 )
@@ -181,3 +183,44 @@ def test_nobody_with_a_target_gives_zero():
     given = random_mixture()
     value = trajectory_likelihood_loss(*given, torch.zeros(2, 2, 4).double(), 5.0)
     assert float(value) == 0.0
+
+
+def two_modes(weights, error, steps=4):
+    """One agent with two modes at the truth and ``error`` m beside it; unit covariances."""
+    log_weight = torch.tensor(weights).log().view(1, 1, 2).requires_grad_()
+    mean = torch.zeros(1, 1, 2, steps, 4)
+    mean[0, 0, 1, :, 0] = error
+    covariance = torch.eye(4).expand(1, 1, 2, steps, 4, 4).clone().requires_grad_()
+    return log_weight, mean.requires_grad_(), covariance, torch.zeros(1, 1, steps, 4)
+
+
+def test_each_mode_counts_by_its_weight_in_the_likelihood_of_modes():
+    log_weight, mean, covariance, target = two_modes([0.75, 0.25], 2.0)
+    mask = torch.ones(1, 1, 4)
+    given = mode_likelihood_loss(log_weight, mean, covariance, target, mask)
+    constant = math.log(2.0 * math.pi)
+    nearest = torch.softmax(torch.tensor([0.0, -2.0 / 0.2]), dim=0)
+    entropy = -(nearest * torch.tensor([0.75, 0.25]).log()).sum()
+    expected = constant + 0.25 * 0.5 * 4.0 + float(entropy.detach())
+    assert float(given.detach()) == pytest.approx(expected, rel=1e-5)
+
+
+def test_weights_learn_which_mode_is_nearest_and_covariances_the_error_of_every_mode():
+    log_weight, mean, covariance, target = two_modes([0.5, 0.5], 3.0)
+    mask = torch.tensor([[[1.0, 1.0, 0.0, 0.0]]])
+    mode_likelihood_loss(log_weight, mean, covariance, target, mask).backward()
+    assert log_weight.grad[0, 0, 0] < 0.0  # descending makes the nearest heavier
+    far = covariance.grad[0, 0, 1]
+    assert (far[:2, 0, 0] < 0.0).all()  # its variance grows where it errs
+    assert not far[2:].any()  # not observed
+    assert not covariance.grad[..., 2:, 2:].any()  # the position alone
+
+
+def test_the_huber_loss_of_the_heaviest_mode_pulls_no_other_mode():
+    log_weight, mean, _, target = two_modes([0.4, 0.6], 3.0)
+    loss = heaviest_huber_loss(log_weight, mean, target, torch.ones(1, 1, 4))
+    assert float(loss.detach()) == pytest.approx(2.5)  # Huber of 3 m, delta 1
+    loss.backward()
+    assert mean.grad[0, 0, 1, :, 0].all()
+    assert not mean.grad[0, 0, 0].any()
+    assert log_weight.grad is None
