@@ -121,7 +121,13 @@ class TrainingRun:
         """Return the weights of the losses in an epoch, by default the current one."""
         epoch = self.state.epoch if epoch is None else epoch
         options = self.config.optimisation
-        return loss_weights(epoch, options.epochs, self.model.config.modes, options.warm_up_share)
+        total, modes = options.main_epochs, self.model.config.modes
+        return loss_weights(epoch, total, modes, options.warm_up_share)
+
+    @property
+    def calibrates(self) -> bool:
+        """Whether the current epoch trains covariances and weights alone."""
+        return self.state.epoch >= self.config.optimisation.main_epochs
 
     @torch.no_grad()
     def update_average(self) -> None:

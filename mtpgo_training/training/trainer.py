@@ -50,6 +50,9 @@ from mtpgo_training.training.validation import validate_epoch
 STATISTICS_SCENES = 512
 """Scenes from which the scales of the network's inputs are taken (chosen)."""
 
+CALIBRATED_PARTS = ("noise", "initial_covariance", "mixture")
+"""Parts of MTP-GO that give its covariances and weights."""
+
 TENSORBOARD_STEPS = 10
 """Steps between two points of the loss in TensorBoard (chosen: small files)."""
 
@@ -190,18 +193,23 @@ def _fit(
     if verbose:
         print(title_line(), flush=True)
     while not (run.finished or run.stopping):
+        _freeze(run.model, CALIBRATED_PARTS if run.calibrates else options.train_only)
         loader, steps = epoch_loader(scenes.training, config, state, rank, processes)
         title = f"epoch {state.epoch + 1}/{options.epochs} {run.loss_weights().name}"
         bar = tqdm(loader, title, steps, initial=state.batch, leave=False, disable=not progress)
         for batch in bar:
             stop = interruption.requested()
             run.received_signal = interruption.received_signal
-            done = (state.epoch + state.batch / steps) / options.epochs
+            peak, first, epochs = options.learning_rate, 0, options.main_epochs
+            if run.calibrates:
+                first, epochs = options.main_epochs, options.calibration_epochs
+                peak = options.calibration_learning_rate
+            done = (state.epoch - first + state.batch / steps) / epochs
             for group in optimiser.param_groups:
                 group["lr"] = learning_rate(
                     state.step,
                     done,
-                    peak=options.learning_rate,
+                    peak=peak,
                     schedule=options.learning_rate_schedule,
                     warmup_steps=options.warmup_steps,
                     floor=options.learning_rate_floor,
@@ -289,6 +297,14 @@ class BatchLoss(nn.Module):
     def forward(self, batch: Batch, teacher_forcing: bool) -> Tensor:
         """Return the loss of a batch with the weights of the run's present epoch."""
         options = self.run.config.optimisation
+        if self.run.calibrates:
+            return batch_loss(
+                self.model,
+                batch,
+                self.run.loss_weights(),
+                huber_delta=options.huber_delta,
+                likelihood=mode_likelihood_loss,
+            )
         return batch_loss(
             self.model,
             batch,

@@ -59,6 +59,9 @@ class OptimisationConfig:
             :func:`mtpgo_training.training.losses.likelihood_loss.mode_likelihood_loss`.
         train_only: prefixes of the names of the parameters that are trained, for instance
             ``noise``, ``initial_covariance`` and ``mixture``; empty for all.
+        calibration_epochs: the last epochs, in which only covariances and weights are trained, on
+            the likelihood ``mode``; their weights are exported.
+        calibration_learning_rate: peak of the learning rate in these epochs.
         correlated_steps: steps that count as one in the likelihood of a trajectory.
         teacher_forcing: probability at the start that a roll-out is fed the observed states; it
             falls linearly to zero at the end of the warm-up (total / 4). The default is none: the
@@ -84,12 +87,25 @@ class OptimisationConfig:
     likelihood: str = option("step", choices=LIKELIHOODS)
     correlated_steps: float = option(5.0, low=1.0)
     train_only: tuple[str, ...] = ()
+    calibration_epochs: int = option(0, low=0)
+    calibration_learning_rate: float = option(3e-3, above=0)
     teacher_forcing: float = option(0.0, low=0.0, high=1.0)
     average_decay: float = option(0.0, low=0.0, high=1.0)
     keep: str = option("best", choices=KEEP)
 
     def __post_init__(self) -> None:
         check_options(self, "optimisation.")
+        require(
+            "optimisation.calibration_epochs",
+            self.calibration_epochs,
+            self.calibration_epochs < self.epochs,
+            f"below optimisation.epochs, {self.epochs}",
+        )
+
+    @property
+    def main_epochs(self) -> int:
+        """Epochs before those in which only covariances and weights are trained."""
+        return self.epochs - self.calibration_epochs
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,8 @@ def validate_epoch(
     assert criterion is not None, "no agent of the validation scenes was observed"
     if run.loss_weights().ewta > 0.0:
         criterion += EWTA_PENALTY_M
-    better = criterion < state.best or run.config.optimisation.keep == "last"
+    keep_last = run.config.optimisation.keep == "last" or run.calibrates
+    better = criterion < state.best or keep_last
     if better:
         state.best, state.best_epoch = criterion, state.epoch + 1
         calibration = fit_calibration(samples)

@@ -383,3 +383,23 @@ def test_an_unknown_model_option_is_named(tmp_path):
     with pytest.raises(ConfigurationError, match=r"model has the unknown field 'hiden'"):
         run(tmp_path / "x", config=config)
     assert not (tmp_path / "x").exists()
+
+
+def test_the_last_epochs_may_train_covariances_and_weights_alone(tmp_path):
+    config = with_options(FEW_SCENES, epochs=3, calibration_epochs=1, learning_rate=1e-3)
+    done = run(tmp_path / "r", config)
+    assert done.state.best_epoch == 3
+    kill_after_saves(tmp_path / "cut", 2, config)
+    main = load_checkpoint(tmp_path / "cut" / "last.pt")["model"]
+    changed = {
+        name.partition(".")[0]
+        for name, value in done.model.state_dict().items()
+        if not torch.equal(value, main[name])
+    }
+    assert changed == {"noise", "initial_covariance", "mixture"}
+
+
+def test_parts_that_the_network_does_not_have_are_named(tmp_path):
+    config = with_options(FEW_SCENES, train_only=("tails",))
+    with pytest.raises(ConfigurationError, match="train_only names 'tails', expected parts"):
+        run(tmp_path / "r", config)
