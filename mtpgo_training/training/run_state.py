@@ -126,7 +126,7 @@ class TrainingRun:
 
     @property
     def calibrates(self) -> bool:
-        """Whether the current epoch trains covariances and weights alone."""
+        """Whether the current epoch trains the covariances alone."""
         return self.state.epoch >= self.config.optimisation.main_epochs
 
     @torch.no_grad()

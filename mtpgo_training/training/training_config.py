@@ -59,8 +59,8 @@ class OptimisationConfig:
             :func:`mtpgo_training.training.losses.likelihood_loss.mode_likelihood_loss`.
         train_only: prefixes of the names of the parameters that are trained, for instance
             ``noise``, ``initial_covariance`` and ``mixture``; empty for all.
-        calibration_epochs: the last epochs, in which only covariances and weights are trained, on
-            the likelihood ``mode``; their weights are exported.
+        calibration_epochs: the last epochs, in which only the covariances are trained, on the
+            likelihood ``mode``; the network after them is exported.
         calibration_learning_rate: peak of the learning rate in these epochs.
         correlated_steps: steps that count as one in the likelihood of a trajectory.
         teacher_forcing: probability at the start that a roll-out is fed the observed states; it
@@ -104,7 +104,7 @@ class OptimisationConfig:
 
     @property
     def main_epochs(self) -> int:
-        """Epochs before those in which only covariances and weights are trained."""
+        """Epochs before those in which only the covariances are trained."""
         return self.epochs - self.calibration_epochs
 
 
