@@ -33,7 +33,7 @@ RUNS ?= runs
 SIMULATED := $(RUNS)/simulated
 TRAIN_ARGS ?=
 
-.PHONY: help demo test numerics benchmark default highway urban data-given check lint types format environment clean distclean
+.PHONY: help demo test numerics benchmark default data-given check lint types format environment clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -88,40 +88,13 @@ default: data-given $(STAMP) $(DEFAULT_SIMULATED:%=$(SIMULATED)/.%) ## train, ca
 	@$(BIN)/mtpgo export "$(RUNS)/default" -o "$(RUNS)/default.pt" \
 	  --checkpoint "$(RUNS)/default.ckpt" --calibration "$(RUNS)/default-crossval"
 
-HIGHWAYS := highway_free highway_dense highway_congested highway_stop_and_go highway
-
-highway: data-given $(STAMP) $(HIGHWAYS:%=$(SIMULATED)/.%) ## train and export the shipped model `highway`; DATA=DIR of the NGSIM recordings [RUNS=DIR]
-	@$(call TRAIN,highway,highway,highd,$(HIGHWAYS))
-	@$(BIN)/mtpgo export "$(RUNS)/highway" -o "$(RUNS)/highway.pt"
-
-# With eleven short recordings the result depends strongly on the seed. Each seed has a run in one
-# process, and the best run by validation is exported.
-URBAN_SEEDS := 1 2 3
-URBAN_RUNS := $(URBAN_SEEDS:%=urban-seed%)
-
-urban: $(URBAN_RUNS) ## train and export the shipped model `urban`; DATA=DIR [RUNS=DIR]; with -j2 two runs in parallel
-	@$(BIN)/mtpgo export $(URBAN_RUNS:%="$(RUNS)/%") -o "$(RUNS)/urban.pt"
-
-.PHONY: $(URBAN_RUNS)
-$(URBAN_RUNS): urban-seed%: data-given $(STAMP) $(SIMULATED)/.roundabout $(SIMULATED)/.street
-	@$(call TRAIN,urban,$@,ind,roundabout street) --seed $*
-
-# Trains or resumes a run. $(1): configuration, $(2): run, $(3): layout of the simulated recordings,
-# $(4): their directories.
-TRAIN = $(BIN)/mtpgo train config/training/$(1).yaml --out "$(RUNS)/$(2)" \
-	  --data "$(DATA)" --layout ind \
-	  $(foreach name,$(4),--data "$(SIMULATED)/$(name)" --layout $(3)) \
-	  $(if $(wildcard $(RUNS)/$(2)/last.pt),--resume) $(TRAIN_ARGS)
-
 data-given:
-	@test -n "$(DATA)" || { echo "make: DATA is not given, expected the directory of the \
-	recordings: make default DATA=DIR, make highway DATA=DIR/ngsim" >&2; exit 2; }
+	@for name in $(DEFAULT_REAL); do test -d "$(DATA)/$$name" || { echo "make: DATA is '$(DATA)', which \
+	has no directory $$name; expected the one that holds $(DEFAULT_REAL): make default DATA=DIR" \
+	  >&2; exit 2; }; done
 
 $(SIMULATED)/.highway_free: SIMULATE := highway --traffic free --count 6 --seconds 180 --seed 100
 $(SIMULATED)/.highway_dense: SIMULATE := highway --traffic dense --count 6 --seconds 180 --seed 200
-$(SIMULATED)/.highway_congested: SIMULATE := highway --traffic congested --count 4 --seconds 180 --seed 300
-$(SIMULATED)/.highway_stop_and_go: SIMULATE := highway --traffic stop-and-go --count 4 --seconds 180 --seed 400
-$(SIMULATED)/.highway: SIMULATE := highway --count 6 --seconds 180 --seed 1
 $(SIMULATED)/.roundabout: SIMULATE := roundabout --count 4 --seconds 180 --seed 1
 $(SIMULATED)/.street: SIMULATE := street --count 9 --seconds 180 --seed 1
 $(SIMULATED)/.curves: SIMULATE := curves --count 8 --seconds 120 --seed 1

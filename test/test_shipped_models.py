@@ -1,18 +1,23 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The shipped models load by name, carry their description and beat kinematic baselines."""
+"""The shipped model loads by name, carries its description and beats kinematic baselines."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.schema import AgentClass, Source
 from mtpgo_core.task.model_file import find_checkpoint, find_model, load_task, model_card
+from mtpgo_training.calibration.calibration_text import moving_coverage
 from mtpgo_training.data.readers import load_recordings
-from mtpgo_training.evaluation.evaluator import evaluate
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.evaluation.evaluator import evaluate, make_predictor
 from mtpgo_training.export.exporter import load_model
-from mtpgo_training.export.model_calibration import own_calibration
+from mtpgo_training.export.model_calibration import check_coverage, own_calibration
+from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.training.networks import build_network, weights_hash
 from mtpgo_training.training.run_folder import load_checkpoint
 from mtpgo_training.training.training_config import load_config
@@ -23,8 +28,16 @@ SHIPPED = sorted(path.stem for path in (ROOT / "resource/weights").glob("*.pt"))
 CHECKPOINTS = sorted(path.stem for path in (ROOT / "resource/weights").glob("*.ckpt"))
 
 
-def test_the_documented_models_are_shipped():
-    assert {"default", "highway", "urban"} <= set(SHIPPED)
+@pytest.fixture(scope="module")
+def motorway() -> Recording:
+    (recording,) = load_recordings(ROOT / "resource/recordings/highway", "highd")
+    return recording
+
+
+def test_one_model_is_shipped_with_its_checkpoint_and_recipe():
+    assert SHIPPED == ["default"]
+    assert CHECKPOINTS == ["default"]
+    assert [path.stem for path in RECIPES] == ["default"]
 
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda path: path.stem)
@@ -82,21 +95,61 @@ def test_a_model_matches_its_recipe(name: str):
         assert found == set(getattr(config.data, use))
 
 
-@pytest.mark.parametrize(
-    ("name", "baselines"),
-    [
-        ("default", ("cv", "ca", "ctrv")),
-        ("highway", ("cv", "ca", "ctrv")),
-        ("urban", ("cv", "ctrv")),  # worse than ca on motorways, see its model card
-    ],
-)
-def test_a_model_beats_kinematic_baselines_on_the_shipped_recording(name, baselines):
-    (recording,) = load_recordings(ROOT / "resource/recordings/highway", "highd")
+def test_the_default_beats_kinematic_baselines_on_the_shipped_recording(motorway: Recording):
     table = evaluate(
-        {name: ModelRunner.load(find_model(name))}, [recording], stride_s=4.0, centre=False
+        {"default": ModelRunner.load(find_model("default"))},
+        [motorway],
+        stride_s=4.0,
+        centre=False,
     )
     scores = {model: protocols["all"] for model, protocols in table.items()}
-    best_baseline = min(scores[baseline]["ade"] for baseline in baselines)
-    assert scores[name]["ade"] < 0.9 * best_baseline
-    assert 0.8 < scores[name]["coverage_90"] <= 1.0
-    assert np.isfinite(scores[name]["anll"])
+    best_baseline = min(scores[baseline]["ade"] for baseline in ("cv", "ca", "ctrv"))
+    assert scores["default"]["ade"] < 0.9 * best_baseline
+    assert 0.8 < scores["default"]["coverage_90"] <= 1.0
+    assert np.isfinite(scores["default"]["anll"])
+
+
+@pytest.mark.parametrize("other", [AgentClass.PEDESTRIAN, AgentClass.UNKNOWN])
+def test_the_predictions_of_the_default_depend_on_the_class(
+    motorway: Recording, other: AgentClass
+):
+    runner = ModelRunner.load(find_model("default"))
+    predictor = make_predictor(runner, motorway)
+    (window,) = replay(motorway, runner.task.history, [motorway.stamp_ns(200)])  # after 8 s
+    cars = window.agent_class == AgentClass.CAR
+    assert cars.sum() >= 10
+    relabelled = dataclasses.replace(
+        window, agent_class=np.where(cars, other, window.agent_class).astype(np.uint8)
+    )
+    before, after = predictor.predict(window), predictor.predict(relabelled)
+    assert (before.key == after.key).all()
+    served = (before.source == Source.MODEL) & (after.source == Source.MODEL)
+    served &= before.agent_class == AgentClass.CAR
+    # The best guess: modes may change places, and rules of the output move few agents only.
+    difference = before.mean[served, 0, :, :2] - after.mean[served, 0, :, :2]
+    assert np.isfinite(difference).all()
+    moved_m = np.linalg.norm(difference, axis=-1).max(axis=-1)
+    assert (moved_m > 0.01).mean() > 0.8
+
+
+def test_the_default_is_calibrated_on_the_sites_that_the_cross_validation_left_out():
+    config = load_config(ROOT / "config/training/default.yaml")
+    task = load_task(find_model("default"))
+    calibration = task.calibration
+    assert calibration.left_out
+    assert calibration.horizon_steps == task.horizon_steps
+    left_out = {site for sites in config.crossval.folds.values() for site in sites}
+    assert {site.name for site in calibration.sites} == left_out
+    assert all(site.agents > 0 for site in calibration.sites)
+    groups = {group.name: group for group in calibration.groups}
+    for name in ("vehicle_moving", "pedestrian_moving", "any_moving"):
+        assert groups[name].sites >= 2, name
+
+
+def test_the_default_states_its_coverage_at_home_and_on_left_out_sites():
+    metrics = load_task(find_model("default")).metrics
+    for use in ("validation", "left-out sites"):
+        shares = moving_coverage(metrics[use]["model"]["all"])
+        assert list(shares) == [1.0, 3.0, 5.0], use
+        assert all(share is not None and 0.0 < share < 1.0 for share in shares.values()), use
+    assert check_coverage(metrics["validation"]) == ""

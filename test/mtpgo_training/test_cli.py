@@ -106,7 +106,7 @@ def test_an_output_that_is_closed_early_is_no_error() -> None:
     os.close(reader)
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "mtpgo_training.cli", "info", "highway"],
+            [sys.executable, "-m", "mtpgo_training.cli", "info", "default"],
             stdout=writer,
             stderr=subprocess.PIPE,
             text=True,
