@@ -117,7 +117,6 @@ def test_the_predictions_of_the_default_depend_on_the_class(
     predictor = make_predictor(runner, motorway)
     (window,) = replay(motorway, runner.task.history, [motorway.stamp_ns(200)])  # after 8 s
     cars = window.agent_class == AgentClass.CAR
-    assert cars.sum() >= 10
     relabelled = dataclasses.replace(
         window, agent_class=np.where(cars, other, window.agent_class).astype(np.uint8)
     )
@@ -125,6 +124,10 @@ def test_the_predictions_of_the_default_depend_on_the_class(
     assert (before.key == after.key).all()
     served = (before.source == Source.MODEL) & (after.source == Source.MODEL)
     served &= before.agent_class == AgentClass.CAR
+    served &= (
+        np.hypot(before.initial[:, 2], before.initial[:, 3]) > 1.0
+    )  # standing ones may be held
+    assert served.sum() >= 5
     # The best guess: modes may change places, and rules of the output move few agents only.
     difference = before.mean[served, 0, :, :2] - after.mean[served, 0, :, :2]
     assert np.isfinite(difference).all()
