@@ -1,6 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Groups of road user classes that use the same ways, and what trails need to know of each."""
+"""Groups of road user classes that use the same ways, and what trails need to know of each.
+
+They are not the groups of the calibration: a motorcycle rides where cars do, a bicycle often not,
+and an animal walks where pedestrians do.
+"""
 
 from __future__ import annotations
 
