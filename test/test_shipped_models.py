@@ -37,7 +37,7 @@ def motorway() -> Recording:
 def test_one_model_is_shipped_with_its_checkpoint_and_recipe():
     assert SHIPPED == ["default"]
     assert CHECKPOINTS == ["default"]
-    assert [path.stem for path in RECIPES] == ["default"]
+    assert [path.stem for path in RECIPES] == ["default", "own_recordings"]
 
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda path: path.stem)
