@@ -101,7 +101,7 @@ def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this
     said, errors = capsys.readouterr()
     assert errors == ""
     for expected in (
-        "both: leaves out east, coast (3 recordings)",
+        "both: leaves out coast, east (3 recordings)",
         "2 of 2 folds, 0 done before",
         "east: moving",
         "coast: all",
@@ -145,7 +145,7 @@ def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this
     )
     assert cli.main(arguments(place, "out", "--quiet")) == 0
     again = json.loads((place / "out" / "result.json").read_text())
-    assert list(again["folds"][0]["sites"]) == ["east", "coast"]
+    assert list(again["folds"][0]["sites"]) == ["coast", "east"]
     before, after = (r["mean_of_sites"]["simulated"]["moving"] for r in (content, again))
     assert (after["n"], after["ade"]) == (before["n"], pytest.approx(before["ade"]))
 
