@@ -155,7 +155,7 @@ def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this
     [
         (
             ["--folds", "north"],
-            "--folds names 'north', expected a fold or a site in it, of 'east'",
+            "--folds names 'north', expected a fold or a site in it, of 'coast'",
         ),
         (
             ["--set", "crossval.folds.all=[east, west]"],
