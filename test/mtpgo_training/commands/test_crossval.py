@@ -158,8 +158,8 @@ def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this
             "--folds names 'north', expected a fold or a site in it, of 'coast'",
         ),
         (
-            ["--set", "crossval.folds.all=[east, west]"],
-            "one fold leaves out all sites (east, west",
+            ["--set", "crossval.folds={all: [coast, east, west]}"],
+            "one fold leaves out all sites (",
         ),
         (["--set", "crossval.sites.a=east"], "crossval.sites.a is 'east', expected a list"),
         (["--set", "crossval.folds={1: [east]}"], "a name in crossval.folds is 1, expected text"),
