@@ -30,7 +30,7 @@ CONFIG = {
     "name": "tiny",
     "num_threads": THREADS,
     "data": {"validation": ["03"], "stride_s": 0.4, "restart_probability": 0.0},
-    "scene": {"max_neighbours": 3},
+    "scene": {"max_neighbours": 3, "sizes": True, "trails": True},
     "model": {
         "hidden": 8,
         "modes": 2,
@@ -38,9 +38,18 @@ CONFIG = {
         "layer": "graphconv",
         "integrator": "euler",
         "ode_hidden": 4,
+        "static_features": True,
+        "static_inputs": "all",
+        "hold_standing": True,
     },
-    "optimisation": {"epochs": 3, "batch_scenes": 8, "average_decay": 0.9},
+    "optimisation": {
+        "epochs": 3,
+        "batch_scenes": 8,
+        "average_decay": 0.9,
+        "likelihood": "trajectory",
+    },
 }
+"""With the options that the paper does not have, so that two processes are compared on them."""
 
 
 @pytest.fixture(scope="module")
