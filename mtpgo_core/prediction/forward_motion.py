@@ -8,7 +8,14 @@ import dataclasses
 
 import numpy as np
 
-from mtpgo_core.schema import MOVING_MPS, AgentClass, BoolArray, Float64Array, Prediction
+from mtpgo_core.schema import (
+    MOVING_MPS,
+    AgentClass,
+    BoolArray,
+    Float64Array,
+    IndexArray,
+    Prediction,
+)
 
 _NEVER_TURNS = np.ones(256, dtype=np.bool_)
 _NEVER_TURNS[[AgentClass.UNKNOWN, AgentClass.PEDESTRIAN, AgentClass.ANIMAL]] = False
@@ -34,19 +41,21 @@ def without_reversing(prediction: Prediction) -> Prediction:
         (prediction.agent_class == AgentClass.UNKNOWN) & (fast > _VEHICLE_MPS)
     )
     rows = np.flatnonzero(vehicle & (fast > MOVING_MPS))
-    rows = rows[_may_turn_back(prediction.mean[rows], prediction.initial[rows])]
-    if not len(rows):
+    initial, mean = prediction.initial[rows], prediction.mean[rows]  # [r, 4], [r, M, H, 4]
+    start = np.broadcast_to(initial[:, None, None, :2], (*mean.shape[:2], 1, 2))
+    displacement = np.diff(mean[..., :2], axis=2, prepend=start)
+    some = _may_turn_back(displacement, initial)
+    if not some.any():
         return prediction
-    mean = prediction.mean[rows]  # [r, M, H, 4]
-    last = _last_forward_step(mean, prediction.initial[rows])  # [r, M]
+    rows, initial, mean, start = rows[some], initial[some], mean[some], start[some]
+    last = _last_forward_step(displacement[some], initial)  # [r, M]
     steps = mean.shape[2]
     stops = last < steps - 1
     if not stops.any():
         return prediction
     after = np.arange(steps) > last[..., None]
-    start = np.broadcast_to(prediction.initial[rows, None, :2], (*last.shape, 2))
     place = np.take_along_axis(mean, np.maximum(last, 0)[..., None, None], axis=2)[:, :, 0, :2]
-    place = np.where(last[..., None] >= 0, place, start)
+    place = np.where(last[..., None] >= 0, place, start[:, :, 0])
     held = np.concatenate([place, np.zeros_like(place)], axis=-1)[:, :, None]
     whole = prediction.mean.copy()
     whole[rows] = np.where(after[..., None], held, mean)
@@ -57,31 +66,33 @@ def without_reversing(prediction: Prediction) -> Prediction:
     return dataclasses.replace(prediction, mean=whole, yaw=yaw)
 
 
-def _may_turn_back(mean: Float64Array, initial: Float64Array) -> BoolArray:
+def _may_turn_back(displacement: Float64Array, initial: Float64Array) -> BoolArray:
     """Return [r] whether any path has a displacement against the one before, however short.
 
     Few agents have one, and only those are looked at step by step.
+
+    Args:
+        displacement: [r, M, H, 2] in each step (m).
+        initial: [r, 4] states at t.
     """
-    displacement = np.diff(mean[..., :2], axis=2)
-    first = mean[:, :, 0, :2] - initial[:, None, :2]
     back = (displacement[:, :, 1:] * displacement[:, :, :-1]).sum(axis=-1) < 0.0
-    at_second = (displacement[:, :, 0] * first).sum(axis=-1) < 0.0
-    at_first = (first * initial[:, None, 2:]).sum(axis=-1) < 0.0
-    return np.asarray(back.any(axis=(1, 2)) | (at_second | at_first).any(axis=1))
+    at_first = (displacement[:, :, 0] * initial[:, None, 2:]).sum(axis=-1) < 0.0
+    return np.asarray(back.any(axis=(1, 2)) | at_first.any(axis=1))
 
 
-def _last_forward_step(mean: Float64Array, initial: Float64Array) -> np.ndarray:
-    """Return [r, M] the last step before a path turns back, -1 for none, H - 1 if it does not."""
-    points = np.concatenate(
-        [np.broadcast_to(initial[:, None, None, :2], (*mean.shape[:2], 1, 2)), mean[..., :2]],
-        axis=2,
-    )
-    displacement = np.diff(points, axis=2)
+def _last_forward_step(displacement: Float64Array, initial: Float64Array) -> IndexArray:
+    """Return [r, M] the last step before a path turns back, -1 for none, H - 1 if it does not.
+
+    Args:
+        displacement: [r, M, H, 2] in each step (m).
+        initial: [r, 4] states at t.
+    """
+    rows, modes, steps, _ = displacement.shape
     long = (displacement**2).sum(axis=-1) > _LEAST_M**2
-    before = np.broadcast_to(initial[:, None, 2:], (*mean.shape[:2], 2))
-    last = np.full(mean.shape[:2], mean.shape[2] - 1)
-    going: BoolArray = np.ones(mean.shape[:2], dtype=np.bool_)
-    for k in range(mean.shape[2]):
+    before = np.broadcast_to(initial[:, None, 2:], (rows, modes, 2))
+    last = np.full((rows, modes), steps - 1)
+    going = np.ones((rows, modes), dtype=np.bool_)
+    for k in range(steps):
         step = displacement[:, :, k]
         back = going & long[:, :, k] & ((step * before).sum(axis=-1) < 0.0)
         last[back] = k - 1
