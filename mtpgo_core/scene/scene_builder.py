@@ -11,6 +11,8 @@ docs/design.md, decisions 12 to 14.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +43,8 @@ SIZE_SCALES = (10.0, 3.0)
 
 LARGEST_SIZE = 3.0
 """Largest scaled size; chosen: 30 m, longer than a lorry with its trailer."""
+
+_Number = TypeVar("_Number", np.float32, np.float64)
 
 _BY_AGENT = {"leaders": leader_features, "traffic": traffic_features}
 """Contexts that do not depend on the graph: computed once per agent."""
@@ -196,22 +200,37 @@ def _features(
             raise ConfigurationError(
                 "the model's context is 'lanes' but no lane lines are given, expected a lane map"
             )
-        members, place = np.unique(agent, return_inverse=True)
-        on_road = lanes.positions(window.position[members], window.yaw[members])
-        columns.append(on_road[place.reshape(agent.shape)])
+        road = lanes  # not None in the function below
+        columns.append(
+            _once_per_agent(
+                agent, lambda some: road.positions(window.position[some], window.yaw[some])
+            )
+        )
     elif config.context in _BY_AGENT:
-        members, place = np.unique(agent, return_inverse=True)
-        around = _BY_AGENT[config.context](window, members, config.leader_reach_m)
-        columns.append(around[place.reshape(agent.shape)])
+        around, reach_m = _BY_AGENT[config.context], config.leader_reach_m
+        columns.append(_once_per_agent(agent, lambda some: around(window, some, reach_m)))
     features = np.nan_to_num(np.concatenate(columns, axis=-1), nan=0.0)
     features[~valid] = 0.0
     return features.astype(np.float32)
 
 
+def _once_per_agent(
+    agent: IndexArray, values_of: Callable[[IndexArray], NDArray[_Number]]
+) -> NDArray[_Number]:
+    """Return [B, N, ...] what ``values_of`` gives for each agent, computed once for each.
+
+    Args:
+        agent: [B, N] positions in the window; an agent may be in several graphs.
+        values_of: returns [m, ...] values of m agents.
+    """
+    members, place = np.unique(agent, return_inverse=True)
+    return values_of(members)[place.reshape(agent.shape)]
+
+
 def _trails(
     window: HistoryWindow,
     config: SceneConfig,
-    agent: NDArray[np.int64],
+    agent: IndexArray,
     trails: TrailContext | None,
 ) -> Float32Array | None:
     """Return [B, N, R, H, 3] the continuations of the agents' ways, None if the task has none."""
@@ -221,8 +240,7 @@ def _trails(
         raise ConfigurationError(
             "the task has scene.trails but no memory of trails is given, expected a TrailContext"
         )
-    members, place = np.unique(agent, return_inverse=True)
-    of_agent = trail_features(window.select(members), trails)[place.reshape(agent.shape)]
+    of_agent = _once_per_agent(agent, lambda some: trail_features(window.select(some), trails))
     of_agent[agent < 0] = 0.0
     return of_agent
 
