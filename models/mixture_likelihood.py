@@ -50,6 +50,22 @@ def gaussian_log_prob(mean: Tensor, covariance: Tensor, target: Tensor) -> Tenso
     return result
 
 
+def mode_log_prob(mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor) -> Tensor:
+    """Return [B, N, M, H] the log density that each mode gives to each future state.
+
+    Args:
+        mean: [B, N, M, H, S].
+        covariance: [B, N, M, H, S, S].
+        target: [B, N, H, S] (or more columns, the first S count); any value where masked.
+        mask: [B, N, H] true where the target is known; elsewhere a value without meaning, of
+            which no gradient can overflow.
+    """
+    target = target[..., : mean.size(-1)].unsqueeze(2)
+    # Where the truth is unknown the mean replaces it, so that no gradient can overflow.
+    target = torch.where(mask[:, :, None, :, None], target, mean.detach())
+    return gaussian_log_prob(mean, covariance, target)
+
+
 def mixture_nll(
     log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
 ) -> Tensor:
@@ -64,11 +80,7 @@ def mixture_nll(
         target: [B, N, H, S] (or more columns, the first S count); any value where masked.
         mask: [B, N, H] true where the target is known.
     """
-    target = target[..., : mean.size(-1)]
-    target = torch.where(mask.unsqueeze(-1), target, torch.zeros_like(target)).unsqueeze(2)
-    # Where the truth is unknown the mean replaces it, so that no gradient can overflow.
-    target = torch.where(mask[:, :, None, :, None], target, mean.detach())
-    log_prob = log_weight.unsqueeze(-1) + gaussian_log_prob(mean, covariance, target)
+    log_prob = log_weight.unsqueeze(-1) + mode_log_prob(mean, covariance, target, mask)
     nll = -torch.logsumexp(log_prob, dim=2)
     return torch.where(mask, nll, torch.zeros_like(nll))
 

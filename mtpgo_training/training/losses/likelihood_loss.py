@@ -11,7 +11,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from models.mixture_likelihood import gaussian_log_prob, mixture_nll
+from models.mixture_likelihood import mixture_nll, mode_log_prob
 from mtpgo_training.training.losses.ewta_loss import huber_per_mode
 
 NEAREST_SCALE_M = 0.2
@@ -59,13 +59,9 @@ def trajectory_likelihood_loss(
         mask: [B, N, H] weight of each step, 0 where not observed.
         correlated_steps: steps that count as one.
     """
-    known = (mask > 0.0).unsqueeze(2)  # [B, N, 1, H]
-    truth = torch.where(known.unsqueeze(-1), target.unsqueeze(2), mean.detach())
-    log_prob = gaussian_log_prob(mean, covariance, truth)
-    of_mode = torch.where(known, log_prob, 0.0).sum(dim=-1) / correlated_steps  # [B, N, M]
+    of_mode = _trajectory_log_prob(mean, covariance, target, mask) / correlated_steps
     of_agent = -correlated_steps * torch.logsumexp(log_weight + of_mode, dim=-1)
-    weight = mask.amax(dim=-1)  # all steps of an agent have the same
-    return (of_agent * weight).sum() / mask.sum().clamp(min=1e-6)
+    return _mean_of_steps(of_agent, mask)
 
 
 def expected_huber_loss(
@@ -131,15 +127,25 @@ def mode_likelihood_loss(
         target: [B, N, H, S] observed states; any finite value where not observed.
         mask: [B, N, H] weight of each step, 0 where not observed.
     """
-    known = (mask > 0.0).unsqueeze(2)  # [B, N, 1, H]
-    place = mean[..., :2]
-    truth = torch.where(known.unsqueeze(-1), target[..., :2].unsqueeze(2), place.detach())
-    nll = -gaussian_log_prob(place, covariance[..., :2, :2], truth)
-    nll = torch.where(known, nll, 0.0).sum(dim=-1)  # [B, N, M]
-    steps = known.sum(dim=-1)  # [B, N, 1]
-    distance = torch.linalg.vector_norm(truth - place.detach(), dim=-1).sum(dim=-1)
+    place, known = mean[..., :2], mask > 0.0
+    nll = -_trajectory_log_prob(place, covariance[..., :2, :2], target, mask)
+    offset = target[..., :2].unsqueeze(2) - place.detach()
+    offset = torch.where(known[:, :, None, :, None], offset, 0.0)
+    distance = torch.linalg.vector_norm(offset, dim=-1).sum(dim=-1)  # [B, N, M]
+    steps = known.sum(dim=-1, keepdim=True)  # [B, N, 1]
     nearest = torch.softmax(-distance / steps.clamp(min=1) / NEAREST_SCALE_M, dim=-1)
     entropy = -(nearest * log_weight).sum(dim=-1) * steps.squeeze(-1)
-    of_agent = (log_weight.detach().exp() * nll).sum(dim=-1) + entropy
-    weight = mask.amax(dim=-1)  # all steps of an agent have the same
+    return _mean_of_steps((log_weight.detach().exp() * nll).sum(dim=-1) + entropy, mask)
+
+
+def _trajectory_log_prob(mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor) -> Tensor:
+    """Return [B, N, M] the log density of the observed steps of a trajectory under each mode."""
+    known = mask > 0.0
+    log_prob = mode_log_prob(mean, covariance, target, known)
+    return torch.where(known.unsqueeze(2), log_prob, 0.0).sum(dim=-1)
+
+
+def _mean_of_steps(of_agent: Tensor, mask: Tensor) -> Tensor:
+    """Return a loss [B, N], summed over the steps of each agent, as an average over the steps."""
+    weight = mask.amax(dim=-1)  # all observed steps of an agent have the same
     return (of_agent * weight).sum() / mask.sum().clamp(min=1e-6)
