@@ -124,6 +124,17 @@ class TrainingRun:
         total, modes = options.main_epochs, self.model.config.modes
         return loss_weights(epoch, total, modes, options.warm_up_share)
 
+    def teacher_forcing_probability(self) -> float:
+        """Return the probability of teacher forcing in the current epoch.
+
+        It falls linearly to zero within the warm-up of Algorithm 1.
+        """
+        options = self.config.optimisation
+        warm_up_epochs = options.warm_up_share * options.main_epochs
+        if self.state.epoch >= warm_up_epochs:
+            return 0.0
+        return options.teacher_forcing * (1.0 - self.state.epoch / warm_up_epochs)
+
     @property
     def calibrates(self) -> bool:
         """Whether the current epoch trains the covariances alone."""

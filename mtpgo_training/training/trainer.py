@@ -219,7 +219,7 @@ def _fit(
             # the same ones. The factors are primes above any number of epochs and batches.
             torch.manual_seed((config.seed * 7919 + state.epoch) * 1_000_003 + state.batch)
             run.model.train()
-            teacher_forcing = bool(torch.rand(()) < _teacher_forcing_probability(run))
+            teacher_forcing = bool(torch.rand(()) < run.teacher_forcing_probability())
 
             batch = fabric.to_device(batch)
             loss = loss_module(batch, teacher_forcing)
@@ -298,22 +298,16 @@ class BatchLoss(nn.Module):
     def forward(self, batch: Batch, teacher_forcing: bool) -> Tensor:
         """Return the loss of a batch with the weights of the run's present epoch."""
         options = self.run.config.optimisation
-        if self.run.calibrates:
-            return batch_loss(
-                self.model,
-                batch,
-                self.run.loss_weights(),
-                huber_delta=options.huber_delta,
-                likelihood=mode_likelihood_loss,
-            )
+        calibrates = self.run.calibrates
         return batch_loss(
             self.model,
             batch,
             self.run.loss_weights(),
             huber_delta=options.huber_delta,
-            mean_weight=options.mean_weight,
-            heaviest_weight=options.heaviest_weight,
-            likelihood=self.likelihood,
+            # The means do not change while the covariances are trained.
+            mean_weight=0.0 if calibrates else options.mean_weight,
+            heaviest_weight=0.0 if calibrates else options.heaviest_weight,
+            likelihood=mode_likelihood_loss if calibrates else self.likelihood,
             teacher_forcing=teacher_forcing,
         )
 
@@ -341,15 +335,6 @@ def _share(
     whole = total[1].clamp(min=1e-6)
     loss = loss * (fabric.world_size * weight / whole)
     return loss, float(total[0] / whole), float(total[2]), bool(total[3] > 0)
-
-
-def _teacher_forcing_probability(run: TrainingRun) -> float:
-    """Fall linearly to zero within the warm-up of Algorithm 1."""
-    options = run.config.optimisation
-    warm_up_epochs = options.warm_up_share * options.epochs
-    if run.state.epoch >= warm_up_epochs:
-        return 0.0
-    return options.teacher_forcing * (1.0 - run.state.epoch / warm_up_epochs)
 
 
 def _fabric(config: TrainingConfig) -> Fabric:

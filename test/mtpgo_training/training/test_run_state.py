@@ -63,6 +63,17 @@ def test_patience_counts_only_epochs_on_the_likelihood_alone():
     assert run.finished
 
 
+def test_teacher_forcing_falls_to_zero_with_the_warm_up_of_the_losses():
+    run = new_run(
+        with_options(epochs=10, calibration_epochs=2, warm_up_share=0.5, teacher_forcing=0.8)
+    )
+    found = []
+    for run.state.epoch in range(10):
+        found.append(run.teacher_forcing_probability())
+        assert (found[-1] > 0.0) == (run.loss_weights().ewta > 0.0)
+    assert found == pytest.approx([0.8, 0.6, 0.4, 0.2] + [0.0] * 6)
+
+
 def test_the_average_follows_the_weights_faster_in_the_first_steps():
     run = new_run(with_options(average_decay=0.9))
     one, average = next(run.model.parameters()), next(run.average.parameters())
