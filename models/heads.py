@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Output layers on the recurrent states, initialised for constant velocity.
 
-Their initial weights are a hundred times smaller than usual (docs/design.md, decision 16): the
-untrained model hardly depends on its input, but gradients reach everything before the heads from
-the first step on.
+Their initial weights are small, see :mod:`models.own_frame.small_linear`.
 """
 
 import math
@@ -13,9 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from models.mtp_go_config import ModelConfig
-
-SMALL = 0.01
-"""Factor on the initial weights of output layers (chosen: see above)."""
+from models.own_frame.small_linear import small_linear
 
 SPREAD = 0.1
 """Radius of the circle of the modes' initial commands (m/s in first, m/s^2 in second order).
@@ -41,15 +37,6 @@ def inverse_softplus(value: float) -> float:
     return value + math.log(-math.expm1(-value))
 
 
-def _small_linear(size_in: int, size_out: int, bias: float = 0.0) -> nn.Linear:
-    """Return a linear layer whose initial output is nearly its bias."""
-    layer = nn.Linear(size_in, size_out)
-    with torch.no_grad():
-        layer.weight.mul_(SMALL)
-        layer.bias.fill_(bias)
-    return layer
-
-
 class ControlHead(nn.Module):
     """The motion model's inputs for all modes.
 
@@ -67,7 +54,7 @@ class ControlHead(nn.Module):
         self.modes = modes
         self.controls = controls
         self.body = nn.Linear(hidden, hidden)
-        self.out = _small_linear(hidden, modes * controls)
+        self.out = small_linear(hidden, modes * controls)
         angle = torch.arange(modes - 1) * (2.0 * math.pi / max(modes - 1, 1))
         circle = SPREAD * torch.stack((angle.cos(), angle.sin()), dim=-1)
         with torch.no_grad():
@@ -88,9 +75,9 @@ class NoiseHead(nn.Module):
         self.limit = RHO_LIMIT
         self.body = nn.Linear(hidden, hidden)
         start = inverse_softplus(1.0 - SIGMA_FLOOR)
-        self.sigma_1 = _small_linear(hidden, modes, start)
-        self.sigma_2 = _small_linear(hidden, modes, start)
-        self.rho = _small_linear(hidden, modes)
+        self.sigma_1 = small_linear(hidden, modes, start)
+        self.sigma_2 = small_linear(hidden, modes, start)
+        self.rho = small_linear(hidden, modes)
 
     def forward(self, h: Tensor) -> Tensor:
         """Return Q [2, 2, H, B, N, M] of the decoder's states [H, B, N, D]."""
@@ -119,7 +106,7 @@ class InitialCovariance(nn.Module):
         self.learned = config.initial_covariance == "learned" and config.ekf
         self.head: nn.Module = nn.Identity()
         if self.learned:
-            head = _small_linear(config.hidden, config.state_size)
+            head = small_linear(config.hidden, config.state_size)
             first = [inverse_softplus(max(s - SIGMA_FLOOR, 1e-4)) for s in std]  # above zero
             with torch.no_grad():
                 head.bias.copy_(torch.tensor(first))
@@ -143,7 +130,7 @@ class MixtureHead(nn.Module):
 
     def __init__(self, hidden: int, modes: int):
         super().__init__()
-        self.out = _small_linear(hidden, modes)
+        self.out = small_linear(hidden, modes)
         with torch.no_grad():
             self.out.bias[0] = FIRST_MODE
 

@@ -13,9 +13,7 @@ from torch import Tensor, nn
 
 from models.network_config import NetworkConfig
 from models.own_frame.conditioning import DEVIATION_STD
-
-SMALL = 0.01
-"""Factor on the initial weights, as in :mod:`models.heads`: untrained, trails change nothing."""
+from models.own_frame.small_linear import small_linear
 
 COLUMNS = 5
 """Per path and step: position (2), velocity (2), share."""
@@ -41,13 +39,10 @@ class TrailInput(nn.Module):
         self.stride = max(1, steps // SUMMARY_STEPS)
         count = len(range(self.stride - 1, steps, self.stride))
         self.register_buffer("std", torch.tensor([*DEVIATION_STD, 1.0]), persistent=False)
-        self.embed = nn.Linear(self.branches * COLUMNS, config.hidden, bias=False)
+        # Small, so that without training trails change nothing.
+        self.embed = small_linear(self.branches * COLUMNS, config.hidden, bias=None)
         self.body = nn.Linear(self.branches * COLUMNS * count, config.hidden)
-        self.out = nn.Linear(config.hidden, config.hidden)
-        with torch.no_grad():
-            self.embed.weight.mul_(SMALL)
-            self.out.weight.mul_(SMALL)
-            self.out.bias.zero_()
+        self.out = small_linear(config.hidden, config.hidden)
 
     def forward(self, trails: Tensor | None) -> tuple[Tensor, Tensor]:
         """Return scaled inputs [H, B, N, R * 5] of all steps, and a summary [B, N, D].
