@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, listed, option, require
-from mtpgo_core.schema import MOVING_MPS, AgentClass, ClassArray, Float64Array
+from mtpgo_core.schema import MOVING_MPS, AgentClass, BoolArray, ClassArray, Float64Array
 
 GroupArray = NDArray[np.uint8]
 """Positions in :data:`GROUPS`."""
@@ -66,6 +66,11 @@ def calibration_groups(agent_class: ClassArray, velocity: Float64Array) -> Group
     squared = velocity[:, 0] ** 2 + velocity[:, 1] ** 2
     moving = ~(squared <= MOVING_MPS**2)
     return 2 * _CLASS_INDEX[agent_class] + moving.astype(np.uint8)
+
+
+def is_moving(group: GroupArray) -> BoolArray:
+    """Return [n] whether groups of :func:`calibration_groups` are of moving road users."""
+    return np.asarray(group % len(MOTIONS) == MOTIONS.index("moving"))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mtpgo_core.task.calibration import MOTIONS
+from mtpgo_core.task.calibration import is_moving
 from mtpgo_training.adapt.site_predictions import SitePredictions
 from mtpgo_training.calibration.calibration_fit import LEVEL
 from mtpgo_training.evaluation.scores import metrics
@@ -52,7 +52,7 @@ def score_site(predictions: SitePredictions) -> SiteScores:
     """
     mean, weight, covariance = predictions.mean, predictions.weight, predictions.covariance
     truth, mask = predictions.truth, predictions.mask
-    moving = predictions.group % len(MOTIONS) == MOTIONS.index("moving")
+    moving = is_moving(predictions.group)
     nees = metrics.nees(mean, weight, covariance, truth)
     inside = (nees <= metrics.radius_squared(LEVEL)) & mask
     straight = np.linalg.norm(predictions.constant_velocity - truth, axis=-1)

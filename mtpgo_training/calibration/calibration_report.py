@@ -15,7 +15,7 @@ import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.schema import BoolArray
-from mtpgo_core.task.calibration import GROUPS, MOTIONS
+from mtpgo_core.task.calibration import GROUPS, is_moving
 from mtpgo_training.calibration.calibration_fit import LEVEL, TIE_M, fit_calibration
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.calibration.calibration_text import is_moving_score
@@ -61,11 +61,6 @@ class CalibrationScores:
     heaviest_nearest: float
 
 
-def moving(samples: CalibrationSamples) -> BoolArray:
-    """Return [n] which agents move."""
-    return np.asarray(samples.group % len(MOTIONS) == MOTIONS.index("moving"))
-
-
 def score_samples(samples: CalibrationSamples) -> CalibrationScores:
     """Score predictions; calibrate the samples first to score what that brings."""
     horizon = samples.distance.shape[1]
@@ -106,7 +101,7 @@ def moving_scores(samples: CalibrationSamples) -> dict[str, float | int | None]:
         ``moving_n``, the number of predictions that are known at the last of the times, and
         ``coverage_90_moving_1s`` and so on, the share inside the 90 % ellipse after 1 s.
     """
-    scores = score_samples(samples.select(moving(samples)))
+    scores = score_samples(samples.select(is_moving(samples.group)))
     shares = zip(scores.times_s, scores.coverage, strict=True)
     named = {MOVING_COVERAGE_KEY.format(time_s): none(share) for time_s, share in shares}
     return {"moving_n": scores.known[-1], **named}
@@ -156,7 +151,7 @@ def calibration_table(before: CalibrationSamples, after: CalibrationSamples) -> 
 
 def _parts(samples: CalibrationSamples) -> Iterable[tuple[str, BoolArray]]:
     """Yield the name and the agents of each row of the table."""
-    moves = moving(samples)
+    moves = is_moving(samples.group)
     yield "moving", moves
     yield "standing", ~moves
     for index, name in enumerate(GROUPS):

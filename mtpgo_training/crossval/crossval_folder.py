@@ -20,7 +20,11 @@ from typing import Any
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.calibration.calibration_report import calibration_table, leave_one_site_out
-from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
+from mtpgo_training.calibration.calibration_samples import (
+    SAMPLES_FILE,
+    CalibrationSamples,
+    merge_samples,
+)
 from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
 from mtpgo_training.crossval.fold_plan import Budget
 from mtpgo_training.crossval.site_folds import Fold
@@ -56,7 +60,7 @@ class FoldFolder:
         self.run = path / "run"
         self.training = path / "training.json"
         self.model = path / "model.pt"
-        self.samples = path / "calibration.npz"
+        self.samples = path / SAMPLES_FILE
         self.log = path / "fold.log"
         self.scores = path / "scores.json"
 
