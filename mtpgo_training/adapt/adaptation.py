@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from torch import Tensor
-from torch_geometric.loader import DataLoader
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import from_dict
@@ -25,16 +24,16 @@ from mtpgo_core.task.calibration import Calibration
 from mtpgo_training.adapt.adapt_options import FEWEST_AGENTS, AdaptOptions
 from mtpgo_training.adapt.adaptation_scores import SiteScores, score_site
 from mtpgo_training.adapt.site_calibration import cross_calibrated, site_calibration
-from mtpgo_training.adapt.site_predictions import predict_site
+from mtpgo_training.adapt.site_predictions import SitePredictions, predict_site
 from mtpgo_training.adapt.weight_averaging import SHARES, between
 from mtpgo_training.calibration.calibration_report import with_moving_scores
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, Splits, split, window_s
 from mtpgo_training.evaluation.training_overlap import training_hashes
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.export.model_calibration import own_calibration
-from mtpgo_training.scenes.scene_dataset import dense
 from mtpgo_training.training.data_loading import Scenes, prepare_scenes
 from mtpgo_training.training.networks import weights_hash
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
@@ -42,7 +41,7 @@ from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import TrainerConfig, TrainingConfig
-from mtpgo_training.training.validation import BATCH_SCENES, validate
+from mtpgo_training.training.validation import scene_batches, validate
 
 EXPORT_S = 20.0
 """Time kept for writing and checking the model file (s); chosen: it takes some seconds."""
@@ -128,8 +127,8 @@ def adapt(
         f"begins with ADE {before.ade_m:.3f} m of moving road users "
         f"(constant velocity {before.constant_velocity_ade_m:.3f} m)"
     )
-    # An epoch's two validations may begin just before the end; each share has one, the result two.
-    reserve_s = (4 + len(SHARES)) * validation_s + EXPORT_S
+    # An epoch's two validations may begin just before the end; each share and the result have one.
+    reserve_s = (3 + len(SHARES)) * validation_s + EXPORT_S
     left_s = 60.0 * options.minutes - (time.monotonic() - started_s) - reserve_s
     if left_s <= 0.0:
         raise ConfigurationError(
@@ -147,9 +146,9 @@ def adapt(
             progress=progress,
         )
         tuned = _tuned_weights(run, Path(folder) / "run")
-    share, weights, after = _best_share(base, tuned, scenes, before)
+    share, weights, predictions, after = _best_share(base, tuned, scenes, before)
     checkpoint = _checkpoint(base, run, splits, weights)
-    checkpoint |= _calibrated(checkpoint, scenes, base_calibration)
+    checkpoint |= _calibrated(checkpoint, predictions.samples(), scenes, base_calibration)
     checkpoint["adapted_from"] = {
         "name": base["config"]["name"],
         "weights_sha256": weights_hash(load_model(base)),
@@ -205,6 +204,7 @@ def adapted_config(
             config.optimisation,
             epochs=options.epochs,
             warm_up_share=0.0,
+            calibration_epochs=0,  # the calibration is fitted to the site afterwards
             learning_rate=options.learning_rate,
             learning_rate_schedule="constant",
             keep="best",
@@ -259,8 +259,8 @@ def _tuned_weights(run: TrainingRun, folder: Path) -> dict[str, Tensor]:
 
 def _best_share(
     base: Checkpoint, tuned: dict[str, Tensor], scenes: Scenes, before: SiteScores
-) -> tuple[float, dict[str, Tensor], SiteScores]:
-    """Return the share of the change that is best, the weights with it and their scores.
+) -> tuple[float, dict[str, Tensor], SitePredictions, SiteScores]:
+    """Return the share of the change that is best, the weights, predictions and scores with it.
 
     The best one has the smallest ADE of moving agents of those whose likelihood is no worse than
     before, or of all if there is none.
@@ -271,9 +271,10 @@ def _best_share(
         model = load_model({**base, "average": weights}, calibrated=False)
         predictions = predict_site(model, scenes.validation)
         scores = score_site(cross_calibrated(predictions, own_calibration(base)))
-        found.append((scores.nll > before.nll, scores.ade_m, share, weights, scores))
-    _, _, share, weights, scores = min(found, key=lambda entry: entry[:3])
-    return share, weights, scores
+        key = (scores.nll > before.nll, scores.ade_m, share)
+        found.append((key, weights, predictions, scores))
+    key, weights, predictions, scores = min(found, key=lambda entry: entry[0])
+    return key[-1], weights, predictions, scores
 
 
 def _checkpoint(
@@ -294,19 +295,21 @@ def _checkpoint(
     }
 
 
-def _calibrated(checkpoint: Checkpoint, scenes: Scenes, base: Calibration) -> Checkpoint:
+def _calibrated(
+    checkpoint: Checkpoint, samples: CalibrationSamples, scenes: Scenes, base: Calibration
+) -> Checkpoint:
     """Return calibration and metrics of a checkpoint on the validation part.
 
     Args:
         checkpoint: of the adapted network.
+        samples: of it on the validation part, without a calibration.
         scenes: of the site.
         base: calibration of the base model.
     """
-    model = load_model(checkpoint)
-    samples = predict_site(model, scenes.validation).samples()
     calibration = site_calibration(samples, base)
-    batches = (dense(batch) for batch in DataLoader(scenes.validation, BATCH_SCENES))
-    averages = validate(model, batches, calibration)[0].averages()
+    batches = scene_batches(scenes.validation, samples.sites)
+    scored, _ = validate(load_model(checkpoint), batches, calibration, sites=samples.sites)
+    averages = scored.averages()
     scores = averages["model"]
     scores["all"] = with_moving_scores(scores["all"], samples.calibrated(calibration))
     return {"calibration": dataclasses.asdict(calibration), "metrics": averages}

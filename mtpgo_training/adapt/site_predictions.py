@@ -10,10 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from torch_geometric.data import Data
-from torch_geometric.loader import DataLoader
 
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_core.prediction.calibrated_prediction import calibrated_covariances, calibrated_weights
@@ -22,8 +20,7 @@ from mtpgo_core.task.calibration import Calibration, GroupArray
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 from mtpgo_training.evaluation.scores.metrics import Array
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
-from mtpgo_training.scenes.scene_dataset import dense
-from mtpgo_training.training.validation import BATCH_SCENES
+from mtpgo_training.training.validation import predict_batch, scene_batches
 
 _ARRAYS = (
     "weight",
@@ -99,7 +96,6 @@ class SitePredictions:
         )
 
 
-@torch.no_grad()
 def predict_site(model: TrajectoryPredictor, scenes: Sequence[Data]) -> SitePredictions:
     """Return what a network predicts for the agents of validation scenes.
 
@@ -107,19 +103,16 @@ def predict_site(model: TrajectoryPredictor, scenes: Sequence[Data]) -> SitePred
     observed.
 
     Args:
-        model: the network, on the CPU.
+        model: the network, on any device.
         scenes: of :func:`mtpgo_training.scenes.scene_dataset.validation_scenes`, at least one.
     """
     model.eval()
     sites = sorted({scene.site for scene in scenes})
     batches = []
-    for batch in DataLoader(list(scenes), batch_size=BATCH_SCENES):
-        fields = dense(batch)
-        given = (fields["x"], fields["valid"], fields["static"], None, fields.get("trails"))
-        log_weight, mean, covariance = model(*given)
+    for fields in scene_batches(scenes, sites):
+        log_weight, mean, covariance = predict_batch(model, fields)
         observed = fields["weight"] > 0.0
         rows = fields["primary"] & observed.any(dim=-1)
-        site = torch.tensor([sites.index(name) for name in batch.site])
         batches.append(
             [
                 value[rows].numpy()
@@ -131,7 +124,7 @@ def predict_site(model: TrajectoryPredictor, scenes: Sequence[Data]) -> SitePred
                     observed,
                     fields["baselines"][..., BASELINES.index("cv"), :, :],
                     fields["group"],
-                    site[:, None].expand(rows.shape),
+                    fields["site"],
                 )
             ]
         )

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import torch
+from torch import Tensor
 from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 
@@ -38,6 +39,21 @@ LOGGED_SCORES = ("ade", "fde", "mr", "anll", "min_ade", "coverage_90")
 
 
 @torch.no_grad()
+def predict_batch(model: TrajectoryPredictor, fields: Fields) -> tuple[Tensor, Tensor, Tensor]:
+    """Return the output of a network for a dense batch, on the CPU.
+
+    Args:
+        model: the network, on any device.
+        fields: from :func:`mtpgo_training.scenes.scene_dataset.dense`.
+    """
+    device = next(model.parameters()).device
+    given = [fields[name].to(device) for name in ("x", "valid", "static")]
+    trails = fields["trails"].to(device) if "trails" in fields else None
+    log_weight, mean, covariance = model(*given, None, trails)
+    return log_weight.cpu(), mean.cpu(), covariance.cpu()
+
+
+@torch.no_grad()
 def validate(
     model: TrajectoryPredictor,
     batches: Iterable[Fields],
@@ -60,11 +76,8 @@ def validate(
         model as it is, whatever ``calibration`` is.
     """
     scores, samples = ScoreTable(), []
-    device = next(model.parameters()).device
     for fields in batches:
-        given = [fields[name].to(device) for name in ("x", "valid", "static")]
-        trails = fields["trails"].to(device) if "trails" in fields else None
-        log_weight, mean, covariance = (value.cpu() for value in model(*given, None, trails))
+        log_weight, mean, covariance = predict_batch(model, fields)
         observed = fields["weight"] > 0.0
         for protocol, chosen in (("all", fields["primary"]), ("centre", fields["centre"])):
             rows = chosen & observed.any(dim=-1)
@@ -144,7 +157,7 @@ def _validate_together(
 ) -> tuple[Averages, CalibrationSamples]:
     """Return what all processes find together, each with its share of the scenes."""
     sites = sorted({scene.site for scene in scenes})
-    batches = _batches(scenes[rank::processes], sites)
+    batches = scene_batches(scenes[rank::processes], sites)
     scores, samples = validate(run.average.eval(), batches, calibration, sites=sites)
     if processes > 1:
         shares: list[Any] = [None] * processes
@@ -156,8 +169,13 @@ def _validate_together(
     return scores.averages(), samples
 
 
-def _batches(scenes: Sequence[Data], sites: Sequence[str]) -> Iterator[Fields]:
-    """Yield dense batches of scenes, with the position in ``sites`` of each agent's site."""
+def scene_batches(scenes: Sequence[Data], sites: Sequence[str]) -> Iterator[Fields]:
+    """Yield dense batches of validation scenes.
+
+    Args:
+        scenes: of :func:`mtpgo_training.scenes.scene_dataset.validation_scenes`.
+        sites: names of all sites; ``site`` [B, N] is the position of each agent's site among them.
+    """
     for batch in DataLoader(scenes, batch_size=BATCH_SCENES):
         fields = dense(batch)
         site = torch.tensor([sites.index(name) for name in batch.site])

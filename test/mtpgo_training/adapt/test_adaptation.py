@@ -103,13 +103,14 @@ def test_the_share_with_the_smallest_ade_is_kept_if_its_likelihood_is_no_worse(
         ade_m, nll = next(given)
         return dataclasses.replace(before, ade_m=ade_m, nll=nll)
 
-    monkeypatch.setattr(module, "predict_site", lambda model, scenes: None)
+    predicted = iter(found)
+    monkeypatch.setattr(module, "predict_site", lambda model, scenes: next(predicted))
     monkeypatch.setattr(module, "cross_calibrated", lambda predictions, calibration: None)
     monkeypatch.setattr(module, "score_site", known_scores)
     base = base_checkpoint()
     tuned = {name: value + 1.0 for name, value in base["average"].items()}
-    chosen, weights, scores = module._best_share(base, tuned, Scenes([], []), before)
-    assert chosen == share
+    chosen, weights, predictions, scores = module._best_share(base, tuned, Scenes([], []), before)
+    assert chosen == predictions == share
     assert (scores.ade_m, scores.nll) == found[share]
     for name, value in base["average"].items():
         torch.testing.assert_close(weights[name], value + share)
@@ -168,6 +169,13 @@ def test_the_training_keeps_the_task_and_draws_a_part_of_many_scenes(base):
     assert part.scene == few.scene
     assert part.model == checkpoint["config"]["model"]
     assert part.optimisation.warm_up_share == 0.0
+
+
+def test_the_training_has_no_epochs_for_the_covariances_which_are_calibrated_afterwards(base):
+    checkpoint = base_checkpoint()
+    checkpoint["config"]["optimisation"] |= {"epochs": 6, "calibration_epochs": 1}
+    config = adapted_config(checkpoint, site(), AdaptOptions(epochs=1), "mine")
+    assert (config.optimisation.epochs, config.optimisation.main_epochs) == (1, 1)
 
 
 def test_options_out_of_range_are_refused():
