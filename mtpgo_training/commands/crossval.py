@@ -18,6 +18,7 @@ from mtpgo_training.commands.arguments.data_arguments import (
     cache_from,
     data_sources,
 )
+from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS
 from mtpgo_training.table_format import to_text
 
 
@@ -77,8 +78,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add(
         "--tracker",
         nargs="+",
-        choices=("recorded", "simulated"),
-        default=["recorded", "simulated"],
+        choices=OBSERVATIONS,
+        default=list(OBSERVATIONS),
         help="score what is predicted from the recordings as they are, or as a simulated tracker "
         "reports them (both)",
     )

@@ -30,9 +30,7 @@ from mtpgo_training.evaluation.parallel_evaluation import evaluate_recordings
 from mtpgo_training.evaluation.summary import summarise
 from mtpgo_training.reports.markdown import markdown_table, read_results
 from mtpgo_training.reports.terminal import print_result
-
-TRACKERS = (RECORDED, SIMULATED) = ("recorded", "simulated")
-"""Whose observations the predictions are made from."""
+from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS, RECORDED, SIMULATED
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -72,8 +70,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add(
         "--tracker",
-        choices=TRACKERS,
-        default=TRACKERS[0],
+        choices=OBSERVATIONS,
+        default=RECORDED,
         help="observe the recordings as they are, or as a simulated tracker reports them, with "
         "noise, lag and gaps; the truth is the recording (recorded)",
     )

@@ -27,6 +27,7 @@ from mtpgo_training.evaluation.evaluator import Settings, evaluate_recording
 from mtpgo_training.evaluation.honesty.honesty_summary import honesty_summary
 from mtpgo_training.evaluation.scores.score_summary import breakdowns
 from mtpgo_training.export.exporter import export_runs
+from mtpgo_training.scenes.tracker.tracker_config import RECORDED, SIMULATED
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
@@ -35,7 +36,7 @@ from mtpgo_training.training.training_config import CrossvalConfig, TrainingConf
 
 Json = dict[str, Any]
 
-TRACKER_SEEDS: dict[str, int | None] = {"recorded": None, "simulated": 0}
+TRACKER_SEEDS: dict[str, int | None] = {RECORDED: None, SIMULATED: 0}
 """What the observations of left-out sites come from, with the seed of the simulated tracker."""
 
 
@@ -61,7 +62,7 @@ class FoldJob:
     folder: Path
     budget: Budget
     stride_s: float
-    trackers: tuple[str, ...] = ("recorded",)
+    trackers: tuple[str, ...] = (RECORDED,)
 
     def run(self) -> bool:
         """Run it, see :func:`run_fold`."""

@@ -17,6 +17,7 @@ from mtpgo_training.evaluation.scores.bootstrap import over_groups, seed_groups
 from mtpgo_training.evaluation.scores.score_summary import breakdowns
 from mtpgo_training.evaluation.training_overlap import overlap_by_model, overlap_warnings
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
+from mtpgo_training.scenes.tracker.tracker_config import RECORDED, SIMULATED
 
 Json = dict[str, Any]
 
@@ -69,7 +70,7 @@ def summarise(
         "min_future_s": settings.min_future_s,
         "policy": settings.policy,
         "one_sample": settings.one_sample,
-        "tracker": "recorded" if settings.tracker_seed is None else "simulated",
+        "tracker": RECORDED if settings.tracker_seed is None else SIMULATED,
         "tracker_seed": settings.tracker_seed,
         "baselines": list(BASELINES),
         "tasks": {name: dataclasses.asdict(r.task.scene) for name, r in runners.items()},

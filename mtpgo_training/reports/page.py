@@ -20,6 +20,7 @@ from mtpgo_training.reports.honesty.honesty_tables import honesty_tables
 from mtpgo_training.reports.scene_plot import draw_picture
 from mtpgo_training.reports.series import series_names
 from mtpgo_training.reports.tables import agreement_table, group_tables, result_tables
+from mtpgo_training.scenes.tracker.tracker_config import SIMULATED
 from mtpgo_training.table_format import to_html
 
 Json = dict[str, Any]
@@ -136,7 +137,7 @@ def _facts(content: Json) -> list[tuple[str, str]]:
     ]
     if content["one_sample"]:
         facts.append(("past", "forgotten before each instant: each road user has one sample"))
-    if content["tracker"] == "simulated":
+    if content["tracker"] == SIMULATED:
         facts.append(("observations", f"of a simulated tracker, seed {content['tracker_seed']}"))
     facts += [(f"recording {n}", f"SHA-256 {h[:16]}") for n, h in content["recordings"].items()]
     return facts

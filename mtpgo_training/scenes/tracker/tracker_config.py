@@ -12,6 +12,9 @@ import numpy as np
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, option
 
+OBSERVATIONS = (RECORDED, SIMULATED) = ("recorded", "simulated")
+"""Where observations come from: a recording as it is, or as a simulated tracker reports it."""
+
 YAW_SOURCES = ("course", "box", "none")
 """Where a tracker's yaw comes from: its own velocity, the detected box, or nowhere."""
 
@@ -102,7 +105,7 @@ class TrackerConfig:
         exact_yaw_share: share whose yaw has no noise of its own.
         yaw_std_rad: noise of the others (rad): box fits are exact to 1 to 8 degrees.
         moving_mps: limit between course and held yaw (m/s).
-        nobody_classified_share: share that report every agent as unknown.
+        unclassified_share: share that report every agent as unknown.
         some_classified_share: share that report a random share of the agents as unknown.
         no_size_share: share that report no sizes.
         size_std: spread of the reported sizes of the others: sides that are not seen are guessed.
@@ -129,7 +132,7 @@ class TrackerConfig:
     exact_yaw_share: float = option(0.4, low=0.0, high=1.0)
     yaw_std_rad: tuple[float, float] = option((0.02, 0.15), low=0.0)
     moving_mps: tuple[float, float] = option((0.3, 1.0), low=0.0)
-    nobody_classified_share: float = option(0.15, low=0.0, high=1.0)
+    unclassified_share: float = option(0.15, low=0.0, high=1.0)
     some_classified_share: float = option(0.2, low=0.0, high=1.0)
     no_size_share: float = option(0.25, low=0.0, high=1.0)
     size_std: tuple[float, float] = option((0.0, 0.15), low=0.0)
@@ -138,7 +141,7 @@ class TrackerConfig:
         check_options(self, "tracker.")
         for first, second in (
             ("course_share", "no_yaw_share"),
-            ("nobody_classified_share", "some_classified_share"),
+            ("unclassified_share", "some_classified_share"),
         ):
             total = getattr(self, first) + getattr(self, second)
             if total > 1.0:
@@ -174,7 +177,7 @@ class TrackerConfig:
         kind = rng.random()
         classified = rng.random()
         unknown = uniform((0.1, 0.9)) if classified < self.some_classified_share else 0.0
-        nobody = classified >= 1.0 - self.nobody_classified_share
+        unclassified = classified >= 1.0 - self.unclassified_share
         yaw_known = kind >= self.course_share + self.no_yaw_share
         return Tracker(
             position_std_m=position_std_m,
@@ -192,7 +195,7 @@ class TrackerConfig:
             yaw_source=("course" if kind < self.course_share else "box" if yaw_known else "none"),
             yaw_std_rad=0.0 if chance(self.exact_yaw_share) else uniform(self.yaw_std_rad),
             moving_mps=moving_mps,
-            unknown_class_share=1.0 if nobody else unknown,
+            unknown_class_share=1.0 if unclassified else unknown,
             gives_size=not chance(self.no_size_share),
             size_std=uniform(self.size_std),
         )

@@ -31,7 +31,7 @@ def test_drawn_trackers_are_within_the_ranges_and_differ():
         (config.no_velocity_share, [not t.gives_velocity for t in drawn]),
         (config.no_yaw_share, [t.yaw_source == "none" for t in drawn]),
         (config.course_share, [t.yaw_source == "course" for t in drawn]),
-        (config.nobody_classified_share, [t.unknown_class_share == 1.0 for t in drawn]),
+        (config.unclassified_share, [t.unknown_class_share == 1.0 for t in drawn]),
         (config.some_classified_share, [0.0 < t.unknown_class_share < 1.0 for t in drawn]),
         (config.no_size_share, [not t.gives_size for t in drawn]),
     ):
