@@ -12,6 +12,7 @@ from mtpgo_core.schema import (
     MOVING_MPS,
     AgentClass,
     BoolArray,
+    ClassArray,
     Float64Array,
     IndexArray,
     Prediction,
@@ -28,6 +29,18 @@ _LEAST_M = 1e-3
 """Shortest displacement in a step whose direction counts (m); chosen: 5 mm/s."""
 
 
+def moving_vehicles(agent_class: ClassArray, velocity: Float64Array) -> BoolArray:
+    """Return [n] which agents are vehicles, or too fast to be anything else, and move.
+
+    Args:
+        agent_class: [n] :class:`~mtpgo_core.schema.AgentClass` values.
+        velocity: [n, 2] at t (m/s), NaN where it was never known, which counts as not moving.
+    """
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    unknown = (agent_class == AgentClass.UNKNOWN) & (speed > _VEHICLE_MPS)
+    return np.asarray((_NEVER_TURNS[agent_class] | unknown) & (speed > MOVING_MPS))
+
+
 def without_reversing(prediction: Prediction) -> Prediction:
     """Return the prediction with no vehicle that moves at t reversing in any mode.
 
@@ -36,11 +49,7 @@ def without_reversing(prediction: Prediction) -> Prediction:
     velocity 0; direction and covariance stay. Networks give such paths rarely, for vehicles that
     brake to a stop.
     """
-    fast = np.hypot(prediction.initial[:, 2], prediction.initial[:, 3])
-    vehicle = _NEVER_TURNS[prediction.agent_class] | (
-        (prediction.agent_class == AgentClass.UNKNOWN) & (fast > _VEHICLE_MPS)
-    )
-    rows = np.flatnonzero(vehicle & (fast > MOVING_MPS))
+    rows = np.flatnonzero(moving_vehicles(prediction.agent_class, prediction.initial[:, 2:]))
     initial, mean = prediction.initial[rows], prediction.mean[rows]  # [r, 4], [r, M, H, 4]
     start = np.broadcast_to(initial[:, None, None, :2], (*mean.shape[:2], 1, 2))
     displacement = np.diff(mean[..., :2], axis=2, prepend=start)
