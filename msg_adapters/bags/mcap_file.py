@@ -439,17 +439,17 @@ class McapFile:
 
         The header is None where even that is cut off.
         """
-        raw = self._read(chunk.position, chunk.length)
         if chunk.plain:
-            return read_content(raw), chunk
+            return read_content(self._read(chunk.position, chunk.length)), chunk
         try:
-            kind, length = prefix_of(raw)
-            fields = RecordFields(raw[PREFIX_BYTES:])
+            begin = self._read(chunk.position, PREFIX_BYTES + _HEAD_BYTES)
+            kind, length = prefix_of(begin)
+            fields = RecordFields(begin[PREFIX_BYTES:])
             start_ns, end_ns, size = (fields.number(8) for _ in range(3))
             checksum, compression, stored = fields.number(4), fields.text(), fields.number(8)
             if kind != CHUNK or fields.position + stored != length:
                 raise McapError("a chunk is damaged")
-            compressed = fields.data[fields.position : fields.position + stored]
+            compressed = self._read(chunk.position + PREFIX_BYTES + fields.position, stored)
             data = decompress(compression, compressed, size)
         except McapError as error:
             return ChunkContent(b"", problem=str(error)), None

@@ -221,29 +221,33 @@ def read_content(data: bytes, start_ns: int = 0, end_ns: int = _LAST_NS) -> Chun
     """
     content = ChunkContent(data)
     position, size = 0, len(data)
-    messages, unpack = content.messages, _MESSAGE.unpack_from
+    add, unpack, prefix = content.messages.append, _MESSAGE.unpack_from, _PREFIX.unpack_from
     end_ns = min(end_ns, _LAST_NS)
     try:
         while position < size:
-            kind, length = prefix_of(data, position)
+            if position + PREFIX_BYTES > size:
+                raise McapError("a record is too short")
+            kind, length = prefix(data, position)
             begin = position + PREFIX_BYTES
             end = begin + length
             if end > size:
                 raise McapError("a record is too short")
             if kind == MESSAGE:
-                if length < _MESSAGE.size:
+                start = begin + _MESSAGE.size
+                if start > end:
                     raise McapError("a message is too short")
                 channel_id, _, time_ns, _ = unpack(data, begin)
                 if not start_ns <= time_ns <= end_ns:
                     raise McapError("a message lies outside the times of its chunk")
-                start = begin + _MESSAGE.size
-                messages.append(StoredMessage(time_ns, channel_id, start, end))
+                add(StoredMessage(time_ns, channel_id, start, end))
             elif kind == SCHEMA:
                 number, schema = schema_of(data[begin:end])
                 content.schemas[number] = schema
             elif kind == CHANNEL:
                 number, channel = channel_of(data[begin:end])
                 content.channels[number] = channel
+            else:
+                prefix_of(data, position)
             position = content.used = end
     except McapError as error:
         content.problem = str(error)
