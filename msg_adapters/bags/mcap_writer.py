@@ -75,7 +75,7 @@ class McapWriter:
         self._connections: dict[str, Connection] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._folder = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+            self._folder = self._temporary_folder()
         except OSError as error:
             raise self._not_written(error) from error
         # The file inside is named after its directory, and rosbag2's metadata repeats the name.
@@ -86,9 +86,17 @@ class McapWriter:
                 # The mcap library cannot read bags compressed by file.
                 self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer.open()
+            self._opened()
         except (OSError, WriterError) as error:
             shutil.rmtree(self._folder, ignore_errors=True)
             raise self._not_written(error) from error
+
+    def _temporary_folder(self) -> Path:
+        # On the disk of the path, to which it is renamed at the end.
+        return Path(tempfile.mkdtemp(prefix=f".{self.path.name}.", dir=self.path.parent))
+
+    def _opened(self) -> None:
+        """Do what a kind of bag needs when its file is open."""
 
     def __enter__(self) -> McapWriter:
         return self
