@@ -12,7 +12,7 @@ import shutil
 import tempfile
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from rosbags.interfaces import (
     Connection,
@@ -98,7 +98,7 @@ class McapWriter:
     def _opened(self) -> None:
         """Do what a kind of bag needs when its file is open."""
 
-    def __enter__(self) -> McapWriter:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -110,6 +110,10 @@ class McapWriter:
     def has_topic(self, topic: str) -> bool:
         """Return whether a topic was added."""
         return topic in self._connections
+
+    def type_of(self, topic: str) -> str | None:
+        """Return the type with which a topic was last added, None if it was not."""
+        return self._connections[topic].msgtype if topic in self._connections else None
 
     def add_topic(
         self,
