@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from msg_adapters.bags.live_bag_writer import LiveBagWriter
+from msg_adapters.bags.live.live_bag_writer import LiveBagWriter
 from msg_adapters.types import message_class
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_ros.runtime.ros_start import spin

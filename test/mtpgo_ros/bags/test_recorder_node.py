@@ -17,7 +17,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 from std_msgs.msg import Float32, String
 
 from msg_adapters.bags.bag_reader import BagReader, DecodingBagReader
-from msg_adapters.bags.live_bag_writer import LiveBagWriter
+from msg_adapters.bags.live.live_bag_writer import LiveBagWriter
 from mtpgo_ros.bags.recorder_node import Recorder, predictor_types
 
 LOSSY = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from msg_adapters.bags.chunk_file import ChunkFile
+from msg_adapters.bags.live.chunk_file import ChunkFile
 
 
 def test_pieces_are_in_the_file_when_they_are_flushed(tmp_path):

@@ -9,8 +9,8 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from msg_adapters.bags import live_bag_writer
-from msg_adapters.bags.live_bag_writer import LiveBagWriter
+from msg_adapters.bags.live import live_bag_writer
+from msg_adapters.bags.live.live_bag_writer import LiveBagWriter
 from msg_adapters.bags.stored_bag import StoredBag
 from mtpgo_core.errors import RecordingError
 
