@@ -177,7 +177,8 @@ class McapWriter:
             self._writer.close()
             single = self.path.suffix == ".mcap"
             if self._replace and self.path.is_dir() and _replaceable(self.path):
-                shutil.rmtree(self.path)
+                # Aside first: a process that is killed must not leave half of the earlier bag.
+                self.path.rename(self._folder / "replaced")
             (self._bag / f"{self._bag.name}.mcap" if single else self._bag).rename(self.path)
         except (OSError, WriterError) as error:
             raise self._not_written(error) from error
