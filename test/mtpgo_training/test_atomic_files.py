@@ -47,7 +47,9 @@ def test_a_folder_appears_with_all_of_its_files_or_not_at_all(tmp_path):
     assert [p.name for p in path.iterdir()] == ["a"]
     (tmp_path / "b").mkdir()
     assert path.stat().st_mode == (tmp_path / "b").stat().st_mode
-    with pytest.raises(ConfigurationError, match=r"run cannot be written: Directory not empty"):
-        with new_folder(path) as temporary:
-            write_text(temporary / "b", "x")
+    refused = pytest.raises(
+        ConfigurationError, match=r"run cannot be written: Directory not empty"
+    )
+    with refused, new_folder(path) as temporary:
+        write_text(temporary / "b", "x")
     assert [p.name for p in path.parent.iterdir()] == ["run"]

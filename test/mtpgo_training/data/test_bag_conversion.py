@@ -224,7 +224,7 @@ def test_a_bag_that_cannot_be_read_is_reported_with_the_reason(
         load_recordings(tmp_path / "talk.mcap", "bag")
     convert([recording], tmp_path / "cut.mcap")
     data = (tmp_path / "cut.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
+    (tmp_path / "cut.mcap").write_bytes(data[:20])
     with pytest.raises(RecordingError, match=r"cut\.mcap cannot be read as a bag"):
         load_recordings(tmp_path / "cut.mcap", "bag")
     (tmp_path / "text.mcap").write_text("no bag at all")
