@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.data.readers import iter_recordings, recording_names
+from mtpgo_training.data.readers.bags.bag_options import BagOptions
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
@@ -22,11 +23,13 @@ class DataSource(NamedTuple):
         directory: the directory.
         layout: a name in :data:`mtpgo_training.data.readers.LAYOUTS`.
         names: the recordings wanted, None for all.
+        bags: how its bags are read.
     """
 
     directory: Path
     layout: str
     names: tuple[str, ...] | None = None
+    bags: BagOptions = BagOptions()
 
     @property
     def folder(self) -> str:

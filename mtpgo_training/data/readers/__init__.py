@@ -5,10 +5,14 @@
 from __future__ import annotations
 
 import functools
+import logging
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.history.odd_input import described
+from mtpgo_training.data.readers.bags.bag_options import BagOptions
 from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
 from mtpgo_training.data.readers.ngsim_recordings import ngsim_units
@@ -17,6 +21,8 @@ from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.recording_columns import pack, unpack
+
+_log = logging.getLogger("mtpgo")
 
 UnitFinder = Callable[[Path, Sequence[str] | None], list[Unit]]
 """Finds the files to be read together in a directory, all or those with some names."""
@@ -30,11 +36,13 @@ def _drone_units(layout: str, directory: Path, names: Sequence[str] | None) -> l
     return [unit(files) for files in find_drone_files(directory, names)]
 
 
-def _bag_units(directory: Path, names: Sequence[str] | None) -> list[Unit]:
+def _bag_units(
+    directory: Path, names: Sequence[str] | None, bags: BagOptions | None = None
+) -> list[Unit]:
     # Only bags need the message adapters and rosbags.
-    from mtpgo_training.data.readers.bag_recordings import bag_units
+    from mtpgo_training.data.readers.bags.bag_recordings import bag_units
 
-    return bag_units(directory, names)
+    return bag_units(directory, names, bags)
 
 
 LAYOUTS: dict[str, UnitFinder] = {
@@ -49,6 +57,7 @@ def iter_recordings(
     directory: str | Path,
     layout: str,
     names: Sequence[str] | None = None,
+    bags: BagOptions | None = None,
     *,
     cache: RecordingCache | None = None,
 ) -> Iterator[Recording]:
@@ -58,10 +67,12 @@ def iter_recordings(
         directory: the directory with the files.
         layout: a name in ``LAYOUTS``.
         names: the recordings wanted, all by default; ``01@60-116s`` is a part of ``01``.
+        bags: how bags are read, for that layout only.
         cache: cache of recordings that were read before.
 
     Raises:
         RecordingError: an unknown layout, no recordings, or a defect of a file.
+        ConfigurationError: ``bags`` is given for another layout.
     """
 
     def read(units: Iterable[Unit]) -> Iterator[Recording]:
@@ -69,10 +80,11 @@ def iter_recordings(
             yield from _read_unit(unit, cache)
 
     where = Path(directory)
-    whole, parts = _find(where, layout, names)
+    find = _finder(layout, bags)
+    whole, parts = _find(find, where, names)
     yield from read(whole)
     if parts:
-        units = LAYOUTS[layout](where, None)
+        units = find(where, None)
         holders = [u for u in units if any(part.may_be_in(u.name) for part in parts)]
         yield from cut_parts(read(holders), parts, where)
 
@@ -81,11 +93,12 @@ def load_recordings(
     directory: str | Path,
     layout: str,
     names: Sequence[str] | None = None,
+    bags: BagOptions | None = None,
     *,
     cache: RecordingCache | None = None,
 ) -> list[Recording]:
     """Return what :func:`iter_recordings` yields as a list."""
-    return list(iter_recordings(directory, layout, names, cache=cache))
+    return list(iter_recordings(directory, layout, names, bags, cache=cache))
 
 
 def recording_names(
@@ -98,25 +111,50 @@ def recording_names(
     Raises:
         RecordingError: an unknown layout, or no recordings.
     """
-    whole, parts = _find(Path(directory), layout, names)
+    whole, parts = _find(_finder(layout), Path(directory), names)
     return [unit.name for unit in whole] + [part.name for part in parts]
 
 
-def _find(
-    directory: Path, layout: str, names: Sequence[str] | None
-) -> tuple[list[Unit], list[RecordingPart]]:
-    """Return the files of the recordings wanted as a whole, and the parts wanted."""
+def _finder(layout: str, bags: BagOptions | None = None) -> UnitFinder:
+    """Return what finds the files of a layout.
+
+    Raises:
+        RecordingError: an unknown layout.
+        ConfigurationError: options for bags with another layout.
+    """
     if layout not in LAYOUTS:
         raise RecordingError(
             f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
         )
+    if bags is None or bags == BagOptions():
+        return LAYOUTS[layout]
+    if layout != "bag":
+        raise ConfigurationError(
+            f"--{', --'.join(bags.given)} is given for the layout {layout!r}, expected 'bag'"
+        )
+    return functools.partial(_bag_units, bags=bags)
+
+
+def _find(
+    find: UnitFinder, directory: Path, names: Sequence[str] | None
+) -> tuple[list[Unit], list[RecordingPart]]:
+    """Return the files of the recordings wanted as a whole, and the parts wanted."""
     parts = parts_in(names or ())
     whole = [name for name in names or () if name not in {part.name for part in parts}]
-    return (LAYOUTS[layout](directory, whole) if whole or not parts else []), parts
+    return (find(directory, whole) if whole or not parts else []), parts
 
 
-def _read_unit(unit: Unit, cache: RecordingCache | None) -> Iterable[Recording]:
-    """Return the recordings of a unit, from the cache if they are there."""
+def _read_unit(unit: Unit, cache: RecordingCache | None) -> Iterator[Recording]:
+    """Yield the recordings of a unit, from the cache if they are there; say what was odd."""
+    counts: Counter[str] = Counter()
+    for recording in _recordings_of(unit, cache):
+        counts.update(recording.counts)
+        yield recording
+    if described(counts):
+        _log.warning("mtpgo: %s %s: %s", unit.layout, unit.name, described(counts))
+
+
+def _recordings_of(unit: Unit, cache: RecordingCache | None) -> Iterable[Recording]:
     if cache is None:
         return unit.read()
     facts = {
@@ -124,6 +162,7 @@ def _read_unit(unit: Unit, cache: RecordingCache | None) -> Iterable[Recording]:
         "layout": unit.layout,
         "name": unit.name,
         "sha256": unit.sha256,
+        "settings": dict(unit.settings),
     }
     columns = cache.entry(facts, lambda: pack(unit.read()), code=(unit.read, pack))
     return unpack(columns)
