@@ -15,13 +15,11 @@ from typing import Any
 
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability
-from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
 
 from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.bags.stored_bag import METADATA, StoredBag, is_unfinished_bag
 from mtpgo_core.errors import RecordingError
-
-METADATA = "metadata.yaml"
-"""File that makes a directory a rosbag2 bag."""
 
 _LATCHED_BY_NAME = frozenset({"/tf_static", "/robot_description", "/map"})
 """Topics latched by convention, for bags whose writer left the QoS out."""
@@ -30,7 +28,7 @@ _LATCHED_BY_NAME = frozenset({"/tf_static", "/robot_description", "/map"})
 def is_bag(path: Path) -> bool:
     """Return whether a path looks like a bag, without opening it."""
     if path.is_dir():
-        return (path / METADATA).is_file()
+        return (path / METADATA).is_file() or is_unfinished_bag(path)
     return path.suffix == ".mcap" and path.is_file()
 
 
@@ -71,10 +69,10 @@ class BagReader:
         self.path = path
         if not path.exists():
             raise RecordingError(f"{path} does not exist, expected a bag")
-        if path.is_dir() and not (path / METADATA).is_file():
-            raise RecordingError(f"{path} has no {METADATA}, expected a rosbag2 directory")
         try:
             self._reader = self._open()
+        except RecordingError:
+            raise
         except Exception as error:  # A broken file fails the library in many ways.
             raise RecordingError(
                 f"{path} cannot be read as a bag (a rosbag2 directory, .mcap or .db3):"
@@ -82,10 +80,8 @@ class BagReader:
             ) from error
         self.connections: list[Connection] = list(self._reader.connections)
 
-    def _open(self) -> Reader | AnyReader:
-        reader = Reader(self.path)
-        reader.open()
-        return reader
+    def _open(self) -> StoredBag | AnyReader:
+        return StoredBag(self.path)
 
     def __enter__(self) -> BagReader:
         return self
@@ -184,7 +180,7 @@ class DecodingBagReader(BagReader):
     _reader: AnyReader
 
     def _open(self) -> AnyReader:
-        reader = AnyReader([self.path], default_typestore=bag_typestore())
+        reader = _Decoder(StoredBag(self.path))
         reader.open()
         return reader
 
@@ -205,6 +201,17 @@ class DecodingBagReader(BagReader):
             except Exception as error:  # as in the constructor
                 raise self._damaged(error) from error
             yield connection, time_ns, message
+
+
+class _Decoder(AnyReader):
+    """Decodes the messages of an open bag."""
+
+    def __init__(self, bag: StoredBag) -> None:
+        # The base class opens the files of a path by itself, and whole ones only.
+        self.paths, self.is2, self.stack, self.connections = [bag.path], True, None, []
+        self.default_typestore = bag_typestore()
+        self.typestore = get_typestore(Stores.EMPTY)
+        self.readers = [bag]  # type: ignore[assignment]
 
 
 def _latched(connection: Connection) -> bool:
