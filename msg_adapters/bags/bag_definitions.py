@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, cast
 
 from rosbags.interfaces import (
     Connection,
-    ConnectionExtRosbag1,
+    ConnectionExtRosbag2,
     MessageDefinition,
     MessageDefinitionFormat,
 )
@@ -33,11 +33,14 @@ _IDL_COMMENT = re.compile(r'("(?:[^"\\]|\\.)*")|/\*.*?\*/|//[^\n]*|^[ \t]*#[^\n]
 """Comments and includes of an IDL text, and quoted texts, which may look like them."""
 
 
+def qos_and_encoding(connection: Connection) -> ConnectionExtRosbag2:
+    """Return the QoS that a connection was offered with, and how its messages are serialised."""
+    return cast(ConnectionExtRosbag2, connection.ext)
+
+
 def encoding_of(connection: Connection) -> str:
     """Return how the messages of a connection are serialised, such as ``cdr``."""
-    if isinstance(connection.ext, ConnectionExtRosbag1):
-        return "ros1"
-    return connection.ext.serialization_format
+    return qos_and_encoding(connection).serialization_format
 
 
 def obstacle(connection: Connection) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 from mtpgo_core.options import check_options, option
 
 STAMPS = ("header", "log")
-"""Where the time of a message without a stamp comes from: nowhere, or the time of its recording."""
+"""Where the time of a message without a stamp comes from: nowhere, or its log time."""
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 """The messages of a bag by the rules by which the node takes them, in pieces without a break.
 
 What the node drops is left out here, and counted by the same names
-(:data:`mtpgo_core.history.odd_input.ODD_INPUT`). A jump of the clock or a new frame, where the node
-clears its history, begins another piece; so does a long pause.
+(:data:`mtpgo_core.history.odd_input.ODD_INPUT`). A jump of the clock or a new frame, where the
+node clears its history, begins another piece; so does a long pause.
 """
 
 from __future__ import annotations
@@ -32,14 +32,15 @@ from mtpgo_training.data.readers.bags.bag_topics import MARKERS, ObjectsTopic
 from mtpgo_training.data.recording_bag import EGO_TOPIC, LANES_TOPIC
 
 PIECE_GAP_S = 5.0
-"""A longer pause between messages begins another piece (s); chosen above the length of a history."""
+"""A longer pause between messages begins another piece (s); chosen above the length of a
+history."""
 
 _AHEAD_NS = 1_000_000_000
-"""A single message stamped farther ahead of its log time than this is left out (ns): the default of
-the node's ``stamp_tolerance``."""
+"""A single message whose stamp runs ahead of the recorder's clock by more than this is left out
+(ns): the default of the node's ``stamp_tolerance``."""
 _CONFIRMATIONS = 3
-"""Consecutive messages ahead of their log time after which the stream's clock is accepted, as in
-the node."""
+"""Consecutive messages ahead of the clock after which the stream's clock is accepted, as in the
+node."""
 
 
 @dataclass
@@ -84,6 +85,7 @@ class PieceReader:
         self._poses = BagPoses(reader)
         self._guard = StreamGuard(HistoryConfig().keep_ns)
         self._ahead = 0
+        self._clock: tuple[int, int] | None = None
         self._messages = 0
         self._problem = ""
         self._piece = BagPiece()
@@ -193,13 +195,22 @@ class PieceReader:
             self._piece.ego = str(getattr(message, "data", ""))
 
     def _is_from_the_future(self, stamp_ns: int, received_ns: int) -> bool:
-        """Return whether to leave out a message for its stamp; the node's rule, see there."""
-        if received_ns == 0 or stamp_ns <= received_ns + _AHEAD_NS:
-            self._ahead = 0
-            return False
-        self._count("future_stamp")
-        self._ahead += 1
-        return self._ahead < _CONFIRMATIONS
+        """Return whether to leave out a message because its stamp is ahead of the clock.
+
+        The node's rule, with the recorder's clock: a single such stamp would make all later ones
+        look old, a stream that stays ahead has another clock. As the log times of many bags are
+        of another clock than the stamps, only what passed since the message before is compared.
+        """
+        before_stamp_ns, before_received_ns = self._clock or (stamp_ns, received_ns)
+        ahead_ns = (stamp_ns - before_stamp_ns) - (received_ns - before_received_ns)
+        if ahead_ns > _AHEAD_NS:
+            self._count("future_stamp")
+            self._ahead += 1
+            if self._ahead < _CONFIRMATIONS:
+                return True
+        self._ahead = 0
+        self._clock = (stamp_ns, received_ns)
+        return False
 
     def _count(self, name: str, problem: str = "") -> None:
         self._piece.counts[name] += 1
@@ -207,8 +218,8 @@ class PieceReader:
 
     def _warn_of_moving_frame(self, frame: str) -> None:
         sentence = (
-            f"{self._where}: objects come in frame {frame!r}, which usually moves with the vehicle,"
-            " expected odometry or transforms of it in the bag"
+            f"{self._where}: objects come in frame {frame!r}, which usually moves with the"
+            " vehicle, expected odometry or transforms of it in the bag"
         )
         if frame in VEHICLE_FRAMES and sentence not in self.remarks:
             self.remarks.append(sentence)

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Transforms objects from the vehicle's frame with the odometry or transforms of the same bag.
 
-The node does the same with ``fixed_frame`` and the topic ``odometry`` or TF, so a bag of its inputs
-can be read unchanged.
+The node does the same with ``fixed_frame`` and the topic ``odometry`` or TF, so a bag of its
+inputs can be read unchanged.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ class BagPoses:
         self._poses: dict[str, tuple[str, PoseBuffer]] = {}
         self._tree: TransformTree | None = None
         self._from_tree: dict[str, tuple[str, PoseBuffer] | None] = {}
-        self._odometry = [c for c in reader.connections if c.msgtype == ODOMETRY and not obstacle(c)]
+        self._odometry = [
+            c for c in reader.connections if c.msgtype == ODOMETRY and not obstacle(c)
+        ]
         for topic in sorted({connection.topic for connection in self._odometry}):
             found: dict[str, tuple[str, PoseBuffer]] = {}
             for message in self._messages(topic):

@@ -62,7 +62,8 @@ def bag_units(
         bags = sorted(path for path in directory.iterdir() if is_bag(path))
         if not bags:
             raise RecordingError(
-                f"{directory} has no bags, expected .mcap, .db3 or .bag files or rosbag2 directories"
+                f"{directory} has no bags, expected .mcap, .db3 or .bag files or rosbag2"
+                " directories"
             )
     found: dict[str, Path] = {}
     for path in bags:

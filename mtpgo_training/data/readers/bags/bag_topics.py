@@ -74,12 +74,15 @@ def objects_topic(reader: DecodingBagReader, wanted: str = "") -> ObjectsTopic:
         tracked = [key for key in usable if holds.get(key, _OBJECTS) != _OTHER]
     else:
         holds, tracked = {}, list(usable)
-    order = sorted(tracked or usable, key=lambda key: _rank(*key, holds.get(key, _OBJECTS)))
-    return _chosen(reader, *order[0], others=tuple(dict.fromkeys(n for n, _ in order[1:])))
+    order = sorted(tracked or usable, key=lambda key: _rank(key, holds.get(key, _OBJECTS)))
+    name, message_type = order[0]
+    others = tuple(dict.fromkeys(other for other, _ in order[1:] if other != name))
+    return _chosen(reader, name, message_type, others)
 
 
-def _rank(name: str, message_type: str, held: int) -> tuple[object, ...]:
-    """Return what topics are sorted by, the best first."""
+def _rank(key: tuple[str, str], held: int) -> tuple[object, ...]:
+    """Return what topics and types are sorted by, the best first."""
+    name, message_type = key
     return (
         not name.endswith(OBJECTS_TOPIC),
         message_type in _ANYTHING,
@@ -130,9 +133,11 @@ def _chosen(
     (adapter,) = (a for a in INPUTS.values() if a.message_type == message_type)
     remark = ""
     if left_out:
-        remark = f"messages of another type than {message_type} are left out: {', '.join(left_out)}"
+        remark = (
+            f"messages of another type than {message_type} are left out: {', '.join(left_out)}"
+        )
     connections = tuple(usable[name, message_type])
-    return ObjectsTopic(name, connections, adapter, tuple(n for n in others if n != name), remark)
+    return ObjectsTopic(name, connections, adapter, tuple(others), remark)
 
 
 def _listed(reader: DecodingBagReader) -> str:

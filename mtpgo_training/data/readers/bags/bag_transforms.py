@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The poses of moving frames in a fixed one, from the transforms on /tf and /tf_static in a bag."""
+"""The poses of moving frames in a fixed one, from the transforms on /tf and /tf_static."""
 
 from __future__ import annotations
 
@@ -144,7 +144,9 @@ def _composed(chain: list[_Edge]) -> PoseBuffer:
         position = shift + _rotated(turn, position)
         rotation = _product(turn, rotation)
     yaw = yaw_from_quaternions(rotation)
-    for stamp, (x, y), angle in zip(stamps.tolist(), position[:, :2].tolist(), yaw.tolist(), strict=True):
+    for stamp, (x, y), angle in zip(
+        stamps.tolist(), position[:, :2].tolist(), yaw.tolist(), strict=True
+    ):
         poses.add(stamp, Pose2(x=x, y=y, yaw=angle))
     return poses
 
