@@ -8,6 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 
+def counted(messages: int) -> str:
+    """Return a number of messages in words."""
+    return f"{messages} message{'' if messages == 1 else 's'}"
+
+
 @dataclass(frozen=True)
 class BagLoss:
     """Loss in one file of a bag.
@@ -32,7 +37,7 @@ class BagLoss:
 
     def sentence(self) -> str:
         """Return the loss as a sentence."""
-        read = f"{self.read} messages ({self.read_s:.1f} s) are read"
+        read = f"{counted(self.read)} ({self.read_s:.1f} s) read"
         if not self.read:
             read = "nothing of it is read"
         return f"{self.file} {self.reason}: {read}, {self._lost()}"
@@ -41,10 +46,10 @@ class BagLoss:
         if self.messages is None and self.seconds is None:
             return "how much is lost is not known"
         if self.messages is None:
-            return f"up to {self.seconds:.1f} s are lost, of how many messages is not known"
-        number = f"{'' if self.exact else 'about '}{self.messages} messages"
+            return f"up to {self.seconds:.1f} s lost, of how many messages is not known"
+        number = f"{'' if self.exact else 'about '}{counted(self.messages)}"
         if self.messages == 0:
             return "no message of what was written is lost"
         if self.seconds is None:
-            return f"{number} are lost"
-        return f"{number} ({self.seconds:.1f} s) are lost"
+            return f"{number} lost"
+        return f"{number} ({self.seconds:.1f} s) lost"

@@ -146,7 +146,7 @@ def test_the_chunks_around_a_damaged_one_are_read(tmp_path, compression, indexed
     assert read == [m for m in written if m not in lost]
     assert (loss.messages, loss.exact, loss.read) == (len(lost), True, len(read))
     assert loss.seconds == pytest.approx((chunks[1].end_ns - chunks[1].start_ns) * 1e-9)
-    assert f"{len(lost)} messages ({loss.seconds:.1f} s) are lost" in loss.sentence()
+    assert f"{len(lost)} messages ({loss.seconds:.1f} s) lost" in loss.sentence()
 
 
 def test_the_chunks_behind_a_broken_record_are_found(tmp_path):
