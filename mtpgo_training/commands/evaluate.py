@@ -21,7 +21,7 @@ from mtpgo_training.commands.arguments.data_arguments import (
     data_sources,
 )
 from mtpgo_training.data.data_sources import named_recordings
-from mtpgo_training.data.readers.bags.bag_options import BagOptions
+from mtpgo_training.data.readers.reading_options import AS_USUAL
 from mtpgo_training.evaluation.bags.bag_evaluation import (
     BagResult,
     evaluate_bags,
@@ -222,11 +222,11 @@ def _from_bags(
     args: argparse.Namespace, runners: dict[str, ModelRunner], topic: str | None
 ) -> BagResult:
     with_data = any(name == "data" for name, _ in args.data_options)
-    bags = BagOptions() if with_data else bag_options(args.data_options)
+    reading = AS_USUAL if with_data else bag_options(args.data_options)
     if with_data:
         recordings = dict(named_recordings(data_sources(args.data_options), cache_from(args)))
     else:
-        recordings = observed_recordings(args.predictions, bags)
+        recordings = observed_recordings(args.predictions, reading)
     return evaluate_bags(
         args.predictions,
         recordings,
@@ -234,6 +234,6 @@ def _from_bags(
         topic=topic,
         min_future_s=args.min_future,
         own_clock=with_data,
-        options=bags,
+        options=reading,
         draw=args.report is not None,
     )

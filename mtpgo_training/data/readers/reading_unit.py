@@ -24,7 +24,7 @@ class Unit:
         layout: name of the layout.
         files: the files, in the order in which they are hashed.
         read: reads the recordings, one after the other.
-        settings: what else determines them, as JSON can write it.
+        settings: what else determines the recordings, as JSON can write it.
     """
 
     name: str

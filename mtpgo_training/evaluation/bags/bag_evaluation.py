@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from msg_adapters.bags.bag_reader import BagReader, bag_name
@@ -14,7 +14,7 @@ from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.schema import Prediction
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers import load_recordings
-from mtpgo_training.data.readers.bags.bag_options import BagOptions
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.bags.agreement import Agreement, replay_offline
 from mtpgo_training.evaluation.bags.bag_predictions import match, read_predictions
@@ -44,7 +44,9 @@ class BagResult:
     warnings: list[str] = field(default_factory=list)
 
 
-def observed_recordings(bags: Sequence[Path], options: BagOptions) -> dict[str, Recording]:
+def observed_recordings(
+    bags: Sequence[Path], options: ReadingOptions = AS_USUAL
+) -> dict[str, Recording]:
     """Return what the bags themselves observed: the ground truth where no other is given.
 
     Args:
@@ -79,7 +81,7 @@ def evaluate_bags(
     topic: str | None = None,
     min_future_s: float = 0.0,
     own_clock: bool = True,
-    options: BagOptions | None = None,
+    options: ReadingOptions = AS_USUAL,
     draw: bool = False,
 ) -> BagResult:
     """Score recorded predictions, and the models' predictions at the same instants.
@@ -110,9 +112,7 @@ def evaluate_bags(
     done: set[str] = set()
     for bag, bag_called in zip(bags, names, strict=True):
         predictions = read_predictions(bag, topic)
-        parts = (
-            find_parts(_observed(bag, options or BagOptions()), recordings) if own_clock else []
-        )
+        parts = find_parts(_observed(bag, options), recordings) if own_clock else []
         if parts and not any(part.name for part in parts):
             result.warnings.append(
                 f"what {bag} observed is in none of the recordings, so its predictions are "
@@ -132,12 +132,13 @@ def evaluate_bags(
     return result
 
 
-def _of(bag: Path, options: BagOptions) -> BagOptions:
+def _of(bag: Path, options: ReadingOptions) -> ReadingOptions:
     """Return the options of one bag of several."""
-    return BagOptions(options.topic_of(bag_name(bag)), stamps=options.stamps)
+    topic = options.bags.topic_of(bag_name(bag))
+    return replace(options, bags=replace(options.bags, topic=topic, topics={}))
 
 
-def _observed(bag: Path, options: BagOptions) -> list[Recording]:
+def _observed(bag: Path, options: ReadingOptions) -> list[Recording]:
     """Return the recordings of a bag's observations; empty if it has only predictions."""
     try:
         return load_recordings(bag, "bag", None, _of(bag, options))

@@ -29,6 +29,7 @@ from mtpgo_core.schema import Float64Array, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.bags.bag_poses import BagPoses
 from mtpgo_training.data.readers.bags.bag_topics import MARKERS, ObjectsTopic
+from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.recording_bag import EGO_TOPIC, LANES_TOPIC
 
 PIECE_GAP_S = 5.0
@@ -68,7 +69,7 @@ class PieceReader:
     Args:
         reader: the bag.
         topic: the topic of the objects.
-        log_stamps: a message without a stamp gets its log time.
+        options: where missing stamps come from, and the class map.
 
     Attributes:
         remarks: what a user should know, one sentence each, known at the end.
@@ -76,11 +77,13 @@ class PieceReader:
     """
 
     def __init__(
-        self, reader: DecodingBagReader, topic: ObjectsTopic, *, log_stamps: bool
+        self, reader: DecodingBagReader, topic: ObjectsTopic, options: ReadingOptions
     ) -> None:
         self.remarks: list[str] = []
         self.rest: Counter[str] = Counter()
-        self._reader, self._topic, self._log_stamps = reader, topic, log_stamps
+        self._reader, self._topic = reader, topic
+        self._log_stamps = options.bags.stamps == "log"
+        self._classes = options.classes
         self._where = f"{reader.path}, topic {topic.name}"
         self._poses = BagPoses(reader)
         self._guard = StreamGuard(HistoryConfig().keep_ns)
@@ -131,7 +134,9 @@ class PieceReader:
         """Return the states of a message in a fixed frame, None if it is left out."""
         counts = self._piece.counts
         try:
-            decoded = adapter.decode(message, fallback_stamp_ns=received_ns)
+            decoded = adapter.decode(
+                message, fallback_stamp_ns=received_ns, class_map=self._classes
+            )
         except MessageError as error:
             self._count("malformed", str(error))
             return None

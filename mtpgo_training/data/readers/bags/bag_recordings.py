@@ -20,11 +20,11 @@ from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.history.track_update import usable_observations
 from mtpgo_core.schema import BoolArray, Float64Array, KeyArray, tracked_states
 from mtpgo_core.task.task_description import HistoryConfig
-from mtpgo_training.data.readers.bags.bag_options import BagOptions
 from mtpgo_training.data.readers.bags.bag_pieces import BagPiece, PieceReader
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
 from mtpgo_training.data.readers.csv_table import sha256_of
 from mtpgo_training.data.readers.drone_files import existing_directory, select_names
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.recording import Int64Array, Recording
 
@@ -35,7 +35,7 @@ _log = logging.getLogger("mtpgo")
 
 
 def bag_units(
-    directory: Path, names: Sequence[str] | None = None, options: BagOptions | None = None
+    directory: Path, names: Sequence[str] | None = None, options: ReadingOptions = AS_USUAL
 ) -> list[Unit]:
     """Return a bag, or all bags in a directory.
 
@@ -45,12 +45,11 @@ def bag_units(
     Args:
         directory: a rosbag2 directory, a bag file, or a directory of bags.
         names: names of the bags wanted (without the ending), all by default.
-        options: what the user chose.
+        options: what the user chose of the bags, and the class map.
 
     Raises:
         RecordingError: no bag there.
     """
-    options = options or BagOptions()
     if is_bag(directory):
         bags = [directory]
     elif directory.is_file():
@@ -73,7 +72,7 @@ def bag_units(
                 " different names"
             )
         found[bag_name(path)] = path
-    for name in options.topics:
+    for name in options.bags.topics:
         if name not in found:
             raise RecordingError(
                 f"{directory} has no bag {name}, for which --topics names a topic; it has"
@@ -85,13 +84,13 @@ def bag_units(
             "bag",
             _sources(found[name]),
             functools.partial(_read_bag, name, found[name], options),
-            settings={"topic": options.topic_of(name), "stamps": options.stamps},
+            settings={"topic": options.bags.topic_of(name), "stamps": options.bags.stamps},
         )
         for name in select_names(list(found), names, directory)
     ]
 
 
-def _read_bag(name: str, path: Path, options: BagOptions) -> Iterator[Recording]:
+def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Recording]:
     """Yield the recordings of one bag.
 
     Raises:
@@ -102,7 +101,7 @@ def _read_bag(name: str, path: Path, options: BagOptions) -> Iterator[Recording]
         if skipped:
             listed = "; ".join(f"{topic}: {reason}" for topic, reason in skipped.items())
             _warn(f"{path}: topics that cannot be read are skipped: {listed}")
-        topic = objects_topic(reader, options.topic_of(name))
+        topic = objects_topic(reader, options.bags.topic_of(name))
         if topic.others:
             _warn(
                 f"{path}: the objects are read from {topic.name}, and not from"
@@ -110,7 +109,7 @@ def _read_bag(name: str, path: Path, options: BagOptions) -> Iterator[Recording]
             )
         if topic.remark:
             _warn(f"{path}, topic {topic.name}: {topic.remark}")
-        piece_reader = PieceReader(reader, topic, log_stamps=options.stamps == "log")
+        piece_reader = PieceReader(reader, topic, options)
         found = [_recording(name, piece) for piece in piece_reader.pieces()]
     for remark in piece_reader.remarks:
         _warn(remark)
