@@ -29,19 +29,20 @@ from rosbags.interfaces import (
     Qos,
 )
 from rosbags.rosbag2.metadata import parse_qos
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from ruamel.yaml import YAML
 
 from msg_adapters.bags.bag_loss import BagLoss
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
 from msg_adapters.bags.mcap_records import MAGIC, McapChannel, McapError
+from msg_adapters.bags.ros1_file import MAGIC_ROS1, Ros1File
+from msg_adapters.bags.sqlite_file import SqliteFile
 from mtpgo_core.errors import RecordingError
 
 METADATA = "metadata.yaml"
 """File that makes a directory a rosbag2 bag."""
 
-SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
+SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag")
 """How the names of a bag's files end."""
 
 _SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
@@ -178,7 +179,7 @@ class _McapStorage:
         return Connection(
             id=number,
             topic=channel.topic,
-            msgtype=schema.name if schema else "",
+            msgtype=_full_name(schema.name) if schema else "",
             msgdef=definition,
             digest="",
             msgcount=self.file.counts[number],
@@ -202,10 +203,17 @@ class _McapStorage:
 
 _DEFINITIONS = {
     "ros2msg": MessageDefinitionFormat.MSG,
+    "ros1msg": MessageDefinitionFormat.MSG,
     "ros2idl": MessageDefinitionFormat.IDL,
     "omgidl": MessageDefinitionFormat.IDL,
 }
 """Encoding of a schema -> rosbags' name for it; definitions in other languages are left out."""
+
+
+def _full_name(message_type: str) -> str:
+    """Return a type as ROS 2 writes it; ROS 1 leaves out its folder."""
+    package, slash, rest = message_type.partition("/")
+    return f"{package}/msg/{rest}" if slash and "/" not in rest else message_type
 
 
 class _SqliteStorage:
@@ -213,7 +221,7 @@ class _SqliteStorage:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._reader = Sqlite3Reader(path)
+        self._reader = SqliteFile(path)
         self._reader.open()
         self.connections = {c.id: c for c in self._reader.connections}
         about = self._reader.metadata
@@ -270,7 +278,7 @@ class StoredBag:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.connections: list[Connection] = []
-        self._storages: list[_McapStorage | _SqliteStorage] = []
+        self._storages: list[_McapStorage | _SqliteStorage | Ros1File] = []
         self._files: list[Path] = []
         self._unread: dict[Path, BagLoss] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
@@ -333,10 +341,12 @@ class StoredBag:
                 self._storages.append(_McapStorage(content))
             elif begin == _SQLITE:
                 self._storages.append(_SqliteStorage(content))
+            elif begin.startswith(MAGIC_ROS1):
+                self._storages.append(Ros1File(content))
             elif not begin.strip(b"\0"):
                 raise McapError("it is empty" if not begin else "it holds zeros only")
             else:
-                raise McapError("it begins neither as an MCAP file nor as an SQLite database")
+                raise McapError("it begins as no bag of MCAP, SQLite or ROS 1 does")
         except Exception as error:  # A broken file fails the libraries in many ways.
             self._unread[file] = self._whole_loss(file, error)
         else:
@@ -369,7 +379,9 @@ class StoredBag:
             return f"{self.path} names no file in its {METADATA}, expected at least one"
         loss, others = self._unread[self._order[0]], len(self._order) - 1
         more = f", nor can the other {others} files of {self.path}" if others else ""
-        return f"{loss.file} {loss.reason} as a bag (a rosbag2 directory, .mcap or .db3){more}"
+        return (
+            f"{loss.file} {loss.reason} as a bag (a rosbag2 directory, .mcap, .db3 or .bag){more}"
+        )
 
     def _connect(self) -> list[dict[int, Connection]]:
         """Unite the connections of the files; return those of each file by their own number."""
@@ -433,7 +445,7 @@ class StoredBag:
 
     def _named(
         self,
-        storage: _McapStorage | _SqliteStorage,
+        storage: _McapStorage | _SqliteStorage | Ros1File,
         own: dict[int, Connection],
         start: int | None,
         stop: int | None,

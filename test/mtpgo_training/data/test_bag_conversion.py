@@ -236,17 +236,6 @@ def test_a_bag_that_cannot_be_read_is_reported_with_the_reason(
         load_recordings(tmp_path / "highd" / "01_tracks.csv", "bag")
 
 
-def test_a_changing_frame_is_named(tmp_path: Path, recording: Recording) -> None:
-    adapter = INPUTS["pointcloud2"]
-    with McapWriter(tmp_path / "two.mcap") as bag:
-        bag.add_topic("/objects", adapter.message_type)
-        for states, frame in zip(recording.states(), ("map", "base_link"), strict=True):
-            moved = dataclasses.replace(states, frame_id=frame)
-            bag.write("/objects", states.stamp_ns, adapter.from_states(moved, bag.types))
-    with pytest.raises(RecordingError, match=r"frame changes from 'map' to 'base_link'"):
-        load_recordings(tmp_path / "two.mcap", "bag")
-
-
 def test_empty_messages_and_late_lanes_add_no_recording(
     tmp_path: Path, recording: Recording
 ) -> None:

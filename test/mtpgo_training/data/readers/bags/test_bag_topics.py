@@ -11,7 +11,7 @@ from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers.bag_topics import objects_topic
+from mtpgo_training.data.readers.bags.bag_topics import objects_topic
 
 STATES = next(braking_cars(tracks=2, seconds=1.0).states())
 
@@ -40,9 +40,10 @@ def chosen(tmp_path):
                         message = adapter.from_states(STATES, bag.types)
                         bag.write(topic, STATES.stamp_ns, message)
         with DecodingBagReader(tmp_path / "bag.mcap") as reader:
-            connection, adapter = objects_topic(reader)
-            assert adapter.message_type == connection.msgtype
-            return connection.topic
+            topic = objects_topic(reader)
+            assert {topic.adapter.message_type} == {c.msgtype for c in topic.connections}
+            assert {topic.name} == {c.topic for c in topic.connections}
+            return topic.name
 
     return chosen
 
