@@ -82,6 +82,15 @@ class BagDefinitions:
             self._decoders[key] = self._make(connection)
         return self._decoders[key]
 
+    def type_hash(self, connection: Connection) -> str:
+        """Return the hash by which ROS 2 names the definition of a connection's type.
+
+        Raises:
+            MessageError: the type has no definition that can be read.
+        """
+        name, encoding = connection.msgtype, encoding_of(connection)
+        return connection.digest or str(self._store(connection, encoding).hash_rihs01(name))
+
     def _make(self, connection: Connection) -> Decoder:
         name, encoding = connection.msgtype, encoding_of(connection)
         if encoding not in ("cdr", "ros1") or not name:

@@ -379,7 +379,7 @@ class McapFile:
             self.end_ns = max(self.end_ns, last)
             self.counts.update(m.channel_id for m in known)
         self.chunks.append(chunk)
-        self._mean = (self._mean[0] + len(known), self._mean[1] + content.used)
+        self._mean = (self._mean[0] + len(known), self._mean[1] + content.message_bytes)
 
     def _next_chunk(self, position: int) -> int | None:
         """Return where the next chunk begins that reads well, None if there is none."""
@@ -478,7 +478,7 @@ class McapFile:
             lost, exact = max(0, chunk.messages - read), True
         else:
             # As many as fit into the missing bytes at the mean size so far.
-            number, size = (read, content.used) if read else self._mean
+            number, size = (read, content.message_bytes) if read else self._mean
             lost, exact = max(1, round(content.missing * number / max(1, size))), False
         self._lost[chunk.position] = _ChunkLoss(
             content.problem, lost, last_ns, chunk.end_ns, exact

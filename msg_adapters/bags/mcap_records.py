@@ -116,6 +116,12 @@ class ChunkContent:
     missing: int = 0
     problem: str = ""
 
+    @property
+    def message_bytes(self) -> int:
+        """Size of the records of the messages (bytes)."""
+        before = PREFIX_BYTES + _MESSAGE.size
+        return sum(message.end - message.start + before for message in self.messages)
+
 
 class RecordFields:
     """Reads the fields of one record, one after the other.

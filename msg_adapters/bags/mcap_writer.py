@@ -12,10 +12,11 @@ import shutil
 import tempfile
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 from rosbags.interfaces import (
     Connection,
+    ConnectionExtRosbag2,
     Qos,
     QosDurability,
     QosHistory,
@@ -141,6 +142,32 @@ class McapWriter:
         try:
             self._connections[topic] = self._writer.add_connection(
                 topic, message_type, typestore=bag_typestore(), offered_qos_profiles=[qos]
+            )
+        except (OSError, WriterError) as error:
+            raise self._not_written(error) from error
+
+    def add_recorded_topic(self, connection: Connection, type_hash: str) -> None:
+        """Add a topic as another bag has it, with the definition that is there.
+
+        Args:
+            connection: of the other bag.
+            type_hash: hash of its type (RIHS01).
+
+        Raises:
+            RecordingError: neither the other bag nor this package has a definition of the type.
+        """
+        extension, definition = cast(ConnectionExtRosbag2, connection.ext), connection.msgdef.data
+        if not definition:
+            require_type(connection.msgtype)
+            definition, _ = bag_typestore().generate_msgdef(connection.msgtype, ros_version=2)
+        try:
+            self._connections[connection.topic] = self._writer.add_connection(
+                connection.topic,
+                connection.msgtype,
+                msgdef=definition,
+                rihs01=type_hash,
+                serialization_format=extension.serialization_format,
+                offered_qos_profiles=extension.offered_qos_profiles,
             )
         except (OSError, WriterError) as error:
             raise self._not_written(error) from error

@@ -281,6 +281,7 @@ class StoredBag:
         self._storages: list[_McapStorage | _SqliteStorage | Ros1File] = []
         self._files: list[Path] = []
         self._unread: dict[Path, BagLoss] = {}
+        self._reasons: dict[Path, str] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._about = _read_metadata(path) if path.is_dir() else _Metadata()
         self._order = self._listed() if path.is_dir() else [path]
@@ -362,11 +363,10 @@ class StoredBag:
         return target
 
     def _whole_loss(self, file: Path, error: Exception) -> BagLoss:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         expected = self._about.expected.get(file.name)
         return BagLoss(
             file,
-            f"cannot be read ({' '.join(reason.split()).rstrip('.') or type(error).__name__})",
+            f"cannot be read ({self._reasons.setdefault(file, _reason(error))})",
             0,
             0.0,
             expected[0] if expected else None,
@@ -377,10 +377,11 @@ class StoredBag:
     def _refusal(self) -> str:
         if not self._order:
             return f"{self.path} names no file in its {METADATA}, expected at least one"
-        loss, others = self._unread[self._order[0]], len(self._order) - 1
-        more = f", nor can the other {others} files of {self.path}" if others else ""
+        file, others = self._order[0], len(self._order) - 1
+        more = f" (nor can the other {others} files of {self.path})" if others else ""
         return (
-            f"{loss.file} {loss.reason} as a bag (a rosbag2 directory, .mcap, .db3 or .bag){more}"
+            f"{file} cannot be read as a bag (a rosbag2 directory, .mcap, .db3 or .bag):"
+            f" {self._reasons[file]}{more}"
         )
 
     def _connect(self) -> list[dict[int, Connection]]:
@@ -500,6 +501,12 @@ class StoredBag:
                 storage.close()
         if self._folder is not None:
             self._folder.cleanup()
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
 def _tell(sentence: str) -> None:
