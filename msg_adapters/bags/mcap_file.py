@@ -46,8 +46,9 @@ from msg_adapters.bags.mcap_records import (
     schema_of,
 )
 
-_RUN_BYTES = 1 << 20
-"""Messages outside of chunks are read together up to this size (bytes); chosen: a usual chunk."""
+_RUN_BYTES = 1 << 16
+"""Messages outside of chunks are read together up to this size (bytes); chosen: little is read
+twice where such runs are short."""
 
 _WINDOW = 1 << 20
 """Bytes that are searched at a time for the next chunk behind a damage; chosen."""
@@ -351,7 +352,8 @@ class McapFile:
                 kind, length = prefix_of(data, end)
             except McapError:
                 break
-            if kind not in (SCHEMA, CHANNEL, MESSAGE) or end + PREFIX_BYTES + length > len(data):
+            behind = kind in (CHUNK, DATA_END, FOOTER)
+            if behind or end + PREFIX_BYTES + length > len(data):
                 break
             end += PREFIX_BYTES + length
         content = read_content(data[:end])

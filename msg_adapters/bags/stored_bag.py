@@ -320,7 +320,21 @@ class StoredBag:
                     f" {', '.join(sorted(names))}, expected one of them"
                 )
             return files
-        return [self._present(name) for name in self._about.files]
+        named = [self._present(name) for name in self._about.files]
+        stems = {_stem(file) for file in named}
+        names = {_bag_name(file) for file in named}
+        # A recorder that is killed after a split may have named the files until then only.
+        more = [
+            file
+            for file in bag_files(self.path)
+            if _stem(file) not in stems and _bag_name(file) in names
+        ]
+        if more:
+            _tell(
+                f"{self.path / METADATA} does not name {', '.join(file.name for file in more)}:"
+                " read as well"
+            )
+        return [*named, *more]
 
     def _present(self, name: str) -> Path:
         """Return a file that the metadata name, as it is called now."""
@@ -358,7 +372,8 @@ class StoredBag:
         if self._folder is None:
             self._folder = tempfile.TemporaryDirectory()
         target = Path(self._folder.name, file.name.removesuffix(".zstd"))
-        with zstd.open(file, "rb") as stream, target.open("wb") as out, suppress(EOFError):
+        cut_or_damaged = suppress(EOFError, zstd.ZstdError)
+        with zstd.open(file, "rb") as stream, target.open("wb") as out, cut_or_damaged:
             shutil.copyfileobj(stream, out)
         return target
 

@@ -120,6 +120,16 @@ def test_a_missing_split_is_a_loss(tmp_path):
     assert "20 messages (1.9 s) lost" in sentence
 
 
+def test_files_that_the_metadata_do_not_name_yet_are_read_as_well(tmp_path, caplog):
+    path = tmp_path / "bag"
+    about = write_split(path)
+    named = {key: about[key][:1] for key in ("relative_file_paths", "files")}
+    write_metadata(path, {**about, **named, "message_count": 20})
+    (path / "other.mcap").write_bytes(b"")
+    assert read(path) == (list(range(60)), [])
+    assert "metadata.yaml does not name bag_1.mcap, bag_2.mcap: read as well" in caplog.text
+
+
 def test_a_cut_split_is_read_in_part_and_the_metadata_tell_the_loss(tmp_path):
     path = tmp_path / "bag"
     write_split(path, each=200)
@@ -182,10 +192,13 @@ def test_compressed_files_are_read_also_where_they_are_cut(tmp_path, listed):
         (path / "metadata.yaml").unlink()
         assert read(path) == (list(range(400)), [])
     file = path / "bag_1.mcap.zstd"
-    file.write_bytes(file.read_bytes()[:-50])
-    numbers, losses = read(path)
-    assert numbers[:200] == list(range(200))
-    assert len(losses) == 1
+    packed = file.read_bytes()
+    for damaged in (packed[:-50], packed[:-200] + bytes(200)):
+        file.write_bytes(damaged)
+        numbers, losses = read(path)
+        assert numbers[:200] == list(range(200))
+        assert numbers == list(range(len(numbers)))
+        assert len(losses) == 1
 
 
 def test_compressed_messages_are_read_without_metadata(tmp_path):
