@@ -293,6 +293,10 @@ class StoredBag:
             self.close()
             raise
         filled = [s for s in self._storages if any(c.msgcount for c in s.connections.values())]
+        if not filled and any(loss.messages != 0 for loss in self.losses()):
+            refusal = self._refusal()
+            self.close()
+            raise RecordingError(refusal)
         self.start_time = min((s.start_ns for s in filled), default=0)
         self.end_time = max((s.end_ns for s in filled), default=-1) + 1
         self._numbers = self._connect()
@@ -377,11 +381,11 @@ class StoredBag:
     def _refusal(self) -> str:
         if not self._order:
             return f"{self.path} names no file in its {METADATA}, expected at least one"
-        loss, others = self._unread[self._order[0]], len(self._order) - 1
+        loss, others = self.losses()[0], len(self._order) - 1
         more = f", nor can the other {others} files of {self.path}" if others else ""
-        return (
-            f"{loss.file} {loss.reason} as a bag (a rosbag2 directory, .mcap, .db3 or .bag){more}"
-        )
+        expected = "a rosbag2 directory, .mcap, .db3 or .bag"
+        reason = loss.reason.removeprefix("cannot be read (").removesuffix(")")
+        return f"{loss.file} cannot be read as a bag ({expected}): {reason}{more}"
 
     def _connect(self) -> list[dict[int, Connection]]:
         """Unite the connections of the files; return those of each file by their own number."""

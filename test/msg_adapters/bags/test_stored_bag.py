@@ -247,7 +247,9 @@ def test_folders_that_are_no_bag_are_refused_with_a_sentence(tmp_path):
     write_split(folder)
     for file in bag_files(folder):
         file.write_bytes(b"")
-    with pytest.raises(RecordingError, match=r"bag_0.mcap cannot be read \(it is empty\)"):
+    with pytest.raises(
+        RecordingError, match=r"bag_0.mcap cannot be read as a bag .*: it is empty"
+    ):
         StoredBag(folder)
 
 
