@@ -112,6 +112,9 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
 
     with BagReader(options.bag) as bag:
         topics = bag.topics(options.topics)
+        for topic, reason in bag.skipped().items():
+            if options.topics is None or topic in {chosen.name for chosen in topics}:
+                print(f"replay: skipping {topic}: {reason}", file=sys.stderr, flush=True)
         part = played_part(bag, topics)
         for sentence in part.sentences:
             print(f"replay: {sentence}", file=sys.stderr, flush=True)

@@ -113,12 +113,18 @@ class BagReader:
         return int(self._bag.end_time) - 1
 
     def skipped(self) -> dict[str, str]:
-        """Return the topics whose messages cannot be decoded, and why, as far as is known."""
+        """Return the topics with messages that cannot be played, and why."""
         found: dict[str, str] = {}
-        for connection in self.connections:
-            reason = obstacle(connection) if connection.msgcount else ""
-            if reason:
+        types: dict[str, str] = {}
+        for connection in self._filled():
+            encoding = encoding_of(connection)
+            if encoding != "cdr":
+                reason = f"its messages are encoded as {encoding!r}, expected 'cdr'"
                 found.setdefault(connection.topic, reason)
+            elif types.setdefault(connection.topic, connection.msgtype) != connection.msgtype:
+                found[connection.topic] = (
+                    f"its {connection.msgcount} messages of type {connection.msgtype} are left out"
+                )
         return found
 
     def topics(self, names: Sequence[str] | None = None) -> list[BagTopic]:
@@ -128,36 +134,33 @@ class BagReader:
             RecordingError: the bag is empty, or has no message for ROS 2 on a topic in ``names``.
         """
         held: dict[str, BagTopic] = {}
-        for connection in self.connections:
-            if not connection.msgcount or encoding_of(connection) != "cdr":
+        for connection in self._filled():
+            name, latched = connection.topic, is_latched(connection)
+            known = held.get(name)
+            if encoding_of(connection) != "cdr":
                 continue
-            name, count, latched = connection.topic, connection.msgcount, is_latched(connection)
-            if name in held:
-                count += held[name].count
-                latched = latched and held[name].latched
-            message_type = held[name].message_type if name in held else connection.msgtype
-            held[name] = BagTopic(name, message_type, count, latched)
-        if not any(connection.msgcount for connection in self.connections):
-            raise RecordingError(f"bag {self.path} holds no message")
+            if known is None:
+                held[name] = BagTopic(name, connection.msgtype, connection.msgcount, latched)
+            elif known.message_type == connection.msgtype:
+                count = known.count + connection.msgcount
+                held[name] = BagTopic(name, known.message_type, count, known.latched and latched)
         skipped = self.skipped()
-        if names is None:
-            if not held:
-                raise RecordingError(f"bag {self.path} holds no message for ROS 2: {self._why()}")
-            return list(held.values())
-        absolute = ["/" + name.lstrip("/") for name in names]
+        if not held:
+            reason = "".join(f" for ROS 2, topic {k}: {v}" for k, v in [*skipped.items()][:1])
+            raise RecordingError(f"bag {self.path} holds no message{reason}")
+        absolute = [*held] if names is None else ["/" + name.lstrip("/") for name in names]
         for name in absolute:
             if name not in held and name in skipped:
                 raise RecordingError(f"topic {name} of bag {self.path}: {skipped[name]}")
             if name not in held:
                 raise RecordingError(
                     f"bag {self.path} has no messages on topic {name}, it holds"
-                    f" {', '.join(sorted(held)) or 'none for ROS 2'}"
+                    f" {', '.join(sorted(held))}"
                 )
         return [held[name] for name in dict.fromkeys(absolute)]
 
-    def _why(self) -> str:
-        first = next(c for c in self.connections if c.msgcount)
-        return f"topic {first.topic} is encoded as {encoding_of(first)!r}, expected 'cdr'"
+    def _filled(self) -> list[Connection]:
+        return [connection for connection in self.connections if connection.msgcount]
 
     def raw_messages(
         self, topics: Sequence[BagTopic], start_ns: int, stop_ns: int
@@ -215,6 +218,11 @@ class DecodingBagReader(BagReader):
 
     def __enter__(self) -> DecodingBagReader:
         return self
+
+    def skipped(self) -> dict[str, str]:
+        """Return the topics whose messages cannot be decoded, and why, as far as is known."""
+        reasons = {c.topic: obstacle(c) for c in reversed(self._filled())}
+        return {topic: reason for topic, reason in reasons.items() if reason}
 
     def messages(
         self, connections: Collection[Connection]

@@ -281,7 +281,6 @@ class StoredBag:
         self._storages: list[_McapStorage | _SqliteStorage | Ros1File] = []
         self._files: list[Path] = []
         self._unread: dict[Path, BagLoss] = {}
-        self._reasons: dict[Path, str] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._about = _read_metadata(path) if path.is_dir() else _Metadata()
         self._order = self._listed() if path.is_dir() else [path]
@@ -294,6 +293,10 @@ class StoredBag:
             self.close()
             raise
         filled = [s for s in self._storages if any(c.msgcount for c in s.connections.values())]
+        if not filled and any(loss.messages != 0 for loss in self.losses()):
+            refusal = self._refusal()
+            self.close()
+            raise RecordingError(refusal)
         self.start_time = min((s.start_ns for s in filled), default=0)
         self.end_time = max((s.end_ns for s in filled), default=-1) + 1
         self._numbers = self._connect()
@@ -381,7 +384,7 @@ class StoredBag:
         expected = self._about.expected.get(file.name)
         return BagLoss(
             file,
-            f"cannot be read ({self._reasons.setdefault(file, _reason(error))})",
+            f"cannot be read ({_reason(error)})",
             0,
             0.0,
             expected[0] if expected else None,
@@ -392,12 +395,11 @@ class StoredBag:
     def _refusal(self) -> str:
         if not self._order:
             return f"{self.path} names no file in its {METADATA}, expected at least one"
-        file, others = self._order[0], len(self._order) - 1
-        more = f" (nor can the other {others} files of {self.path})" if others else ""
-        return (
-            f"{file} cannot be read as a bag (a rosbag2 directory, .mcap, .db3 or .bag):"
-            f" {self._reasons[file]}{more}"
-        )
+        loss, others = self.losses()[0], len(self._order) - 1
+        more = f", nor can the other {others} files of {self.path}" if others else ""
+        expected = "a rosbag2 directory, .mcap, .db3 or .bag"
+        reason = loss.reason.removeprefix("cannot be read (").removesuffix(")")
+        return f"{loss.file} cannot be read as a bag ({expected}): {reason}{more}"
 
     def _connect(self) -> list[dict[int, Connection]]:
         """Unite the connections of the files; return those of each file by their own number."""

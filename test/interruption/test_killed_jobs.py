@@ -240,5 +240,6 @@ def numbers_in(path):
             return [int(data[8:16]) for _, _, data in bag.messages()]
     except (RecordingError, FileNotFoundError):
         files = list(path.rglob("*")) if path.is_dir() else [path]
-        assert sum(file.stat().st_size for file in files if file.is_file()) == 0
+        # Not more than the definition of the type.
+        assert sum(file.stat().st_size for file in files if file.is_file()) < 2000
         return []

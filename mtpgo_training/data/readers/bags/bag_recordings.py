@@ -54,14 +54,14 @@ def bag_units(
         bags = [directory]
     elif directory.is_file():
         raise RecordingError(
-            f"{directory} is not a bag, expected an .mcap, .db3 or .bag file or a directory"
+            f"{directory} is not a bag, expected an .mcap file (or .db3, .bag) or a directory"
         )
     else:
         existing_directory(directory)
         bags = sorted(path for path in directory.iterdir() if is_bag(path))
         if not bags:
             raise RecordingError(
-                f"{directory} has no bags, expected .mcap, .db3 or .bag files or rosbag2"
+                f"{directory} has no bags, expected .mcap files (or .db3, .bag) or rosbag2"
                 " directories"
             )
     found: dict[str, Path] = {}
