@@ -16,8 +16,8 @@ import shutil
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePosixPath
+from dataclasses import replace
+from pathlib import Path
 from typing import Any, cast
 
 from backports import zstd
@@ -28,19 +28,15 @@ from rosbags.interfaces import (
     MessageDefinitionFormat,
     Qos,
 )
-from rosbags.rosbag2.metadata import parse_qos
-from ruamel.yaml import YAML
 
 from msg_adapters.bags.bag_loss import BagLoss
+from msg_adapters.bags.bag_metadata import METADATA, BagMetadata, qos_of, read_metadata
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
 from msg_adapters.bags.mcap_records import MAGIC, McapChannel, McapError
 from msg_adapters.bags.ros1_file import MAGIC_ROS1, Ros1File
 from msg_adapters.bags.sqlite_file import SqliteFile
 from mtpgo_core.errors import RecordingError
-
-METADATA = "metadata.yaml"
-"""File that makes a directory a rosbag2 bag."""
 
 SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag")
 """How the names of a bag's files end."""
@@ -92,74 +88,6 @@ def _bag_name(path: Path) -> str:
     return match[1] if match else _stem(path)
 
 
-@dataclass
-class _Metadata:
-    """What the metadata of a folder say, as far as they can be read.
-
-    Attributes:
-        files: names of the files, in order.
-        expected: name of a file -> messages, start (ns) and duration (ns) that it should have.
-        digests: topic and type -> hash of the type.
-        latched: topic and type -> offered QoS.
-        by_message: every message is compressed; None where the metadata do not tell.
-        problem: why there are none, empty if there are.
-    """
-
-    files: list[str] = field(default_factory=list)
-    expected: dict[str, tuple[int, int, int]] = field(default_factory=dict)
-    digests: dict[tuple[str, str], str] = field(default_factory=dict)
-    offered: dict[tuple[str, str], list[Qos]] = field(default_factory=dict)
-    by_message: bool | None = None
-    problem: str = ""
-
-
-def _read_metadata(folder: Path) -> _Metadata:
-    """Return the metadata of a folder; they are never needed, so nothing in them is an error."""
-    found = _Metadata()
-    try:
-        content = YAML(typ="safe").load((folder / METADATA).read_text(encoding="utf-8"))
-        about = content["rosbag2_bagfile_information"]
-        # Version 3 and before give paths that begin with the folder.
-        found.files = [PurePosixPath(name).name for name in about["relative_file_paths"]]
-    except FileNotFoundError:
-        found.problem = f"has no {METADATA}"
-        return found
-    except Exception as error:  # A broken YAML file fails the library in many ways.
-        found.problem = f"has a {METADATA} that cannot be read ({type(error).__name__})"
-        return found
-    with suppress(Exception):
-        found.by_message = str(about.get("compression_mode") or "").lower() == "message"
-    for entry in about.get("files") or ():
-        with suppress(Exception):
-            found.expected[PurePosixPath(entry["path"]).name] = (
-                int(entry["message_count"]),
-                int(entry["starting_time"]["nanoseconds_since_epoch"]),
-                int(entry["duration"]["nanoseconds"]),
-            )
-    if len(found.files) == 1 and not found.expected:
-        with suppress(Exception):
-            found.expected[found.files[0]] = (
-                int(about["message_count"]),
-                int(about["starting_time"]["nanoseconds_since_epoch"]),
-                int(about["duration"]["nanoseconds"]),
-            )
-    for entry in about.get("topics_with_message_count") or ():
-        with suppress(Exception):
-            topic = entry["topic_metadata"]
-            key = (topic["name"], topic["type"])
-            found.digests[key] = str(topic.get("type_description_hash") or "")
-            found.offered[key] = _qos_of(topic.get("offered_qos_profiles"))
-    return found
-
-
-def _qos_of(text: Any) -> list[Qos]:
-    """Return QoS profiles as rosbag2 stores them, none where they cannot be read."""
-    try:
-        return parse_qos(text or [])
-    except Exception:  # Every version of rosbag2 writes them in another way.
-        return []
-
-
 class _McapStorage:
     """An MCAP file with connections as rosbags describes them."""
 
@@ -184,7 +112,7 @@ class _McapStorage:
             digest="",
             msgcount=self.file.counts[number],
             ext=ConnectionExtRosbag2(
-                channel.encoding, _qos_of(channel.metadata.get("offered_qos_profiles"))
+                channel.encoding, qos_of(channel.metadata.get("offered_qos_profiles"))
             ),
             owner=self.file,
         )
@@ -282,7 +210,7 @@ class StoredBag:
         self._files: list[Path] = []
         self._unread: dict[Path, BagLoss] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._about = _read_metadata(path) if path.is_dir() else _Metadata()
+        self._about = read_metadata(path) if path.is_dir() else BagMetadata()
         self._order = self._listed() if path.is_dir() else [path]
         try:
             for file in self._order:

@@ -14,9 +14,9 @@ from typing import Any
 
 from rosbags.rosbag2 import Writer, WriterError
 
+from msg_adapters.bags.bag_metadata import METADATA
 from msg_adapters.bags.live.chunk_file import ChunkFile
 from msg_adapters.bags.mcap_writer import McapWriter
-from msg_adapters.bags.stored_bag import METADATA
 from mtpgo_core.errors import RecordingError
 
 FLUSH_PERIOD_S = 1.0

@@ -155,6 +155,8 @@ def test_a_cut_split_is_read_in_part_and_the_metadata_tell_the_loss(tmp_path):
         {"version": 12},
         {"topics_with_message_count": None},
         {"files": None},
+        {"files": 5, "topics_with_message_count": "none"},
+        {"message_count": 10**400, "duration": {"nanoseconds": -1}},
         {"message_count": None, "duration": None, "starting_time": None},
         {"compression_mode": "none", "compression_format": ""},
         {"relative_file_paths": ["bag/bag_0.mcap"]},
@@ -169,7 +171,10 @@ def test_only_the_files_themselves_tell_what_they_are(tmp_path, change, caplog):
     assert not caplog.records
 
 
-@pytest.mark.parametrize("text", ["", "rosbag2_bagfile_information: [", "a: 1", "\0"])
+_BUT_A_TEXT = "rosbag2_bagfile_information: {relative_file_paths: bag_0.mcap}"
+
+
+@pytest.mark.parametrize("text", ["", "rosbag2_bagfile_information: [", "a: 1", "\0", _BUT_A_TEXT])
 def test_metadata_that_cannot_be_read_are_done_without(tmp_path, text, caplog):
     path = tmp_path / "bag"
     write_split(path)
