@@ -232,9 +232,9 @@ def test_a_bag_that_cannot_be_read_is_reported_with_the_reason(
     (tmp_path / "text.mcap").write_text("no bag at all")
     with pytest.raises(RecordingError, match=r"text\.mcap cannot be read as a bag"):
         load_recordings(tmp_path / "text.mcap", "bag")
-    with pytest.raises(RecordingError, match=r"has no bags, expected \.mcap, \.db3"):
+    with pytest.raises(RecordingError, match=r"has no bags, expected \.mcap files"):
         load_recordings(tmp_path / "highd", "bag")
-    with pytest.raises(RecordingError, match=r"is not a bag, expected an \.mcap, \.db3"):
+    with pytest.raises(RecordingError, match=r"is not a bag, expected an \.mcap file"):
         load_recordings(tmp_path / "highd" / "01_tracks.csv", "bag")
 
 
