@@ -12,6 +12,7 @@ from mtpgo_core.schema import (
     MOVING_MPS,
     AgentClass,
     BoolArray,
+    ClassArray,
     Float64Array,
     IndexArray,
     Prediction,
@@ -24,23 +25,36 @@ _NEVER_TURNS[[AgentClass.UNKNOWN, AgentClass.PEDESTRIAN, AgentClass.ANIMAL]] = F
 _VEHICLE_MPS = 4.0
 """Speed from which an agent of unknown class is no pedestrian (m/s); chosen: a fast run."""
 
+_COURSE_M = 3.0
+"""Length of path whose chord is a course (m); chosen: a chord of an arc is at right angles to its
+end where the radius is the length over pi, 0.95 m, which no vehicle with a driver reaches."""
+
 _LEAST_M = 1e-3
 """Shortest displacement in a step whose direction counts (m); chosen: 5 mm/s."""
+
+
+def moving_vehicles(agent_class: ClassArray, velocity: Float64Array) -> BoolArray:
+    """Return [n] which agents are vehicles, or too fast to be anything else, and move.
+
+    Args:
+        agent_class: [n] :class:`~mtpgo_core.schema.AgentClass` values.
+        velocity: [n, 2] at t (m/s), NaN where it was never known, which counts as not moving.
+    """
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    unknown = (agent_class == AgentClass.UNKNOWN) & (speed > _VEHICLE_MPS)
+    return np.asarray((_NEVER_TURNS[agent_class] | unknown) & (speed > MOVING_MPS))
 
 
 def without_reversing(prediction: Prediction) -> Prediction:
     """Return the prediction with no vehicle that moves at t reversing in any mode.
 
-    A path turns back in the first step whose displacement has a component against that of the
-    step before (at first, against the velocity at t). From there on it stays where it was, with
-    velocity 0; direction and covariance stay. Networks give such paths rarely, for vehicles that
-    brake to a stop.
+    A path turns back in the first step whose displacement has a component against its course, the
+    chord of the last :data:`_COURSE_M` of the path, which is taken as straight before t. So a
+    turn of less than about a metre's radius is one, too. From there on the path stays where it
+    was, with velocity 0; direction and covariance stay. Networks give such paths rarely, for
+    vehicles that brake to a stop.
     """
-    fast = np.hypot(prediction.initial[:, 2], prediction.initial[:, 3])
-    vehicle = _NEVER_TURNS[prediction.agent_class] | (
-        (prediction.agent_class == AgentClass.UNKNOWN) & (fast > _VEHICLE_MPS)
-    )
-    rows = np.flatnonzero(vehicle & (fast > MOVING_MPS))
+    rows = np.flatnonzero(moving_vehicles(prediction.agent_class, prediction.initial[:, 2:]))
     initial, mean = prediction.initial[rows], prediction.mean[rows]  # [r, 4], [r, M, H, 4]
     start = np.broadcast_to(initial[:, None, None, :2], (*mean.shape[:2], 1, 2))
     displacement = np.diff(mean[..., :2], axis=2, prepend=start)
@@ -67,17 +81,20 @@ def without_reversing(prediction: Prediction) -> Prediction:
 
 
 def _may_turn_back(displacement: Float64Array, initial: Float64Array) -> BoolArray:
-    """Return [r] whether any path has a displacement against the one before, however short.
+    """Return [r] whether any path leaves the course at t by more than 45 degrees.
 
-    Few agents have one, and only those are looked at step by step.
+    One that does not cannot turn by 90 degrees from any of its own courses. Few agents do, and
+    only those are looked at more closely.
 
     Args:
         displacement: [r, M, H, 2] in each step (m).
         initial: [r, 4] states at t.
     """
-    back = (displacement[:, :, 1:] * displacement[:, :, :-1]).sum(axis=-1) < 0.0
-    at_first = (displacement[:, :, 0] * initial[:, None, 2:]).sum(axis=-1) < 0.0
-    return np.asarray(back.any(axis=(1, 2)) | at_first.any(axis=1))
+    along = (displacement * initial[:, None, None, 2:]).sum(axis=-1)
+    squared = (displacement**2).sum(axis=-1)
+    half = 0.5 * squared * (initial[:, 2:] ** 2).sum(axis=-1)[:, None, None]
+    leaves = (squared > _LEAST_M**2) & ~((along > 0.0) & (along**2 >= half))
+    return np.asarray(leaves.any(axis=(1, 2)))
 
 
 def _last_forward_step(displacement: Float64Array, initial: Float64Array) -> IndexArray:
@@ -88,14 +105,19 @@ def _last_forward_step(displacement: Float64Array, initial: Float64Array) -> Ind
         initial: [r, 4] states at t.
     """
     rows, modes, steps, _ = displacement.shape
-    long = (displacement**2).sum(axis=-1) > _LEAST_M**2
-    before = np.broadcast_to(initial[:, None, 2:], (rows, modes, 2))
-    last = np.full((rows, modes), steps - 1)
-    going = np.ones((rows, modes), dtype=np.bool_)
-    for k in range(steps):
-        step = displacement[:, :, k]
-        back = going & long[:, :, k] & ((step * before).sum(axis=-1) < 0.0)
-        last[back] = k - 1
-        going &= ~back
-        before = np.where(long[:, :, k, None], step, before)
-    return last
+    moves = displacement.reshape(-1, steps, 2)
+    course = initial[:, 2:] / np.hypot(initial[:, 2], initial[:, 3])[:, None]
+    past = np.repeat(-_COURSE_M * course, modes, axis=0)  # straight, before t
+    place = np.concatenate([past[:, None], np.zeros((len(past), 1, 2)), moves.cumsum(axis=1)], 1)
+    length = np.hypot(moves[..., 0], moves[..., 1])
+    arc = np.concatenate([np.full((len(past), 1), -_COURSE_M), np.zeros((len(past), 1))], 1)
+    arc = np.concatenate([arc, length.cumsum(axis=1)], axis=1)  # [r M, H + 2]
+    before = arc[:, 1:-1] - _COURSE_M
+    low = (arc[:, None] <= before[..., None]).sum(axis=-1) - 1
+    line = np.arange(len(past))[:, None]
+    part = (before - arc[line, low]) / np.maximum(arc[line, low + 1] - arc[line, low], 1e-12)
+    behind = place[line, low] + part[..., None] * (place[line, low + 1] - place[line, low])
+    chord = place[:, 1:-1] - behind
+    back = (length > _LEAST_M) & ((moves * chord).sum(axis=-1) < 0.0)
+    last = np.where(back.any(axis=1), back.argmax(axis=1) - 1, steps - 1)
+    return np.asarray(last.reshape(rows, modes))

@@ -24,6 +24,7 @@ from mtpgo_core.prediction.calibrated_prediction import calibrate
 from mtpgo_core.prediction.constant_velocity import usable_covariances
 from mtpgo_core.prediction.forward_motion import without_reversing
 from mtpgo_core.prediction.output_assembly import ModelOutput, assemble
+from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.scene.trails.trail_context import COLUMNS
 from mtpgo_core.schema import Float32Array, HistoryWindow, Prediction, SceneBatch
@@ -130,7 +131,11 @@ class ModelRunner:
                 )
 
     def predict(
-        self, window: HistoryWindow, batch: SceneBatch, initial_covariance: bool = False
+        self,
+        window: HistoryWindow,
+        batch: SceneBatch,
+        initial_covariance: bool = False,
+        smoother: PathSmoother | None = None,
     ) -> Prediction:
         """Return the predictions of the primary agents of the scenes.
 
@@ -139,6 +144,7 @@ class ModelRunner:
             batch: the scenes, built with this task's configuration.
             initial_covariance: start from the tracker's covariances where the window has usable
                 ones, instead of the model's own.
+            smoother: of the paths from cycle to cycle, if any.
 
         Returns:
             One row for each agent of the window, in the fixed frame, modes sorted by descending
@@ -158,7 +164,8 @@ class ModelRunner:
             np.zeros((0, modes, steps, 2, 2), np.float32),
         )
         joined = [np.concatenate(parts) for parts in zip(empty, *pieces, strict=True)]
-        prediction = assemble(window, batch, ModelOutput(*joined), self.task.history.dt_s)
+        dt_s = self.task.history.dt_s
+        prediction = assemble(window, batch, ModelOutput(*joined), dt_s, smoother)
         calibrated = calibrate(prediction, self.task.calibration, window.velocity[:, -1])
         return without_reversing(calibrated)
 

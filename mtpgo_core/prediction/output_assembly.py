@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.prediction.constant_velocity import initial_states, motion_yaw
+from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.schema import (
     BoolArray,
     Float32Array,
@@ -41,7 +42,11 @@ class ModelOutput:
 
 
 def assemble(
-    window: HistoryWindow, batch: SceneBatch, output: ModelOutput, dt_s: float
+    window: HistoryWindow,
+    batch: SceneBatch,
+    output: ModelOutput,
+    dt_s: float,
+    smoother: PathSmoother | None = None,
 ) -> Prediction:
     """Return the prediction in the fixed frame, modes sorted by weight, in the window's order.
 
@@ -50,6 +55,7 @@ def assemble(
         batch: the scenes.
         output: of the model, one row for each true value of ``batch.primary``, in row-major order.
         dt_s: step of the horizon (s).
+        smoother: of the paths from cycle to cycle, if any.
 
     Returns:
         One row for each agent of the window. Rows of agents without a prediction, or with one
@@ -75,6 +81,8 @@ def assemble(
         covariance = _rotated(output.covariance.astype(np.float64), cos, sin)
     weight = _weights(output.log_weight.astype(np.float64))
     usable = _usable(weight, mean, covariance)
+    if smoother is not None:
+        mean = smoother.smooth(window, agent, mean, usable, dt_s)
 
     order = np.argsort(-weight, axis=1, kind="stable")
     rows = np.arange(order.shape[0])[:, None]

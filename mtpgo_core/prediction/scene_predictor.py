@@ -20,6 +20,7 @@ from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.options import check_options, option
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import merge
+from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.scene_builder import build_scenes
@@ -48,6 +49,7 @@ class PredictorOptions:
             ego, to the mean position; the others are predicted at constant velocity and are seen
             by the model as neighbours of those.
         use_tracker_covariance: start from the tracker's covariance where there is one.
+        path_smoothing_s: memory of the farthest predicted points over the cycles (s), 0 for none.
     """
 
     policy: str | None = option(None, choices=GRAPH_POLICIES)
@@ -55,6 +57,7 @@ class PredictorOptions:
     radius_m: float | None = option(None, above=0.0)
     max_agents: int = option(128, low=0)
     use_tracker_covariance: bool = False
+    path_smoothing_s: float = option(0.0, low=0.0, high=5.0)
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -84,8 +87,9 @@ class PredictionReport:
 class ScenePredictor:
     """Predicts the agents of history windows.
 
-    It keeps the graphs of the last cycle, so that agents stay in theirs from cycle to cycle, and,
-    for tasks with ``scene.trails``, a memory of where the road users of all windows went.
+    It keeps the graphs of the last cycle, so that agents stay in theirs from cycle to cycle, the
+    paths of the last cycle, so that they do not jump, and, for tasks with ``scene.trails``, a
+    memory of where the road users of all windows went.
     ``fallback`` uses no state and may be called from any thread.
 
     Args:
@@ -117,6 +121,7 @@ class ScenePredictor:
         self._graphs = GraphState()
         self._graphs_ns: int | None = None
         self._trails = TrailMemory()
+        self._smoother: PathSmoother | None = None
 
     @property
     def modes(self) -> int:
@@ -124,8 +129,9 @@ class ScenePredictor:
         return self.task.modes if self._runner is not None else 1
 
     def reset(self) -> None:
-        """Forget graphs and trails, for example after a jump of the clock; any thread."""
+        """Forget graphs, trails and paths, for example after a jump of the clock; any thread."""
         self._graphs, self._trails = GraphState(), TrailMemory()
+        self._smoother = None
 
     def fallback(self, window: HistoryWindow) -> Prediction:
         """Return constant velocity for every agent present at the window's time; any thread."""
@@ -164,7 +170,9 @@ class ScenePredictor:
             lanes=self.lanes,
             trails=trails,
         )
-        modelled = self._runner.predict(present, batch, options.use_tracker_covariance)
+        modelled = self._runner.predict(
+            present, batch, options.use_tracker_covariance, self._path_smoother(options)
+        )
         usable = selected & np.isfinite(modelled.weight).all(axis=1)
         self.last_report = PredictionReport(
             agents=len(present),
@@ -183,6 +191,15 @@ class ScenePredictor:
         memory, dt_s = self._trails, self.task.history.dt_s
         memory.add(window, dt_s)
         return TrailContext(memory, self.task.horizon_steps, dt_s)
+
+    def _path_smoother(self, options: PredictorOptions) -> PathSmoother | None:
+        """Return the smoother with the paths of the last cycle, None if there is no smoothing."""
+        tau_s = options.path_smoothing_s
+        if not tau_s:
+            self._smoother = None
+        elif self._smoother is None or self._smoother.tau_s != tau_s:
+            self._smoother = PathSmoother(tau_s)
+        return self._smoother
 
     def _graph_state(self, stamp_ns: int) -> GraphState:
         """Return the graphs of the last cycle, unless they are older than the history.

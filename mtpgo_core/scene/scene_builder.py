@@ -4,7 +4,7 @@
 
 Only agents present at the common time t are part of a scene: one that left before t can neither be
 predicted nor influence the others' future. :func:`build_scenes` leaves the others out before
-anything else, so that graphs and contexts are the same whoever cuts the window. See
+anything else, so that graphs and contexts are the same in training, evaluation and node. See
 docs/design.md, decisions 12 to 14.
 """
 

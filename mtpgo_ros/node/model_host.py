@@ -137,4 +137,5 @@ def _options(parameters: PredictorParameters) -> PredictorOptions:
         radius_m=parameters.radius or None,
         max_agents=parameters.max_agents,
         use_tracker_covariance=parameters.use_tracker_covariance,
+        path_smoothing_s=parameters.path_smoothing,
     )

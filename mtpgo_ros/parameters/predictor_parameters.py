@@ -123,6 +123,13 @@ class PredictorParameters:
     use_tracker_covariance: bool = _field(
         False, "The model starts from the tracker's covariance where a message carries one."
     )
+    path_smoothing: float = _field(
+        0.0,
+        "Memory of the farthest predicted points of moving vehicles over the cycles (s), 0 for"
+        " none: predictions jump less and follow news later.",
+        low=0.0,
+        high=5.0,
+    )
     twist_frame: str = _field(
         "default",
         "Frame of the velocities in the messages: the object's axes, the header's frame, or by"

@@ -18,22 +18,20 @@ class AdaptOptions:
 
     Attributes:
         minutes: time limit of everything, reading the recordings included (min).
-        epochs: most epochs.
+        epochs: most epochs; fewer where they would take too long.
         epoch_scenes: about how many scenes an epoch has; of more, other ones are drawn each time.
-        learning_rate: constant after its rise over the first steps.
+        learning_rate: its highest value, from which it falls to nearly none at the last epoch.
         validation_fraction: share of the time, at the end of each directory's recordings, on which
             the model is chosen and calibrated.
-        patience_epochs: stop after this many epochs without a better validation.
         seed: of the order of the scenes and their augmentation.
         num_threads: threads of torch.
     """
 
     minutes: float = option(10.0, above=0)
-    epochs: int = option(30, above=0)
+    epochs: int = option(8, above=0)
     epoch_scenes: int = option(1000, above=0)
-    learning_rate: float = option(5e-4, above=0)
+    learning_rate: float = option(2e-3, above=0)
     validation_fraction: float = option(0.25, above=0.0, below=1.0)
-    patience_epochs: int = option(5, above=0)
     seed: int = 1
     num_threads: int = option(2, low=0)
 

@@ -35,13 +35,17 @@ from mtpgo_training.evaluation.training_overlap import training_hashes
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.export.model_calibration import own_calibration
 from mtpgo_training.training.data_loading import Scenes, prepare_scenes
-from mtpgo_training.training.networks import weights_hash
+from mtpgo_training.training.epoch_cost import measure_epoch
+from mtpgo_training.training.networks import build_network, weights_hash
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import TrainerConfig, TrainingConfig
 from mtpgo_training.training.validation import scene_batches, validate
+
+SHARE_OF_TIME = 0.85
+"""Share of the time that the epochs are planned to take; chosen: only a few steps are measured."""
 
 EXPORT_S = 20.0
 """Time kept for writing and checking the model file (s); chosen: it takes some seconds."""
@@ -129,19 +133,21 @@ def adapt(
     )
     # An epoch's two validations may begin just before the end; each share and the result have one.
     reserve_s = (3 + len(SHARES)) * validation_s + EXPORT_S
-    left_s = 60.0 * options.minutes - (time.monotonic() - started_s) - reserve_s
+    end_s = started_s + 60.0 * options.minutes - reserve_s
+    left_s = end_s - time.monotonic()
     if left_s <= 0.0:
         raise ConfigurationError(
             f"--minutes is {options.minutes:g}, expected at least "
             f"{options.minutes + 1.0 - left_s / 60.0:.0f}: reading and scoring took the time"
         )
+    config = _fitting(config, scenes, end_s)
     with tempfile.TemporaryDirectory() as folder:
         run = train(
             config,
             recordings,
             RunFolder(Path(folder) / "run"),
             init_from=base_path,
-            max_minutes=left_s / 60.0,
+            max_minutes=max(0.0, end_s - time.monotonic()) / 60.0,
             scenes=scenes,
             progress=progress,
         )
@@ -206,11 +212,30 @@ def adapted_config(
             warm_up_share=0.0,
             calibration_epochs=0,  # the calibration is fitted to the site afterwards
             learning_rate=options.learning_rate,
-            learning_rate_schedule="constant",
+            learning_rate_schedule="cosine",
             keep="best",
         ),
-        trainer=TrainerConfig(patience_epochs=options.patience_epochs),
+        trainer=TrainerConfig(),
     )
+
+
+def _fitting(config: TrainingConfig, scenes: Scenes, end_s: float) -> TrainingConfig:
+    """Return the configuration with as many epochs as take the time, at most its own.
+
+    The learning rate falls over all epochs, so a training that the clock cuts off is not done.
+
+    Args:
+        config: of the training.
+        scenes: its scenes.
+        end_s: ``time.monotonic()`` at which the last validation is to be over.
+    """
+    network = build_network(config.network, config.model, config.history, config.scene)
+    cost = measure_epoch(TrainingRun(network, config), scenes, time.monotonic)
+    left_s = SHARE_OF_TIME * (end_s - time.monotonic())
+    options = config.optimisation
+    fitting = int(left_s / (cost.likelihood + cost.validation))
+    epochs = max(1, min(options.epochs, fitting))
+    return dataclasses.replace(config, optimisation=dataclasses.replace(options, epochs=epochs))
 
 
 def _scenes_of(

@@ -48,7 +48,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--minutes", type=float, help="time limit of everything, in minutes (default: 10)"
     )
-    parser.add_argument("--epochs", type=int, help="most epochs (default: 30)")
+    parser.add_argument("--epochs", type=int, help="most epochs (default: 8)")
     parser.add_argument("--seed", type=int, help="seed of the training (default: 1)")
     parser.add_argument("--threads", type=int, help="threads of torch (default: 2)")
     parser.add_argument(

@@ -13,9 +13,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import statistics
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,13 +22,12 @@ import torch
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, split, window_s
-from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes
+from mtpgo_training.training.data_loading import Scenes, prepare_scenes
+from mtpgo_training.training.epoch_cost import EpochCost, measure_epoch
 from mtpgo_training.training.networks import build_network
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
-from mtpgo_training.training.trainer import BatchLoss
 from mtpgo_training.training.training_config import TrainingConfig
-from mtpgo_training.training.validation import validate_epoch
 
 LEAST_EPOCHS = 12
 """Fewest epochs of a shortened schedule; chosen: three of them are the warm-up of Algorithm 1, and
@@ -47,15 +44,6 @@ LIMIT = 4.0
 """A training ends after this multiple of its budget as shown by a clock, wherever its schedule is;
 chosen: other programs make it last longer."""
 
-TRIAL_S = 6.0
-"""Longest measurement of the steps of one loss (s); chosen: a few per cent of six minutes."""
-
-LEAST_STEPS = 3
-"""Fewest steps that are measured, the first one not counted; chosen."""
-
-VALIDATION_SCENES = 128
-"""Validation scenes that are measured, evenly drawn; chosen: two batches."""
-
 
 @dataclass(frozen=True)
 class Budget:
@@ -71,28 +59,6 @@ class Budget:
     minutes: float | None = None
     epochs: int | None = None
     steps: int | None = None
-
-
-@dataclass(frozen=True)
-class EpochCost:
-    """Cost of a whole epoch, in seconds or in steps.
-
-    Attributes:
-        ewta: of its steps while the loss is EWTA.
-        likelihood: of its steps on the likelihood.
-        validation: of a validation.
-        scenes: number of training scenes.
-    """
-
-    ewta: float
-    likelihood: float
-    validation: float
-    scenes: int
-
-    @property
-    def training(self) -> float:
-        """Mean cost of an epoch's steps over the schedule: an eighth is EWTA alone."""
-        return self.ewta / 8.0 + self.likelihood * 7.0 / 8.0
 
 
 @dataclass(frozen=True)
@@ -166,7 +132,7 @@ def plan_fold(
     if budget.steps is not None:
         return fit_schedule(_steps(scenes, options.batch_scenes), budget.steps, config, budget)
     assert budget.minutes is not None
-    cost = _measured(TrainingRun(model, config), scenes)
+    cost = measure_epoch(TrainingRun(model, config), scenes)
     plan = fit_schedule(cost, 60.0 * budget.minutes, config, budget)
     return dataclasses.replace(plan, limit_minutes=LIMIT * budget.minutes)
 
@@ -209,55 +175,3 @@ def _steps(scenes: Scenes, batch_scenes: int) -> EpochCost:
     steps = max(1, round(len(scenes.training) / batch_scenes))
     validation = VALIDATION_COST * len(scenes.validation) / batch_scenes
     return EpochCost(steps, steps, validation, len(scenes.training))
-
-
-def _measured(run: TrainingRun, scenes: Scenes) -> EpochCost:
-    """Return the cost of an epoch in seconds, from a few of its steps and validation scenes."""
-    device = _device(run.config)
-    clock = time.process_time if device.type == "cpu" else time.monotonic
-    run.model.to(device)
-    run.average.to(device)
-    ewta_s = _epoch_s(run, scenes, 0, device, clock)
-    likelihood_s = _epoch_s(run, scenes, run.config.optimisation.epochs - 1, device, clock)
-    some = scenes.validation[:: max(1, len(scenes.validation) // VALIDATION_SCENES)]
-    start = clock()
-    validate_epoch(run, some, 0, 1)
-    validation_s = (clock() - start) * len(scenes.validation) / len(some)
-    return EpochCost(ewta_s, likelihood_s, validation_s, len(scenes.training))
-
-
-def _epoch_s(
-    run: TrainingRun,
-    scenes: Scenes,
-    epoch: int,
-    device: torch.device,
-    clock: Callable[[], float],
-) -> float:
-    """Return the time of all steps of an epoch from a few of them (s)."""
-    run.state.epoch = epoch
-    loader, steps = epoch_loader(scenes.training, run.config, run.state, 0, 1)
-    module = BatchLoss(run).train()
-    optimiser = torch.optim.AdamW(run.model.parameters(), lr=run.config.optimisation.learning_rate)
-    durations: list[float] = []
-    begin = start = clock()
-    for batch in loader:
-        loss = module(batch.to(device), False)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        run.update_average()
-        loss.item()  # waits for the device
-        now = clock()
-        durations.append(now - start)
-        start = now
-        if len(durations) >= LEAST_STEPS and now - begin > TRIAL_S:
-            break
-    return steps * statistics.mean(durations[1:] or durations)
-
-
-def _device(config: TrainingConfig) -> torch.device:
-    """Return the device that the trainer would use."""
-    wanted = config.trainer.accelerator
-    if wanted in ("auto", "gpu") and torch.cuda.is_available():
-        return torch.device("cuda")
-    return torch.device("mps" if wanted == "mps" else "cpu")

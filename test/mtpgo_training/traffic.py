@@ -34,24 +34,7 @@ def braking_cars(name="01", *, tracks=12, seconds=9.0, rate=10.0, seed=0):
                 np.full(len(frames), course)[keep],
             )
         )
-    frame, track, position, velocity, yaw = (np.concatenate(c) for c in zip(*rows, strict=True))
-    order = np.lexsort((track, frame))
-    return Recording(
-        name=name,
-        layout="ind",
-        location="test",
-        frame_rate=rate,
-        frame=frame[order].astype(np.int64),
-        track=track[order].astype(np.int64),
-        position=position[order],
-        velocity=velocity[order],
-        acceleration=np.full((len(frame), 2), np.nan),
-        yaw=yaw[order],
-        track_id=np.arange(100, 100 + tracks),
-        agent_class=np.ones(tracks, dtype=np.uint8),
-        size=np.tile([4.5, 1.9], (tracks, 1)),
-        sha256=f"{seed:064d}",
-    )
+    return _recording(rows, name, tracks=tracks, rate=rate, seed=seed)
 
 
 def turning_cars(name="01", *, tracks=14, seconds=30.0, rate=10.0, seed=0):
@@ -70,9 +53,14 @@ def turning_cars(name="01", *, tracks=14, seconds=30.0, rate=10.0, seed=0):
         x = np.minimum(gone, 0.0) + radius * np.sin(angle)
         y = radius * (1.0 - np.cos(angle)) + after
         course = side * angle
-        position = np.stack([x, side * y + rng.normal(0.0, 0.2)], axis=1)
+        position = np.stack([300.0 + x, 80.0 + side * y + rng.normal(0.0, 0.2)], axis=1)
         velocity = speed * np.stack([np.cos(course), np.sin(course)], axis=1)
         rows.append((frames[keep], np.full(keep.sum(), track), position, velocity, course))
+    return _recording(rows, name, tracks=tracks, rate=rate, seed=seed)
+
+
+def _recording(rows, name, *, tracks, rate, seed):
+    """A recording of cars from rows (frames, track, position, velocity, yaw), one per track."""
     frame, track, position, velocity, yaw = (np.concatenate(c) for c in zip(*rows, strict=True))
     order = np.lexsort((track, frame))
     return Recording(
@@ -82,7 +70,7 @@ def turning_cars(name="01", *, tracks=14, seconds=30.0, rate=10.0, seed=0):
         frame_rate=rate,
         frame=frame[order].astype(np.int64),
         track=track[order].astype(np.int64),
-        position=position[order] + [300.0, 80.0],
+        position=position[order],
         velocity=velocity[order],
         acceleration=np.full((len(frame), 2), np.nan),
         yaw=yaw[order],

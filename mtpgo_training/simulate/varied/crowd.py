@@ -69,7 +69,7 @@ def simulate_crowd(config: CrowdConfig, name: str = "00") -> Recording:
     """Return one recording of pedestrians.
 
     Raises:
-        SimulationError: nobody came into view.
+        SimulationError: no pedestrian came into view.
     """
     generator = np.random.default_rng(config.seed)
     place = config.place or str(generator.choice(PLACES, p=[0.35, 0.25, 0.2, 0.2]))

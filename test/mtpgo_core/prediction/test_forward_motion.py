@@ -75,3 +75,26 @@ def test_a_tight_turn_is_not_a_reversal():
     angle = np.linspace(0.0, np.pi, H + 1)[1:]  # a U-turn of 8 m
     given.mean[0, :, :, :2] = 8.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=-1)
     assert without_reversing(given) is given
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+@pytest.mark.parametrize("radius", [0.25, 0.5, 0.8])
+def test_turning_on_the_spot_is_a_reversal_however_slowly(radius, turn):
+    """No step of these paths leads against the one before."""
+    given = braking(speed=1.0, heading=0.0)
+    angle = np.minimum(0.6 * TIME / radius, np.pi)
+    after = np.maximum(0.6 * TIME - np.pi * radius, 0.0)
+    circle = radius * np.stack([np.sin(angle), turn * (1.0 - np.cos(angle))], axis=-1)
+    given.mean[0, :, :, :2] = circle - after[:, None] * [1.0, 0.0]
+    result = without_reversing(given)
+    assert result.mean[0, 0, -1, 0] > given.mean[0, 0, -1, 0] + 0.1
+    course = np.diff(result.mean[0, 0, :, :2], axis=0)
+    turned = np.abs(np.arctan2(course[:, 1], course[:, 0]))
+    assert turned[np.linalg.norm(course, axis=1) > 0.0].max() < np.radians(160.0)
+
+
+def test_a_turn_that_a_bicycle_can_ride_is_kept():
+    given = braking(AgentClass.BICYCLE, speed=2.0, heading=0.0)
+    angle = np.minimum(2.0 * TIME / 1.5, np.pi)
+    given.mean[0, :, :, :2] = 1.5 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=-1)
+    assert without_reversing(given) is given

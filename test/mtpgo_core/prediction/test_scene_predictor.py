@@ -138,9 +138,9 @@ def test_beyond_max_agents_the_nearest_keep_the_model(runner):
 class Watched(ModelRunner):
     """A runner that keeps its last window and scenes."""
 
-    def predict(self, window, batch, initial_covariance=False):
+    def predict(self, window, batch, initial_covariance=False, smoother=None):
         self.window, self.batch = window, batch
-        return super().predict(window, batch, initial_covariance)
+        return super().predict(window, batch, initial_covariance, smoother)
 
 
 def watched_stream(tmp_path, context, **options):
@@ -398,3 +398,17 @@ def test_a_model_file_that_does_not_take_its_trails_is_refused(tmp_path):
     write_model(tmp_path / "m.pt", scene=SceneConfig(trails=True))
     with pytest.raises(ModelFileError, match="does not run on the input"):
         ModelRunner.load(tmp_path / "m.pt")
+
+
+def test_path_smoothing_combines_cycles_and_ends_with_a_reset(runner):
+    plain = Stream(runner)
+    smooth = Stream(runner, options=PredictorOptions(path_smoothing_s=0.4))
+    for stream in (plain, smooth):
+        drive(stream)
+        stream.predict()
+        drive(stream, start=10, cycles=2, speed=8.5)  # news: the model follows at once
+    new, smoothed = plain.predict().mean, smooth.predict().mean
+    assert 0.1 < np.abs(new - smoothed)[:, 0, -1, 0].max() < 5.0
+    np.testing.assert_allclose(smoothed[:, 0, 0, 0], new[:, 0, 0, 0], atol=0.2)
+    smooth.predictor.reset()
+    np.testing.assert_array_equal(smooth.predict().mean, new)

@@ -19,6 +19,7 @@ from mtpgo_training.adapt.adaptation import adapt, adapted_config
 from mtpgo_training.adapt.adaptation_scores import SiteScores
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.training.data_loading import Scenes
+from mtpgo_training.training.epoch_cost import EpochCost
 from mtpgo_training.training.interruption import Interruption
 from mtpgo_training.training.networks import weights_hash
 from mtpgo_training.training.run_folder import load_checkpoint
@@ -114,6 +115,14 @@ def test_the_share_with_the_smallest_ade_is_kept_if_its_likelihood_is_no_worse(
     assert (scores.ade_m, scores.nll) == found[share]
     for name, value in base["average"].items():
         torch.testing.assert_close(weights[name], value + share)
+
+
+def test_epochs_that_would_take_too_long_are_left_out(base, monkeypatch):
+    monkeypatch.setattr(
+        module, "measure_epoch", lambda run, scenes, clock: EpochCost(1.0, 100.0, 20.0, 10)
+    )
+    options = dataclasses.replace(OPTIONS, epochs=20, minutes=8.0)
+    assert adapt(base, site(), options, name="mine").epochs == 3  # of 120 s, in 85 % of 8 min
 
 
 def test_an_interrupt_keeps_the_best_weights_so_far(base, monkeypatch):

@@ -12,13 +12,13 @@ from mtpgo_training.crossval.fold_plan import (
     LEAST_EPOCHS,
     LIMIT,
     Budget,
-    EpochCost,
     FoldPlan,
     fit_schedule,
     plan_fold,
 )
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.training.epoch_cost import EpochCost
 
 LONG = with_options(epochs=36)
 
@@ -59,10 +59,6 @@ def test_validation_takes_a_small_part_of_the_time():
 def test_an_epoch_keeps_some_steps():
     plan = fit_schedule(cost(1e6, scenes=160), 1.0, LONG, Budget(minutes=1.0))
     assert plan.share == 0.1  # four batches of four scenes
-
-
-def test_an_eighth_of_the_epochs_is_on_ewta_alone():
-    assert EpochCost(8.0, 16.0, 0.0, 1).training == 15.0
 
 
 def test_a_plan_changes_epochs_and_the_weights_of_all_sources():
@@ -106,7 +102,7 @@ def test_steps_need_no_measurement_and_are_kept(recordings):
 
 
 def test_a_few_steps_are_measured(recordings, monkeypatch):
-    monkeypatch.setattr("mtpgo_training.crossval.fold_plan.TRIAL_S", 0.0)
+    monkeypatch.setattr("mtpgo_training.training.epoch_cost.TRIAL_S", 0.0)
     config = dataclasses.replace(CONFIG, data=DataConfig(stride_s=0.4, validation=("00",)))
     plan = plan_fold(config, recordings, Budget(minutes=1000.0))
     assert dataclasses.replace(plan, validate_every_epochs=1) == FoldPlan(

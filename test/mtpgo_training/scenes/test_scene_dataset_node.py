@@ -48,7 +48,7 @@ class Recorder:
         self.task = TaskDescription(scene=scene, history=HISTORY, horizon_steps=H)
         self.batches = []
 
-    def predict(self, window, batch, initial_covariance=False):
+    def predict(self, window, batch, initial_covariance=False, smoother=None):
         self.batches.append((window, batch))
         modes = self.task.modes
         return predict_constant_velocity(window, horizon_steps=H, dt_s=HISTORY.dt_s, modes=modes)

@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from simulated_traffic import check_consistent, needs_sumo
+from simulated_traffic import check_reproducible_and_smooth, needs_sumo
 
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.simulate.varied.curves import CurvesConfig, simulate_curves
@@ -14,8 +13,6 @@ from mtpgo_training.simulate.varied.curves import CurvesConfig, simulate_curves
 @needs_sumo
 def test_a_recording_is_reproducible_and_its_motion_is_smooth() -> None:
     config = CurvesConfig(seconds=6.0, seed=3, warm_up_s=25.0, style="lane")
-    recording = simulate_curves(config)
-    np.testing.assert_array_equal(recording.position, simulate_curves(config).position)
-    assert AgentClass.CAR in recording.agent_class
-    check_consistent(recording, sideways_mps=1.5)
-    assert np.linalg.norm(recording.acceleration, axis=1).max() < 8.0
+    check_reproducible_and_smooth(
+        simulate_curves, config, contains=AgentClass.CAR, sideways_mps=1.5
+    )

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from simulated_traffic import check_consistent, needs_sumo
+from simulated_traffic import check_reproducible_and_smooth, needs_sumo
 
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.simulate.roundabout import ring_mouth
@@ -20,11 +20,9 @@ from mtpgo_training.simulate.varied.roundabouts import (
 @needs_sumo
 def test_a_recording_is_reproducible_and_its_motion_is_smooth() -> None:
     config = RoundaboutsConfig(seconds=6.0, seed=3, warm_up_s=25.0, radius_m=12.0, arms=5)
-    recording = simulate_roundabouts(config)
-    np.testing.assert_array_equal(recording.position, simulate_roundabouts(config).position)
-    assert AgentClass.CAR in recording.agent_class
-    check_consistent(recording, sideways_mps=2.5)
-    assert np.linalg.norm(recording.acceleration, axis=1).max() < 8.0
+    check_reproducible_and_smooth(
+        simulate_roundabouts, config, contains=AgentClass.CAR, sideways_mps=2.5
+    )
 
 
 @pytest.mark.parametrize(("radius", "lanes"), [(8.0, 1), (8.0, 2), (40.0, 2)])

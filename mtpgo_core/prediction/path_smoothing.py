@@ -1,0 +1,147 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Predicted paths do not jump from cycle to cycle without news.
+
+Five seconds ahead, noise of 0.1 m/s^2 in an agent's acceleration is more than a metre. What the
+model predicted for the same time in the cycle before was computed from nearly the same past with
+other noise, so a mean of the two is as accurate and jumps less (docs/design.md, "Smooth paths").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtpgo_core.history.track_index import SortKeyArray, find_sort_keys, sort_keys
+from mtpgo_core.prediction.forward_motion import moving_vehicles
+from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, IndexArray
+
+LONGEST_CYCLE_S = 1.0
+"""Predictions farther apart are not combined (s); chosen: a pause, not a cycle."""
+
+
+@dataclass(frozen=True)
+class _Paths:
+    """The paths of one cycle.
+
+    Attributes:
+        stamp_ns: when they start (ns).
+        key: [m] ascending sort keys of the agents.
+        mean: [m, M, H, 4] x, y, vx, vy in the fixed frame (m, m/s), modes in the network's order.
+    """
+
+    stamp_ns: int
+    key: SortKeyArray
+    mean: Float64Array
+
+
+class PathSmoother:
+    """Combines each path with the one that the cycle before predicted for the same agent and mode.
+
+    The point k of H steps ahead becomes (1 - b) new + b old with b = e^(-T / tau) k / H, where T
+    is the time since the last cycle and ``old`` is the last cycle's path at the same time. So the
+    next moments are as the model predicts them now, and the farthest point has a memory of tau.
+    What stands at t, pedestrians, who change their ways faster than that, and agents that were not
+    observed throughout T keep the new path.
+
+    Args:
+        tau_s: tau (s), above 0.
+    """
+
+    def __init__(self, tau_s: float) -> None:
+        self.tau_s = tau_s
+        self._last: _Paths | None = None
+        self._before: _Paths | None = None
+
+    def smooth(
+        self,
+        window: HistoryWindow,
+        agent: IndexArray,
+        mean: Float64Array,
+        usable: BoolArray,
+        dt_s: float,
+    ) -> Float64Array:
+        """Return the smoothed paths and remember them for the next cycle.
+
+        A window of the same time as the last one gives the same result again.
+
+        Args:
+            window: of the agents.
+            agent: [p] rows of the window that the paths are of.
+            mean: [p, M, H, 4] x, y, vx, vy in the fixed frame (m, m/s), modes in the network's
+                order.
+            usable: [p] which paths are finite; others are returned as they are and forgotten.
+            dt_s: step of the horizon and of the window (s).
+        """
+        if self._last is not None and self._last.stamp_ns != window.stamp_ns:
+            self._before = self._last
+        key = sort_keys(window.key[agent])
+        smoothed = self._combined(self._before, window, agent, key, mean, usable, dt_s)
+        kept = np.flatnonzero(usable)
+        kept = kept[np.argsort(key[kept])]
+        self._last = _Paths(window.stamp_ns, key[kept], smoothed[kept])
+        return smoothed
+
+    def _combined(
+        self,
+        before: _Paths | None,
+        window: HistoryWindow,
+        agent: IndexArray,
+        key: SortKeyArray,
+        mean: Float64Array,
+        usable: BoolArray,
+        dt_s: float,
+    ) -> Float64Array:
+        """Return the new paths combined with those of the cycle before."""
+        elapsed_s = 0.0 if before is None else (window.stamp_ns - before.stamp_ns) * 1e-9
+        steps = int(np.ceil(elapsed_s / dt_s - 1e-6))
+        horizon = mean.shape[2]
+        if before is None or not 0.0 < elapsed_s <= LONGEST_CYCLE_S:
+            return mean
+        if steps >= min(window.valid.shape[1], horizon):
+            return mean
+        row = find_sort_keys(before.key, key)
+        moving = moving_vehicles(window.agent_class[agent], window.velocity[agent, -1])
+        observed = window.valid[agent, -1 - steps :].all(axis=1)
+        chosen = np.flatnonzero(usable & (row >= 0) & moving & observed)
+        if not len(chosen):
+            return mean
+        old = _shifted(before.mean[row[chosen]], elapsed_s / dt_s, dt_s)
+        new = mean[chosen]
+        share_5s = np.exp(-elapsed_s / self.tau_s)
+        share = (share_5s * np.arange(1, horizon + 1) / horizon)[:, None]
+        combined = (1.0 - share) * new + share * old
+        # The share grows along the path, which moves the point as well.
+        combined[..., 2:] += share_5s / (horizon * dt_s) * (old[..., :2] - new[..., :2])
+        smoothed = mean.copy()
+        smoothed[chosen] = combined
+        return smoothed
+
+
+def _shifted(mean: Float64Array, shift: float, dt_s: float) -> Float64Array:
+    """Return paths [n, M, H, 4] at times ``shift`` steps later, uniform beyond their end.
+
+    Args:
+        mean: [n, M, H, 4] x, y, vx, vy (m, m/s).
+        shift: 0 to H - 1.
+        dt_s: time of a step (s).
+    """
+    horizon = mean.shape[2]
+    place = np.arange(horizon) + shift
+    low = np.minimum(np.floor(place).astype(np.intp), horizon - 1)
+    high = np.minimum(low + 1, horizon - 1)
+    part = (place - low)[:, None]
+    inside = (1.0 - part) * mean[:, :, low] + part * mean[:, :, high]
+    beyond = np.maximum(place - (horizon - 1), 0.0)
+    if not beyond.any():
+        return inside
+    end = mean[:, :, -1:]
+    uniform = np.concatenate(
+        [
+            end[..., :2] + beyond[:, None] * dt_s * end[..., 2:],
+            np.broadcast_to(end[..., 2:], (*mean.shape[:3], 2)),
+        ],
+        axis=-1,
+    )
+    return np.where((beyond > 0.0)[:, None], uniform, inside)
