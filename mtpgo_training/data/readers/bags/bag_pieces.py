@@ -110,7 +110,7 @@ class PieceReader:
                 self._messages += 1
                 states = self._read(self._topic.adapter, message, received_ns)
                 if states is not None:
-                    done = self._add(states)
+                    done = self._add(states, received_ns)
                 self._piece.received_ns = received_ns
             else:
                 # Latched messages of the next piece come just before its first objects.
@@ -155,10 +155,12 @@ class PieceReader:
             self._count("not_lifted", str(error))
             return None
 
-    def _add(self, states: TrackedStates) -> BagPiece | None:
+    def _add(self, states: TrackedStates, received_ns: int) -> BagPiece | None:
         """Add a message to the current piece, or to the next one; return a piece that it ends."""
         newest_ns = self._guard.newest_ns
         status = self._guard.classify(states.stamp_ns, states.frame_id if len(states) else None)
+        if states.stamp_ns == self._guard.newest_ns:
+            self._clock = (states.stamp_ns, received_ns)
         self._piece.counts["frame_changed"] += status in (
             MessageStatus.UNEXPECTED_FRAME,
             MessageStatus.NEW_FRAME,
@@ -204,7 +206,7 @@ class PieceReader:
 
         The node's rule, with the recorder's clock: a single such stamp would make all later ones
         look old, a stream that stays ahead has another clock. As the log times of many bags are
-        of another clock than the stamps, only what passed since the message before is compared.
+        of another clock than the stamps, only what passed since the newest message is compared.
         """
         before_stamp_ns, before_received_ns = self._clock or (stamp_ns, received_ns)
         ahead_ns = (stamp_ns - before_stamp_ns) - (received_ns - before_received_ns)
@@ -214,7 +216,6 @@ class PieceReader:
             if self._ahead < _CONFIRMATIONS:
                 return True
         self._ahead = 0
-        self._clock = (stamp_ns, received_ns)
         return False
 
     def _count(self, name: str, problem: str = "") -> None:
