@@ -63,7 +63,8 @@ PRELOADED = (
     "mtpgo_training.commands.convert",
     "mtpgo_training.commands.export",
     "mtpgo_training.commands.train",
-    "mtpgo_training.data.readers",
+    "mtpgo_training.data.data_sources",
+    "mtpgo_training.data.recording_cache",
     "mtpgo_training.export.exporter",
     "mtpgo_training.training.trainer",
 )
