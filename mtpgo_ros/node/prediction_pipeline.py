@@ -15,7 +15,9 @@ from rclpy.clock import ROSClock
 from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.adapter import InputAdapter
+from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import FrameError, MtpgoError
+from mtpgo_core.frames import VEHICLE_FRAMES
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.output_assembly import with_time_origin
 from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
@@ -30,9 +32,6 @@ from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.objects_subscription import ObjectsSubscription
 from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
-
-_VEHICLE_FRAMES = ("base_link", "base_footprint", "ego_vehicle", "vehicle", "hero")
-"""Usual names of frames that move, for a warning."""
 
 
 class PredictionPipeline:
@@ -68,6 +67,7 @@ class PredictionPipeline:
     ) -> None:
         self._node, self._model, self._publishers = node, model, publishers
         self._parameters, self._events, self._status = parameters, events, status
+        self._class_map = class_map(parameters.class_map)
         self.ego_topic = ""
         self._received_s: float | None = None
         self._received_ros_ns = 0
@@ -141,7 +141,10 @@ class PredictionPipeline:
     def _read(self, message: Any, adapter: InputAdapter, now_ns: int) -> TrackedStates:
         """Return the states of a message in the fixed frame."""
         decoded = adapter.decode(
-            message, twist_frame=self._parameters.twist_frame, fallback_stamp_ns=now_ns
+            message,
+            twist_frame=self._parameters.twist_frame,
+            fallback_stamp_ns=now_ns,
+            class_map=self._class_map,
         )
         self._events.count("skipped_objects", decoded.skipped_total)
         self._events.count("empty_messages", int(len(decoded.states) == 0))
@@ -151,7 +154,7 @@ class PredictionPipeline:
         return states
 
     def _warn_of_moving_frame(self, states: TrackedStates) -> None:
-        if not self._parameters.fixed_frame and states.frame_id in _VEHICLE_FRAMES:
+        if not self._parameters.fixed_frame and states.frame_id in VEHICLE_FRAMES:
             self._events.log(
                 "moving frame",
                 f"objects come in frame {states.frame_id!r}, which usually moves with the vehicle:"

@@ -14,11 +14,21 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, listed, option
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 
-INPUT_TYPES = ("auto", "pointcloud2", "autoware", "vision", "derived", "markers", "ika")
+INPUT_TYPES = (
+    "auto",
+    "pointcloud2",
+    "autoware",
+    "vision",
+    "derived",
+    "markers",
+    "ika",
+    "autoware_auto",
+)
 OUTPUT_KINDS = ("pointcloud2", "markers", "autoware")
 TWIST_FRAMES = ("default", "object", "header")
 
@@ -126,6 +136,12 @@ class PredictorParameters:
         " default the one that publishers of that type usually use.",
         choices=TWIST_FRAMES,
     )
+    class_map: str = _field(
+        "",
+        "Our classes by the names and numbers in the messages: a preset (nuscenes, coco, coco91,"
+        " autoware, ...) or a YAML file; empty takes our own names.",
+        change=Change.CONFIGURE,
+    )
     delay_compensation: bool = _field(
         False,
         "The horizon starts at the node's present time, at most 0.5 s after the observation,"
@@ -178,6 +194,10 @@ def check(parameters: PredictorParameters) -> None:
         raise ConfigurationError(
             "parameter model is empty, expected the name of an installed model or a file"
         )
+    try:
+        class_map(parameters.class_map)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"parameter class_map: {error}") from error
     if parameters.input_timeout < parameters.period_s:
         raise ConfigurationError(
             f"parameter input_timeout is {parameters.input_timeout:g} s, shorter than a period of"
