@@ -15,6 +15,7 @@ from rclpy.clock import ROSClock
 from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.adapter import InputAdapter
+from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import FrameError, MtpgoError
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.output_assembly import with_time_origin
@@ -68,6 +69,7 @@ class PredictionPipeline:
     ) -> None:
         self._node, self._model, self._publishers = node, model, publishers
         self._parameters, self._events, self._status = parameters, events, status
+        self._class_map = class_map(parameters.class_map)
         self.ego_topic = ""
         self._received_s: float | None = None
         self._received_ros_ns = 0
@@ -141,7 +143,10 @@ class PredictionPipeline:
     def _read(self, message: Any, adapter: InputAdapter, now_ns: int) -> TrackedStates:
         """Return the states of a message in the fixed frame."""
         decoded = adapter.decode(
-            message, twist_frame=self._parameters.twist_frame, fallback_stamp_ns=now_ns
+            message,
+            twist_frame=self._parameters.twist_frame,
+            fallback_stamp_ns=now_ns,
+            class_map=self._class_map,
         )
         self._events.count("skipped_objects", decoded.skipped_total)
         self._events.count("empty_messages", int(len(decoded.states) == 0))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, listed, option
 from mtpgo_core.task.task_description import GRAPH_POLICIES
@@ -126,6 +127,12 @@ class PredictorParameters:
         " default the one that publishers of that type usually use.",
         choices=TWIST_FRAMES,
     )
+    class_map: str = _field(
+        "",
+        "Our classes by the names and numbers in the messages: a preset (nuscenes, coco, coco91,"
+        " autoware, ...) or a YAML file; empty takes our own names.",
+        change=Change.CONFIGURE,
+    )
     delay_compensation: bool = _field(
         False,
         "The horizon starts at the node's present time, at most 0.5 s after the observation,"
@@ -178,6 +185,10 @@ def check(parameters: PredictorParameters) -> None:
         raise ConfigurationError(
             "parameter model is empty, expected the name of an installed model or a file"
         )
+    try:
+        class_map(parameters.class_map)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"parameter class_map: {error}") from error
     if parameters.input_timeout < parameters.period_s:
         raise ConfigurationError(
             f"parameter input_timeout is {parameters.input_timeout:g} s, shorter than a period of"

@@ -5,7 +5,8 @@
 One ``--layout`` holds for all directories, and as many as directories belong to them in order. Of
 another number, each belongs to the ``--data`` before it (or to the first one), and a directory
 without a layout has that of the one before. ``--recordings`` belong to the ``--data`` before them,
-or to the first one. A command may take directory, or layout and directory, without an option.
+or to the first one. So do ``--columns`` and ``--class-map``, which also hold for the directories
+after it. A command may take directory, or layout and directory, without an option.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from mtpgo_core.class_map import PRESETS
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.readers import LAYOUTS
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording_cache import RecordingCache, default_folder
 
 
@@ -72,6 +75,18 @@ def add_data_arguments(
         metavar="NAME",
         help="names of the recordings wanted of this directory (default: all)",
     )
+    add(
+        "--columns",
+        type=Path,
+        metavar="FILE",
+        help="YAML file that describes the columns of plain tables (layout table)",
+    )
+    add(
+        "--class-map",
+        metavar="NAME",
+        help="classes by the names or numbers of the data: a YAML file or one of "
+        f"{', '.join(PRESETS)}",
+    )
 
 
 def data_sources(
@@ -84,8 +99,8 @@ def data_sources(
         default: the directory where none is given, and its layout where none is given.
 
     Raises:
-        ConfigurationError: a layout is missing or given too often, or layout or recordings are
-            given without a directory.
+        ConfigurationError: a layout is missing or given too often, layout or recordings are
+            given without a directory, or a class map is unknown.
     """
     given = [value for name, value in options if name == "layout"]
     entries: list[dict[str, Any]] = []
@@ -98,7 +113,8 @@ def data_sources(
     if not entries and default is not None:
         entries = [{"data": default.directory, "layout": default.layout} | first]
     if first and not entries:
-        raise ConfigurationError(f"--{next(iter(first))} is given without --data")
+        option = next(iter(first)).replace("_", "-")
+        raise ConfigurationError(f"--{option} is given without --data")
     if len(given) > len(entries):
         raise ConfigurationError(
             f"--layout is given {len(given)} times for {len(entries)} times --data, "
@@ -116,7 +132,13 @@ def data_sources(
                 f"{', '.join(LAYOUTS)}"
             )
         names = entry.get("recordings")
-        sources.append(DataSource(entry["data"], layout, tuple(names) if names else None))
+        before = sources[-1].options if sources else AS_USUAL
+        reading = ReadingOptions(
+            columns=entry.get("columns", before.columns),
+            class_map=entry.get("class_map", before.class_map),
+        )
+        _ = reading.classes  # an unknown class map is found before anything is read
+        sources.append(DataSource(entry["data"], layout, tuple(names) if names else None, reading))
     return sources
 
 

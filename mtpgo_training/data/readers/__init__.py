@@ -12,29 +12,34 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
 from mtpgo_training.data.readers.ngsim_recordings import ngsim_units
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts, parts_in
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.recording_columns import pack, unpack
 
-UnitFinder = Callable[[Path, Sequence[str] | None], list[Unit]]
+UnitFinder = Callable[[Path, Sequence[str] | None, ReadingOptions], list[Unit]]
 """Finds the files to be read together in a directory, all or those with some names."""
 
 
-def _drone_units(layout: str, directory: Path, names: Sequence[str] | None) -> list[Unit]:
+def _drone_units(
+    layout: str, directory: Path, names: Sequence[str] | None, options: ReadingOptions
+) -> list[Unit]:
     def unit(files: DroneFiles) -> Unit:
         read = DRONE_READERS[layout]
-        return Unit(files.name, layout, files.all, lambda: iter([read(files)]))
+        return Unit(files.name, layout, files.all, lambda: iter([read(files, options.classes)]))
 
     return [unit(files) for files in find_drone_files(directory, names)]
 
 
-def _bag_units(directory: Path, names: Sequence[str] | None) -> list[Unit]:
+def _bag_units(
+    directory: Path, names: Sequence[str] | None, options: ReadingOptions
+) -> list[Unit]:
     # Only bags need the message adapters and rosbags.
     from mtpgo_training.data.readers.bag_recordings import bag_units
 
-    return bag_units(directory, names)
+    return bag_units(directory, names, options)
 
 
 LAYOUTS: dict[str, UnitFinder] = {
@@ -49,6 +54,7 @@ def iter_recordings(
     directory: str | Path,
     layout: str,
     names: Sequence[str] | None = None,
+    options: ReadingOptions = AS_USUAL,
     *,
     cache: RecordingCache | None = None,
 ) -> Iterator[Recording]:
@@ -58,6 +64,7 @@ def iter_recordings(
         directory: the directory with the files.
         layout: a name in ``LAYOUTS``.
         names: the recordings wanted, all by default; ``01@60-116s`` is a part of ``01``.
+        options: what else is said about the files.
         cache: cache of recordings that were read before.
 
     Raises:
@@ -66,13 +73,13 @@ def iter_recordings(
 
     def read(units: Iterable[Unit]) -> Iterator[Recording]:
         for unit in units:
-            yield from _read_unit(unit, cache)
+            yield from _read_unit(unit, options, cache)
 
     where = Path(directory)
-    whole, parts = _find(where, layout, names)
+    whole, parts = _find(where, layout, names, options)
     yield from read(whole)
     if parts:
-        units = LAYOUTS[layout](where, None)
+        units = LAYOUTS[layout](where, None, options)
         holders = [u for u in units if any(part.may_be_in(u.name) for part in parts)]
         yield from cut_parts(read(holders), parts, where)
 
@@ -81,15 +88,19 @@ def load_recordings(
     directory: str | Path,
     layout: str,
     names: Sequence[str] | None = None,
+    options: ReadingOptions = AS_USUAL,
     *,
     cache: RecordingCache | None = None,
 ) -> list[Recording]:
     """Return what :func:`iter_recordings` yields as a list."""
-    return list(iter_recordings(directory, layout, names, cache=cache))
+    return list(iter_recordings(directory, layout, names, options, cache=cache))
 
 
 def recording_names(
-    directory: str | Path, layout: str, names: Sequence[str] | None = None
+    directory: str | Path,
+    layout: str,
+    names: Sequence[str] | None = None,
+    options: ReadingOptions = AS_USUAL,
 ) -> list[str]:
     """Return the names of the recordings of a directory without reading them.
 
@@ -98,12 +109,12 @@ def recording_names(
     Raises:
         RecordingError: an unknown layout, or no recordings.
     """
-    whole, parts = _find(Path(directory), layout, names)
+    whole, parts = _find(Path(directory), layout, names, options)
     return [unit.name for unit in whole] + [part.name for part in parts]
 
 
 def _find(
-    directory: Path, layout: str, names: Sequence[str] | None
+    directory: Path, layout: str, names: Sequence[str] | None, options: ReadingOptions
 ) -> tuple[list[Unit], list[RecordingPart]]:
     """Return the files of the recordings wanted as a whole, and the parts wanted."""
     if layout not in LAYOUTS:
@@ -112,10 +123,12 @@ def _find(
         )
     parts = parts_in(names or ())
     whole = [name for name in names or () if name not in {part.name for part in parts}]
-    return (LAYOUTS[layout](directory, whole) if whole or not parts else []), parts
+    return (LAYOUTS[layout](directory, whole, options) if whole or not parts else []), parts
 
 
-def _read_unit(unit: Unit, cache: RecordingCache | None) -> Iterable[Recording]:
+def _read_unit(
+    unit: Unit, options: ReadingOptions, cache: RecordingCache | None
+) -> Iterable[Recording]:
     """Return the recordings of a unit, from the cache if they are there."""
     if cache is None:
         return unit.read()
@@ -124,6 +137,8 @@ def _read_unit(unit: Unit, cache: RecordingCache | None) -> Iterable[Recording]:
         "layout": unit.layout,
         "name": unit.name,
         "sha256": unit.sha256,
+        "classes": options.classes.facts(),
+        "settings": dict(unit.settings),
     }
     columns = cache.entry(facts, lambda: pack(unit.read()), code=(unit.read, pack))
     return unpack(columns)

@@ -15,6 +15,7 @@ from rosbags.interfaces import Connection
 
 from msg_adapters.bags.bag_reader import DecodingBagReader, is_bag
 from msg_adapters.inputs.lane_markers import lanes_from_markers
+from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.schema import Float64Array, TrackedStates
@@ -22,6 +23,7 @@ from mtpgo_training.data.readers.bag_poses import BagPoses
 from mtpgo_training.data.readers.bag_topics import MARKERS, objects_topic
 from mtpgo_training.data.readers.csv_table import sha256_of
 from mtpgo_training.data.readers.drone_files import existing_directory, select_names
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.recording import Int64Array, Recording
 from mtpgo_training.data.recording_bag import EGO_TOPIC, LANES_TOPIC
@@ -49,7 +51,9 @@ class _Piece:
             yield self
 
 
-def bag_units(directory: Path, names: Sequence[str] | None = None) -> list[Unit]:
+def bag_units(
+    directory: Path, names: Sequence[str] | None = None, options: ReadingOptions = AS_USUAL
+) -> list[Unit]:
     """Return a bag, or all bags in a directory.
 
     A bag with long pauses (several recordings joined) gives one recording per part, named
@@ -58,6 +62,7 @@ def bag_units(directory: Path, names: Sequence[str] | None = None) -> list[Unit]
     Args:
         directory: a rosbag2 directory, an ``.mcap`` file, or a directory of bags.
         names: names of the bags wanted (without ``.mcap``), all by default.
+        options: the class map.
 
     Raises:
         RecordingError: no bag there.
@@ -74,19 +79,20 @@ def bag_units(directory: Path, names: Sequence[str] | None = None) -> list[Unit]
             raise RecordingError(
                 f"{directory} has no bags, expected .mcap files or rosbag2 directories"
             )
+    read = functools.partial(_read_bag, classes=options.classes)
     return [
-        Unit(name, "bag", _sources(found[name]), functools.partial(_read_bag, name, found[name]))
+        Unit(name, "bag", _sources(found[name]), functools.partial(read, name, found[name]))
         for name in select_names(list(found), names, directory)
     ]
 
 
-def _read_bag(name: str, path: Path) -> Iterator[Recording]:
+def _read_bag(name: str, path: Path, classes: ClassMap) -> Iterator[Recording]:
     """Yield the recordings of one bag.
 
     Raises:
         RecordingError: the bag is damaged, or none of its topics has tracked objects.
     """
-    pieces = list(_pieces(path))
+    pieces = list(_pieces(path, classes))
     sha256 = sha256_of(_sources(path))
     for number, piece in enumerate(pieces, start=1):
         part = f"{name}-{number}" if len(pieces) > 1 else name
@@ -99,7 +105,7 @@ def _sources(path: Path) -> list[Path]:
     return sorted(p for p in path.iterdir() if p.suffix in (".mcap", ".db3", ".zstd"))
 
 
-def _pieces(path: Path) -> Iterator[_Piece]:
+def _pieces(path: Path, classes: ClassMap) -> Iterator[_Piece]:
     with DecodingBagReader(path) as reader:
         objects, adapter = objects_topic(reader)
         others = [
@@ -119,7 +125,9 @@ def _pieces(path: Path) -> Iterator[_Piece]:
                 _note(path, piece, connection, message)
                 continue
             try:
-                states = adapter.to_states(message, fallback_stamp_ns=received_ns)
+                states = adapter.to_states(
+                    message, fallback_stamp_ns=received_ns, class_map=classes
+                )
             except MessageError as error:
                 raise RecordingError(f"{path}, topic {connection.topic}: {error}") from error
             if piece.states and _apart(piece.states[-1].stamp_ns, states.stamp_ns):

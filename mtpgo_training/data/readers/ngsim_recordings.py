@@ -22,6 +22,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass, Float64Array
 from mtpgo_training.data.readers.csv_table import read_header, read_table, sha256_of
 from mtpgo_training.data.readers.drone_files import check_layout, existing_directory, select_names
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.recording import Int64Array, Recording
 
@@ -49,7 +50,9 @@ _INTEGERS = ("vehicle_id", "global_time", "v_class")
 _NUMBERS = ("local_x", "local_y", "v_length", "v_width")
 
 
-def ngsim_units(directory: Path, names: Sequence[str] | None = None) -> list[Unit]:
+def ngsim_units(
+    directory: Path, names: Sequence[str] | None = None, options: ReadingOptions = AS_USUAL
+) -> list[Unit]:
     """Return the files in a directory of NGSIM files, or one such file.
 
     Recordings are named after the file, and after site and period where a file has several.
@@ -57,6 +60,7 @@ def ngsim_units(directory: Path, names: Sequence[str] | None = None) -> list[Uni
     Args:
         directory: a directory with ``.csv`` or ``.csv.gz`` files, or one file.
         names: names of the files wanted, without the suffix.
+        options: the class map.
 
     Raises:
         RecordingError: no files.

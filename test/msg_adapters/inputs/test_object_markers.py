@@ -96,6 +96,18 @@ def test_actions_are_followed_in_order(offline):
     assert report.skipped == {"marker with action 7": 1}
 
 
+def test_a_class_map_reads_namespace_and_then_text(offline):
+    message = markers(
+        offline,
+        marker(offline, "vehicle.car", 1, text="tracked"),
+        marker(offline, "tracks", 2, text="human.pedestrian.adult"),
+        marker(offline, "", 3, text="car"),
+    )
+    found = ADAPTER.to_states(message, class_map=class_map("nuscenes")).agent_class
+    assert found.tolist() == [AgentClass.CAR, AgentClass.PEDESTRIAN, AgentClass.CAR]
+    assert ADAPTER.to_states(message).agent_class.tolist() == [0, 0, AgentClass.CAR]
+
+
 def test_time_of_an_array_without_objects(offline, decoded):
     for again in decoded(markers(offline), ADAPTER.message_type, with_rclpy=True).values():
         states = ADAPTER.to_states(again, fallback_stamp_ns=55)
