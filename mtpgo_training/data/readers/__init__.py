@@ -11,7 +11,7 @@ from pathlib import Path
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
-from mtpgo_training.data.readers.ngsim_recordings import ngsim_units
+from mtpgo_training.data.readers.ngsim.ngsim_recordings import ngsim_units
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts, parts_in

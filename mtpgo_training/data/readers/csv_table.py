@@ -88,8 +88,8 @@ def read_header(path: Path, form: CsvForm = STANDARD_FORM) -> list[str]:
     return [str(name).strip() for name in columns]
 
 
-def first_line_of(path: Path) -> str:
-    """Return the first line of a text file that is not blank, "" if there is none.
+def first_lines_of(path: Path, count: int) -> list[str]:
+    """Return the first ``count`` lines of a text file that are not blank, fewer if there are.
 
     Raises:
         RecordingError: the file cannot be read.
@@ -100,7 +100,7 @@ def first_line_of(path: Path) -> str:
     except _UNREADABLE as error:
         raise RecordingError(_cannot_be_read(path, error)) from error
     lines = start.decode("utf-8-sig", errors="replace").splitlines()
-    return next((line for line in lines if line.strip()), "")
+    return [line for line in lines if line.strip()][:count]
 
 
 def read_table(

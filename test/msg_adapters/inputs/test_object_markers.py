@@ -9,6 +9,7 @@ import pytest
 
 from msg_adapters.inputs.object_markers import marker_keys
 from msg_adapters.registry import INPUTS
+from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import MessageError
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import AgentClass

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Raw NGSIM trajectories as published by the US Department of Transportation.
 
-One CSV file holds one or several sites and periods; each becomes a recording. Lengths are feet.
+One file holds one or several sites and periods; each becomes a recording. Lengths are feet.
 ``Local_Y`` runs along the road and ``Local_X`` from its left edge to the right, both for the
 middle of the front bumper. There is no heading, so it is the direction of the last displacement
 of ``HEADING_STEP_M``, without a look at the future.
@@ -12,22 +12,22 @@ from __future__ import annotations
 
 import functools
 import itertools
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
-from mtpgo_core.schema import AgentClass, Float64Array
-from mtpgo_training.data.readers.csv_table import read_header, read_table, sha256_of
+from mtpgo_core.schema import AgentClass, ClassArray, Float64Array
+from mtpgo_training.data.readers.csv_table import read_table, sha256_of
 from mtpgo_training.data.readers.drone_files import check_layout, existing_directory, select_names
+from mtpgo_training.data.readers.ngsim.ngsim_forms import SUFFIXES, find_form, may_be_ngsim
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.recording import Int64Array, Recording
-
-FOOT_M = 0.3048
-"""An international foot (m)."""
 
 FRAME_RATE = 10.0
 """Frame rate of the data set (Hz)."""
@@ -43,6 +43,13 @@ REUSE_GAP_S = 5.0
 """A vehicle number that returns after a longer absence is another vehicle (s); chosen, as numbers
 are used again in later periods."""
 
+FASTEST_MPS = 60.0
+"""A number that moves faster than this (m/s) is on another vehicle now; chosen above any vehicle
+of the data."""
+
+JUMP_M = 10.0
+"""Error of a position that is no jump (m); chosen above that of the data."""
+
 _CLASSES = {1: AgentClass.MOTORCYCLE, 2: AgentClass.CAR, 3: AgentClass.TRUCK}
 # Direction column of the arterials -> heading in the internal frame, whose x runs north there.
 _DIRECTIONS = {1: -np.pi / 2, 2: 0.0, 3: np.pi / 2, 4: np.pi}
@@ -56,9 +63,10 @@ def ngsim_units(
     """Return the files in a directory of NGSIM files, or one such file.
 
     Recordings are named after the file, and after site and period where a file has several.
+    Where the same name is there as ``.csv`` and as ``.txt``, the first is read.
 
     Args:
-        directory: a directory with ``.csv`` or ``.csv.gz`` files, or one file.
+        directory: a directory with ``.csv`` or ``.txt`` files, also with ``.gz``, or one file.
         names: names of the files wanted, without the suffix.
         options: the class map.
 
@@ -66,45 +74,57 @@ def ngsim_units(
         RecordingError: no files.
     """
     if directory.is_file():
-        paths = [directory]
+        by_name = {_stem(directory): directory}
     else:
         existing_directory(directory)
-        paths = sorted(p for p in directory.iterdir() if p.name.endswith((".csv", ".csv.gz")))
-        if not paths:
-            raise RecordingError(f"{directory} has no recordings, expected NGSIM's .csv files")
-    by_name = {path.name.split(".csv")[0]: path for path in paths}
+        by_name = {}
+        for suffix in SUFFIXES:
+            for path in sorted(directory.glob(f"*{suffix}")):
+                if not suffix.startswith(".txt") or may_be_ngsim(path):
+                    by_name.setdefault(_stem(path), path)
+        by_name = dict(sorted(by_name.items()))
+        if not by_name:
+            raise RecordingError(
+                f"{directory} has no recordings, expected NGSIM's .csv files or .txt files"
+            )
+    classes = options.classes if options.class_map else None
+    read = functools.partial(_read_file, classes=classes)
     return [
-        Unit(name, "ngsim", (by_name[name],), functools.partial(_read_file, name, by_name[name]))
+        Unit(name, "ngsim", (by_name[name],), functools.partial(read, name, by_name[name]))
         for name in select_names(list(by_name), names, directory)
     ]
 
 
-def _read_file(name: str, path: Path) -> Iterator[Recording]:
-    check_layout(path, "ngsim", ("ngsim",))
-    # The capitals differ between the editions of the data.
-    spelling = {column.lower(): column for column in read_header(path)}
+def _stem(path: Path) -> str:
+    return re.sub(r"\.(csv|txt)(\.gz)?$", "", path.name)
 
-    def spelled(wanted: Sequence[str]) -> list[str]:
-        return [spelling.get(column, column) for column in wanted]
 
+def _read_file(name: str, path: Path, classes: ClassMap | None) -> Iterator[Recording]:
+    form = find_form(path)
+    if form.csv.names is None:
+        check_layout(path, "ngsim", ("ngsim",))
+    optional = ("total_frames", "direction", "v_vel", "location")
     table = read_table(
         path,
-        integers=spelled(_INTEGERS),
-        numbers=spelled(_NUMBERS),
-        unknown_allowed=spelled(["direction", "v_vel"]),
-        texts=spelled(["location"]),
-        optional=spelled(["direction", "location", "v_vel"]),
-    ).rename(columns=str.lower)
+        integers=form.spelled(_INTEGERS),
+        numbers=form.spelled(_NUMBERS),
+        unknown_allowed=form.spelled(optional[:3]),
+        texts=form.spelled(["location"]),
+        optional=form.spelled(optional),
+        form=form.csv,
+    ).rename(columns={column: name for name, column in form.spelling.items()})
     if not len(table):
         raise RecordingError(f"{path} has no rows below its header")
-    for column in ("direction", "v_vel"):
+    for column in optional[:3]:
         if column not in table:
             table[column] = np.nan
     if "location" not in table:
         table["location"] = ""
-    table["line"] = np.arange(len(table)) + 2
+    lengths = ["local_x", "local_y", "v_length", "v_width", "v_vel"]
+    table[lengths] = table[lengths] * form.unit_m
+    table["line"] = np.arange(len(table)) + form.csv.first_line
     # The large edition has some rows twice.
-    wanted = [*_INTEGERS, *_NUMBERS, "direction", "v_vel", "location"]
+    wanted = [*_INTEGERS, *_NUMBERS, *optional]
     table = table.drop_duplicates(subset=wanted)
     sites = sorted(table["location"].fillna("").unique())
     sha256 = sha256_of([path])
@@ -126,35 +146,44 @@ def _read_file(name: str, path: Path) -> Iterator[Recording]:
                 str(site),
                 own[period == number],
                 path,
+                classes,
                 sha256 if one else f"{sha256}#{'-'.join(parts[1:])}",
             )
 
 
 def _recording(
-    name: str, location: str, table: pd.DataFrame, path: Path, sha256: str
+    name: str,
+    location: str,
+    table: pd.DataFrame,
+    path: Path,
+    class_map: ClassMap | None,
+    sha256: str,
 ) -> Recording:
     time_ms = table["global_time"].to_numpy(np.int64)
     frame = np.round((time_ms - time_ms[0]) * FRAME_RATE / 1000).astype(np.int64)
     vehicle = table["vehicle_id"].to_numpy(np.int64)
-    track_id, track = _tracks(frame, vehicle)
-    order = np.lexsort((track, frame))
-    again = (np.diff(frame[order]) == 0) & (np.diff(track[order]) == 0)
+    # To the right of the left edge, and along the road, to y to the left.
+    front = table[["local_y", "local_x"]].to_numpy(np.float64) * (1.0, -1.0)
+    total = table["total_frames"].fillna(0.0).to_numpy(np.float64)
+    group = _vehicles(frame, vehicle, total)
+    order = np.lexsort((group, frame))
+    again = (np.diff(frame[order]) == 0) & (np.diff(group[order]) == 0)
     if again.any():
         row = order[int(np.argmax(again)) + 1]
         raise RecordingError(
             f"{path}, line {table['line'].iloc[row]}: vehicle {vehicle[row]} has a second row "
             f"for the time {time_ms[row]}"
         )
+    track_id, track = _tracks(frame, vehicle, group, front)
+    order = np.lexsort((track, frame))
     table = table.iloc[order]
-    frame, track = frame[order], track[order]
-    # Feet to the right of the left edge, and along the road, to metres with y to the left.
-    front = table[["local_y", "local_x"]].to_numpy(np.float64) * (FOOT_M, -FOOT_M)
+    frame, track, front = frame[order], track[order], front[order]
     first = np.unique(track, return_index=True)[1]
-    size = table[["v_length", "v_width"]].to_numpy(np.float64)[first] * FOOT_M
+    size = table[["v_length", "v_width"]].to_numpy(np.float64)[first]
     yaw = _headings(front, track, table["direction"].to_numpy(np.float64))
     ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-    speed = table["v_vel"].to_numpy(np.float64)[:, None] * FOOT_M
-    classes = table["v_class"].to_numpy(np.int64)[first]
+    speed = table["v_vel"].to_numpy(np.float64)[:, None]
+    numbers = table["v_class"].to_numpy(np.int64)[first].tolist()
     return Recording(
         name=name,
         layout="ngsim",
@@ -167,29 +196,51 @@ def _recording(
         acceleration=np.full((len(frame), 2), np.nan),
         yaw=yaw,
         track_id=track_id,
-        agent_class=np.array(
-            [_CLASSES.get(int(value), AgentClass.UNKNOWN) for value in classes], dtype=np.uint8
-        ),
+        agent_class=_agent_classes(numbers, class_map),
         size=np.where(size > 0, size, np.nan),
         sha256=sha256,
         start_time_ns=int(time_ms[0]) * 10**6,
     )
 
 
-def _tracks(frame: Int64Array, vehicle: Int64Array) -> tuple[Int64Array, Int64Array]:
-    """Return track numbers [tracks] and indices [rows]; a number used again gets a new one."""
-    order = np.lexsort((frame, vehicle))
-    new = np.diff(vehicle[order], prepend=-1) != 0
-    returned = ~new & (np.diff(frame[order], prepend=0) > REUSE_GAP_S * FRAME_RATE)
-    number = vehicle.copy()
-    if returned.any():
-        fresh = np.cumsum(returned)
-        # From its return on, until the next vehicle, a row belongs to the new number.
-        group = np.where(new, 0, np.where(returned, fresh, -1))
-        position = np.maximum.accumulate(np.where(group >= 0, np.arange(len(group)), 0))
-        group = group[position]
-        renamed = np.where(group > 0, vehicle.max() + group, vehicle[order])
-        number[order] = renamed
+def _agent_classes(numbers: Sequence[int], class_map: ClassMap | None) -> ClassArray:
+    if class_map is not None:
+        return class_map.find_all(numbers)
+    found = [_CLASSES.get(number, AgentClass.UNKNOWN) for number in numbers]
+    return np.array(found, dtype=np.uint8)
+
+
+def _vehicles(frame: Int64Array, vehicle: Int64Array, total: Float64Array) -> Int64Array:
+    """Return [rows] a number for each vehicle at a time.
+
+    The periods of a site number their vehicles anew. So a vehicle number that is given twice at a
+    time belongs to two vehicles, which differ in the number of their frames (``total``).
+    """
+    pairs, rows = np.unique(np.stack([vehicle, frame], axis=1), axis=0, return_counts=True)
+    shared = np.isin(vehicle, pairs[rows > 1, 0])
+    names = np.stack([vehicle, np.where(shared, total, 0.0)], axis=1)
+    return np.unique(names, axis=0, return_inverse=True)[1].astype(np.int64)
+
+
+def _tracks(
+    frame: Int64Array, vehicle: Int64Array, group: Int64Array, front: Float64Array
+) -> tuple[Int64Array, Int64Array]:
+    """Return track numbers [tracks] and indices [rows]; a number used again gets a new one.
+
+    A vehicle number that comes back after a pause or a jump is on another vehicle.
+    """
+    order = np.lexsort((frame, group))
+    gap_s = np.diff(frame[order], prepend=0) / FRAME_RATE
+    moved = np.linalg.norm(np.diff(front[order], axis=0, prepend=front[order][:1]), axis=1)
+    begins = np.diff(group[order], prepend=-1) != 0
+    begins |= (gap_s > REUSE_GAP_S) | (moved > FASTEST_MPS * gap_s + JUMP_M)
+    # The first piece of a number keeps it.
+    owner = vehicle[order][begins]
+    again = np.ones(len(owner), dtype=np.bool_)
+    again[np.unique(owner, return_index=True)[1]] = False
+    numbers = np.where(again, vehicle.max() + np.cumsum(again), owner)
+    number = np.empty_like(vehicle)
+    number[order] = numbers[np.cumsum(begins) - 1]
     track_id, track = np.unique(number, return_inverse=True)
     return track_id, track.astype(np.int64)
 
