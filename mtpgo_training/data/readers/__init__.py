@@ -15,6 +15,7 @@ from mtpgo_training.data.readers.ngsim.ngsim_recordings import ngsim_units
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts, parts_in
+from mtpgo_training.data.readers.tables.table_recordings import table_units
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.recording_columns import pack, unpack
@@ -45,6 +46,7 @@ def _bag_units(
 LAYOUTS: dict[str, UnitFinder] = {
     **{layout: functools.partial(_drone_units, layout) for layout in DRONE_READERS},
     "ngsim": ngsim_units,
+    "table": table_units,
     "bag": _bag_units,
 }
 """Layout name -> finder of the files in a directory."""

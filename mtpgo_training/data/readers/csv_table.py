@@ -202,6 +202,7 @@ def check_columns(
     numbers: Sequence[str] = (),
     unknown_allowed: Sequence[str] = (),
     first_line: int = 2,
+    unit: str = "line",
 ) -> None:
     """Turn the columns of a table into int64 and float64 in place, as :func:`read_table` says.
 
@@ -212,18 +213,18 @@ def check_columns(
         numbers: columns of finite numbers.
         unknown_allowed: columns of numbers that may be unknown.
         first_line: number of the line that row 0 comes from.
+        unit: what a row is in the file.
 
     Raises:
         RecordingError: a cell is not as it should be.
     """
+    place = _Place(path, unit, first_line)
     for name in (*integers, *numbers, *unknown_allowed):
         if name in table:
-            table[name] = _numbers(
-                path, table[name], unknown=name in unknown_allowed, first_line=first_line
-            )
+            table[name] = _numbers(table[name], place, unknown=name in unknown_allowed)
     for name in integers:
         if name in table:
-            table[name] = _whole(path, table[name], first_line)
+            table[name] = _whole(table[name], place)
 
 
 def sha256_of(paths: Sequence[Path]) -> str:
@@ -323,39 +324,44 @@ def _cannot_be_read(path: Path, error: BaseException) -> str:
     return f"{path} cannot be read as CSV: {reason}"
 
 
-def _numbers(path: Path, column: pd.Series, *, unknown: bool, first_line: int) -> pd.Series:
+@dataclass(frozen=True)
+class _Place:
+    """Where the rows of a table come from."""
+
+    path: Path
+    unit: str
+    first: int
+
+    def refuse(self, column: pd.Series, bad: np.ndarray, expected: str) -> None:
+        """Raise the error of the first bad cell, if there is any."""
+        if not bad.any():
+            return
+        row = int(np.argmax(bad))
+        cell = column.iloc[row]
+        given = "an empty cell" if pd.isna(cell) else repr(str(cell))
+        raise RecordingError(
+            f"{self.path}, {self.unit} {row + self.first}, column {column.name!r}: {given}, "
+            f"expected {expected}"
+        )
+
+
+def _numbers(column: pd.Series, place: _Place, *, unknown: bool) -> pd.Series:
     values = column
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
         values = pd.to_numeric(column.astype("string"), errors="coerce")
-        bad = (values.isna() & column.notna()).to_numpy(bool)
-        _refuse(path, column, bad, "a number", first_line)
+        place.refuse(column, (values.isna() & column.notna()).to_numpy(bool), "a number")
     if unknown:
         values = values.astype(np.float64)
-        bad = np.isinf(values.to_numpy())
-        _refuse(path, column, bad, "a finite number or an empty cell", first_line)
+        place.refuse(column, np.isinf(values.to_numpy()), "a finite number or an empty cell")
     elif values.dtype.kind != "i":
         values = values.astype(np.float64)
-        _refuse(path, column, ~np.isfinite(values.to_numpy()), "a finite number", first_line)
+        place.refuse(column, ~np.isfinite(values.to_numpy()), "a finite number")
     return values
 
 
-def _whole(path: Path, column: pd.Series, first_line: int) -> pd.Series:
+def _whole(column: pd.Series, place: _Place) -> pd.Series:
     if column.dtype.kind == "i":
         return column.astype(np.int64)
     values = column.to_numpy(np.float64)
-    bad = (values != np.round(values)) | (np.abs(values) > 2**53)
-    _refuse(path, column, bad, "a whole number", first_line)
+    place.refuse(column, (values != np.round(values)) | (np.abs(values) > 2**53), "a whole number")
     return column.astype(np.int64)
-
-
-def _refuse(
-    path: Path, column: pd.Series, bad: np.ndarray, expected: str, first_line: int
-) -> None:
-    if not bad.any():
-        return
-    row = int(np.argmax(bad))
-    cell = column.iloc[row]
-    given = "an empty cell" if pd.isna(cell) else repr(str(cell))
-    raise RecordingError(
-        f"{path}, line {row + first_line}, column {column.name!r}: {given}, expected {expected}"
-    )
