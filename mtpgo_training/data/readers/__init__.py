@@ -9,6 +9,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.datasets.crowd_recordings import FRAME_RATES, crowd_units
+from mtpgo_training.data.readers.datasets.eth_recordings import eth_units
+from mtpgo_training.data.readers.datasets.interaction_recordings import (
+    interaction_units,
+    sind_units,
+)
+from mtpgo_training.data.readers.datasets.openacc_recordings import openacc_units
 from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
 from mtpgo_training.data.readers.ngsim.ngsim_recordings import ngsim_units
@@ -47,6 +54,11 @@ LAYOUTS: dict[str, UnitFinder] = {
     **{layout: functools.partial(_drone_units, layout) for layout in DRONE_READERS},
     "ngsim": ngsim_units,
     "table": table_units,
+    "interaction": interaction_units,
+    "sind": sind_units,
+    **{layout: functools.partial(crowd_units, layout) for layout in FRAME_RATES},
+    "eth_ucy": eth_units,
+    "openacc": openacc_units,
     "bag": _bag_units,
 }
 """Layout name -> finder of the files in a directory."""

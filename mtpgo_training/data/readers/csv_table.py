@@ -42,18 +42,21 @@ class CsvForm:
         separator: between two cells, one character; a blank stands for any number of blanks.
         decimal: the decimal mark.
         thousands: the mark between groups of digits, None for none.
-        names: the column names of a file without a header line, None where line 1 has them.
+        names: the column names of a file without a header line, None where the first line has
+            them.
+        skipped: lines before the first one.
     """
 
     separator: str = ","
     decimal: str = "."
     thousands: str | None = None
     names: Sequence[str] | None = None
+    skipped: int = 0
 
     @property
     def first_line(self) -> int:
         """Number of the first line with data."""
-        return 2 if self.names is None else 1
+        return self.skipped + (2 if self.names is None else 1)
 
     def pandas_options(self) -> dict[str, Any]:
         """The arguments of ``pandas.read_csv`` for this form."""
@@ -64,6 +67,7 @@ class CsvForm:
             "decimal": self.decimal,
             "thousands": self.thousands,
             "names": None if self.names is None else list(self.names),
+            "skiprows": self.skipped,
         }
 
 
@@ -88,8 +92,13 @@ def read_header(path: Path, form: CsvForm = STANDARD_FORM) -> list[str]:
     return [str(name).strip() for name in columns]
 
 
-def first_lines_of(path: Path, count: int) -> list[str]:
-    """Return the first ``count`` lines of a text file that are not blank, fewer if there are.
+def first_lines_of(path: Path, count: int, *, blank: bool = False) -> list[str]:
+    """Return the first ``count`` lines of a text file, fewer if there are.
+
+    Args:
+        path: the file, also with ``.gz``.
+        count: number of lines.
+        blank: blank lines count.
 
     Raises:
         RecordingError: the file cannot be read.
@@ -100,7 +109,7 @@ def first_lines_of(path: Path, count: int) -> list[str]:
     except _UNREADABLE as error:
         raise RecordingError(_cannot_be_read(path, error)) from error
     lines = start.decode("utf-8-sig", errors="replace").splitlines()
-    return [line for line in lines if line.strip()][:count]
+    return [line for line in lines if blank or line.strip()][:count]
 
 
 def read_table(
