@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -108,6 +109,14 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
         start_time_ns=start_ns,
         track_key=key,
     )
+
+
+def with_ego(recording: Recording, name: str) -> Recording:
+    """Return the recording with the track of this name as its ego, unchanged without one."""
+    (track,) = recording.find_tracks(keys_from_texts([name]))
+    if track < 0:
+        return recording
+    return dataclasses.replace(recording, ego_id=int(recording.track_id[track]))
 
 
 def velocity_from_speed(speed: Float64Array, yaw: Float64Array) -> Float64Array:
