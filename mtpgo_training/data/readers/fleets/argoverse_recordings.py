@@ -80,11 +80,12 @@ def argoverse_units(
         )
     units = {}
     for path in paths:
+        files: tuple[Path, ...] = (path,)
         if path.name == _ANNOTATIONS:
             name, files = path.resolve().parent.name, (path, path.with_name(_POSES))
             read = functools.partial(_read_log, name, path, classes)
         else:
-            name, files = path.stem.removeprefix("scenario_"), (path,)
+            name = path.stem.removeprefix("scenario_")
             read = functools.partial(_read_scenario, name, path, classes)
         units[name] = Unit(name, "argoverse2", files, read)
     if not units:

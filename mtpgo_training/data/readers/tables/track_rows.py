@@ -84,14 +84,6 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
             f"{time}"
         )
     numbers, key = _identities(names)
-    pairs = {
-        name: _pair(table, columns)[order]
-        for name, columns in (
-            ("position", ("x", "y")),
-            ("velocity", ("vx", "vy")),
-            ("acceleration", ("ax", "ay")),
-        )
-    }
     yaw = table["yaw"].to_numpy(np.float64) if "yaw" in table else np.full(len(table), np.nan)
     return Recording(
         name=source.name,
@@ -100,7 +92,9 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
         frame_rate=frame_rate,
         frame=frame[order],
         track=track[order],
-        **pairs,
+        position=_pair(table, ("x", "y"))[order],
+        velocity=_pair(table, ("vx", "vy"))[order],
+        acceleration=_pair(table, ("ax", "ay"))[order],
         yaw=wrap(yaw[order]),
         track_id=numbers,
         agent_class=_classes(table, track, source.classes),
