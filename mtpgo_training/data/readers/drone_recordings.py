@@ -21,6 +21,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import Float64Array
 from mtpgo_training.data.readers.csv_table import read_header, read_table, sha256_of
 from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
+from mtpgo_training.data.readers.tables.track_rows import LONGEST_S
 from mtpgo_training.data.recording import Recording
 
 HEADING_SPEED_MPS = 2.0
@@ -234,6 +235,12 @@ def _assemble(
     """Return the recording, rows sorted by frame and track, after the last checks."""
     if not len(rows.frame):
         raise RecordingError(f"{files.tracks} has no rows below its header")
+    far = int(np.argmax(np.abs(rows.frame.astype(np.float64) - float(rows.frame[0]))))
+    if abs(float(rows.frame[far]) - float(rows.frame[0])) / frame_rate > LONGEST_S:
+        raise RecordingError(
+            f"{files.tracks}, line {far + 2}: frame {rows.frame[far]} is far from the others, "
+            f"expected a recording of at most {LONGEST_S:.0e} s"
+        )
     ids = meta["id"].to_numpy(np.int64)
     _check_known(files, rows.track_id, ids)
     present, track = np.unique(rows.track_id, return_inverse=True)

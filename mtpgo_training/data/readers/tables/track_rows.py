@@ -28,6 +28,9 @@ EPOCH_S = 1e8
 LONGEST_S = 1e8
 """A longer recording (s) is a defect of its times; chosen: three years."""
 
+LAST_S = float(2**31)
+"""Times from here on do not fit the stamps of messages (s since 1970)."""
+
 _WHOLE = re.compile(r"(\d{1,18})(?:\.0+)?")
 
 
@@ -124,6 +127,11 @@ def _times(table: pd.DataFrame, source: TableSource) -> tuple[Int64Array, float,
         time_s = table["time_s"].to_numpy(np.float64)
         begin_s = float(time_s.min())
         _check_span(table, source, time_s - begin_s)
+        if begin_s >= LAST_S:
+            raise RecordingError(
+                f"{source.files[0]}: the times begin at {begin_s:.6g} s, expected less than "
+                f"{LAST_S:.6g} s; is their unit another one?"
+            )
         frame, rate = frames_of_times(time_s)
         return frame, rate, round(begin_s * 1e9) if begin_s >= EPOCH_S else DEFAULT_START_NS
     assert source.frame_rate is not None, "rows with frames need a frame rate"
