@@ -21,6 +21,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import Float64Array
 from mtpgo_training.data.readers.csv_table import read_header, read_table, sha256_of
 from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
+from mtpgo_training.data.readers.reading_options import classes_of
 from mtpgo_training.data.readers.tables.track_rows import LONGEST_S
 from mtpgo_training.data.recording import Recording
 
@@ -272,7 +273,7 @@ def _assemble(
         acceleration=rows.acceleration[order],
         yaw=rows.yaw[order],
         track_id=present,
-        agent_class=class_map.find_all(classes.tolist()),
+        agent_class=classes_of(classes.tolist(), class_map, files.tracks_meta),
         # A box without extent was not measured (pedestrians, bicycles).
         size=np.where(size > 0, size, np.nan),
         lanes=lanes,

@@ -18,6 +18,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import wrap
 from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.schema import ClassArray, Float64Array, KeyArray
+from mtpgo_training.data.readers.reading_options import classes_of
 from mtpgo_training.data.readers.tables.frame_grid import frames_of_times, without_common_step
 from mtpgo_training.data.recording import DEFAULT_START_NS, Int64Array, Recording
 
@@ -100,7 +101,7 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
         acceleration=_pair(table, ("ax", "ay"))[order],
         yaw=wrap(yaw[order]),
         track_id=numbers,
-        agent_class=_classes(table, track, source.classes),
+        agent_class=_classes(table, track, source),
         size=_sizes(_pair(table, ("length", "width")), track, len(names)),
         sha256=source.sha256,
         start_time_ns=start_ns,
@@ -191,12 +192,13 @@ def _pair(table: pd.DataFrame, names: Sequence[str]) -> Float64Array:
     return np.where(np.isfinite(values).all(axis=1)[:, None], values, np.nan)
 
 
-def _classes(table: pd.DataFrame, track: Int64Array, classes: ClassMap) -> ClassArray:
+def _classes(table: pd.DataFrame, track: Int64Array, source: TableSource) -> ClassArray:
     """Return [tracks] the last known class of each track."""
     out = np.zeros(int(track.max()) + 1, dtype=np.uint8)
     if "class" not in table:
         return out
-    found = classes.find_all(table["class"].astype("string").fillna("").tolist())
+    names = table["class"].astype("string").fillna("").tolist()
+    found = classes_of(names, source.classes, source.files[0])
     known = found > 0
     out[track[known]] = found[known]
     return out

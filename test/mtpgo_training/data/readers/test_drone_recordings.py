@@ -149,6 +149,16 @@ def test_a_class_map_reads_the_classes_of_tracks_meta(tmp_path: Path) -> None:
         assert recording.agent_class.tolist() == classes
 
 
+def test_classes_that_are_not_known_are_named_once(tmp_path: Path, caplog) -> None:
+    drone_files.write_ind(tmp_path)
+    meta = tmp_path / "07_tracksMeta.csv"
+    meta.write_text(meta.read_text().replace("truck_bus", "tram").replace("pedestrian", ""))
+    (recording,) = load_recordings(tmp_path, "ind")
+    assert recording.agent_class.tolist() == [0, 0]
+    (record,) = caplog.records
+    assert "07_tracksMeta.csv: no class is known by the name 'tram', --class-map" in record.message
+
+
 def test_hash_covers_every_file(tmp_path: Path) -> None:
     directory = drone_files.write_ind(tmp_path)
     before = load_recordings(directory, "ind")[0].sha256
