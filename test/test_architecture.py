@@ -43,9 +43,10 @@ ALLOWED = {
 LARGEST_ROOM = 12
 """Largest number of files in a folder, not counting __init__.py."""
 
-ALLOWED_IN_ROOM = {"msg_adapters.bags": {"rosbags"}}
+ALLOWED_IN_ROOM = {"msg_adapters.bags": {"backports", "lz4", "rosbags", "ruamel"}}
 """What a single room may import besides: a bag is a file of messages, and both top packages use
-the one writer; the other adapters work on messages of any library."""
+the one writer; the other adapters work on messages of any library. Besides rosbags these are the
+libraries that it decompresses and reads metadata with: what is cut off must be read in parts."""
 
 ALLOWED_MODULES = {"models": {"mtpgo_core.errors", "mtpgo_core.options"}}
 """Single modules of another package that a package may import: the declaration of options, which

@@ -12,7 +12,7 @@ import shutil
 import tempfile
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from rosbags.interfaces import (
     Connection,
@@ -75,7 +75,7 @@ class McapWriter:
         self._connections: dict[str, Connection] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._folder = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+            self._folder = self._temporary_folder()
         except OSError as error:
             raise self._not_written(error) from error
         # The file inside is named after its directory, and rosbag2's metadata repeats the name.
@@ -86,11 +86,19 @@ class McapWriter:
                 # The mcap library cannot read bags compressed by file.
                 self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer.open()
+            self._opened()
         except (OSError, WriterError) as error:
             shutil.rmtree(self._folder, ignore_errors=True)
             raise self._not_written(error) from error
 
-    def __enter__(self) -> McapWriter:
+    def _temporary_folder(self) -> Path:
+        # On the disk of the path, to which it is renamed at the end.
+        return Path(tempfile.mkdtemp(prefix=f".{self.path.name}.", dir=self.path.parent))
+
+    def _opened(self) -> None:
+        """Do what a kind of bag needs when its file is open."""
+
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -102,6 +110,10 @@ class McapWriter:
     def has_topic(self, topic: str) -> bool:
         """Return whether a topic was added."""
         return topic in self._connections
+
+    def type_of(self, topic: str) -> str | None:
+        """Return the type with which a topic was last added, None if it was not."""
+        return self._connections[topic].msgtype if topic in self._connections else None
 
     def add_topic(
         self,
@@ -165,7 +177,8 @@ class McapWriter:
             self._writer.close()
             single = self.path.suffix == ".mcap"
             if self._replace and self.path.is_dir() and _replaceable(self.path):
-                shutil.rmtree(self.path)
+                # Aside first: a process that is killed must not leave half of the earlier bag.
+                self.path.rename(self._folder / "replaced")
             (self._bag / f"{self._bag.name}.mcap" if single else self._bag).rename(self.path)
         except (OSError, WriterError) as error:
             raise self._not_written(error) from error

@@ -17,6 +17,7 @@ from rclpy.lifecycle import LifecycleNode
 from msg_adapters.adapter import InputAdapter
 from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import FrameError, MtpgoError
+from mtpgo_core.frames import VEHICLE_FRAMES
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.output_assembly import with_time_origin
 from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
@@ -31,9 +32,6 @@ from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.objects_subscription import ObjectsSubscription
 from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
-
-_VEHICLE_FRAMES = ("base_link", "base_footprint", "ego_vehicle", "vehicle", "hero")
-"""Usual names of frames that move, for a warning."""
 
 
 class PredictionPipeline:
@@ -156,7 +154,7 @@ class PredictionPipeline:
         return states
 
     def _warn_of_moving_frame(self, states: TrackedStates) -> None:
-        if not self._parameters.fixed_frame and states.frame_id in _VEHICLE_FRAMES:
+        if not self._parameters.fixed_frame and states.frame_id in VEHICLE_FRAMES:
             self._events.log(
                 "moving frame",
                 f"objects come in frame {states.frame_id!r}, which usually moves with the vehicle:"

@@ -19,7 +19,16 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, listed, option
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 
-INPUT_TYPES = ("auto", "pointcloud2", "autoware", "vision", "derived", "markers", "ika")
+INPUT_TYPES = (
+    "auto",
+    "pointcloud2",
+    "autoware",
+    "vision",
+    "derived",
+    "markers",
+    "ika",
+    "autoware_auto",
+)
 OUTPUT_KINDS = ("pointcloud2", "markers", "autoware")
 TWIST_FRAMES = ("default", "object", "header")
 

@@ -5,10 +5,13 @@
 from __future__ import annotations
 
 import functools
+import logging
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.history.odd_input import described
 from mtpgo_training.data.readers.datasets.crowd_recordings import FRAME_RATES, crowd_units
 from mtpgo_training.data.readers.datasets.eth_recordings import eth_units
 from mtpgo_training.data.readers.datasets.interaction_recordings import (
@@ -30,6 +33,8 @@ from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.recording_columns import pack, unpack
 
+_log = logging.getLogger("mtpgo")
+
 UnitFinder = Callable[[Path, Sequence[str] | None, ReadingOptions], list[Unit]]
 """Finds the files to be read together in a directory, all or those with some names."""
 
@@ -48,7 +53,7 @@ def _bag_units(
     directory: Path, names: Sequence[str] | None, options: ReadingOptions
 ) -> list[Unit]:
     # Only bags need the message adapters and rosbags.
-    from mtpgo_training.data.readers.bag_recordings import bag_units
+    from mtpgo_training.data.readers.bags.bag_recordings import bag_units
 
     return bag_units(directory, names, options)
 
@@ -141,6 +146,11 @@ def _find(
         raise RecordingError(
             f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
         )
+    if layout != "bag" and options.bags.given:
+        raise ConfigurationError(
+            f"--{', --'.join(options.bags.given)} is given for the layout {layout!r}, expected"
+            " 'bag'"
+        )
     parts = parts_in(names or ())
     whole = [name for name in names or () if name not in {part.name for part in parts}]
     return (LAYOUTS[layout](directory, whole, options) if whole or not parts else []), parts
@@ -148,8 +158,19 @@ def _find(
 
 def _read_unit(
     unit: Unit, options: ReadingOptions, cache: RecordingCache | None
+) -> Iterator[Recording]:
+    """Yield the recordings of a unit, from the cache if they are there; say what was odd."""
+    counts: Counter[str] = Counter()
+    for recording in _recordings_of(unit, options, cache):
+        counts.update(recording.counts)
+        yield recording
+    if described(counts):
+        _log.warning("mtpgo: %s %s: %s", unit.layout, unit.name, described(counts))
+
+
+def _recordings_of(
+    unit: Unit, options: ReadingOptions, cache: RecordingCache | None
 ) -> Iterable[Recording]:
-    """Return the recordings of a unit, from the cache if they are there."""
     if cache is None:
         return unit.read()
     facts = {

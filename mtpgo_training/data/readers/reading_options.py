@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 from mtpgo_core.class_map import ClassMap, class_map
 from mtpgo_core.options import listed
 from mtpgo_core.schema import ClassArray
+from mtpgo_training.data.readers.bags.bag_options import BagOptions
 
 MOST_NAMES = 5
 """Names of classes listed in a warning; chosen."""
@@ -29,10 +30,12 @@ class ReadingOptions:
         columns: file that describes the columns of a plain table (layout ``table``).
         class_map: preset or YAML file with our classes by the names and numbers of the data,
             empty for the names that the layout usually has.
+        bags: how bags are read (layout ``bag``).
     """
 
     columns: Path | None = None
     class_map: str = ""
+    bags: BagOptions = field(default_factory=BagOptions)
 
     @cached_property
     def classes(self) -> ClassMap:

@@ -5,18 +5,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from msg_adapters.bags.bag_reader import DecodingBagReader
+from msg_adapters.bags.bag_reader import BagReader, bag_name
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.schema import Prediction
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.bags.agreement import Agreement, replay_offline
-from mtpgo_training.evaluation.bags.bag_predictions import bag_name, match, read_predictions
+from mtpgo_training.evaluation.bags.bag_predictions import match, read_predictions
 from mtpgo_training.evaluation.bags.clock_alignment import find_parts
 from mtpgo_training.evaluation.evaluator import Evaluation
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
@@ -43,18 +44,24 @@ class BagResult:
     warnings: list[str] = field(default_factory=list)
 
 
-def observed_recordings(bags: Sequence[Path]) -> dict[str, Recording]:
+def observed_recordings(
+    bags: Sequence[Path], options: ReadingOptions = AS_USUAL
+) -> dict[str, Recording]:
     """Return what the bags themselves observed: the ground truth where no other is given.
+
+    Args:
+        bags: the bags.
+        options: how their observations are read.
 
     Raises:
         RecordingError: a bag has no tracked objects.
     """
     found: dict[str, Recording] = {}
     for bag in bags:
-        with DecodingBagReader(bag):
+        with BagReader(bag):
             pass  # a file that is not a bag has its own error
         try:
-            recordings = load_recordings(bag, "bag")
+            recordings = load_recordings(bag, "bag", None, _of(bag, options))
         except RecordingError as error:
             raise RecordingError(
                 f"{error}; the truth for recorded predictions is in the bag itself, or given "
@@ -74,6 +81,7 @@ def evaluate_bags(
     topic: str | None = None,
     min_future_s: float = 0.0,
     own_clock: bool = True,
+    options: ReadingOptions = AS_USUAL,
     draw: bool = False,
 ) -> BagResult:
     """Score recorded predictions, and the models' predictions at the same instants.
@@ -86,6 +94,7 @@ def evaluate_bags(
         min_future_s: agents observed for a shorter time afterwards are left out (s).
         own_clock: the bags may have another clock than the recordings, found by their own
             observations; false where the recordings come from the bags.
+        options: how the bags' observations are read.
         draw: keep the best and worst scenes for a picture.
 
     Raises:
@@ -103,7 +112,7 @@ def evaluate_bags(
     done: set[str] = set()
     for bag, bag_called in zip(bags, names, strict=True):
         predictions = read_predictions(bag, topic)
-        parts = find_parts(_observed(bag), recordings) if own_clock else []
+        parts = find_parts(_observed(bag, options), recordings) if own_clock else []
         if parts and not any(part.name for part in parts):
             result.warnings.append(
                 f"what {bag} observed is in none of the recordings, so its predictions are "
@@ -123,10 +132,16 @@ def evaluate_bags(
     return result
 
 
-def _observed(bag: Path) -> list[Recording]:
+def _of(bag: Path, options: ReadingOptions) -> ReadingOptions:
+    """Return the options of one bag of several."""
+    topic = options.bags.topic_of(bag_name(bag))
+    return replace(options, bags=replace(options.bags, topic=topic, topics={}))
+
+
+def _observed(bag: Path, options: ReadingOptions) -> list[Recording]:
     """Return the recordings of a bag's observations; empty if it has only predictions."""
     try:
-        return load_recordings(bag, "bag")
+        return load_recordings(bag, "bag", None, _of(bag, options))
     except RecordingError:
         return []
 

@@ -31,11 +31,6 @@ and irregular messages are put on a grid of milliseconds."""
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
-def bag_name(path: Path) -> str:
-    """Return the name of a bag in tables."""
-    return path.stem if path.suffix == ".mcap" else path.resolve().name
-
-
 def read_predictions(path: Path, topic: str | None = None) -> list[Prediction]:
     """Return the predictions in a bag, ascending in time, the last one of each stamp.
 

@@ -224,7 +224,7 @@ def test_a_bag_that_cannot_be_read_is_reported_with_the_reason(
         load_recordings(tmp_path / "talk.mcap", "bag")
     convert([recording], tmp_path / "cut.mcap")
     data = (tmp_path / "cut.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
+    (tmp_path / "cut.mcap").write_bytes(data[:20])
     with pytest.raises(RecordingError, match=r"cut\.mcap cannot be read as a bag"):
         load_recordings(tmp_path / "cut.mcap", "bag")
     (tmp_path / "text.mcap").write_text("no bag at all")
@@ -234,17 +234,6 @@ def test_a_bag_that_cannot_be_read_is_reported_with_the_reason(
         load_recordings(tmp_path / "highd", "bag")
     with pytest.raises(RecordingError, match=r"is not a bag, expected an \.mcap file"):
         load_recordings(tmp_path / "highd" / "01_tracks.csv", "bag")
-
-
-def test_a_changing_frame_is_named(tmp_path: Path, recording: Recording) -> None:
-    adapter = INPUTS["pointcloud2"]
-    with McapWriter(tmp_path / "two.mcap") as bag:
-        bag.add_topic("/objects", adapter.message_type)
-        for states, frame in zip(recording.states(), ("map", "base_link"), strict=True):
-            moved = dataclasses.replace(states, frame_id=frame)
-            bag.write("/objects", states.stamp_ns, adapter.from_states(moved, bag.types))
-    with pytest.raises(RecordingError, match=r"frame changes from 'map' to 'base_link'"):
-        load_recordings(tmp_path / "two.mcap", "bag")
 
 
 def test_empty_messages_and_late_lanes_add_no_recording(
