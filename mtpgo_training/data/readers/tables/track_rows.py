@@ -32,7 +32,7 @@ LONGEST_S = 1e8
 LAST_S = float(2**31)
 """Times from here on do not fit the stamps of messages (s since 1970)."""
 
-_WHOLE = re.compile(r"(\d{1,18})(?:\.0+)?")
+_WHOLE = re.compile(r"([0-9]{1,18})(?:\.0+)?")
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def _tracks(table: pd.DataFrame, source: TableSource) -> tuple[list[str], Int64A
 
 def _identities(names: Sequence[str]) -> tuple[Int64Array, KeyArray | None]:
     """Return [tracks] numbers, and [tracks, 4] keys where the names are no numbers."""
-    if all(name.isascii() and name.isdigit() for name in names):
+    if all(_WHOLE.fullmatch(name) for name in names):
         return np.array([int(name) for name in names], dtype=np.int64), None
     return np.arange(len(names), dtype=np.int64), keys_from_texts(names)
 
