@@ -59,6 +59,8 @@ EXTRAS = {
         "scipy>=1.11",
         "tensorboard>=2.16",
     ],
+    # Parquet and Feather files, and Waymo's protocol buffers.
+    "datasets": ["protobuf>=4.21", "pyarrow>=14.0"],
     "simulation": ["eclipse-sumo>=1.20"],
     "development": [
         "colcon-common-extensions>=0.3",

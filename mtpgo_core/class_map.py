@@ -18,7 +18,7 @@ with dots that is not in the map is looked up by its beginning: ``vehicle.bus.ri
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -32,6 +32,9 @@ from mtpgo_core.schema import AgentClass, ClassArray
 
 LARGEST_FILE = 1 << 18
 """Bytes of the largest class map that is read; chosen, far above any list of classes."""
+
+_COCO_NUMBERS = 92
+"""Numbers of COCO's classes are smaller; those that take no part in traffic are unknown."""
 
 _ANIMALS = ("bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe")
 
@@ -49,7 +52,8 @@ def _coco(number: Mapping[str, int], first_animal: int) -> dict[str, str]:
     }
     numbers = {str(value): names[name] for name, value in number.items()}
     animals = {str(first_animal + i): "animal" for i in range(len(_ANIMALS))}
-    return {**names, **numbers, **animals, **dict.fromkeys(_ANIMALS, "animal")}
+    others = {str(i): "unknown" for i in range(_COCO_NUMBERS)}
+    return {**others, **names, **numbers, **animals, **dict.fromkeys(_ANIMALS, "animal")}
 
 
 PRESETS: dict[str, dict[str, str]] = {
@@ -92,6 +96,21 @@ PRESETS: dict[str, dict[str, str]] = {
         "cyclist": "bicycle",
         "bus": "bus",
         "riderless_bicycle": "bicycle",
+        "regular_vehicle": "car",
+        "large_vehicle": "truck",
+        "box_truck": "truck",
+        "truck_cab": "truck",
+        "vehicular_trailer": "trailer",
+        "school_bus": "bus",
+        "articulated_bus": "bus",
+        "bicyclist": "bicycle",
+        "official_signaler": "pedestrian",
+        "stroller": "pedestrian",
+        "wheelchair": "pedestrian",
+        "dog": "animal",
+        "wheeled_rider": "unknown",
+        "wheeled_device": "unknown",
+        "railed_vehicle": "unknown",
         "static": "unknown",
         "background": "unknown",
         "construction": "unknown",
@@ -153,6 +172,17 @@ class ClassMap:
         texts = [str(name) for name in names]
         known = {text: int(self.find(text)) for text in set(texts)}
         return np.array([known[text] for text in texts], dtype=np.uint8)
+
+    def not_known(self, names: Iterable[Any]) -> list[str]:
+        """Return the names that mean nothing: neither the map nor our own names have them."""
+        texts = sorted({str(name) for name in names})
+        return [
+            text
+            for text in texts
+            if _normal(text) not in ("", "unknown", "0")
+            and self._listed(_normal(text)) is None
+            and self._usual(_normal(text)) == AgentClass.UNKNOWN
+        ]
 
     def facts(self) -> dict[str, int]:
         """Return the map as JSON can write it."""

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from mtpgo_core.errors import MtpgoError
 
 COMMANDS = {
+    "data": "describe recordings and their defects",
     "convert": "convert recordings into rosbag2 MCAP bags",
     "simulate": "simulate traffic as recordings (Eclipse SUMO)",
     "train": "train a model on recordings",

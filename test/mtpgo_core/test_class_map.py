@@ -49,6 +49,12 @@ def test_every_preset_names_classes_of_ours():
         assert {value.upper() for value in names.values()} <= set(AgentClass.__members__)
 
 
+def test_names_that_mean_nothing():
+    names = ["tram", "car", "", "unknown", "movable_object.barrier", "77", "3"]
+    assert class_map("nuscenes").not_known(names) == ["77", "tram"]
+    assert class_map("coco").not_known(["3", "9", "200"]) == ["200"]
+
+
 def test_own_words_and_numbers_build_on_a_preset(tmp_path):
     path = tmp_path / "classes.yaml"
     path.write_text(

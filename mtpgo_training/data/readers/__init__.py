@@ -21,6 +21,9 @@ from mtpgo_training.data.readers.datasets.interaction_recordings import (
 from mtpgo_training.data.readers.datasets.openacc_recordings import openacc_units
 from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
+from mtpgo_training.data.readers.fleets.argoverse_recordings import argoverse_units
+from mtpgo_training.data.readers.fleets.nuscenes_recordings import nuscenes_units
+from mtpgo_training.data.readers.fleets.waymo_recordings import waymo_units
 from mtpgo_training.data.readers.ngsim.ngsim_recordings import ngsim_units
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
@@ -64,6 +67,9 @@ LAYOUTS: dict[str, UnitFinder] = {
     **{layout: functools.partial(crowd_units, layout) for layout in FRAME_RATES},
     "eth_ucy": eth_units,
     "openacc": openacc_units,
+    "nuscenes": nuscenes_units,
+    "argoverse2": argoverse_units,
+    "waymo": waymo_units,
     "bag": _bag_units,
 }
 """Layout name -> finder of the files in a directory."""

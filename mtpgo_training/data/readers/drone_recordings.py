@@ -21,6 +21,8 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import Float64Array
 from mtpgo_training.data.readers.csv_table import read_header, read_table, sha256_of
 from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
+from mtpgo_training.data.readers.reading_options import classes_of
+from mtpgo_training.data.readers.tables.track_rows import LONGEST_S
 from mtpgo_training.data.recording import Recording
 
 HEADING_SPEED_MPS = 2.0
@@ -141,7 +143,11 @@ def _sizes(table: pd.DataFrame, meta: pd.DataFrame) -> Float64Array:
     """
     size = meta[["length", "width"]].to_numpy(np.float64)
     if "length" in table and "width" in table:
-        own = table.drop_duplicates("trackId").set_index("trackId")[["length", "width"]]
+        # Files are sorted by track: few rows remain in which a search costs time.
+        track = table["trackId"].to_numpy(np.int64)
+        first = np.flatnonzero(np.append(True, track[1:] != track[:-1]))[: len(track)]
+        own = table.iloc[first][["trackId", "length", "width"]]
+        own = own.drop_duplicates("trackId").set_index("trackId")
         measured = own.reindex(meta["id"]).to_numpy(np.float64)
         size = np.where((measured > 0).all(axis=1)[:, None], measured, size)
     return size
@@ -234,6 +240,12 @@ def _assemble(
     """Return the recording, rows sorted by frame and track, after the last checks."""
     if not len(rows.frame):
         raise RecordingError(f"{files.tracks} has no rows below its header")
+    if (int(rows.frame.max()) - int(rows.frame.min())) / frame_rate > LONGEST_S:
+        far = int(np.argmax(np.abs(rows.frame.astype(np.float64) - float(rows.frame[0]))))
+        raise RecordingError(
+            f"{files.tracks}, line {far + 2}: frame {rows.frame[far]} is far from the others, "
+            f"expected a recording of at most {LONGEST_S:.0e} s"
+        )
     ids = meta["id"].to_numpy(np.int64)
     _check_known(files, rows.track_id, ids)
     present, track = np.unique(rows.track_id, return_inverse=True)
@@ -261,7 +273,7 @@ def _assemble(
         acceleration=rows.acceleration[order],
         yaw=rows.yaw[order],
         track_id=present,
-        agent_class=class_map.find_all(classes.tolist()),
+        agent_class=classes_of(classes.tolist(), class_map, files.tracks_meta),
         # A box without extent was not measured (pedestrians, bicycles).
         size=np.where(size > 0, size, np.nan),
         lanes=lanes,

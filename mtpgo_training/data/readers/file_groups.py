@@ -44,10 +44,9 @@ def grouped_files(
         if match is None or not accept(path):
             continue
         groups = match.groupdict()
-        folders = [
-            part for part in path.parent.relative_to(root).parts if part.lower() not in _GENERIC
-        ]
-        parts = [*folders, groups.get("name") or ""]
+        folders = path.parent.relative_to(root).parts
+        parts = [part for part in folders if part.lower() not in _GENERIC]
+        parts.append(groups.get("name") or "")
         name = "-".join(part for part in parts if part) or root.resolve().name
         kind = (groups.get("kind") or "").lower()
         files = found.setdefault(name, {})

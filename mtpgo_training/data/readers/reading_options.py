@@ -4,12 +4,22 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from mtpgo_core.class_map import ClassMap, class_map
+from mtpgo_core.options import listed
+from mtpgo_core.schema import ClassArray
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
+
+MOST_NAMES = 5
+"""Names of classes listed in a warning; chosen."""
+
+_log = logging.getLogger("mtpgo")
 
 
 @dataclass(frozen=True)
@@ -43,3 +53,23 @@ class ReadingOptions:
 
 AS_USUAL = ReadingOptions()
 """Nothing is said."""
+
+
+def classes_of(names: Sequence[Any], classes: ClassMap, path: Path) -> ClassArray:
+    """Return [n] uint8 our classes of [n] names, with a warning of those that mean nothing.
+
+    Args:
+        names: names or numbers in a file.
+        classes: the class map.
+        path: the file.
+    """
+    odd = classes.not_known(set(names))
+    if odd:
+        more = f" and {len(odd) - MOST_NAMES} more" if len(odd) > MOST_NAMES else ""
+        _log.warning(
+            "mtpgo: %s: no class is known by the name %s%s, --class-map can give one",
+            path,
+            listed(odd[:MOST_NAMES]),
+            more,
+        )
+    return classes.find_all(names)

@@ -27,6 +27,7 @@ from mtpgo_training.data.readers.drone_files import check_layout, existing_direc
 from mtpgo_training.data.readers.ngsim.ngsim_forms import SUFFIXES, find_form, may_be_ngsim
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
+from mtpgo_training.data.readers.tables.track_rows import LAST_S
 from mtpgo_training.data.recording import Int64Array, Recording
 
 FRAME_RATE = 10.0
@@ -122,6 +123,13 @@ def _read_file(name: str, path: Path, classes: ClassMap | None) -> Iterator[Reco
         table["location"] = ""
     lengths = ["local_x", "local_y", "v_length", "v_width", "v_vel"]
     table[lengths] = table[lengths] * form.unit_m
+    bad = ~table["global_time"].between(0, LAST_S * 1000).to_numpy(bool)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise RecordingError(
+            f"{path}, line {row + form.csv.first_line}, column 'Global_Time': "
+            f"{table['global_time'].iloc[row]}, expected milliseconds since 1970"
+        )
     table["line"] = np.arange(len(table)) + form.csv.first_line
     # The large edition has some rows twice.
     wanted = [*_INTEGERS, *_NUMBERS, *optional]

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import wrap
 from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.schema import ClassArray, Float64Array, KeyArray
+from mtpgo_training.data.readers.reading_options import classes_of
 from mtpgo_training.data.readers.tables.frame_grid import frames_of_times, without_common_step
 from mtpgo_training.data.recording import DEFAULT_START_NS, Int64Array, Recording
 
@@ -27,7 +29,10 @@ EPOCH_S = 1e8
 LONGEST_S = 1e8
 """A longer recording (s) is a defect of its times; chosen: three years."""
 
-_WHOLE = re.compile(r"(\d{1,18})(?:\.0+)?")
+LAST_S = float(2**31)
+"""Times from here on do not fit the stamps of messages (s since 1970)."""
+
+_WHOLE = re.compile(r"([0-9]{1,18})(?:\.0+)?")
 
 
 @dataclass(frozen=True)
@@ -83,14 +88,6 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
             f"{time}"
         )
     numbers, key = _identities(names)
-    pairs = {
-        name: _pair(table, columns)[order]
-        for name, columns in (
-            ("position", ("x", "y")),
-            ("velocity", ("vx", "vy")),
-            ("acceleration", ("ax", "ay")),
-        )
-    }
     yaw = table["yaw"].to_numpy(np.float64) if "yaw" in table else np.full(len(table), np.nan)
     return Recording(
         name=source.name,
@@ -99,15 +96,25 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
         frame_rate=frame_rate,
         frame=frame[order],
         track=track[order],
-        **pairs,
+        position=_pair(table, ("x", "y"))[order],
+        velocity=_pair(table, ("vx", "vy"))[order],
+        acceleration=_pair(table, ("ax", "ay"))[order],
         yaw=wrap(yaw[order]),
         track_id=numbers,
-        agent_class=_classes(table, track, source.classes),
+        agent_class=_classes(table, track, source),
         size=_sizes(_pair(table, ("length", "width")), track, len(names)),
         sha256=source.sha256,
         start_time_ns=start_ns,
         track_key=key,
     )
+
+
+def with_ego(recording: Recording, name: str) -> Recording:
+    """Return the recording with the track of this name as its ego, unchanged without one."""
+    (track,) = recording.find_tracks(keys_from_texts([name]))
+    if track < 0:
+        return recording
+    return dataclasses.replace(recording, ego_id=int(recording.track_id[track]))
 
 
 def velocity_from_speed(speed: Float64Array, yaw: Float64Array) -> Float64Array:
@@ -121,6 +128,11 @@ def _times(table: pd.DataFrame, source: TableSource) -> tuple[Int64Array, float,
         time_s = table["time_s"].to_numpy(np.float64)
         begin_s = float(time_s.min())
         _check_span(table, source, time_s - begin_s)
+        if begin_s >= LAST_S:
+            raise RecordingError(
+                f"{source.files[0]}: the times begin at {begin_s:.6g} s, expected less than "
+                f"{LAST_S:.6g} s; is their unit another one?"
+            )
         frame, rate = frames_of_times(time_s)
         return frame, rate, round(begin_s * 1e9) if begin_s >= EPOCH_S else DEFAULT_START_NS
     assert source.frame_rate is not None, "rows with frames need a frame rate"
@@ -167,7 +179,7 @@ def _tracks(table: pd.DataFrame, source: TableSource) -> tuple[list[str], Int64A
 
 def _identities(names: Sequence[str]) -> tuple[Int64Array, KeyArray | None]:
     """Return [tracks] numbers, and [tracks, 4] keys where the names are no numbers."""
-    if all(name.isascii() and name.isdigit() for name in names):
+    if all(_WHOLE.fullmatch(name) for name in names):
         return np.array([int(name) for name in names], dtype=np.int64), None
     return np.arange(len(names), dtype=np.int64), keys_from_texts(names)
 
@@ -180,12 +192,13 @@ def _pair(table: pd.DataFrame, names: Sequence[str]) -> Float64Array:
     return np.where(np.isfinite(values).all(axis=1)[:, None], values, np.nan)
 
 
-def _classes(table: pd.DataFrame, track: Int64Array, classes: ClassMap) -> ClassArray:
+def _classes(table: pd.DataFrame, track: Int64Array, source: TableSource) -> ClassArray:
     """Return [tracks] the last known class of each track."""
     out = np.zeros(int(track.max()) + 1, dtype=np.uint8)
     if "class" not in table:
         return out
-    found = classes.find_all(table["class"].astype("string").fillna("").tolist())
+    names = table["class"].astype("string").fillna("").tolist()
+    found = classes_of(names, source.classes, source.files[0])
     known = found > 0
     out[track[known]] = found[known]
     return out

@@ -16,6 +16,7 @@ from mtpgo_training.commands.arguments.data_arguments import (
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.readers import LAYOUTS
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
+from mtpgo_training.data.readers.reading_options import ReadingOptions
 
 A, B, C = Path("a"), Path("b"), Path("c")
 
@@ -88,6 +89,22 @@ def test_a_directory_may_be_required(capsys):
 def test_recordings_belong_to_the_directory_before_them():
     given = parsed("--recordings 1 --data a --layout ind --data b --recordings 2 3")
     assert given == [DataSource(A, "ind", ("1",)), DataSource(B, "ind", ("2", "3"))]
+
+
+def test_columns_and_class_maps_hold_for_the_directories_after_them():
+    given = parsed(
+        "--class-map coco --data a --layout table --columns c.yaml --data b --data c "
+        "--class-map nuscenes"
+    )
+    assert [source.options for source in given] == [
+        ReadingOptions(Path("c.yaml"), "coco"),
+        ReadingOptions(Path("c.yaml"), "coco"),
+        ReadingOptions(Path("c.yaml"), "nuscenes"),
+    ]
+    with pytest.raises(ConfigurationError, match="class map 'kitti' is neither a preset nor a f"):
+        parsed("--data a --layout ind --class-map kitti")
+    with pytest.raises(ConfigurationError, match="--class-map is given without --data"):
+        parsed("--class-map coco")
 
 
 @pytest.mark.parametrize(

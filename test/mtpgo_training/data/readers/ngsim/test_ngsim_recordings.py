@@ -199,6 +199,9 @@ def test_defects(tmp_path: Path) -> None:
     write(path, [])
     with pytest.raises(RecordingError, match=r"has no rows below its header"):
         load_recordings(path, "ngsim")
+    write(path, [row(1, 0, 10, 50).replace(str(START_MS), "99999999999999")])
+    with pytest.raises(RecordingError, match=r"line 2, column 'Global_Time': 99999999999999, exp"):
+        load_recordings(path, "ngsim")
     path.write_text("1 2 3\n1 2 4\n")
     with pytest.raises(RecordingError, match=r"a\.csv has 3 columns and no header line, expected"):
         load_recordings(path, "ngsim")

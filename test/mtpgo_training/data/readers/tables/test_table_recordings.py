@@ -76,6 +76,16 @@ def test_everything_in_other_units_with_y_down(read):
     np.testing.assert_array_equal(recording.key, keys_from_texts(["P1"]))
 
 
+@pytest.mark.parametrize(
+    "name", ["-1", "car 7", "99999999999999999999", "1.5", "\N{SUPERSCRIPT TWO}"]
+)
+def test_road_users_may_have_any_name(read, name):
+    (recording,) = read(ROWS.replace(",2,", f",{name},"), POSITIONS)
+    assert len(recording.track_id) == 2
+    assert recording.find_tracks(keys_from_texts([name])) >= 0
+    assert recording.find_tracks(keys_from_texts(["10"])) >= 0
+
+
 def test_speed_along_the_heading_and_a_class_for_all(read):
     description = {
         "columns": POSITIONS["columns"] | {"speed": "v", "heading": "h"},
