@@ -18,6 +18,7 @@ from msg_adapters.inputs.object_cloud import KEY_FIELDS
 from msg_adapters.types import Types
 from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud
 from mtpgo_core.errors import MessageError
+from mtpgo_core.prediction.output_assembly import strongest_modes
 from mtpgo_core.schema import Float64Array, Prediction
 
 POINT = np.dtype(
@@ -32,21 +33,6 @@ POINT = np.dtype(
 
 _MAX_COUNT = 256
 """Most modes, and most steps: each is counted in a byte."""
-
-
-def strongest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Float64Array, int]:
-    """Return the weights of the first ``max_modes`` modes, with sum one, and their number.
-
-    Args:
-        prediction: modes sorted by falling weight.
-        max_modes: most modes kept; None keeps all.
-    """
-    modes = prediction.weight.shape[1]
-    kept = modes if max_modes is None else max(1, min(max_modes, modes))
-    weight = prediction.weight[:, :kept]
-    if kept < modes:
-        weight = weight / weight.sum(axis=1, keepdims=True)
-    return weight, kept
 
 
 def prediction_to_pointcloud2(

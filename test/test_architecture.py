@@ -86,7 +86,7 @@ ROOMS = {
         "baselines",
         "inference",
     ),
-    "mtpgo_core": ("", "task", "history", "scene", "prediction"),
+    "mtpgo_core": ("", "task", "history", "scene", "prediction", "quality"),
     "msg_adapters": (
         "types",
         "conversions",

@@ -134,6 +134,21 @@ def select(prediction: Prediction, index: IndexArray | BoolArray) -> Prediction:
     return dataclasses.replace(prediction, **rows)
 
 
+def strongest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Float64Array, int]:
+    """Return the weights of the first ``max_modes`` modes, with sum one, and their number.
+
+    Args:
+        prediction: modes sorted by falling weight.
+        max_modes: most modes kept; None keeps all.
+    """
+    modes = prediction.weight.shape[1]
+    kept = modes if max_modes is None else max(1, min(max_modes, modes))
+    weight = prediction.weight[:, :kept]
+    if kept < modes:
+        weight = weight / weight.sum(axis=1, keepdims=True)
+    return weight, kept
+
+
 def with_time_origin(prediction: Prediction, stamp_ns: int) -> Prediction:
     """Return the same prediction with its times counted from ``stamp_ns`` (ns)."""
     if stamp_ns == prediction.stamp_ns:

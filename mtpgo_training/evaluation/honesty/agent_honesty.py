@@ -14,6 +14,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.quality import metrics
+from mtpgo_core.quality.metrics import TIMES_S, Array, Mask
 from mtpgo_core.schema import MOVING_MPS, BoolArray, IndexArray
 from mtpgo_training.data.manoeuvres import is_vehicle, members
 from mtpgo_training.evaluation.honesty import (
@@ -24,9 +26,7 @@ from mtpgo_training.evaluation.honesty import (
     mode_weights,
 )
 from mtpgo_training.evaluation.honesty.mixture_region import region_level
-from mtpgo_training.evaluation.scores import metrics
 from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents
-from mtpgo_training.evaluation.scores.metrics import TIMES_S, Array, Mask
 
 PERCENTS = (50, 90, 95)
 """Levels of ellipses and regions (%)."""

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.quality import metrics
+from mtpgo_core.quality.metrics import Array, Mask
 from mtpgo_core.schema import BoolArray, ClassArray
 from mtpgo_training.data.manoeuvres import LabelArray
-from mtpgo_training.evaluation.scores import metrics
-from mtpgo_training.evaluation.scores.metrics import Array, Mask
 
 KEYS = (
     "ade",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from mtpgo_training.evaluation.scores import metrics
+from mtpgo_core.quality import metrics
 
 # One agent, two modes, three steps; mode 1 has the larger weight.
 TRUTH = np.array([[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])

@@ -1,0 +1,207 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Compares published predictions with the observations that follow them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter, deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.history.resampling import TOLERANCE_NS
+from mtpgo_core.history.stream_guard import UpdateReport
+from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.history.track_index import find_sort_keys, sort_keys
+from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
+from mtpgo_core.prediction.output_assembly import select, strongest_modes
+from mtpgo_core.quality.outcomes import Outcomes, symmetric
+from mtpgo_core.quality.prediction_memory import KeptPrediction, MemoryLimits, PredictionMemory
+from mtpgo_core.schema import Float64Array, HistoryWindow, IndexArray, KeyArray, Prediction
+from mtpgo_core.task.calibration import calibration_groups
+from mtpgo_core.task.task_description import HistoryConfig
+
+_WAITING = 8
+"""Most predictions that wait for the next observation; chosen: more come only when the input
+stops, and the last one is as good as the others then."""
+
+
+_LIMITS = MemoryLimits()
+
+
+class OutcomeMatcher:
+    """Keeps predictions until their horizon has passed, and gives each step its truth.
+
+    The truth is the history's: a position of the same track, observed at that time or
+    interpolated within ``max_gap_s``. Where the history ends a track (an impossible move, a jump
+    of the clock, another frame), predictions of it get no truth from then on.
+
+    Args:
+        config: of the history.
+        limits: bounds of the memory.
+
+    Attributes:
+        memory: the predictions.
+        unknown: number of steps without a truth by cause, see
+            :data:`~mtpgo_core.quality.outcomes.UNKNOWN`.
+    """
+
+    def __init__(self, config: HistoryConfig, limits: MemoryLimits = _LIMITS) -> None:
+        self._max_gap_ns = config.max_gap_ns
+        self._limits = limits
+        self.memory = PredictionMemory(limits, config.max_gap_s)
+        self.unknown: Counter[str] = Counter()
+        self._waiting: deque[tuple[KeyArray, KeptPrediction]] = deque(maxlen=_WAITING)
+        self._restarted: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+
+    def add(
+        self, prediction: Prediction, window: HistoryWindow, max_modes: int | None = None
+    ) -> None:
+        """Keep a published prediction; any thread.
+
+        Args:
+            prediction: as published.
+            window: that it was made of; constant velocity starts there.
+            max_modes: most modes that are published; None for all.
+        """
+        row = find_sort_keys(sort_keys(window.key), sort_keys(prediction.key))
+        if (row < 0).any():
+            prediction, row = select(prediction, row >= 0), row[row >= 0]
+        weight, modes = strongest_modes(
+            prediction, min(self._limits.modes, max_modes or self._limits.modes)
+        )
+        window = window.select(row)
+        steps = len(prediction.time_s)
+        start_s = (window.stamp_ns - prediction.stamp_ns) * 1e-9
+        dt_s = float(prediction.time_s[0]) - start_s if steps else 0.0
+        cv = predict_constant_velocity(window, horizon_steps=steps, dt_s=dt_s)
+        new = KeptPrediction(
+            stamp_ns=prediction.stamp_ns,
+            time_s=prediction.time_s,
+            number=np.full(len(prediction), -1),
+            group=calibration_groups(window.agent_class, window.velocity[:, -1]),
+            source=prediction.source,
+            weight=weight,
+            mean=prediction.mean[:, :modes, :, :2],
+            covariance=prediction.covariance[:, :modes],
+            cv_mean=cv.mean[:, 0, :, :2],
+            cv_covariance=cv.covariance[:, 0],
+        )
+        self._waiting.append((prediction.key, new))
+
+    def clear(self, cause: str) -> None:
+        """Forget all predictions, because of a cause of ``UNKNOWN``."""
+        self._waiting.clear()
+        self.unknown[cause] += self.memory.open_steps
+        self.memory.clear()
+
+    def update(self, history: TrackHistory, report: UpdateReport) -> Outcomes:
+        """Return what has become known with the last observation of the history.
+
+        Args:
+            history: after the observation.
+            report: on it.
+        """
+        before = self.unknown.copy()
+        if report.clock_reset or (report.frame_changed and not report.wrong_frame):
+            self.clear("clock_reset" if report.clock_reset else "frame_changed")
+        if len(history.restarted):
+            open_numbers = np.union1d(self._restarted, history.restarted)
+            self._restarted = np.intersect1d(open_numbers, self.memory.number)
+        now_ns = history.newest_stamp_ns or 0
+        self._take_waiting(history, now_ns)
+        parts = []
+        while self.memory.next_ns <= now_ns + TOLERANCE_NS:
+            part = self._resolve(history, now_ns)
+            if part is None:
+                break
+            parts.append(part)
+        return _outcomes(self.memory, now_ns, parts, self.unknown - before)
+
+    def _take_waiting(self, history: TrackHistory, now_ns: int) -> None:
+        """Move the predictions that were published since the last observation to the memory."""
+        while self._waiting:
+            key, new = self._waiting.popleft()
+            number = history.track_numbers(key, new.stamp_ns)
+            if new.stamp_ns > now_ns:  # made before the clock was set back
+                number = np.full(len(key), -1)
+            kept = self.memory.add(dataclasses.replace(new, number=number))
+            self.unknown["no_track"] += int(kept) * int((number < 0).sum()) * len(new.time_s)
+
+    def _resolve(self, history: TrackHistory, now_ns: int) -> _Resolved | None:
+        """Resolve the next step of every agent whose truth is known or will never be."""
+        memory = self.memory
+        cycle, agent, target_ns = memory.due(now_ns)
+        number = memory.number[cycle, agent]
+        times_ns, time = np.unique(target_ns, return_inverse=True)
+        seen = history.observed_positions(times_ns)
+        row = np.minimum(np.searchsorted(seen.number, number), max(len(seen.number) - 1, 0))
+        alive = np.isin(number, seen.number)
+        known, last_ns = np.zeros(len(row), dtype=np.bool_), np.zeros(len(row), dtype=np.int64)
+        truth = np.full((len(row), 2), np.nan)
+        if len(seen.number):
+            known, last_ns = alive & seen.known[row, time], seen.last_ns[row]
+            truth[known] = seen.position[row[known], time[known]]
+        ready = ~alive | (last_ns >= target_ns - TOLERANCE_NS)
+        ready |= now_ns > target_ns + self._max_gap_ns + TOLERANCE_NS
+        if not ready.any():
+            return None
+        restarted = np.isin(number, self._restarted)
+        for cause, rows in (
+            ("gap", alive & ~known),
+            ("restarted", restarted),
+            ("left", ~alive & ~restarted),
+        ):
+            self.unknown[cause] += int((rows & ready).sum())
+        cycle, agent, truth = cycle[ready], agent[ready], truth[ready]
+        step = memory.step[cycle, agent]
+        return _Resolved(cycle, agent, step, truth, memory.resolve(cycle, agent, truth))
+
+
+class _Resolved(NamedTuple):
+    """Steps that were resolved together: [m] rows, truths [m, 2] and mean errors [m, 2] (m)."""
+
+    cycle: IndexArray
+    agent: IndexArray
+    step: IndexArray
+    truth: Float64Array
+    error: Float64Array
+
+
+_NO_ROWS, _NO_VALUES = np.empty(0, dtype=np.intp), np.empty((0, 2))
+_NOTHING = _Resolved(_NO_ROWS, _NO_ROWS, _NO_ROWS, _NO_VALUES, _NO_VALUES)
+
+
+def _outcomes(
+    memory: PredictionMemory, now_ns: int, parts: list[_Resolved], unknown: Counter[str]
+) -> Outcomes:
+    """Return the outcomes of all parts, in the order of time."""
+    if len(parts) == 1:
+        c, a, step, truth, error = parts[0]
+    else:
+        c, a, step, truth, error = (
+            np.concatenate(columns) for columns in zip(_NOTHING, *parts, strict=True)
+        )
+    place = (c, a, step)
+    return Outcomes(
+        now_ns=now_ns,
+        track=memory.number[c, a],
+        stamp_ns=memory.stamp_ns[c],
+        step=step,
+        time_s=memory.time_s[c, step],
+        group=memory.group[c, a],
+        source=memory.source[c, a],
+        truth=truth,
+        heaviest_mean=memory.mean[(*place, memory.heaviest[c, a])].astype(np.float64),
+        heaviest_covariance=symmetric(memory.covariance[(*place, memory.heaviest[c, a])]),
+        cv_mean=memory.cv_mean[place],
+        cv_covariance=symmetric(memory.cv_covariance[place]),
+        ade=error[:, 0],
+        cv_ade=error[:, 1],
+        unknown=dict(unknown),
+        _memory=memory,
+        _cycle=c,
+        _agent=a,
+    )
