@@ -78,6 +78,8 @@ def topics_of(options: argparse.Namespace) -> list[str]:
     names = options.topics or [
         f"{predictor}/predictions",
         f"{predictor}/debug/processing_time_ms",
+        f"{predictor}/quality",
+        f"{predictor}/quality_table",
         "/diagnostics",
     ]
     if options.objects:
@@ -99,7 +101,8 @@ def _parser() -> argparse.ArgumentParser:
         "--topics",
         nargs="+",
         metavar="TOPIC",
-        help="record these; by default the predictions, their processing time and the diagnostics",
+        help="record these; by default the predictions, their processing time and scores, and the "
+        "diagnostics",
     )
     add("--objects", action="store_true", help="record the tracked objects (/objects) too")
     add(

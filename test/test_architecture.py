@@ -99,7 +99,7 @@ ROOMS = {
         "registry",
         "ring_traffic",
     ),
-    "mtpgo_ros": ("runtime", "parameters", "diagnostics", "bags", "load", "node", ""),
+    "mtpgo_ros": ("runtime", "parameters", "diagnostics", "quality", "bags", "load", "node", ""),
     "mtpgo_training": (
         "atomic_files",
         "table_format",

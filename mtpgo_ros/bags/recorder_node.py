@@ -42,6 +42,8 @@ def predictor_types(predictor: str) -> dict[str, str]:
     return {
         f"{predictor}/predictions": "sensor_msgs/msg/PointCloud2",
         f"{predictor}/debug/processing_time_ms": "std_msgs/msg/Float64",
+        f"{predictor}/quality": "diagnostic_msgs/msg/DiagnosticArray",
+        f"{predictor}/quality_table": "std_msgs/msg/Float64MultiArray",
         "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     }
 

@@ -32,6 +32,8 @@ from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.objects_subscription import ObjectsSubscription
 from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.quality.live_quality import LiveQuality
+from mtpgo_ros.quality.quality_publisher import QualityPublisher
 
 
 class PredictionPipeline:
@@ -49,6 +51,7 @@ class PredictionPipeline:
         objects: the subscription to the objects.
         transform: into the fixed frame.
         history: the history and its rate limit.
+        quality: scores of the predictions.
         worker: the threads of the model and its watchdog.
         ego_topic: last text on the topic ``ego_id``.
 
@@ -74,9 +77,9 @@ class PredictionPipeline:
         model.predictor.reset()
         model.configure(parameters, self.ego_topic)
         status.frame_error = ""
-        self.history = HistoryInput(
-            TrackHistory(model.predictor.task.history), model.predictor, events, parameters
-        )
+        self._tracks = TrackHistory(model.predictor.task.history)
+        self.history = HistoryInput(self._tracks, model.predictor, events, parameters)
+        self.quality = LiveQuality(model.predictor.task.history)
         self.objects = ObjectsSubscription(node, parameters.input_type, self._on_objects, events)
         self.transform: FrameTransform = NoTransform()
         if parameters.fixed_frame:
@@ -84,6 +87,7 @@ class PredictionPipeline:
         self._context = ContextSubscriptions(
             node, self._on_ego, model.set_lanes if model.uses_lanes else None
         )
+        self._quality_publisher = QualityPublisher(node, self.quality, parameters, status)
         self.worker = InferenceWorker(self._predict, model.fallback, self._publish, events)
         self.worker.start()
 
@@ -92,17 +96,20 @@ class PredictionPipeline:
         self.objects.close()
         self._context.close()
         self.transform.close()
+        self._quality_publisher.close()
         return self.worker.stop()
 
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
         self._parameters = parameters
+        self._quality_publisher.configure(parameters)
         self.history.configure(parameters)
         self._model.configure(parameters, self.ego_topic)
 
     def clock_jumped_back(self) -> None:
         """Clear a history that is newer than the node's clock."""
-        self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds)
+        if self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds):
+            self.quality.clear()
 
     def input_age_s(self) -> float | None:
         """Return the time since the last message (s), None before the first.
@@ -137,6 +144,16 @@ class PredictionPipeline:
         else:
             if window is not None:
                 self.worker.submit(self._request(window, states.stamp_ns, received_ns))
+            self._score()
+
+    def _score(self) -> None:
+        """Score earlier predictions by the last observation, while the model is at work."""
+        if self.history.report is None:
+            return
+        try:
+            self.quality.observed(self._tracks, self.history.report)
+        except Exception as error:
+            self._events.failure("earlier predictions could not be scored", error)
 
     def _read(self, message: Any, adapter: InputAdapter, now_ns: int) -> TrackedStates:
         """Return the states of a message in the fixed frame."""
@@ -189,6 +206,7 @@ class PredictionPipeline:
         status.agents = len(prediction)
         status.fallback_agents = int((prediction.source != Source.MODEL).sum())
         self._publishers.publish_secondary(prediction, latency_ns * 1e-6)
+        self.quality.published(prediction, request.window, self._parameters.max_modes)
 
     def _on_ego(self, text: str) -> None:
         self.ego_topic = text

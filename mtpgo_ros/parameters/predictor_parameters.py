@@ -17,6 +17,7 @@ from typing import Any
 from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, listed, option
+from mtpgo_core.quality.quality_report import WINDOWS_S, QualityLimits
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 
 INPUT_TYPES = (
@@ -169,6 +170,36 @@ class PredictorParameters:
     diagnostic_period: float = _field(
         1.0, "Time between two diagnostics without a change (s).", low=0.1, high=60.0
     )
+    quality_window: int = _field(
+        300,
+        "Time over which the node judges its own predictions for the diagnostics (s).",
+        choices=WINDOWS_S,
+    )
+    quality_min_agents: int = _field(
+        QualityLimits.min_agents,
+        "Fewest road users of a class group and motion whose scores are given and judged.",
+        low=1,
+        high=100000,
+    )
+    quality_warn_coverage: float = _field(
+        QualityLimits.warn_coverage,
+        "The diagnostics warn when the 90 % ellipses hold less than this share of what happened.",
+        low=0.0,
+        high=1.0,
+    )
+    quality_error_coverage: float = _field(
+        QualityLimits.error_coverage,
+        "The diagnostics report an error when they hold less than this share.",
+        low=0.0,
+        high=1.0,
+    )
+    quality_error_cv_ratio: float = _field(
+        QualityLimits.error_cv_ratio,
+        "The diagnostics report an error when the average displacement error is more than this"
+        " many times that of constant velocity; they warn when it is worse at all.",
+        low=1.0,
+        high=100.0,
+    )
     autostart: bool = _field(
         True, "The node configures and activates itself at its start.", change=Change.START
     )
@@ -177,6 +208,16 @@ class PredictorParameters:
     def period_s(self) -> float:
         """Shortest time between two predictions, which is also the deadline of each (s)."""
         return 1.0 / self.rate
+
+    @property
+    def quality_limits(self) -> QualityLimits:
+        """From when on the node's scores are bad."""
+        return QualityLimits(
+            min_agents=self.quality_min_agents,
+            warn_coverage=self.quality_warn_coverage,
+            error_coverage=self.quality_error_coverage,
+            error_cv_ratio=self.quality_error_cv_ratio,
+        )
 
 
 def check(parameters: PredictorParameters) -> None:
@@ -203,6 +244,11 @@ def check(parameters: PredictorParameters) -> None:
             f"parameter input_timeout is {parameters.input_timeout:g} s, shorter than a period of"
             f" parameter rate ({parameters.rate:g} Hz): every input would count as stale, expected"
             f" at least {parameters.period_s:g} s"
+        )
+    if parameters.quality_error_coverage > parameters.quality_warn_coverage:
+        raise ConfigurationError(
+            f"parameter quality_error_coverage is {parameters.quality_error_coverage:g}, expected"
+            f" at most quality_warn_coverage, {parameters.quality_warn_coverage:g}"
         )
 
 

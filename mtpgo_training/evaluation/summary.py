@@ -61,6 +61,7 @@ def summarise(
             bag: {model: found.to_dict() for model, found in found_by.items()}
             for bag, found_by in result.agreements.items()
         },
+        "live": result.live,
         "recordings": evaluation.recordings,
         "seen": overlaps,
         "warnings": [*overlap_warnings(overlaps), *result.warnings],

@@ -37,9 +37,11 @@ def test_the_topics_follow_the_predictors_name():
     assert topics() == [
         "/predictor/predictions",
         "/predictor/debug/processing_time_ms",
+        "/predictor/quality",
+        "/predictor/quality_table",
         "/diagnostics",
     ]
-    assert topics("--predictor", "ego/predictor", "--objects")[0::3] == [
+    assert topics("--predictor", "ego/predictor", "--objects")[0::5] == [
         "/ego/predictor/predictions",
         "/objects",
     ]

@@ -4,9 +4,11 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from msg_adapters.bags.bag_reader import BagReader, bag_name
 from mtpgo_core.errors import ConfigurationError, RecordingError
@@ -19,6 +21,7 @@ from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.bags.agreement import Agreement, replay_offline
 from mtpgo_training.evaluation.bags.bag_predictions import match, read_predictions
 from mtpgo_training.evaluation.bags.clock_alignment import find_parts
+from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replayed_quality
 from mtpgo_training.evaluation.evaluator import Evaluation
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.evaluation.scorer import Scorer
@@ -37,11 +40,14 @@ class BagResult:
         evaluation: the scores of bags, models and baselines.
         agreements: by bag and model.
         warnings: one sentence each.
+        live: by bag that holds observations, the scores that the node had at its end, see
+            :func:`~mtpgo_training.evaluation.bags.replayed_quality.quality_rows`.
     """
 
     evaluation: Evaluation
     agreements: dict[str, dict[str, Agreement]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    live: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
 
 def observed_recordings(
@@ -112,6 +118,10 @@ def evaluate_bags(
     done: set[str] = set()
     for bag, bag_called in zip(bags, names, strict=True):
         predictions = read_predictions(bag, topic)
+        with contextlib.suppress(RecordingError):  # it may hold predictions only
+            result.live[bag_called] = quality_rows(
+                replayed_quality(bag, predictions, _history(runners), options)
+            )
         parts = find_parts(_observed(bag, options), recordings) if own_clock else []
         if parts and not any(part.name for part in parts):
             result.warnings.append(
@@ -136,6 +146,11 @@ def _of(bag: Path, options: ReadingOptions) -> ReadingOptions:
     """Return the options of one bag of several."""
     topic = options.bags.topic_of(bag_name(bag))
     return replace(options, bags=replace(options.bags, topic=topic, topics={}))
+
+
+def _history(runners: Mapping[str, ModelRunner]) -> HistoryConfig:
+    """Return the history of the first model, or the default."""
+    return next((runner.task.history for runner in runners.values()), HistoryConfig())
 
 
 def _observed(bag: Path, options: ReadingOptions) -> list[Recording]:
@@ -169,7 +184,7 @@ class _RecordingEvaluation:
         """Score the bag's own predictions; the baselines only once for a recording."""
         evaluation = result.evaluation
         evaluation.recordings[self.name] = self.recording.sha256
-        history = next((r.task.history for r in self.runners.values()), HistoryConfig())
+        history = _history(self.runners)
         scorer = self._scorer(history)
         stamps = [p.stamp_ns for p in predictions]
         windows = replay(self.recording, history, stamps)
