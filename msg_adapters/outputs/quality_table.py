@@ -47,7 +47,7 @@ def quality_from_array(message: Any) -> NDArray[Any]:
     dimensions = message.layout.dim
     names = dimensions[1].label.split(",") if len(dimensions) == 2 else []
     data = np.asarray(message.data, dtype=np.float64)
-    if not names or len(names) != len(set(names)) or len(data) % len(names):
+    if not all(names) or len(names) != max(1, len(set(names))) or len(data) % len(names):
         raise MessageError(
             f"array of {len(data)} numbers has the dimensions "
             f"{[d.label for d in dimensions]}, expected rows, and columns with their names"

@@ -119,9 +119,9 @@ def evaluate_bags(
     for bag, bag_called in zip(bags, names, strict=True):
         predictions = read_predictions(bag, topic)
         with contextlib.suppress(RecordingError):  # it may hold predictions only
-            result.live[bag_called] = quality_rows(
-                replayed_quality(bag, predictions, _history(runners), options)
-            )
+            live = replayed_quality(bag, predictions, _history(runners), _of(bag, options))
+            if live.predictions.any():
+                result.live[bag_called] = quality_rows(live)
         parts = find_parts(_observed(bag, options), recordings) if own_clock else []
         if parts and not any(part.name for part in parts):
             result.warnings.append(
