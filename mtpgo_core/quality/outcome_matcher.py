@@ -17,7 +17,7 @@ from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import select, strongest_modes
-from mtpgo_core.quality.outcomes import Outcomes, symmetric
+from mtpgo_core.quality.outcomes import Outcomes
 from mtpgo_core.quality.prediction_memory import KeptPrediction, MemoryLimits, PredictionMemory
 from mtpgo_core.schema import Float64Array, HistoryWindow, IndexArray, KeyArray, Prediction
 from mtpgo_core.task.calibration import calibration_groups
@@ -184,7 +184,6 @@ def _outcomes(
         c, a, step, truth, error = (
             np.concatenate(columns) for columns in zip(_NOTHING, *parts, strict=True)
         )
-    place = (c, a, step)
     return Outcomes(
         now_ns=now_ns,
         track=memory.number[c, a],
@@ -194,10 +193,6 @@ def _outcomes(
         group=memory.group[c, a],
         source=memory.source[c, a],
         truth=truth,
-        heaviest_mean=memory.mean[(*place, memory.heaviest[c, a])].astype(np.float64),
-        heaviest_covariance=symmetric(memory.covariance[(*place, memory.heaviest[c, a])]),
-        cv_mean=memory.cv_mean[place],
-        cv_covariance=symmetric(memory.cv_covariance[place]),
         ade=error[:, 0],
         cv_ade=error[:, 1],
         unknown=dict(unknown),

@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,14 +32,13 @@ class Outcomes:
         group: [m] position in :data:`mtpgo_core.task.calibration.GROUPS`, at ``stamp_ns``.
         source: [m] :class:`~mtpgo_core.schema.Source` values.
         truth: [m, 2] observed position (m), NaN where it is not known.
-        heaviest_mean: [m, 2] of the heaviest mode (m).
-        heaviest_covariance: [m, 2, 2] of it (m^2), as it was published.
-        cv_mean: [m, 2] constant velocity from the same state (m).
-        cv_covariance: [m, 2, 2] of it (m^2).
         ade: [m] distance of the heaviest mode from the truth, averaged over the known steps up to
             this one (m), NaN where none is known.
         cv_ade: [m] the same of constant velocity (m).
         unknown: number of steps without a truth by cause, a name of :data:`UNKNOWN`.
+
+    What was predicted is taken from the memory of predictions when it is asked for, so ask before
+    the next observation.
     """
 
     now_ns: int
@@ -49,10 +49,6 @@ class Outcomes:
     group: NDArray[np.uint8]
     source: NDArray[np.uint8]
     truth: Float64Array
-    heaviest_mean: Float64Array
-    heaviest_covariance: Float64Array
-    cv_mean: Float64Array
-    cv_covariance: Float64Array
     ade: Float64Array
     cv_ade: Float64Array
     unknown: Mapping[str, int]
@@ -68,18 +64,46 @@ class Outcomes:
         """[m] whether there is a truth."""
         return np.asarray(np.isfinite(self.truth[:, 0]))
 
-    def mixture(self, rows: IndexArray) -> tuple[Float64Array, Float64Array, Float64Array]:
-        """Return weights [r, M], means [r, M, 2] (m) and covariances [r, M, 2, 2] (m^2) of rows.
+    @cached_property
+    def heaviest_mean(self) -> Float64Array:
+        """[m, 2] position in the heaviest mode (m)."""
+        return self._memory.mean[self._heaviest].astype(np.float64)
 
-        They are taken from the memory of predictions, so call it before the next observation.
-        """
-        memory, c, a = self._memory, self._cycle[rows], self._agent[rows]
-        place = (c, a, self.step[rows])
+    @cached_property
+    def heaviest_covariance(self) -> Float64Array:
+        """[m, 2, 2] its covariance as it was published (m^2)."""
+        return symmetric(self._memory.covariance[self._heaviest])
+
+    @cached_property
+    def cv_mean(self) -> Float64Array:
+        """[m, 2] position at constant velocity from the same state (m)."""
+        return self._memory.cv_mean[self._cycle, self._agent, self.step]
+
+    @cached_property
+    def cv_covariance(self) -> Float64Array:
+        """[m, 2, 2] covariance of it (m^2)."""
+        return symmetric(self._memory.cv_covariance[self._cycle, self._agent, self.step])
+
+    @property
+    def _heaviest(self) -> tuple[IndexArray, IndexArray, IndexArray, IndexArray]:
+        """Where the heaviest mode is in the memory."""
+        c, a = self._cycle, self._agent
+        return c, a, self.step, self._memory.heaviest[c, a]
+
+    def mixture(self) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """Return weights [m, M], means [m, M, 2] (m) and covariances [m, M, 2, 2] (m^2)."""
+        memory, c, a = self._memory, self._cycle, self._agent
         return (
             memory.weight[c, a].astype(np.float64),
-            memory.mean[place].astype(np.float64),
-            symmetric(memory.covariance[place]),
+            memory.mean[c, a, self.step].astype(np.float64),
+            symmetric(memory.covariance[c, a, self.step]),
         )
+
+    def select(self, rows: IndexArray | BoolArray) -> Outcomes:
+        """Return some of the rows."""
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        whole = {"now_ns", "unknown", "_memory"}
+        return Outcomes(**{k: v if k in whole else v[rows] for k, v in columns.items()})
 
 
 UNKNOWN = {

@@ -58,24 +58,27 @@ class RollingScores:
     def update(self, outcomes: Outcomes) -> None:
         """Add what has become known."""
         self._advance(outcomes.now_ns)
+        if not len(outcomes):
+            return
         rows, time = self._at_times(outcomes.time_s)
         if not len(rows):
             return
-        values = _values(outcomes, rows)
-        known, observed = np.isfinite(values), outcomes.known[rows]
-        by_model = observed & (outcomes.source[rows] == Source.MODEL)
+        outcomes = outcomes.select(rows)
+        values = _values(outcomes)
+        known, observed = np.isfinite(values), outcomes.known
+        by_model = observed & (outcomes.source == Source.MODEL)
         columns = np.concatenate(
             [np.where(known, values, 0.0), known, observed[:, None], by_model[:, None]], axis=1
         )
-        series = outcomes.group[rows].astype(np.int64) * len(TIMES_S) + time
-        due_ns = outcomes.stamp_ns[rows] + np.rint(1e9 * outcomes.time_s[rows]).astype(np.int64)
+        series = outcomes.group.astype(np.int64) * len(TIMES_S) + time
+        due_ns = outcomes.stamp_ns + np.rint(1e9 * outcomes.time_s).astype(np.int64)
         bucket = (due_ns + self._offset_ns) // _BUCKET_NS
         for one in np.unique(bucket).tolist():
             if one > self._bucket - self._buckets:
                 mine = bucket == one
                 member = series[mine] == np.arange(_SERIES)[:, None]
                 self._sums[one % self._buckets] += member.astype(np.float64) @ columns[mine]
-        self._see(outcomes.track[rows[observed]] * _SERIES + series[observed], bucket[observed])
+        self._see(outcomes.track[observed] * _SERIES + series[observed], bucket[observed])
 
     def report(self, unknown: Mapping[str, int]) -> QualityReport:
         """Return the scores of all windows.
@@ -139,24 +142,21 @@ class RollingScores:
         self._seen_bucket = np.insert(self._seen_bucket, place[~old], bucket[~old])
 
 
-def _values(outcomes: Outcomes, rows: IndexArray) -> Float64Array:
-    """Return [r, scores] of outcomes, NaN where not defined."""
-    known = outcomes.known[rows]
-    apart = outcomes.truth[rows] - outcomes.heaviest_mean[rows]
+def _values(outcomes: Outcomes) -> Float64Array:
+    """Return [m, scores] of outcomes, NaN where not defined."""
+    known = outcomes.known
+    apart = outcomes.truth - outcomes.heaviest_mean
     distance = np.hypot(apart[:, 0], apart[:, 1])
-    squared, _ = mahalanobis(apart, outcomes.heaviest_covariance[rows])
-    likelihood = np.full(len(rows), np.nan)
-    if known.any():
-        weight, mean, covariance = outcomes.mixture(rows[known])
-        truth = outcomes.truth[rows[known]][:, None]
-        likelihood[known] = nll(mean[:, :, None], weight, covariance[:, :, None], truth)[:, 0]
+    squared, _ = mahalanobis(apart, outcomes.heaviest_covariance)
+    weight, mean, covariance = outcomes.mixture()
+    likelihood = nll(mean[:, :, None], weight, covariance[:, :, None], outcomes.truth[:, None])
     columns = {
-        "ade": outcomes.ade[rows],
+        "ade": outcomes.ade,
         "fde": distance,
         "miss_rate": np.where(known, distance > MISS_THRESHOLD_M, np.nan),
-        "nll": likelihood,
+        "nll": likelihood[:, 0],
         "coverage_50": np.where(known, squared <= radius_squared(0.5), np.nan),
         "coverage_90": np.where(known, squared <= radius_squared(0.9), np.nan),
-        "cv_ade": outcomes.cv_ade[rows],
+        "cv_ade": outcomes.cv_ade,
     }
     return np.stack([columns[name] for name in SCORES], axis=1)

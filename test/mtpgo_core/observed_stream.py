@@ -17,6 +17,8 @@ from mtpgo_core.task.task_description import HistoryConfig
 S_NS = 1_000_000_000
 STEPS = 25
 LIMITS = MemoryLimits()
+PREDICTED = ("heaviest_mean", "cv_mean")
+"""Taken from the memory at once, because later predictions replace them there."""
 
 
 class Stream:
@@ -44,6 +46,7 @@ class Stream:
         )
         report = self.history.update(states)
         outcomes = self.matcher.update(self.history, report)
+        vars(outcomes).update({k: getattr(outcomes, k) for k in PREDICTED})
         self.found.append(outcomes)
         return outcomes
 

@@ -175,7 +175,7 @@ def test_all_modes_of_a_row_are_given():
     stream = Stream()
     stream.drive([0.0], predict_at=[0.0])
     outcomes = stream.observe(0.2, {1: (2.0, 0.0)})
-    weight, mean, covariance = outcomes.mixture(np.array([0]))
+    weight, mean, covariance = outcomes.mixture()
     np.testing.assert_array_equal(weight, [[1.0, 0.0]])
     np.testing.assert_allclose(mean, [[[2.0, 0.0]] * 2], atol=1e-6)
     np.testing.assert_array_equal(covariance[0, 0], outcomes.heaviest_covariance[0])
