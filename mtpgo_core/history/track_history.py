@@ -61,6 +61,7 @@ class TrackHistory:
 
     Attributes:
         config: as given.
+        observed: numbers of the tracks that the last message observed.
         restarted: numbers of the tracks that ended with the last message because of an impossible
             move; their identities go on under other numbers.
     """
@@ -72,7 +73,8 @@ class TrackHistory:
         self._grid_ns = np.array(config.grid_ns, dtype=np.int64)
         self._guard = StreamGuard(self._keep_ns)
         self._store = TrackStore(config, max_tracks, self._keep_ns)
-        self.restarted: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self.observed: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self.restarted = self.observed
 
     def clear(self) -> None:
         """Forget all tracks, the clock and the frame."""
@@ -102,7 +104,7 @@ class TrackHistory:
         """Add one message; the table of this module lists the outcomes."""
         stamp_ns = int(states.stamp_ns)
         # Without objects the frame is irrelevant; some messages then name none.
-        self.restarted = np.empty(0, dtype=np.int64)
+        self.observed = self.restarted = np.empty(0, dtype=np.int64)
         status = self._guard.classify(stamp_ns, states.frame_id if len(states) else None)
         if status is MessageStatus.UNEXPECTED_FRAME:
             return UpdateReport(frame_changed=True, wrong_frame=len(states))
@@ -142,6 +144,7 @@ class TrackHistory:
             sample = complete_samples(self.config, store, slot, stamp_ns, states, row)
             store.rings.append(slot, stamp_ns, sample)
             store.update_attributes(slot, states, row)
+            self.observed = store.number[slot]
         return UpdateReport(
             accepted=slot.shape[0],
             new_tracks=int((new >= 0).sum()),

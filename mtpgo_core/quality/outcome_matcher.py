@@ -29,6 +29,7 @@ stops, and the last one is as good as the others then."""
 
 
 _LIMITS = MemoryLimits()
+_NEVER_NS = np.iinfo(np.int64).max
 
 
 class OutcomeMatcher:
@@ -55,6 +56,8 @@ class OutcomeMatcher:
         self.unknown: Counter[str] = Counter()
         self._waiting: deque[tuple[KeyArray, KeptPrediction]] = deque(maxlen=_WAITING)
         self._restarted: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self._awaited: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self._expires_ns = _NEVER_NS
 
     def add(
         self, prediction: Prediction, window: HistoryWindow, max_modes: int | None = None
@@ -112,13 +115,31 @@ class OutcomeMatcher:
             self._restarted = np.intersect1d(open_numbers, self.memory.number)
         now_ns = history.newest_stamp_ns or 0
         self._take_waiting(history, now_ns)
-        parts = []
-        while self.memory.next_ns <= now_ns + TOLERANCE_NS:
-            part = self._resolve(history, now_ns)
+        parts = self._resolve_all(history, now_ns) if self._any_ready(history, now_ns) else []
+        return _outcomes(self.memory, now_ns, parts, self.unknown - before)
+
+    def _any_ready(self, history: TrackHistory, now_ns: int) -> bool:
+        """Return whether any step may be resolved now.
+
+        Some are due but wait for an observation of their track that may still come.
+        """
+        due = self.memory.next_ns <= now_ns + TOLERANCE_NS or now_ns > self._expires_ns
+        return due or bool(np.isin(self._awaited, history.observed).any())
+
+    def _resolve_all(self, history: TrackHistory, now_ns: int) -> list[_Resolved]:
+        """Resolve all steps whose truth is known or will never be."""
+        parts: list[_Resolved] = []
+        while True:
+            cycle, agent, target_ns = self.memory.due(now_ns)
+            part = self._resolve(history, now_ns, cycle, agent, target_ns)
             if part is None:
                 break
             parts.append(part)
-        return _outcomes(self.memory, now_ns, parts, self.unknown - before)
+        self.memory.find_next(now_ns)
+        self._awaited = np.unique(self.memory.number[cycle, agent])
+        self._expires_ns = int(target_ns.min(initial=_NEVER_NS - self._max_gap_ns))
+        self._expires_ns += self._max_gap_ns + TOLERANCE_NS
+        return parts
 
     def _take_waiting(self, history: TrackHistory, now_ns: int) -> None:
         """Move the predictions that were published since the last observation to the memory."""
@@ -130,10 +151,18 @@ class OutcomeMatcher:
             kept = self.memory.add(dataclasses.replace(new, number=number))
             self.unknown["no_track"] += int(kept) * int((number < 0).sum()) * len(new.time_s)
 
-    def _resolve(self, history: TrackHistory, now_ns: int) -> _Resolved | None:
-        """Resolve the next step of every agent whose truth is known or will never be."""
+    def _resolve(
+        self,
+        history: TrackHistory,
+        now_ns: int,
+        cycle: IndexArray,
+        agent: IndexArray,
+        target_ns: NDArray[np.int64],
+    ) -> _Resolved | None:
+        """Resolve the steps among those that are due whose truth is known or will never be."""
+        if not len(cycle):
+            return None
         memory = self.memory
-        cycle, agent, target_ns = memory.due(now_ns)
         number = memory.number[cycle, agent]
         times_ns, time = np.unique(target_ns, return_inverse=True)
         seen = history.observed_positions(times_ns)
@@ -144,8 +173,10 @@ class OutcomeMatcher:
         if len(seen.number):
             known, last_ns = alive & seen.known[row, time], seen.last_ns[row]
             truth[known] = seen.position[row[known], time[known]]
-        ready = ~alive | (last_ns >= target_ns - TOLERANCE_NS)
-        ready |= now_ns > target_ns + self._max_gap_ns + TOLERANCE_NS
+        # After a gap that is too long, no later observation tells where a track was in it.
+        lost = now_ns > last_ns + self._max_gap_ns + TOLERANCE_NS
+        lost &= now_ns > target_ns + TOLERANCE_NS
+        ready = ~alive | lost | (last_ns >= target_ns - TOLERANCE_NS)
         if not ready.any():
             return None
         restarted = np.isin(number, self._restarted)

@@ -14,8 +14,8 @@ from mtpgo_core.options import check_options, option
 from mtpgo_core.schema import BoolArray, Float32Array, Float64Array, IndexArray
 
 _NEVER_NS = np.iinfo(np.int64).max
-_FIRST_AGENTS = 16
-"""Room for agents at first; it doubles on demand."""
+_MORE_AGENTS = 16
+"""Room for agents at first, and how much is added on demand; chosen."""
 
 _BY_AGENT = (
     "step",
@@ -92,7 +92,7 @@ class PredictionMemory:
         max_gap_s: how long the truth of a step may come after it (s).
 
     Attributes:
-        next_ns: time of the next step that is not resolved (ns).
+        next_ns: time of the next step that was not due so far (ns).
         left_out: predictions of agents that found no room.
 
     The arrays have the axes C cycles, A agents, H steps, M modes; ``step`` [C, A] is the next step
@@ -105,7 +105,7 @@ class PredictionMemory:
         self._allocate(1, 1)
 
     def _allocate(self, modes: int, steps: int) -> None:
-        cycles, agents = self._limits.cycles, min(_FIRST_AGENTS, self._limits.agents)
+        cycles, agents = self._limits.cycles, min(_MORE_AGENTS, self._limits.agents)
         self._count = 0
         self._last_ns: int | None = None
         self.next_ns = _NEVER_NS
@@ -160,7 +160,7 @@ class PredictionMemory:
         if n == 0:
             return True
         if n > self.number.shape[1]:
-            self._grow(min(max(n, 2 * self.number.shape[1]), self._limits.agents))
+            self._grow(min(-(-n // _MORE_AGENTS) * _MORE_AGENTS, self._limits.agents))
         c = self._count % self._limits.cycles
         self._count += 1
         self.stamp_ns[c] = new.stamp_ns
@@ -205,6 +205,12 @@ class PredictionMemory:
         self.step[:, -more.shape[1] :] = self.time_s.shape[1]
         self.number[:, -more.shape[1] :] = -1
 
+    def find_next(self, now_ns: int) -> None:
+        """Set ``next_ns`` to the time of the next step after a time."""
+        target = np.take_along_axis(self._target_ns, self.step, axis=1)
+        later = target[target > now_ns + TOLERANCE_NS]
+        self.next_ns = int(later.min(initial=_NEVER_NS))
+
     def due(self, now_ns: int) -> tuple[IndexArray, IndexArray, NDArray[np.int64]]:
         """Return cycle, agent and time (ns) of the next steps that lie at or before a time."""
         target = np.take_along_axis(self._target_ns, self.step, axis=1)
@@ -231,6 +237,5 @@ class PredictionMemory:
         self._error_sum[cycle, agent] += error
         self._known_steps[cycle, agent] += known
         self.step[cycle, agent] += 1
-        self.next_ns = int(np.take_along_axis(self._target_ns, self.step, axis=1).min())
         count = self._known_steps[cycle, agent][:, None]
         return np.where(count, self._error_sum[cycle, agent] / np.maximum(count, 1), np.nan)
