@@ -19,7 +19,14 @@ from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import select, strongest_modes
 from mtpgo_core.quality.outcomes import Outcomes
 from mtpgo_core.quality.prediction_memory import KeptPrediction, MemoryLimits, PredictionMemory
-from mtpgo_core.schema import Float64Array, HistoryWindow, IndexArray, KeyArray, Prediction
+from mtpgo_core.schema import (
+    BoolArray,
+    Float64Array,
+    HistoryWindow,
+    IndexArray,
+    KeyArray,
+    Prediction,
+)
 from mtpgo_core.task.calibration import calibration_groups
 from mtpgo_core.task.task_description import HistoryConfig
 
@@ -128,16 +135,21 @@ class OutcomeMatcher:
 
     def _resolve_all(self, history: TrackHistory, now_ns: int) -> list[_Resolved]:
         """Resolve all steps whose truth is known or will never be."""
-        parts: list[_Resolved] = []
-        while True:
-            cycle, agent, target_ns = self.memory.due(now_ns)
-            part = self._resolve(history, now_ns, cycle, agent, target_ns)
-            if part is None:
-                break
-            parts.append(part)
-        self.memory.find_next(now_ns)
-        self._awaited = np.unique(self.memory.number[cycle, agent])
-        self._expires_ns = int(target_ns.min(initial=_NEVER_NS - self._max_gap_ns))
+        memory, parts = self.memory, list[_Resolved]()
+        awaited, expires_ns = [], _NEVER_NS
+        cycle, agent, target_ns = memory.due(now_ns)
+        while len(cycle):
+            truth, ready = self._truth(history, now_ns, memory.number[cycle, agent], target_ns)
+            awaited.append(memory.number[cycle[~ready], agent[~ready]])
+            expires_ns = min(expires_ns, int(target_ns[~ready].min(initial=_NEVER_NS)))
+            cycle, agent, truth = cycle[ready], agent[ready], truth[ready]
+            step = memory.step[cycle, agent]
+            error = memory.resolve(cycle, agent, truth)
+            parts.append(_Resolved(cycle, agent, step, truth, error))
+            cycle, agent, target_ns = memory.due(now_ns, (cycle, agent))
+        memory.find_next(now_ns)
+        self._awaited = np.unique(np.concatenate([_NO_ROWS, *awaited]))
+        self._expires_ns = min(expires_ns, _NEVER_NS - self._max_gap_ns - TOLERANCE_NS)
         self._expires_ns += self._max_gap_ns + TOLERANCE_NS
         return parts
 
@@ -151,44 +163,44 @@ class OutcomeMatcher:
             kept = self.memory.add(dataclasses.replace(new, number=number))
             self.unknown["no_track"] += int(kept) * int((number < 0).sum()) * len(new.time_s)
 
-    def _resolve(
+    def _truth(
         self,
         history: TrackHistory,
         now_ns: int,
-        cycle: IndexArray,
-        agent: IndexArray,
+        number: NDArray[np.int64],
         target_ns: NDArray[np.int64],
-    ) -> _Resolved | None:
-        """Resolve the steps among those that are due whose truth is known or will never be."""
-        if not len(cycle):
-            return None
-        memory = self.memory
-        number = memory.number[cycle, agent]
+    ) -> tuple[Float64Array, BoolArray]:
+        """Return the truth of steps that are due, and whether it is final.
+
+        Args:
+            history: after the newest observation.
+            now_ns: time of that (ns).
+            number: [m] tracks.
+            target_ns: [m] times (ns).
+
+        Returns:
+            [m, 2] positions (m), NaN where there is none, and [m] where no later observation can
+            change that; those that are final and have none are counted.
+        """
         times_ns, time = np.unique(target_ns, return_inverse=True)
         seen = history.observed_positions(times_ns)
-        row = np.minimum(np.searchsorted(seen.number, number), max(len(seen.number) - 1, 0))
+        truth = np.full((len(number), 2), np.nan)
         alive = np.isin(number, seen.number)
-        known, last_ns = np.zeros(len(row), dtype=np.bool_), np.zeros(len(row), dtype=np.int64)
-        truth = np.full((len(row), 2), np.nan)
-        if len(seen.number):
-            known, last_ns = alive & seen.known[row, time], seen.last_ns[row]
-            truth[known] = seen.position[row[known], time[known]]
-        # After a gap that is too long, no later observation tells where a track was in it.
-        lost = now_ns > last_ns + self._max_gap_ns + TOLERANCE_NS
-        lost &= now_ns > target_ns + TOLERANCE_NS
-        ready = ~alive | lost | (last_ns >= target_ns - TOLERANCE_NS)
-        if not ready.any():
-            return None
+        known, ready = np.zeros_like(alive), ~alive
+        if alive.any():
+            row = np.searchsorted(seen.number, number[alive])
+            last_ns, target = seen.last_ns[row], target_ns[alive]
+            known[alive] = seen.known[row, time[alive]]
+            truth[alive] = seen.position[row, time[alive]]
+            truth[~known] = np.nan
+            # After a gap that is too long, no later observation tells where a track was in it.
+            lost = now_ns > np.maximum(last_ns + self._max_gap_ns, target) + TOLERANCE_NS
+            ready[alive] = lost | (last_ns >= target - TOLERANCE_NS)
         restarted = np.isin(number, self._restarted)
-        for cause, rows in (
-            ("gap", alive & ~known),
-            ("restarted", restarted),
-            ("left", ~alive & ~restarted),
-        ):
+        causes = {"gap": alive & ~known, "restarted": restarted, "left": ~alive & ~restarted}
+        for cause, rows in causes.items():
             self.unknown[cause] += int((rows & ready).sum())
-        cycle, agent, truth = cycle[ready], agent[ready], truth[ready]
-        step = memory.step[cycle, agent]
-        return _Resolved(cycle, agent, step, truth, memory.resolve(cycle, agent, truth))
+        return truth, ready
 
 
 class _Resolved(NamedTuple):

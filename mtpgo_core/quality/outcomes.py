@@ -88,15 +88,15 @@ class Outcomes:
     def _heaviest(self) -> tuple[IndexArray, IndexArray, IndexArray, IndexArray]:
         """Where the heaviest mode is in the memory."""
         c, a = self._cycle, self._agent
-        return c, a, self.step, self._memory.heaviest[c, a]
+        return c, a, self._memory.heaviest[c, a], self.step
 
     def mixture(self) -> tuple[Float64Array, Float64Array, Float64Array]:
         """Return weights [m, M], means [m, M, 2] (m) and covariances [m, M, 2, 2] (m^2)."""
         memory, c, a = self._memory, self._cycle, self._agent
         return (
             memory.weight[c, a].astype(np.float64),
-            memory.mean[c, a, self.step].astype(np.float64),
-            symmetric(memory.covariance[c, a, self.step]),
+            memory.mean[c, a, :, self.step].astype(np.float64),
+            symmetric(memory.covariance[c, a, :, self.step]),
         )
 
     def select(self, rows: IndexArray | BoolArray) -> Outcomes:

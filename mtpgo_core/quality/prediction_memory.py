@@ -118,9 +118,9 @@ class PredictionMemory:
         self.source = np.zeros((cycles, agents), dtype=np.uint8)
         self.heaviest = np.zeros((cycles, agents), dtype=np.intp)
         self.weight: Float32Array = np.zeros((cycles, agents, modes), dtype=np.float32)
-        self.mean: Float32Array = np.zeros((cycles, agents, steps, modes, 2), dtype=np.float32)
+        self.mean: Float32Array = np.zeros((cycles, agents, modes, steps, 2), dtype=np.float32)
         self.covariance: Float32Array = np.zeros(
-            (cycles, agents, steps, modes, 3), dtype=np.float32
+            (cycles, agents, modes, steps, 3), dtype=np.float32
         )
         self.cv_mean = np.zeros((cycles, agents, steps, 2))
         self.cv_covariance: Float32Array = np.zeros((cycles, agents, steps, 3), dtype=np.float32)
@@ -147,7 +147,7 @@ class PredictionMemory:
     def add(self, new: KeptPrediction) -> bool:
         """Keep a prediction; return false if it is left out, too soon after the last one."""
         modes, steps = new.mean.shape[1:3]
-        if (modes, steps) != self.mean.shape[3:1:-1] and len(new.number):
+        if (modes, steps) != self.mean.shape[2:4] and len(new.number):
             self._allocate(modes, steps)
         if len(new.time_s) == 0:
             return True
@@ -155,8 +155,9 @@ class PredictionMemory:
         if self._last_ns is not None and new.stamp_ns - self._last_ns < spacing_ns:
             return False
         self._last_ns = new.stamp_ns
-        rows = self._choose(new)
-        n = len(rows)
+        chosen = self._choose(new)
+        n = len(chosen)
+        rows = slice(None) if n == len(new.number) else chosen  # a slice is not copied
         if n == 0:
             return True
         if n > self.number.shape[1]:
@@ -174,11 +175,11 @@ class PredictionMemory:
         self.group[c, :n], self.source[c, :n] = new.group[rows], new.source[rows]
         self.weight[c, :n] = new.weight[rows]
         self.heaviest[c, :n] = new.weight[rows].argmax(axis=1)
-        self.mean[c, :n] = new.mean[rows].transpose(0, 2, 1, 3)
-        triangle = (0, 0, 1), (0, 1, 1)
-        self.covariance[c, :n] = new.covariance[rows].transpose(0, 2, 1, 3, 4)[..., *triangle]
+        self.mean[c, :n] = new.mean[rows]
         self.cv_mean[c, :n] = new.cv_mean[rows]
-        self.cv_covariance[c, :n] = new.cv_covariance[rows][..., *triangle]
+        for i, element in enumerate(((0, 0), (0, 1), (1, 1))):
+            self.covariance[c, :n, ..., i] = new.covariance[rows][..., *element]
+            self.cv_covariance[c, :n, ..., i] = new.cv_covariance[rows][..., *element]
         self._known_steps[c] = 0
         self._error_sum[c] = 0.0
         self.next_ns = min(self.next_ns, int(self._target_ns[c, 0]))
@@ -211,11 +212,23 @@ class PredictionMemory:
         later = target[target > now_ns + TOLERANCE_NS]
         self.next_ns = int(later.min(initial=_NEVER_NS))
 
-    def due(self, now_ns: int) -> tuple[IndexArray, IndexArray, NDArray[np.int64]]:
-        """Return cycle, agent and time (ns) of the next steps that lie at or before a time."""
-        target = np.take_along_axis(self._target_ns, self.step, axis=1)
-        cycle, agent = np.nonzero(target <= now_ns + TOLERANCE_NS)
-        return cycle, agent, target[cycle, agent]
+    def due(
+        self, now_ns: int, rows: tuple[IndexArray, IndexArray] | None = None
+    ) -> tuple[IndexArray, IndexArray, NDArray[np.int64]]:
+        """Return cycle, agent and time (ns) of the next steps that lie at or before a time.
+
+        Args:
+            now_ns: the time (ns).
+            rows: cycle and agent of those looked at, all by default.
+        """
+        if rows is None:
+            target = np.take_along_axis(self._target_ns, self.step, axis=1)
+            cycle, agent = np.nonzero(target <= now_ns + TOLERANCE_NS)
+            return cycle, agent, target[cycle, agent]
+        cycle, agent = rows
+        target = self._target_ns[cycle, self.step[cycle, agent]]
+        due = target <= now_ns + TOLERANCE_NS
+        return cycle[due], agent[due], target[due]
 
     def resolve(self, cycle: IndexArray, agent: IndexArray, truth: Float64Array) -> Float64Array:
         """Resolve the next step of m rows.
@@ -229,10 +242,10 @@ class PredictionMemory:
             [m, 2] distances from the truth, averaged over the known steps so far, of the heaviest
             mode and of constant velocity (m); NaN where no step is known.
         """
-        place = (cycle, agent, self.step[cycle, agent])
         known: BoolArray = np.isfinite(truth[:, 0])
-        mean = self.mean[(*place, self.heaviest[cycle, agent])].astype(np.float64)
-        apart = np.stack([mean, self.cv_mean[place]], axis=1) - truth[:, None]
+        step, heaviest = self.step[cycle, agent], self.heaviest[cycle, agent]
+        mean = self.mean[cycle, agent, heaviest, step].astype(np.float64)
+        apart = np.stack([mean, self.cv_mean[cycle, agent, step]], axis=1) - truth[:, None]
         error = np.where(known[:, None], np.hypot(apart[..., 0], apart[..., 1]), 0.0)
         self._error_sum[cycle, agent] += error
         self._known_steps[cycle, agent] += known
