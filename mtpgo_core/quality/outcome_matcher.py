@@ -131,7 +131,7 @@ class OutcomeMatcher:
         Some are due but wait for an observation of their track that may still come.
         """
         due = self.memory.next_ns <= now_ns + TOLERANCE_NS or now_ns > self._expires_ns
-        return due or bool(np.isin(self._awaited, history.observed).any())
+        return due or bool(len(self._awaited) and np.isin(self._awaited, history.observed).any())
 
     def _resolve_all(self, history: TrackHistory, now_ns: int) -> list[_Resolved]:
         """Resolve all steps whose truth is known or will never be."""
@@ -225,7 +225,7 @@ def _outcomes(
         c, a, step, truth, error = parts[0]
     else:
         c, a, step, truth, error = (
-            np.concatenate(columns) for columns in zip(_NOTHING, *parts, strict=True)
+            map(np.concatenate, zip(_NOTHING, *parts, strict=True)) if parts else _NOTHING
         )
     return Outcomes(
         now_ns=now_ns,
