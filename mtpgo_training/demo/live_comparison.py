@@ -69,13 +69,13 @@ def live_comparison_table(rows: Sequence[Json]) -> Table:
             f"{row['group'].replace('_', ' ')}, {row['time_s']} s",
             [
                 str(row["live"]["agents"]),
-                *(f"{_text(row['live'][name])} {_text(row['offline'][name])}" for name in _SHOWN),
+                *(_text(row[side][name]) for name in _SHOWN for side in ("live", "offline")),
             ],
         )
         for row in rows
     ]
-    heads = [f"{title}, live bag" for title in _SHOWN.values()]
-    return Table(["live scores of the node, and from its bag", "road users", *heads], lines)
+    heads = [head for title in _SHOWN.values() for head in (f"{title} live", "bag")]
+    return Table(["scores of the node and of its bag", "road users", *heads], lines)
 
 
 def _text(value: float | None) -> str:

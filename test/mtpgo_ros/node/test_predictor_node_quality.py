@@ -77,6 +77,7 @@ def played(models, tmp_path_factory):
     listen(MarkerArray, "predictor/quality_markers", texts.append, 20)
     listen(PointCloud2, "predictor/predictions", clouds.append, 20)
     bench.start().be_patient()
+    worker = bench.node._pipeline.worker
     random = np.random.default_rng(5)
     path = tmp_path_factory.mktemp("bag") / "online"
     with McapWriter(path) as bag:
@@ -86,11 +87,9 @@ def played(models, tmp_path_factory):
             jitter_s = random.uniform(-0.02, 0.02) if step else 0.0
             states = weaving_traffic(step / 10 + jitter_s)
             message = message_of(states)
-            before = bench.count("predictions")
             bench.send(message)
             bag.write_bytes("/objects", states.stamp_ns, serialize_message(message))
-            if bench.node._pipeline.worker._waiting or bench.node._pipeline.worker._running:
-                bench.until(lambda before=before: bench.count("predictions") > before)
+            bench.until(lambda: worker._waiting is None and worker._running is None)
         bench.until(lambda: len(clouds) == bench.count("predictions"))
         for cloud in clouds:
             stamp_ns = cloud.header.stamp.sec * 10**9 + cloud.header.stamp.nanosec
