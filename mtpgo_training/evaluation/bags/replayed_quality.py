@@ -23,6 +23,10 @@ from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.bag_poses import BagPoses
 from mtpgo_training.data.readers.bag_topics import objects_topic
 
+_STAMP_TOLERANCE_NS, _CONFIRMATIONS = 1_000_000_000, 3
+"""How far a stamp may be ahead of the clock (ns), and from which message in a row on such stamps are
+accepted; the node's defaults."""
+
 _ANY_NUMBER = QualityLimits(min_agents=1)
 
 
@@ -78,9 +82,13 @@ def _observations(bag: Path) -> Iterator[TrackedStates]:
     """Yield what the node accepted from the bag's topic of tracked objects, as it came."""
     with DecodingBagReader(bag) as reader:
         connection, adapter = objects_topic(reader)
-        poses = BagPoses(reader)
+        poses, ahead = BagPoses(reader), 0
         for _, received_ns, message in reader.messages([connection]):
             with contextlib.suppress(MessageError):  # the node leaves such a message out
                 states = poses.lift(adapter.to_states(message, fallback_stamp_ns=received_ns))
-                if states is not None and states.stamp_ns:
+                if states is None or not states.stamp_ns:
+                    continue
+                # The node drops single stamps ahead of its clock, which the recorder's stands for.
+                ahead = ahead + 1 if states.stamp_ns > received_ns + _STAMP_TOLERANCE_NS else 0
+                if not 0 < ahead < _CONFIRMATIONS:
                     yield states

@@ -2,10 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Live scores computed from a bag, compared with the metrics of the evaluation."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from recorded_bags import play
 
+from msg_adapters.bags.bag_reader import DecodingBagReader
+from msg_adapters.bags.mcap_writer import McapWriter
 from mtpgo_core.quality import metrics
 from mtpgo_core.quality.quality_report import SCORES, WINDOWS_S
 from mtpgo_core.task.calibration import GROUPS, calibration_groups
@@ -76,6 +80,29 @@ def test_the_rows_of_json_and_their_table(bag):
     text = to_text(live_table(rows))
     assert "vehicle moving, 5 s" in text
     assert live_table([]) is None
+
+
+def test_odd_messages_are_left_out_as_the_node_does(bag, tmp_path):
+    """A message from the future, one that cannot be read, and one without a stamp."""
+    predictions = read_predictions(bag)
+    odd = tmp_path / "odd"
+    with DecodingBagReader(bag) as reader, McapWriter(odd) as out:
+        for connection in reader.connections:
+            out.add_topic(connection.topic, connection.msgtype)
+        everything = reader.messages(reader.connections)
+        for i, (connection, received_ns, message) in enumerate(everything):
+            out.write(connection.topic, received_ns, message)
+            if connection.topic.endswith("objects") and i == 30:
+                stamp, data = message.header.stamp, message.data
+                for change in ({"sec": stamp.sec + 100}, {"sec": 0, "nanosec": 0}):
+                    message.header.stamp = dataclasses.replace(stamp, **change)
+                    out.write(connection.topic, received_ns, message)
+                message.data = data[:7]
+                out.write(connection.topic, received_ns, message)
+    expected = replayed_quality(bag, predictions, HistoryConfig())
+    found = replayed_quality(odd, predictions, HistoryConfig())
+    np.testing.assert_array_equal(found.predictions, expected.predictions)
+    np.testing.assert_allclose(found.scores, expected.scores)
 
 
 def test_a_bag_without_observations_has_no_live_scores(recording, runner, tmp_path):
