@@ -17,7 +17,7 @@ from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import select, strongest_modes
-from mtpgo_core.quality.outcomes import Outcomes
+from mtpgo_core.quality.outcomes import UNKNOWN, Outcomes
 from mtpgo_core.quality.prediction_memory import KeptPrediction, MemoryLimits, PredictionMemory
 from mtpgo_core.schema import (
     BoolArray,
@@ -60,7 +60,7 @@ class OutcomeMatcher:
         self._max_gap_ns = config.max_gap_ns
         self._limits = limits
         self.memory = PredictionMemory(limits, config.max_gap_s)
-        self.unknown: Counter[str] = Counter()
+        self.unknown = Counter(dict.fromkeys(UNKNOWN, 0))
         self._waiting: deque[tuple[KeyArray, KeptPrediction]] = deque(maxlen=_WAITING)
         self._restarted: NDArray[np.int64] = np.empty(0, dtype=np.int64)
         self._awaited: NDArray[np.int64] = np.empty(0, dtype=np.int64)

@@ -24,8 +24,8 @@ from mtpgo_training.data.readers.bag_poses import BagPoses
 from mtpgo_training.data.readers.bag_topics import objects_topic
 
 _STAMP_TOLERANCE_NS, _CONFIRMATIONS = 1_000_000_000, 3
-"""How far a stamp may be ahead of the clock (ns), and from which message in a row on such stamps are
-accepted; the node's defaults."""
+"""How far a stamp may be ahead of the clock (ns), and from which message in a row on such stamps
+are accepted; the node's defaults."""
 
 _ANY_NUMBER = QualityLimits(min_agents=1)
 
