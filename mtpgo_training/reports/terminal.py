@@ -50,7 +50,7 @@ def print_result(content: Json, result: BagResult) -> None:
             print(f"{to_text(table)}\n")
     if any("all" in found for found in content["by_manoeuvre"].values()):
         print(f"{to_text(manoeuvre_table(content))}\n\n{to_text(nees_table(content))}\n")
-    for bag, rows in content["live"].items():
+    for bag, rows in result.live.items():
         live = live_table(rows)
         if live is not None:
             print(f"{bag}:\n{to_text(live)}\n")
