@@ -4,34 +4,32 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from msg_adapters.bags.bag_reader import DecodingBagReader
-from mtpgo_core.errors import MessageError
+from msg_adapters.bags.bag_reader import DecodingBagReader, bag_name
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.quality.outcome_matcher import OutcomeMatcher
 from mtpgo_core.quality.quality_report import SCORES, QualityLimits, QualityReport
 from mtpgo_core.quality.rolling_scores import RollingScores
-from mtpgo_core.schema import Prediction, TrackedStates
+from mtpgo_core.schema import Prediction
 from mtpgo_core.task.calibration import GROUPS
 from mtpgo_core.task.task_description import HistoryConfig
-from mtpgo_training.data.readers.bag_poses import BagPoses
-from mtpgo_training.data.readers.bag_topics import objects_topic
-
-_STAMP_TOLERANCE_NS, _CONFIRMATIONS = 1_000_000_000, 3
-"""How far a stamp may be ahead of the clock (ns), and from which message in a row on such stamps
-are accepted; the node's defaults."""
+from mtpgo_training.data.readers.bags.bag_pieces import BagPiece, PieceReader
+from mtpgo_training.data.readers.bags.bag_topics import objects_topic
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 
 _ANY_NUMBER = QualityLimits(min_agents=1)
 
 
 def replayed_quality(
-    bag: Path, predictions: Sequence[Prediction], config: HistoryConfig
+    bag: Path,
+    predictions: Sequence[Prediction],
+    config: HistoryConfig,
+    options: ReadingOptions = AS_USUAL,
 ) -> QualityReport:
     """Return the scores as the node has them after the last observation of a bag.
 
@@ -42,6 +40,7 @@ def replayed_quality(
         bag: holds the observations.
         predictions: what was published, at most one of a stamp.
         config: of the node's history.
+        options: how the observations are read.
 
     Raises:
         RecordingError: the bag has no tracked objects, or is damaged.
@@ -49,15 +48,22 @@ def replayed_quality(
     history, matcher = TrackHistory(config), OutcomeMatcher(config)
     scores = RollingScores(config.dt_s)
     waiting = {prediction.stamp_ns: prediction for prediction in predictions}
-    for states in _observations(bag):
-        report = history.update(states)
-        scores.update(matcher.update(history, report))
-        prediction = waiting.pop(states.stamp_ns, None)
-        if prediction is not None and len(prediction):
-            # With delay compensation the horizon starts later than the observation.
-            delay_s = float(prediction.time_s[0]) - config.dt_s
-            start_ns = states.stamp_ns + 1000 * round(1e6 * delay_s)
-            matcher.add(prediction, history.window(start_ns))
+    for piece in _pieces(bag, options):
+        first = piece.states[0]
+        if len(history) and first.frame_id != history.frame_id:
+            history.clear()
+            matcher.clear("frame_changed")
+        elif first.stamp_ns < (history.newest_stamp_ns or 0):
+            history.clear()
+            matcher.clear("clock_reset")
+        for states in piece.states:
+            scores.update(matcher.update(history, history.update(states)))
+            prediction = waiting.pop(states.stamp_ns, None)
+            if prediction is not None and len(prediction):
+                # With delay compensation the horizon starts later than the observation.
+                delay_s = float(prediction.time_s[0]) - config.dt_s
+                start_ns = states.stamp_ns + 1000 * round(1e6 * delay_s)
+                matcher.add(prediction, history.window(start_ns))
     return scores.report(matcher.unknown)
 
 
@@ -78,17 +84,8 @@ def quality_rows(report: QualityReport) -> list[dict[str, Any]]:
     return rows
 
 
-def _observations(bag: Path) -> Iterator[TrackedStates]:
+def _pieces(bag: Path, options: ReadingOptions) -> Iterator[BagPiece]:
     """Yield what the node accepted from the bag's topic of tracked objects, as it came."""
     with DecodingBagReader(bag) as reader:
-        connection, adapter = objects_topic(reader)
-        poses, ahead = BagPoses(reader), 0
-        for _, received_ns, message in reader.messages([connection]):
-            with contextlib.suppress(MessageError):  # the node leaves such a message out
-                states = poses.lift(adapter.to_states(message, fallback_stamp_ns=received_ns))
-                if states is None or not states.stamp_ns:
-                    continue
-                # The node drops single stamps ahead of its clock, which the recorder's stands for.
-                ahead = ahead + 1 if states.stamp_ns > received_ns + _STAMP_TOLERANCE_NS else 0
-                if not 0 < ahead < _CONFIRMATIONS:
-                    yield states
+        topic = objects_topic(reader, options.bags.topic_of(bag_name(bag)))
+        yield from PieceReader(reader, topic, options).pieces()
