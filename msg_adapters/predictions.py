@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The canonical output: a PointCloud2 with one point per agent, mode and step, and its decoder.
 
-64 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
-layout is described in docs/messages.md and stays fixed.
+72 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
+layout is described in docs/messages.md. The first 64 bytes stay fixed; fields are only appended.
 """
 
 from __future__ import annotations
@@ -21,15 +21,37 @@ from mtpgo_core.errors import MessageError
 from mtpgo_core.prediction.output_assembly import strongest_modes
 from mtpgo_core.schema import Float64Array, Prediction
 
-POINT = np.dtype(
-    [
-        (name, "<f4")
-        for name in ("x", "y", "z", "t", "weight", "vx", "vy", "yaw", "cov_xx", "cov_xy", "cov_yy")
-    ]
-    + [(name, "<u4") for name in KEY_FIELDS]
-    + [(name, "<u1") for name in ("class", "mode", "step", "source")]
+_FLOATS = ("x", "y", "z", "t", "weight", "vx", "vy", "yaw", "cov_xx", "cov_xy", "cov_yy")
+_FIELDS = (
+    *((name, "<f4") for name in _FLOATS),
+    *((name, "<u4") for name in KEY_FIELDS),
+    *((name, "<u1") for name in ("class", "mode", "step", "source")),
 )
+_LATER_FIELDS = (("sigma_factor_50", "<f4"), ("calibration", "<u1"))
+"""Fields after those of the first 64 bytes; clouds recorded before they existed lack them."""
+
+_POINT_BYTES = 72
+"""Size of a point: a multiple of four, so that floats are aligned."""
+
+
+def _layout() -> np.dtype[Any]:
+    names, formats = zip(*_FIELDS, *_LATER_FIELDS, strict=True)
+    offsets = np.cumsum([0, *(np.dtype(kind).itemsize for kind in formats)])[:-1].tolist()
+    return np.dtype(
+        {
+            "names": list(names),
+            "formats": list(formats),
+            "offsets": offsets,
+            "itemsize": _POINT_BYTES,
+        }
+    )
+
+
+POINT = _layout()
 """One point. Lengths m, times s, angles rad; vectors along the axes of the header's frame."""
+
+REQUIRED_FIELDS = tuple(name for name, _ in _FIELDS)
+_LATER_NAMES = tuple(name for name, _ in _LATER_FIELDS)
 
 _MAX_COUNT = 256
 """Most modes, and most steps: each is counted in a byte."""
@@ -54,7 +76,7 @@ def prediction_to_pointcloud2(
         raise MessageError(
             f"prediction has {modes} modes and {steps} steps, expected at most {_MAX_COUNT} each"
         )
-    points = np.empty((n, modes, steps), dtype=POINT)
+    points = np.zeros((n, modes, steps), dtype=POINT)
     mean = prediction.mean[:, :modes]
     covariance = prediction.covariance[:, :modes]
     columns = {
@@ -73,6 +95,8 @@ def prediction_to_pointcloud2(
         "mode": np.arange(modes)[:, None],
         "step": np.arange(steps),
         "source": _per_agent(prediction.source),
+        "sigma_factor_50": prediction.sigma_factor_50.reshape(n, 1, steps),
+        "calibration": _per_agent(prediction.calibration),
     }
     columns |= {name: _per_agent(prediction.key[:, i]) for i, name in enumerate(KEY_FIELDS)}
     for name, values in columns.items():
@@ -100,7 +124,7 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         MessageError: the cloud does not have the layout of predictions.
     """
     records = cloud_to_records(message)
-    missing = [name for name in POINT.names or () if name not in (records.dtype.names or ())]
+    missing = [name for name in REQUIRED_FIELDS if name not in (records.dtype.names or ())]
     if missing:
         raise MessageError(
             f"point cloud lacks the field {', '.join(missing)}, so it holds no predictions"
@@ -131,7 +155,20 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         yaw=column("yaw")[..., 0],
         covariance=np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2),
         source=np.ascontiguousarray(first["source"]),
+        **_later_fields(grid, first),
     )
+
+
+def _later_fields(grid: NDArray[Any], first: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Return fields that older clouds lack; what those were served with is the default."""
+    names = grid.dtype.names or ()
+    if not set(_LATER_NAMES) <= set(names) or not grid.size:
+        return {}
+    factor = grid["sigma_factor_50"].max(axis=1).astype(np.float64)  # 0 where a point is missing
+    return {
+        "sigma_factor_50": np.where(factor > 0.0, factor, 1.0),
+        "calibration": np.ascontiguousarray(first["calibration"]),
+    }
 
 
 def _per_agent(values: NDArray[Any]) -> NDArray[Any]:

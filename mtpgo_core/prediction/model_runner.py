@@ -28,6 +28,7 @@ from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.scene.trails.trail_context import COLUMNS
 from mtpgo_core.schema import Float32Array, HistoryWindow, Prediction, SceneBatch
+from mtpgo_core.task.calibration import Calibration
 from mtpgo_core.task.model_file import find_model, load_task
 from mtpgo_core.task.task_description import TaskDescription
 
@@ -52,12 +53,14 @@ class ModelRunner:
     Attributes:
         task: as above.
         path: as above.
+        calibration: what is applied to the output, by default the task's; may be replaced.
     """
 
     def __init__(self, module: torch.jit.ScriptModule, task: TaskDescription, path: Path) -> None:
         self._module = module
         self.task = task
         self.path = path
+        self.calibration = task.calibration
 
     @classmethod
     def load(cls, path: str | Path, num_threads: int | None = 1) -> ModelRunner:
@@ -85,6 +88,12 @@ class ModelRunner:
             ) from error
         runner = cls(module, task, path)
         runner.warm_up()
+        return runner
+
+    def uncalibrated(self) -> ModelRunner:
+        """Return the same model without its calibration."""
+        runner = ModelRunner(self._module, self.task, self.path)
+        runner.calibration = Calibration()
         return runner
 
     def warm_up(self, agents: int = 8) -> None:
@@ -148,9 +157,9 @@ class ModelRunner:
 
         Returns:
             One row for each agent of the window, in the fixed frame, modes sorted by descending
-            weight, calibrated as the task says; no moving vehicle reverses. Rows of agents that
-            are primary in no graph, or whose output is not usable, are NaN; the caller provides a
-            fallback.
+            weight, calibrated as ``calibration`` says; no moving vehicle reverses. Rows of agents
+            that are primary in no graph, or whose output is not usable, are NaN; the caller
+            provides a fallback.
         """
         covariance = self._tracked(window, batch) if initial_covariance else None
         pieces = [
@@ -166,7 +175,7 @@ class ModelRunner:
         joined = [np.concatenate(parts) for parts in zip(empty, *pieces, strict=True)]
         dt_s = self.task.history.dt_s
         prediction = assemble(window, batch, ModelOutput(*joined), dt_s, smoother)
-        calibrated = calibrate(prediction, self.task.calibration, window.velocity[:, -1])
+        calibrated = calibrate(prediction, self.calibration, window.velocity[:, -1])
         return without_reversing(calibrated)
 
     def _piece(

@@ -114,7 +114,17 @@ def assemble(
 
 def merge(first: Prediction, other: Prediction, take_other: BoolArray) -> Prediction:
     """Return ``first`` with the rows where ``take_other`` [n] is true taken from ``other``."""
-    fields = ("initial", "initial_yaw", "weight", "mean", "yaw", "covariance", "source")
+    fields = (
+        "initial",
+        "initial_yaw",
+        "weight",
+        "mean",
+        "yaw",
+        "covariance",
+        "source",
+        "sigma_factor_50",
+        "calibration",
+    )
     merged = {}
     for name in fields:
         value = getattr(first, name).copy()

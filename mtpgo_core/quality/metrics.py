@@ -124,9 +124,33 @@ def coverage(
     return share_inside(nees(mean, weight, covariance, truth), mask, level)
 
 
-def share_inside(squared: Array, mask: Mask, level: float) -> Array:
+def share_inside(
+    squared: Array, mask: Mask, level: float, sigma_factor_50: Array | float = 1.0
+) -> Array:
     """[...] share of the observed steps with a NEES ``squared`` [..., H] inside of ``level``."""
-    return over_steps((squared <= radius_squared(level)).astype(float), mask)
+    return over_steps(is_inside(squared, level, sigma_factor_50).astype(float), mask)
+
+
+def is_inside(squared: Array, level: float, sigma_factor_50: Array | float = 1.0) -> Mask:
+    """[..., H] whether a NEES ``squared`` [..., H] is inside the ellipse of ``level``.
+
+    Args:
+        squared: see :func:`nees`.
+        level: share of the truths that the ellipse shall hold.
+        sigma_factor_50: [..., H] or one for all, see :class:`~mtpgo_core.schema.Prediction`.
+    """
+    return np.asarray(squared <= radius_squared(level) * sigma_factor(level, sigma_factor_50) ** 2)
+
+
+def sigma_factor(level: float, sigma_factor_50: Array | float) -> Array:
+    """[...] factor on the standard deviations for the ellipse of a level.
+
+    Its logarithm is linear in the Mahalanobis radius through the factor at 50 % and 1 at 90 %;
+    below 50 % it is that of 50 %, and above 90 % it goes on by half of the distance at most.
+    """
+    radius, inner, outer = (float(np.sqrt(radius_squared(p))) for p in (level, 0.5, 0.9))
+    share = min(1.0, max(-0.5, (outer - radius) / (outer - inner)))
+    return np.asarray(np.asarray(sigma_factor_50, dtype=np.float64) ** share)
 
 
 def radius_squared(level: float) -> float:

@@ -96,6 +96,7 @@ class OutcomeMatcher:
             weight=weight,
             mean=prediction.mean[:, :modes, :, :2],
             covariance=prediction.covariance[:, :modes],
+            sigma_factor_50=prediction.sigma_factor_50,
             cv_mean=cv.mean[:, 0, :, :2],
             cv_covariance=cv.covariance[:, 0],
         )

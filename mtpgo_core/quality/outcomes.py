@@ -75,6 +75,12 @@ class Outcomes:
         return symmetric(self._memory.covariance[self._heaviest])
 
     @cached_property
+    def sigma_factor_50(self) -> Float64Array:
+        """[m] of the 50 % ellipse, see :class:`~mtpgo_core.schema.Prediction`."""
+        factors = self._memory.sigma_factor_50[self._cycle, self._agent, self.step]
+        return factors.astype(np.float64)
+
+    @cached_property
     def cv_mean(self) -> Float64Array:
         """[m, 2] position at constant velocity from the same state (m)."""
         return self._memory.cv_mean[self._cycle, self._agent, self.step]

@@ -28,6 +28,7 @@ _BY_AGENT = (
     "covariance",
     "cv_mean",
     "cv_covariance",
+    "sigma_factor_50",
     "_known_steps",
     "_error_sum",
 )
@@ -65,6 +66,7 @@ class KeptPrediction:
         group: [n] calibrated groups.
         source: [n] :class:`~mtpgo_core.schema.Source` values.
         weight: [n, M]. mean: [n, M, H, 2] (m). covariance: [n, M, H, 2, 2] (m^2).
+        sigma_factor_50: [n, H] of the 50 % ellipses.
         cv_mean: [n, H, 2] constant velocity (m).
         cv_covariance: [n, H, 2, 2] its covariance (m^2).
     """
@@ -77,6 +79,7 @@ class KeptPrediction:
     weight: Float64Array
     mean: Float64Array
     covariance: Float64Array
+    sigma_factor_50: Float64Array
     cv_mean: Float64Array
     cv_covariance: Float64Array
 
@@ -122,6 +125,7 @@ class PredictionMemory:
         self.covariance: Float32Array = np.zeros(
             (cycles, agents, modes, steps, 3), dtype=np.float32
         )
+        self.sigma_factor_50: Float32Array = np.ones((cycles, agents, steps), dtype=np.float32)
         self.cv_mean = np.zeros((cycles, agents, steps, 2))
         self.cv_covariance: Float32Array = np.zeros((cycles, agents, steps, 3), dtype=np.float32)
         self._known_steps = np.zeros((cycles, agents), dtype=np.intp)
@@ -176,6 +180,7 @@ class PredictionMemory:
         self.weight[c, :n] = new.weight[rows]
         self.heaviest[c, :n] = new.weight[rows].argmax(axis=1)
         self.mean[c, :n] = new.mean[rows]
+        self.sigma_factor_50[c, :n] = new.sigma_factor_50[rows]
         self.cv_mean[c, :n] = new.cv_mean[rows]
         for i, element in enumerate(((0, 0), (0, 1), (1, 1))):
             self.covariance[c, :n, ..., i] = new.covariance[rows][..., *element]

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.quality.metrics import MISS_THRESHOLD_M, TIMES_S, mahalanobis, nll, radius_squared
+from mtpgo_core.quality.metrics import MISS_THRESHOLD_M, TIMES_S, is_inside, mahalanobis, nll
 from mtpgo_core.quality.outcomes import Outcomes
 from mtpgo_core.quality.quality_report import SCORES, WINDOWS_S, QualityReport
 from mtpgo_core.schema import Float64Array, IndexArray, Source
@@ -148,6 +148,7 @@ def _values(outcomes: Outcomes) -> Float64Array:
     apart = outcomes.truth - outcomes.heaviest_mean
     distance = np.hypot(apart[:, 0], apart[:, 1])
     squared, _ = mahalanobis(apart, outcomes.heaviest_covariance)
+    factor = outcomes.sigma_factor_50
     weight, mean, covariance = outcomes.mixture()
     likelihood = nll(mean[:, :, None], weight, covariance[:, :, None], outcomes.truth[:, None])
     columns = {
@@ -155,8 +156,8 @@ def _values(outcomes: Outcomes) -> Float64Array:
         "fde": distance,
         "miss_rate": np.where(known, distance > MISS_THRESHOLD_M, np.nan),
         "nll": likelihood[:, 0],
-        "coverage_50": np.where(known, squared <= radius_squared(0.5), np.nan),
-        "coverage_90": np.where(known, squared <= radius_squared(0.9), np.nan),
+        "coverage_50": np.where(known, is_inside(squared, 0.5, factor), np.nan),
+        "coverage_90": np.where(known, is_inside(squared, 0.9, factor), np.nan),
         "cv_ade": outcomes.cv_ade,
     }
     return np.stack([columns[name] for name in SCORES], axis=1)

@@ -12,7 +12,7 @@ import numpy as np
 from rosbags.interfaces import Connection
 
 from msg_adapters.bags.bag_reader import DecodingBagReader
-from msg_adapters.predictions import POINT, prediction_from_pointcloud2
+from msg_adapters.predictions import REQUIRED_FIELDS, prediction_from_pointcloud2
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_core.prediction.output_assembly import select
 from mtpgo_core.schema import BoolArray, Prediction
@@ -77,7 +77,7 @@ def _prediction_topic(reader: DecodingBagReader, topic: str | None) -> list[Conn
 
 def _holds_predictions(reader: DecodingBagReader, connection: Connection) -> bool:
     for _, _, message in reader.messages([connection]):
-        return set(POINT.names or ()) <= {field.name for field in message.fields}
+        return set(REQUIRED_FIELDS) <= {field.name for field in message.fields}
     return False
 
 
