@@ -86,7 +86,7 @@ ROOMS = {
         "baselines",
         "inference",
     ),
-    "mtpgo_core": ("", "task", "history", "scene", "prediction", "quality"),
+    "mtpgo_core": ("", "task", "history", "scene", "prediction", "quality", "live_calibration"),
     "msg_adapters": (
         "types",
         "conversions",
