@@ -10,6 +10,14 @@ import sys
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.live_calibration.live_options import (
+    BEST,
+    CALIBRATIONS,
+    ONLINE,
+    PREFERENCES,
+    SHIPPED,
+)
+from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.atomic_files import require_writable, write_text
@@ -86,6 +94,18 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="N",
         help="seed of the simulated tracker, of which each recording gets another (0)",
     )
+    add(
+        "--calibration",
+        choices=CALIBRATIONS,
+        help="what is applied to the models' output: nothing (off), the calibration in their "
+        "files, or that one corrected while the recording goes on, as the node does (shipped)",
+    )
+    add(
+        "--prefer",
+        choices=PREFERENCES,
+        help="best: constant velocity predicts groups of road users in which it has been better, "
+        "as the node does (model)",
+    )
     add("--no-centre", action="store_true", help="score only all agents")
     add(
         "--seeds",
@@ -132,6 +152,8 @@ def run(args: argparse.Namespace) -> int:
         args.min_future,
         args.one_sample,
         (args.tracker_seed or 0) if args.tracker == SIMULATED else None,
+        args.calibration or SHIPPED,
+        args.prefer or PREFER_MODEL,
     )
     if args.predictions:
         result = _from_bags(args, runners, topic)
@@ -168,6 +190,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         if settings.tracker_seed is not None:
             print(f"observed by a simulated tracker, seed {settings.tracker_seed}\n")
+        if settings.live.watches or settings.calibration != SHIPPED:
+            print(f"calibration {settings.calibration}, prefer {settings.prefer}\n")
         print_result(content, result)
     if args.report is not None:
         page = write_report(args.report, content, result.evaluation.scenes)
@@ -199,6 +223,16 @@ def _check(args: argparse.Namespace) -> None:
         )
     if args.predictions and args.one_sample:
         raise ConfigurationError("--one-sample is given with --predictions, which have a past")
+    for option in ("calibration", "prefer"):
+        if args.predictions and getattr(args, option) is not None:
+            raise ConfigurationError(
+                f"--{option} is given with --predictions, which were calibrated by the node"
+            )
+    if args.one_sample and (args.calibration == ONLINE or args.prefer == BEST):
+        raise ConfigurationError(
+            "--one-sample is given with --calibration online or --prefer best, which learn from a "
+            "past"
+        )
     if args.predictions and args.tracker == SIMULATED:
         raise ConfigurationError(
             "--tracker simulated is given with --predictions, whose observations were recorded"
