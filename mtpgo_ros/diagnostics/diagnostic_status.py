@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The diagnostics of the node: four statuses, for input, model, timing and quality."""
+"""The diagnostics of the node: statuses for input, model, timing, quality and calibration."""
 
 from __future__ import annotations
 
@@ -43,6 +43,9 @@ class NodeStatus:
         model: further values for the status of the model.
         quality: verdict on the scores of the predictions, None while there are no scores.
         quality_values: values for the status of the quality.
+        calibration_problem: why the calibration file was not used or not written, empty if it was.
+        preferred: groups that constant velocity serves because it has been better.
+        calibration: values for the status of the calibration.
     """
 
     topic: str = ""
@@ -62,15 +65,19 @@ class NodeStatus:
     model: dict[str, str] = field(default_factory=dict)
     quality: QualityVerdict | None = None
     quality_values: dict[str, str] = field(default_factory=dict)
+    calibration_problem: str = ""
+    preferred: list[str] = field(default_factory=list)
+    calibration: dict[str, str] = field(default_factory=dict)
 
 
 def diagnostic_statuses(name: str, status: NodeStatus, events: EventLog) -> list[DiagnosticStatus]:
-    """Return the four diagnostic statuses of the node ``name``."""
+    """Return the five diagnostic statuses of the node ``name``."""
     return [
         _input(name, status, events),
         _model(name, status, events),
         _timing(name, status, events),
         _quality(name, status),
+        _calibration(name, status),
     ]
 
 
@@ -125,6 +132,18 @@ def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
     }
     values |= _counted(events.counts(), [*BAD_MODEL, "agents_over_limit"])
     return make_status(f"{name}: model", level, message, values)
+
+
+def _calibration(name: str, status: NodeStatus) -> DiagnosticStatus:
+    kind = status.calibration.get("calibration", "")
+    reasons = [status.calibration_problem] if status.calibration_problem else []
+    if status.preferred:
+        reasons.append(
+            "constant velocity has been better than the model and serves "
+            + ", ".join(status.preferred)
+        )
+    level, message = (WARN, "; ".join(reasons)) if reasons else (OK, kind or "the node has none")
+    return make_status(f"{name}: calibration", level, message, status.calibration)
 
 
 def _timing(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:

@@ -75,6 +75,7 @@ class PredictionPipeline:
         self._received_s: float | None = None
         self._received_ros_ns = 0
         model.predictor.reset()
+        model.calibrator.live.clear_stream("clock_reset")
         model.configure(parameters, self.ego_topic)
         status.frame_error = ""
         self._tracks = TrackHistory(model.predictor.task.history)
@@ -97,7 +98,9 @@ class PredictionPipeline:
         self._context.close()
         self.transform.close()
         self._quality_publisher.close()
-        return self.worker.stop()
+        stopped = self.worker.stop()
+        self._model.calibrator.close()
+        return stopped
 
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
@@ -110,6 +113,7 @@ class PredictionPipeline:
         """Clear a history that is newer than the node's clock."""
         if self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds):
             self.quality.clear()
+            self._model.calibrator.live.clear_stream("clock_reset")
 
     def input_age_s(self) -> float | None:
         """Return the time since the last message (s), None before the first.
@@ -152,6 +156,7 @@ class PredictionPipeline:
             return
         try:
             self.quality.observed(self._tracks, self.history.report)
+            self._model.calibrator.observe(self._tracks, self.history.report)
         except Exception as error:
             self._events.failure("earlier predictions could not be scored", error)
 
@@ -196,6 +201,7 @@ class PredictionPipeline:
     def _publish(self, request: PredictionRequest, prediction: Prediction) -> None:
         """Publish a prediction; called by the worker and its watchdog."""
         prediction = with_time_origin(prediction, request.stamp_ns)
+        prediction = self._model.calibrator.serve(prediction, request.window)
         self._publishers.publish(prediction)
         latency_ns = time.monotonic_ns() - request.received_ns
         status = self._status
@@ -204,7 +210,7 @@ class PredictionPipeline:
         status.latency.add(latency_ns * 1e-6)
         status.over_budget_in_a_row = status.over_budget_in_a_row + 1 if request.over_budget else 0
         status.agents = len(prediction)
-        status.fallback_agents = int((prediction.source != Source.MODEL).sum())
+        status.fallback_agents = int((prediction.source == Source.CONSTANT_VELOCITY).sum())
         self._publishers.publish_secondary(prediction, latency_ns * 1e-6)
         self.quality.published(prediction, request.window, self._parameters.max_modes)
 

@@ -16,6 +16,13 @@ from typing import Any
 
 from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.live_calibration.live_options import (
+    CALIBRATIONS,
+    MODEL,
+    ONLINE,
+    PREFERENCES,
+    LiveOptions,
+)
 from mtpgo_core.options import check_options, listed, option
 from mtpgo_core.quality.quality_report import WINDOWS_S, QualityLimits
 from mtpgo_core.task.task_description import GRAPH_POLICIES
@@ -200,9 +207,55 @@ class PredictorParameters:
         low=1.0,
         high=100.0,
     )
+    calibration: str = _field(
+        ONLINE,
+        "What is applied to the model's output: the calibration in its file (shipped), that one"
+        " corrected by what became known of earlier predictions (online), or nothing (off).",
+        choices=CALIBRATIONS,
+        change=Change.CONFIGURE,
+    )
+    calibration_file: str = _field(
+        "",
+        "File in which the online calibration survives a restart; empty keeps it in memory.",
+        change=Change.CONFIGURE,
+    )
+    calibration_memory: float = _field(
+        600.0,
+        "Time constant with which the online calibration forgets the factors of road users of"
+        " whom nothing becomes known any more (s).",
+        low=1.0,
+        high=1e6,
+    )
+    prefer: str = _field(
+        MODEL,
+        "Who predicts: the model wherever it can, or constant velocity for the class groups,"
+        " moving or standing, in which it has been better (best).",
+        choices=PREFERENCES,
+        change=Change.CONFIGURE,
+    )
+    prefer_time: float = _field(
+        60.0,
+        "With prefer best: time for which the other predictor must have been better (s).",
+        low=1.0,
+        high=36000.0,
+    )
+    prefer_agents: int = _field(
+        10, "With prefer best: road users of the group in that time.", low=1, high=10000
+    )
     autostart: bool = _field(
         True, "The node configures and activates itself at its start.", change=Change.START
     )
+
+    @property
+    def live_options(self) -> LiveOptions:
+        """What the live calibration learns."""
+        return LiveOptions(
+            calibration=self.calibration,
+            prefer=self.prefer,
+            memory_s=self.calibration_memory,
+            prefer_time_s=self.prefer_time,
+            prefer_agents=self.prefer_agents,
+        )
 
     @property
     def period_s(self) -> float:
