@@ -20,6 +20,7 @@ from mtpgo_training.data.bag_conversion import convert
 from mtpgo_training.data.data_sources import DataSource, named_recordings
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.demo import demo_report as report
+from mtpgo_training.demo.calibration_effect import calibration_effect, calibration_table
 from mtpgo_training.demo.live_comparison import (
     Json,
     compare_live,
@@ -106,7 +107,12 @@ def run_demo(options: DemoOptions) -> None:
         predictions, [r.prediction for r in recorded.predictions], task.history
     )
     live = compare_live(recorded.quality, quality_rows(replayed))
-    content = report.summary(total, parts, task, recorded) | {"live": live}
+    # Only here: the model needs torch, which takes seconds to import.
+    from mtpgo_core.prediction.model_runner import ModelRunner
+
+    effect = calibration_effect(ModelRunner.load(model), plan.recordings)
+    content = report.summary(total, parts, task, recorded)
+    content |= {"live": live, "calibration": effect}
     write_text(output / "summary.json", report.to_json(content))
     print("  drawing", flush=True)
     played = [
@@ -236,6 +242,8 @@ def _print_results(content: Json, options: DemoOptions, output: Path, drawn: boo
     difference_m = largest_difference_m(live)
     if difference_m is not None:
         print(f"Live and recorded errors differ by {1e3 * difference_m:.3f} mm at most.")
+    print()
+    print(to_text(calibration_table(content["calibration"])))
     print()
     for sentence in report.sentences(content, options.rate_hz):
         print(sentence)

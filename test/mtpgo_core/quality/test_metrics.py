@@ -64,6 +64,18 @@ def test_nll_by_hand_for_unit_covariance():
     assert metrics.nll(MEAN, WEIGHT, UNIT, TRUTH)[0] == pytest.approx(expected)
 
 
+def test_an_ellipse_of_another_size_for_half_of_the_truths():
+    assert metrics.sigma_factor(0.5, 0.6) == pytest.approx(0.6)
+    assert metrics.sigma_factor(0.2, 0.6) == pytest.approx(0.6)
+    assert metrics.sigma_factor(0.9, 0.6) == pytest.approx(1.0)
+    assert 0.6 < metrics.sigma_factor(0.7, 0.6) < 1.0 < metrics.sigma_factor(0.95, 0.6) < 1.2
+    assert metrics.sigma_factor(0.999999, 0.6) == pytest.approx(0.6**-0.5)
+    radius = np.sqrt(metrics.radius_squared(0.5))
+    squared = (radius * np.array([0.59, 0.61])) ** 2
+    assert metrics.is_inside(squared, 0.5, np.full(2, 0.6)).tolist() == [True, False]
+    assert metrics.is_inside(squared, 0.5).all()
+
+
 def test_anll_and_fnll_agree_with_torch_distributions():
     rng = np.random.default_rng(3)
     mean, weight = rng.normal(size=(5, 4, 6, 2)), rng.dirichlet(np.ones(4), size=5)
