@@ -264,10 +264,10 @@ class Prediction:
         yaw: [n, M, H] direction of motion; at standstill the last known yaw (rad).
         covariance: [n, M, H, 2, 2] of the position (m^2).
         source: [n] :class:`Source` values.
-        sigma_factor_50: [n, H] factor on the standard deviations for the 50 % ellipse, 1 by
-            default. ``covariance`` is that of a Gaussian whose 90 % ellipse holds 90 %; errors
+        sigma_factor_50: [n, H] factor on the standard deviations for the 50 % ellipse, 1 where it
+            is not given for these agents and steps. ``covariance`` is that of a Gaussian whose 90 % ellipse holds 90 %; errors
             have heavier tails than that Gaussian, so its 50 % ellipse holds more than 50 %.
-        calibration: [n] :class:`CalibrationStage` values, ``NONE`` by default.
+        calibration: [n] :class:`CalibrationStage` values, ``NONE`` where not given.
     """
 
     stamp_ns: int
@@ -288,10 +288,10 @@ class Prediction:
     calibration: NDArray[np.uint8] = field(default_factory=lambda: np.empty(0, dtype=np.uint8))
 
     def __post_init__(self) -> None:
-        n = self.key.shape[0]
-        if n and not self.sigma_factor_50.size:
-            object.__setattr__(self, "sigma_factor_50", np.ones((n, len(self.time_s))))
-        if n and not self.calibration.size:
+        n, steps = self.key.shape[0], len(self.time_s)
+        if self.sigma_factor_50.shape != (n, steps):
+            object.__setattr__(self, "sigma_factor_50", np.ones((n, steps)))
+        if self.calibration.shape != (n,):
             object.__setattr__(self, "calibration", np.zeros(n, dtype=np.uint8))
 
     def __len__(self) -> int:

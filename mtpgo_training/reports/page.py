@@ -137,7 +137,7 @@ def _facts(content: Json) -> list[tuple[str, str]]:
     ]
     if content["one_sample"]:
         facts.append(("past", "forgotten before each instant: each road user has one sample"))
-    if content["calibration"] is not None:
+    if content.get("calibration") is not None:  # results from before it could be chosen lack it
         facts.append(("calibration", f"{content['calibration']}, prefer {content['prefer']}"))
     if content["tracker"] == SIMULATED:
         facts.append(("observations", f"of a simulated tracker, seed {content['tracker_seed']}"))
