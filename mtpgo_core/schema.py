@@ -265,8 +265,9 @@ class Prediction:
         covariance: [n, M, H, 2, 2] of the position (m^2).
         source: [n] :class:`Source` values.
         sigma_factor_50: [n, H] factor on the standard deviations for the 50 % ellipse, 1 where it
-            is not given for these agents and steps. ``covariance`` is that of a Gaussian whose 90 % ellipse holds 90 %; errors
-            have heavier tails than that Gaussian, so its 50 % ellipse holds more than 50 %.
+            is not given for these agents and steps. ``covariance`` is that of a Gaussian whose
+            90 % ellipse holds 90 %; errors have heavier tails than that Gaussian, so its 50 %
+            ellipse holds more than 50 %.
         calibration: [n] :class:`CalibrationStage` values, ``NONE`` where not given.
     """
 

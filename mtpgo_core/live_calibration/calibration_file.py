@@ -86,7 +86,8 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
     Raises:
         ConfigurationError: it cannot be read, is damaged, or is of another model.
     """
-    if not path.exists() and path.parent.is_dir():
+    # Not of pathlib, which raises where a folder may not be searched.
+    if not os.path.exists(path) and os.path.isdir(path.parent):
         return False
     content = _content(path)
     if content.get("weights_sha256") != weights_sha256:
