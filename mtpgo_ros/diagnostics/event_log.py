@@ -40,6 +40,7 @@ ODD_INPUT = {
     "not_lifted": "messages that could not be lifted into the fixed frame",
     "qos_incompatible": "publishers with an incompatible QoS",
     "messages_lost": "messages lost by the middleware",
+    "input_overruns": "messages replaced by newer ones before they could be decoded",
     "delay_not_compensated": "delays too long to be compensated",
 }
 """Counters of unusual input and their descriptions."""

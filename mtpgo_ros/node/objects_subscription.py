@@ -1,6 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The subscription to the tracked objects, with the message type that is published."""
+"""The subscription to the tracked objects, with the message type that is published.
+
+The executor's thread takes only the bytes of a message. A thread of its own checks them, decodes
+them and calls the handler, so that a large message keeps nothing else from being served.
+"""
 
 from __future__ import annotations
 
@@ -12,25 +16,39 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from msg_adapters.adapter import InputAdapter
 from msg_adapters.registry import INPUTS, adapter_for_type, input_adapter
 from msg_adapters.types import message_class
+from msg_adapters.wire.input_limits import DEFAULT_LIMITS, InputLimits
 from mtpgo_core.errors import MessageError
 from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.runtime.work_queue import WorkQueue
 
 TOPIC = "objects"
 
-_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+_DEPTH = 5
+"""Messages that wait for the middleware to hand them over, and again to be decoded; chosen."""
+
+_QOS = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with reliable publishers; of a backlog only the newest five are
 kept."""
 
 _POLL_S = 0.1
 """Time between two checks of the published type (s); chosen."""
 
+_PATIENCE_S = 0.1
+"""How long closing waits for a message that is being decoded (s); chosen: transitions are to be
+answered within 0.2 s."""
+
 Handler = Callable[[Any, InputAdapter, int], None]
-"""Takes a message, its adapter, and the time of its receipt (ns of the monotonic clock)."""
+"""Takes a message, its adapter, and the time of its receipt (ns of the monotonic clock).
+
+Instead of a message that was refused before it was decoded, it gets the MessageError that says
+why.
+"""
 
 
 class ObjectsSubscription:
@@ -39,21 +57,33 @@ class ObjectsSubscription:
     Args:
         node: the node.
         input_type: name of an adapter, or ``auto`` for the type of the topic's publisher.
-        handler: called with every message.
+        handler: called with every message, on the thread of this subscription.
         events: where lost messages and incompatible publishers are counted.
+        limits: the largest messages that are decoded.
 
     Attributes:
         topic: resolved name of the topic.
         status: what the subscription waits for, empty once it is subscribed.
+        limits: as above; may be replaced at any time.
 
     Raises:
         MessageError: the named type's message package is not installed.
     """
 
-    def __init__(self, node: Node, input_type: str, handler: Handler, events: EventLog) -> None:
+    def __init__(
+        self,
+        node: Node,
+        input_type: str,
+        handler: Handler,
+        events: EventLog,
+        limits: InputLimits = DEFAULT_LIMITS,
+    ) -> None:
         self._node = node
         self._handler = handler
         self._events = events
+        self.limits = limits
+        self._lost = LostMessages()
+        self._queue = WorkQueue(self._decode, _DEPTH, self._on_overrun, "objects")
         self._subscription: Subscription | None = None
         self._adapter: InputAdapter | None = None
         self.topic = node.resolve_topic_name(TOPIC)
@@ -71,7 +101,9 @@ class ObjectsSubscription:
         return self._adapter.message_type if self._adapter is not None else ""
 
     def close(self) -> None:
-        """Destroy the subscription."""
+        """Destroy the subscription and end its thread."""
+        # A message that is being decoded cannot be interrupted; it comes to nothing.
+        self._queue.stop(_PATIENCE_S)
         if self._timer is not None:
             self._node.destroy_timer(self._timer)
         self._unsubscribe()
@@ -105,6 +137,7 @@ class ObjectsSubscription:
             self.topic,
             cast(Callable[[Any], None], self._on_message),  # rclpy counts the arguments
             _QOS,
+            raw=True,
             event_callbacks=SubscriptionEventCallbacks(
                 incompatible_qos=self._on_incompatible_qos,
                 matched=self._on_matched,
@@ -121,9 +154,25 @@ class ObjectsSubscription:
             self._node.destroy_subscription(self._subscription)
         self._subscription, self._adapter = None, None
 
-    def _on_message(self, message: Any, info: dict[str, Any]) -> None:
+    def _on_message(self, data: bytes, info: dict[str, Any]) -> None:
         if self._adapter is not None:
-            self._handler(message, self._adapter, _received_ns(info))
+            self._queue.submit((data, self._adapter, _received_ns(info)))
+
+    def _decode(self, item: tuple[bytes, InputAdapter, int]) -> None:
+        """Decode a message and call the handler; on the thread of the queue."""
+        data, adapter, received_ns = item
+        try:
+            adapter.check_serialized(data, self.limits)
+            message = deserialize_message(data, message_class(adapter.message_type))
+        except MessageError as error:
+            message = error
+        except Exception as error:  # rclpy's errors have no common base.
+            message = MessageError(f"message of {len(data)} bytes cannot be decoded: {error}")
+        if not self._queue.stopped:
+            self._handler(message, adapter, received_ns)
+
+    def _on_overrun(self) -> None:
+        self._events.count("input_overruns")
 
     def _on_matched(self, event: Any) -> None:
         # Discovery ends on the two sides at different times, and messages sent before it has ended
@@ -144,7 +193,25 @@ class ObjectsSubscription:
         )
 
     def _on_message_lost(self, event: Any) -> None:
-        self._events.count("messages_lost", event.total_count_change)
+        self._events.count("messages_lost", self._lost.add(event.total_count_change))
+
+
+class LostMessages:
+    """Counts lost messages from the middleware's reports of changes.
+
+    The middleware corrects a report when a message that it believed lost arrives after all. The
+    change is then negative, and comes as an unsigned number.
+    """
+
+    def __init__(self) -> None:
+        self._total = self._reported = 0
+
+    def add(self, change: int) -> int:
+        """Return how many messages were newly lost, after a change of the middleware's total."""
+        self._total += (change + (1 << 63)) % (1 << 64) - (1 << 63)
+        new = max(0, self._total - self._reported)
+        self._reported += new
+        return new
 
 
 def _received_ns(info: dict[str, Any]) -> int:

@@ -8,6 +8,7 @@ history; when a prediction is due, it hands a window to the worker, which predic
 
 from __future__ import annotations
 
+import threading
 import time
 from typing import Any, cast
 
@@ -15,7 +16,7 @@ from rclpy.clock import ROSClock
 from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.adapter import InputAdapter
-from mtpgo_core.errors import FrameError, MtpgoError
+from mtpgo_core.errors import FrameError, MessageError, MtpgoError
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.output_assembly import with_time_origin
 from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
@@ -69,6 +70,8 @@ class PredictionPipeline:
         self._node, self._model, self._publishers = node, model, publishers
         self._parameters, self._events, self._status = parameters, events, status
         self.ego_topic = ""
+        # Observations come on the thread of their subscription, all else on the executor's.
+        self._history_lock = threading.Lock()
         self._received_s: float | None = None
         self._received_ros_ns = 0
         model.predictor.reset()
@@ -77,7 +80,9 @@ class PredictionPipeline:
         self.history = HistoryInput(
             TrackHistory(model.predictor.task.history), model.predictor, events, parameters
         )
-        self.objects = ObjectsSubscription(node, parameters.input_type, self._on_objects, events)
+        self.objects = ObjectsSubscription(
+            node, parameters.input_type, self._on_objects, events, parameters.input_limits
+        )
         self.transform: FrameTransform = NoTransform()
         if parameters.fixed_frame:
             self.transform = FixedFrameTransform(node, parameters.fixed_frame)
@@ -97,12 +102,15 @@ class PredictionPipeline:
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
         self._parameters = parameters
-        self.history.configure(parameters)
+        self.objects.limits = parameters.input_limits
+        with self._history_lock:
+            self.history.configure(parameters)
         self._model.configure(parameters, self.ego_topic)
 
     def clock_jumped_back(self) -> None:
         """Clear a history that is newer than the node's clock."""
-        self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds)
+        with self._history_lock:
+            self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds)
 
     def input_age_s(self) -> float | None:
         """Return the time since the last message (s), None before the first.
@@ -120,13 +128,14 @@ class PredictionPipeline:
         return age_s
 
     def _on_objects(self, message: Any, adapter: InputAdapter, received_ns: int) -> None:
+        """Handle a message; called by the subscription's thread."""
         dropped = f"message on {self.objects.topic} left out"
-        self._events.count("messages")
         self._received_s = time.monotonic()
         self._received_ros_ns = self._node.get_clock().now().nanoseconds
         try:
             states = self._read(message, adapter, self._received_ros_ns)
-            window = self.history.update(states, self._received_ros_ns)
+            with self._history_lock:
+                window = self.history.update(states, self._received_ros_ns)
         except FrameError as error:
             self._status.frame_error = str(error)
             self._events.count("not_lifted", reason=f"{dropped}: {error}")
@@ -137,11 +146,18 @@ class PredictionPipeline:
         else:
             if window is not None:
                 self.worker.submit(self._request(window, states.stamp_ns, received_ns))
+        finally:
+            self._events.count("messages")
 
     def _read(self, message: Any, adapter: InputAdapter, now_ns: int) -> TrackedStates:
         """Return the states of a message in the fixed frame."""
+        if isinstance(message, MessageError):
+            raise message
         decoded = adapter.decode(
-            message, twist_frame=self._parameters.twist_frame, fallback_stamp_ns=now_ns
+            message,
+            twist_frame=self._parameters.twist_frame,
+            fallback_stamp_ns=now_ns,
+            limits=self._parameters.input_limits,
         )
         self._events.count("skipped_objects", decoded.skipped_total)
         self._events.count("empty_messages", int(len(decoded.states) == 0))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from msg_adapters.wire.input_limits import InputLimits
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, listed, option
 from mtpgo_core.task.task_description import GRAPH_POLICIES
@@ -131,6 +132,18 @@ class PredictorParameters:
         "The horizon starts at the node's present time, at most 0.5 s after the observation,"
         " instead of at the observation; stamp and frame remain those of the observation.",
     )
+    max_message_bytes: int = _field(
+        16 * 1024 * 1024,
+        "Largest message on objects that is decoded (bytes); larger ones are left out.",
+        low=1024,
+        high=1 << 30,
+    )
+    max_objects: int = _field(
+        32768, "Most objects of a message that is decoded.", low=1, high=1_000_000
+    )
+    max_fields: int = _field(
+        256, "Most fields of a point cloud of objects that is decoded.", low=3, high=4096
+    )
     input_timeout: float = _field(
         1.0,
         "The input counts as stale when no message has come for this long (s).",
@@ -156,6 +169,11 @@ class PredictorParameters:
     autostart: bool = _field(
         True, "The node configures and activates itself at its start.", change=Change.START
     )
+
+    @property
+    def input_limits(self) -> InputLimits:
+        """The largest messages that are decoded."""
+        return InputLimits(self.max_message_bytes, self.max_objects, self.max_fields)
 
     @property
     def period_s(self) -> float:

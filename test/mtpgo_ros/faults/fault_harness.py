@@ -4,9 +4,9 @@
 
 The predictor runs as a process of its own with the tiny model, which predicts constant velocity:
 what a healthy road user's prediction must be is therefore known, and a fault that changes the
-prediction of another road user shows. One process serves all tests of a module: each test starts a
-new stretch of the stream with :meth:`FaultHarness.fresh`, far enough from the last that every track
-is forgotten.
+prediction of another road user shows. One process serves all tests of a module: each test starts
+a new stretch of the stream with :meth:`FaultHarness.fresh`, far enough from the last that every
+track is forgotten.
 """
 
 from __future__ import annotations
