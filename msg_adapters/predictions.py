@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The canonical output: a PointCloud2 with one point per agent, mode and step, and its decoder.
 
-64 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
+72 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
 layout is described in docs/messages.md and stays fixed.
 """
 
@@ -27,8 +27,16 @@ POINT = np.dtype(
     ]
     + [(name, "<u4") for name in KEY_FIELDS]
     + [(name, "<u1") for name in ("class", "mode", "step", "source")]
+    + [(name, "<f4") for name in ("x_rest", "y_rest")]
 )
-"""One point. Lengths m, times s, angles rad; vectors along the axes of the header's frame."""
+"""One point. Lengths m, times s, angles rad; vectors along the axes of the header's frame.
+
+``x`` is float32 because RViz draws no other; ``x + x_rest``, added in float64, is exact to less
+than a micrometre also at UTM coordinates, where float32 alone has steps of 0.5 m.
+"""
+
+_LATER = ("x_rest", "y_rest")
+"""Fields that earlier recordings of predictions do not have; they are zero there."""
 
 _MAX_COUNT = 256
 """Most modes, and most steps: each is counted in a byte."""
@@ -74,7 +82,7 @@ def prediction_to_pointcloud2(
     columns = {
         "x": mean[..., 0],
         "y": mean[..., 1],
-        "z": _per_agent(np.where(np.isfinite(prediction.z), prediction.z, 0.0)),
+        "z": _per_agent(np.nan_to_num(prediction.z)),
         "t": prediction.time_s,
         "weight": weight[:, :, None],
         "vx": mean[..., 2],
@@ -91,6 +99,8 @@ def prediction_to_pointcloud2(
     columns |= {name: _per_agent(prediction.key[:, i]) for i, name in enumerate(KEY_FIELDS)}
     for name, values in columns.items():
         points[name] = values
+    for axis, name in enumerate(("x", "y")):
+        points[name + "_rest"] = mean[..., axis] - points[name]
     dense = bool(np.isfinite(mean).all() and np.isfinite(covariance).all())
     return records_to_cloud(
         points.reshape(-1),
@@ -114,7 +124,8 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         MessageError: the cloud does not have the layout of predictions.
     """
     records = cloud_to_records(message)
-    missing = [name for name in POINT.names or () if name not in (records.dtype.names or ())]
+    names = records.dtype.names or ()
+    missing = [name for name in POINT.names or () if name not in (*names, *_LATER)]
     if missing:
         raise MessageError(
             f"point cloud lacks the field {', '.join(missing)}, so it holds no predictions"
@@ -127,6 +138,9 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         values[~present] = np.nan
         return values
 
+    mean = column("x", "y", "vx", "vy")
+    if all(name in names for name in _LATER):
+        mean[..., :2] += column(*_LATER)
     xx, xy, yy = np.moveaxis(column("cov_xx", "cov_xy", "cov_yy"), -1, 0)
     weight = np.where(present, grid["weight"], 0.0).astype(np.float64).max(axis=2, initial=0.0)
     times = np.where(present, grid["t"], -np.inf).max(axis=(0, 1), initial=-np.inf)
@@ -141,7 +155,7 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         initial_yaw=np.full(n, np.nan),
         time_s=np.where(np.isfinite(times), times, np.nan).astype(np.float64),
         weight=weight,
-        mean=column("x", "y", "vx", "vy"),
+        mean=mean,
         yaw=column("yaw")[..., 0],
         covariance=np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2),
         source=np.ascontiguousarray(first["source"]),

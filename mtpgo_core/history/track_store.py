@@ -18,6 +18,11 @@ about 2.2 m/s^2. Without it, the first estimates of a track are noise divided by
 _FIRST_CAPACITY = 64
 """Slots of a new store; it doubles on demand."""
 
+FARTHEST_M = 1e8
+"""Coordinates beyond are invalid (m): UTM coordinates stay below 1e7 m."""
+_LONGEST_M = 1000.0
+"""Lengths and widths beyond are invalid (m); chosen above the longest trains."""
+
 SAMPLE_COLUMNS = 7
 POSITION, VELOCITY, ACCELERATION, YAW = slice(0, 2), slice(2, 4), slice(4, 6), 6
 """Columns of a sample: x, y (m), vx, vy (m/s), ax, ay (m/s^2), yaw (rad)."""
@@ -95,13 +100,15 @@ class TrackStore:
     def update_attributes(self, slot: IndexArray, states: TrackedStates, row: IndexArray) -> None:
         """Store identity, class, height, size and covariance of the observations ``row``.
 
-        An unknown class, height or size keeps its last known value.
+        An unknown class, height or size keeps its last known value; an impossible height or size
+        is unknown.
         """
         self.key[slot] = states.key[row]
         agent_class, z, size = states.agent_class[row], states.z[row], states.size[row]
         self.agent_class[slot] = np.where(agent_class > 0, agent_class, self.agent_class[slot])
-        self.z[slot] = np.where(np.isfinite(z), z, self.z[slot])
-        self.size[slot] = np.where(np.isfinite(size), size, self.size[slot])
+        self.z[slot] = np.where(np.abs(z) <= FARTHEST_M, z, self.z[slot])
+        possible = (size > 0.0) & (size <= _LONGEST_M)
+        self.size[slot] = np.where(possible, size, self.size[slot])
         self.covariance[slot] = states.covariance[row]
 
     def _evict(self, surplus: int, others: IndexArray) -> int:

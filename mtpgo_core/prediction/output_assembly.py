@@ -14,6 +14,7 @@ import numpy as np
 
 from mtpgo_core.prediction.constant_velocity import initial_states, motion_yaw
 from mtpgo_core.prediction.path_smoothing import PathSmoother
+from mtpgo_core.prediction.finite_output import definite_in_float32, finite_in_float32
 from mtpgo_core.schema import (
     BoolArray,
     Float32Array,
@@ -168,8 +169,5 @@ def _weights(log_weight: Float64Array) -> Float64Array:
 
 def _usable(weight: Float64Array, mean: Float64Array, covariance: Float64Array) -> BoolArray:
     """Return [p] which predictions are finite and have positive definite covariances."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
-        definite = (xx > 0.0) & (yy > 0.0) & (xx * yy - xy * xy > 0.0)
-        finite = np.isfinite(xx + yy) & np.isfinite(mean).all(axis=3)
-        return np.asarray(np.isfinite(weight).all(axis=1) & (definite & finite).all(axis=(1, 2)))
+    finite = np.isfinite(weight).all(axis=1) & finite_in_float32(mean)
+    return np.asarray(finite & definite_in_float32(covariance).all(axis=(1, 2)))

@@ -18,7 +18,8 @@ from rclpy.lifecycle import LifecycleNode
 from msg_adapters.adapter import InputAdapter
 from mtpgo_core.errors import FrameError, MessageError, MtpgoError
 from mtpgo_core.history.track_history import TrackHistory
-from mtpgo_core.prediction.output_assembly import with_time_origin
+from mtpgo_core.prediction.finite_output import publishable
+from mtpgo_core.prediction.output_assembly import select, with_time_origin
 from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -192,6 +193,10 @@ class PredictionPipeline:
     def _publish(self, request: PredictionRequest, prediction: Prediction) -> None:
         """Publish a prediction; called by the worker and its watchdog."""
         prediction = with_time_origin(prediction, request.stamp_ns)
+        usable = publishable(prediction)
+        if not usable.all():
+            self._events.count("not_published", int((~usable).sum()))
+            prediction = select(prediction, usable)
         self._publishers.publish(prediction)
         latency_ns = time.monotonic_ns() - request.received_ns
         status = self._status
