@@ -28,6 +28,7 @@ class UpdateReport:
         duplicate_keys: dropped, the identity occurs earlier in the message.
         non_finite: dropped, no usable position.
         too_fast: dropped, faster than ``max_speed_mps``.
+        left_out: dropped, farther away than the nearest ``max_tracks`` of the message.
         dropped: new tracks dropped, and old ones evicted, for lack of room.
         wrong_frame: dropped with the message, see ``frame_changed``.
         forgotten: tracks forgotten because they were not seen for a whole window.
@@ -44,6 +45,7 @@ class UpdateReport:
     duplicate_keys: int = 0
     non_finite: int = 0
     too_fast: int = 0
+    left_out: int = 0
     dropped: int = 0
     wrong_frame: int = 0
     forgotten: int = 0

@@ -21,8 +21,9 @@ newest by more than 0.5 s                    (``clock_reset``)
 another frame                                message rejected (``frame_changed``); the third in a
                                              row in one new frame starts a new history in it
 empty message                                only the time advances
-more tracks than ``max_tracks``              those unseen for longest are evicted, then the
-                                             surplus of the message is dropped (``dropped``)
+more objects than ``max_tracks``             the nearest to the ego or the middle are used
+                                             (``left_out``)
+more tracks than ``max_tracks``              those unseen for longest are evicted (``dropped``)
 not seen for the window plus one gap         forgotten (``forgotten``)
 ===========================================  ==================================================
 
@@ -33,6 +34,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mtpgo_core.history.nearest_tracks import centre_of, nearest
 from mtpgo_core.history.resampling import NEVER_NS, Brackets, bracket
 from mtpgo_core.history.stream_guard import MessageStatus, StreamGuard, UpdateReport
 from mtpgo_core.history.track_index import sort_keys
@@ -44,7 +46,7 @@ from mtpgo_core.history.track_update import (
     moved_impossibly,
     usable_observations,
 )
-from mtpgo_core.schema import HistoryWindow, TrackedStates
+from mtpgo_core.schema import HistoryWindow, KeyArray, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
 
 __all__ = ["TrackHistory", "UpdateReport"]
@@ -84,8 +86,13 @@ class TrackHistory:
         """Frame of the history, empty before the first object."""
         return self._guard.frame_id or ""
 
-    def update(self, states: TrackedStates) -> UpdateReport:
-        """Add one message; the table of this module lists the outcomes."""
+    def update(self, states: TrackedStates, ego_key: KeyArray | None = None) -> UpdateReport:
+        """Add one message; the table of this module lists the outcomes.
+
+        Args:
+            states: the message.
+            ego_key: [4] identity of the ego, around which objects are kept if there are too many.
+        """
         stamp_ns = int(states.stamp_ns)
         # Without objects the frame is irrelevant; some messages then name none.
         status = self._guard.classify(stamp_ns, states.frame_id if len(states) else None)
@@ -94,9 +101,15 @@ class TrackHistory:
         if status is not MessageStatus.CONTINUES:
             self._store = TrackStore(self.config, self._max_tracks, self._keep_ns)
         with np.errstate(invalid="ignore", over="ignore"):
-            return self._add(stamp_ns, states, status)
+            return self._add(stamp_ns, states, status, ego_key)
 
-    def _add(self, stamp_ns: int, states: TrackedStates, status: MessageStatus) -> UpdateReport:
+    def _add(
+        self,
+        stamp_ns: int,
+        states: TrackedStates,
+        status: MessageStatus,
+        ego_key: KeyArray | None,
+    ) -> UpdateReport:
         store, newest_ns = self._store, self._guard.newest_ns
         newest_ns = stamp_ns if newest_ns is None else newest_ns
         forgotten = store.forget_before(newest_ns - self._keep_ns)
@@ -106,6 +119,13 @@ class TrackHistory:
         keys, first = np.unique(sort_keys(states.key[rows]), return_index=True)
         row = rows[first]
         slot = store.index.find(keys)
+        unique = keys.shape[0]
+        if unique > self._max_tracks:
+            position = states.position[row]
+            centre = centre_of(position, keys, ego_key)
+            near = nearest(position, centre, self._max_tracks, slot >= 0)
+            keys, row, slot = keys[near], row[near], slot[near]
+        left_out = unique - keys.shape[0]
         last_ns = np.where(slot >= 0, store.rings.last_ns[slot], NEVER_NS)
         fresh = last_ns < stamp_ns
         keys, row, slot = keys[fresh], row[fresh], slot[fresh]
@@ -130,7 +150,8 @@ class TrackHistory:
             restarted=int(jumped.sum()),
             duplicates=int((last_ns == stamp_ns).sum()),
             late=int((last_ns > stamp_ns).sum()),
-            duplicate_keys=rows.shape[0] - first.shape[0],
+            duplicate_keys=rows.shape[0] - unique,
+            left_out=left_out,
             non_finite=int((~finite).sum()),
             too_fast=int(too_fast.sum()),
             dropped=dropped,

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.prediction.constant_velocity import initial_states, motion_yaw
-from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.prediction.finite_output import definite_in_float32, finite_in_float32
+from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.schema import (
     BoolArray,
     Float32Array,
@@ -113,15 +113,62 @@ def assemble(
     )
 
 
-def merge(first: Prediction, other: Prediction, take_other: BoolArray) -> Prediction:
-    """Return ``first`` with the rows where ``take_other`` [n] is true taken from ``other``."""
+def replace_rows(first: Prediction, row: IndexArray, other: Prediction) -> Prediction:
+    """Return ``first`` with its rows ``row`` [k] taken from the k rows of ``other``."""
     fields = ("initial", "initial_yaw", "weight", "mean", "yaw", "covariance", "source")
-    merged = {}
+    replaced = {}
     for name in fields:
         value = getattr(first, name).copy()
-        value[take_other] = getattr(other, name)[take_other]
-        merged[name] = value
-    return dataclasses.replace(first, **merged)
+        value[row] = getattr(other, name)
+        replaced[name] = value
+    return dataclasses.replace(first, **replaced)
+
+
+def spread(prediction: Prediction, row: IndexArray, window: HistoryWindow) -> Prediction:
+    """Return one row for each agent of the window, NaN except for its rows ``row`` [k].
+
+    Args:
+        prediction: of k agents of the window.
+        row: [k] their positions in it, ascending.
+        window: all agents.
+    """
+    if len(prediction) == len(window):
+        return prediction
+
+    def full(values: Float64Array) -> Float64Array:
+        out = np.full((len(window), *values.shape[1:]), np.nan)
+        out[row] = values
+        return out
+
+    initial, initial_yaw = initial_states(window)
+    return dataclasses.replace(
+        prediction,
+        key=window.key,
+        agent_class=window.agent_class,
+        z=window.z,
+        size=window.size,
+        initial=initial,
+        initial_yaw=initial_yaw,
+        weight=full(prediction.weight),
+        mean=full(prediction.mean),
+        yaw=full(prediction.yaw),
+        covariance=full(prediction.covariance),
+        source=np.full(len(window), Source.MODEL, dtype=np.uint8),
+    )
+
+
+def with_strongest_modes(prediction: Prediction, modes: int) -> Prediction:
+    """Return the first ``modes`` modes of each agent, with weights that sum to one."""
+    if modes >= prediction.weight.shape[1]:
+        return prediction
+    weight = prediction.weight[:, :modes]
+    return dataclasses.replace(
+        prediction,
+        weight=weight / weight.sum(axis=1, keepdims=True),
+        mean=prediction.mean[:, :modes],
+        yaw=prediction.yaw[:, :modes],
+        covariance=prediction.covariance[:, :modes],
+    )
 
 
 def select(prediction: Prediction, index: IndexArray | BoolArray) -> Prediction:

@@ -28,6 +28,7 @@ from mtpgo_ros.node.frame_transform import FixedFrameTransform, FrameTransform, 
 from mtpgo_ros.node.history_input import HistoryInput
 from mtpgo_ros.node.inference.inference_worker import InferenceWorker
 from mtpgo_ros.node.inference.prediction_request import PredictionRequest
+from mtpgo_ros.node.load_control import LoadControl, overload
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.objects_subscription import ObjectsSubscription
 from mtpgo_ros.node.publishers import Publishers
@@ -79,8 +80,12 @@ class PredictionPipeline:
         model.configure(parameters, self.ego_topic)
         status.frame_error = ""
         self.history = HistoryInput(
-            TrackHistory(model.predictor.task.history), model.predictor, events, parameters
+            TrackHistory(model.predictor.task.history, parameters.max_tracks),
+            model.predictor,
+            events,
+            parameters,
         )
+        self._load = LoadControl()
         self.objects = ObjectsSubscription(
             node, parameters.input_type, self._on_objects, events, parameters.input_limits
         )
@@ -136,7 +141,7 @@ class PredictionPipeline:
         try:
             states = self._read(message, adapter, self._received_ros_ns)
             with self._history_lock:
-                window = self.history.update(states, self._received_ros_ns)
+                window = self.history.update(states, self._received_ros_ns, self._model.ego_key)
         except FrameError as error:
             self._status.frame_error = str(error)
             self._events.count("not_lifted", reason=f"{dropped}: {error}")
@@ -179,13 +184,18 @@ class PredictionPipeline:
         self, window: HistoryWindow, stamp_ns: int, received_ns: int
     ) -> PredictionRequest:
         period_ns = round(self._parameters.period_s * 1e9)
-        budget_ns = round(self._parameters.budget * period_ns)
+        budget_ns = self._load.budget_ns(self._parameters.budget, period_ns)
         return PredictionRequest(window, stamp_ns, received_ns, budget_ns, deadline_ns=period_ns)
 
     def _predict(self, window: HistoryWindow) -> Prediction:
         """Return the prediction of a window; called by the worker."""
+        predictor = self._model.predictor
+        predictor.allowed_s = self._load.allowed_s(
+            self._parameters.budget, self._parameters.period_s
+        )
         prediction = self._model.predict(window)
-        report = self._model.predictor.last_report
+        report = predictor.last_report
+        self._status.overload = overload(report, predictor.modes)
         self._events.count("non_finite_output", report.unusable)
         self._events.count("agents_over_limit", report.over_limit)
         return prediction
@@ -197,8 +207,11 @@ class PredictionPipeline:
         if not usable.all():
             self._events.count("not_published", int((~usable).sum()))
             prediction = select(prediction, usable)
+        begun_ns = time.monotonic_ns()
         self._publishers.publish(prediction)
-        latency_ns = time.monotonic_ns() - request.received_ns
+        published_ns = time.monotonic_ns()
+        self._load.published(published_ns - begun_ns)
+        latency_ns = published_ns - request.received_ns
         status = self._status
         self._events.count("predictions")
         self._events.count("deadline_misses", int(latency_ns > request.deadline_ns))

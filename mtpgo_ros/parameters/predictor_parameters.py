@@ -78,6 +78,21 @@ class PredictorParameters:
         low=1,
         high=4096,
     )
+    max_tracks: int = _field(
+        4096,
+        "Most road users that are followed and predicted, the nearest to the ego or the middle"
+        " first; others are left out.",
+        low=1,
+        high=65536,
+        change=Change.CONFIGURE,
+    )
+    max_points: int = _field(
+        250_000,
+        "Most points (road users x modes x steps) of a prediction; with more, fewer modes are"
+        " published, the most probable first.",
+        low=1000,
+        high=10_000_000,
+    )
     max_neighbours: int = _field(
         0,
         "Agents of a graph besides its centre, the nearest first; 0 uses the number that the model"
