@@ -9,8 +9,12 @@ from __future__ import annotations
 
 from mtpgo_core.prediction.scene_predictor import PredictionReport
 
-_MARGIN = 1.5
-"""Time kept for publishing, as a multiple of what it took lately; chosen."""
+_MARGIN = 2.0
+"""Time kept for publishing the fallback, as a multiple of what it took lately; chosen."""
+
+_MODEL_MARGIN = 3.0
+"""The same for the model, which is not to be over budget; chosen: transport and the subscriber's
+reading of a message take about as long as making it (measured)."""
 
 _FADE = 0.9
 """Factor per prediction by which a long publication is forgotten; chosen."""
@@ -18,8 +22,8 @@ _FADE = 0.9
 _LEAST = 0.2
 """Share of the period that the model always has; chosen."""
 
-_MODEL_SHARE = 0.85
-"""Share of the budget that the model may take; the rest is for decoding and history; chosen."""
+_MODEL_SHARE = 0.95
+"""Share of the time left that the model may take; the rest is for decoding and history; chosen."""
 
 
 class LoadControl:
@@ -39,12 +43,13 @@ class LoadControl:
             budget: the parameter, a share of the period.
             period_ns: shortest time between two predictions (ns).
         """
-        left_ns = max(_LEAST * period_ns, period_ns - _MARGIN * self._publishing_ns)
-        return round(min(budget * period_ns, left_ns))
+        left_ns = period_ns - _MARGIN * self._publishing_ns
+        return round(min(budget * period_ns, max(_LEAST * period_ns, left_ns)))
 
     def allowed_s(self, budget: float, period_s: float) -> float:
         """Return how long a prediction may take (s)."""
-        return _MODEL_SHARE * 1e-9 * self.budget_ns(budget, round(period_s * 1e9))
+        left_s = budget * period_s - _MODEL_MARGIN * 1e-9 * self._publishing_ns
+        return _MODEL_SHARE * max(_LEAST * period_s, left_s)
 
 
 def overload(report: PredictionReport, modes: int) -> str:

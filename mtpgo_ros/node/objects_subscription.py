@@ -32,9 +32,12 @@ TOPIC = "objects"
 _DEPTH = 5
 """Messages that wait for the middleware to hand them over, and again to be decoded; chosen."""
 
-_QOS = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Best effort is compatible with reliable publishers; of a backlog only the newest five are
-kept."""
+_RELIABLE = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+"""While all publishers are reliable: a large message (20,000 objects) never arrives otherwise, since
+some of its fragments are lost. Of a backlog only the newest five messages are kept."""
+
+_BEST_EFFORT = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""From the first best-effort publisher on: a reliable subscription would not hear it."""
 
 _POLL_S = 0.1
 """Time between two checks of the published type (s); chosen."""
@@ -88,12 +91,12 @@ class ObjectsSubscription:
         self._adapter: InputAdapter | None = None
         self.topic = node.resolve_topic_name(TOPIC)
         self.status = f"no publisher on {self.topic} yet"
-        self._timer = None
-        if input_type != "auto":
+        self._follows_type = input_type == "auto"
+        self._qos = _RELIABLE
+        if not self._follows_type:
             self._subscribe(input_adapter(input_type))
-            return
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(_POLL_S, self._check_type, clock=steady)
+        self._timer = node.create_timer(_POLL_S, self._check_publishers, clock=steady)
 
     @property
     def message_type(self) -> str:
@@ -104,15 +107,23 @@ class ObjectsSubscription:
         """Destroy the subscription and end its thread."""
         # A message that is being decoded cannot be interrupted; it comes to nothing.
         self._queue.stop(_PATIENCE_S)
-        if self._timer is not None:
-            self._node.destroy_timer(self._timer)
+        self._node.destroy_timer(self._timer)
         self._unsubscribe()
 
-    def _check_type(self) -> None:
+    def _check_publishers(self) -> None:
+        """Subscribe to a published type, and as reliably as it is published."""
+        publishers = self._node.get_publishers_info_by_topic(self.topic)
+        if self._qos is _RELIABLE and any(
+            info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for info in publishers
+        ):
+            self._qos = _BEST_EFFORT
+            if self._adapter is not None:
+                self._subscribe(self._adapter)
+        if self._follows_type:
+            self._check_type({info.topic_type for info in publishers})
+
+    def _check_type(self, published: set[str]) -> None:
         """Subscribe to a published type; types with an adapter are preferred."""
-        published = {
-            info.topic_type for info in self._node.get_publishers_info_by_topic(self.topic)
-        }
         if not published or self.message_type in published:
             return
         errors = []
@@ -136,7 +147,7 @@ class ObjectsSubscription:
             kind,
             self.topic,
             cast(Callable[[Any], None], self._on_message),  # rclpy counts the arguments
-            _QOS,
+            self._qos,
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(
                 incompatible_qos=self._on_incompatible_qos,
@@ -184,6 +195,8 @@ class ObjectsSubscription:
 
     def _on_incompatible_qos(self, event: Any) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
+        if policy == "RELIABILITY" and self._qos is _RELIABLE:
+            return  # The next check of the publishers changes the subscription.
         self._events.count(
             "qos_incompatible",
             event.total_count_change,
