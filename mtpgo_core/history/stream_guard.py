@@ -23,6 +23,8 @@ class UpdateReport:
         accepted: observations that entered the history.
         new_tracks: of these, first observations of an agent.
         restarted: of these, tracks started again after an impossible move (reused identity).
+        alternating: of these, of tracks that alternate between two places, as if two publishers
+            used the same identity.
         duplicates: dropped, the track has an observation with this stamp.
         late: dropped, the track has a newer observation.
         duplicate_keys: dropped, the identity occurs earlier in the message.
@@ -40,6 +42,7 @@ class UpdateReport:
     accepted: int = 0
     new_tracks: int = 0
     restarted: int = 0
+    alternating: int = 0
     duplicates: int = 0
     late: int = 0
     duplicate_keys: int = 0

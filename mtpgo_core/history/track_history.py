@@ -12,6 +12,8 @@ position NaN, infinite or beyond 1e8 m       that agent's observation is rejecte
 velocity, acceleration, yaw not finite       treated as missing, estimated
 speed above ``max_speed_mps``                that agent's observation is rejected (``too_fast``)
 impossible move since the last sample        the track restarts there (``restarted``)
+to and fro between two places                used, and counted (``alternating``): two publishers
+                                             may share the identity
 same track twice in a message                the first usable one is used (``duplicate_keys``)
 same stamp as the track's newest             dropped (``duplicates``)
 older than the track's newest                dropped (``late``); other tracks are updated
@@ -135,6 +137,14 @@ class TrackHistory:
         jumped = moved_impossibly(
             self.config, store, seen_again, stamp_ns, states.position[row[known]]
         )
+        steady = seen_again[~jumped]
+        alternating = store.alternation.step(
+            steady,
+            stamp_ns,
+            states.position[row[known]][~jumped],
+            store.rings.last_ns[steady],
+            store.rings.last[steady, POSITION],
+        )
         if jumped.any():
             store.reset(seen_again[jumped])
         new, dropped = store.allocate(keys[~known], seen_again)
@@ -148,6 +158,7 @@ class TrackHistory:
             accepted=slot.shape[0],
             new_tracks=int((new >= 0).sum()),
             restarted=int(jumped.sum()),
+            alternating=int(alternating.sum()),
             duplicates=int((last_ns == stamp_ns).sum()),
             late=int((last_ns > stamp_ns).sum()),
             duplicate_keys=rows.shape[0] - unique,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mtpgo_core.history.alternation import AlternationDetector
 from mtpgo_core.history.causal_slope import CausalSlope
 from mtpgo_core.history.sample_rings import SampleRings
 from mtpgo_core.history.track_index import SortKeyArray, TrackIndex
@@ -40,6 +41,7 @@ class TrackStore:
         index: from identities to slots.
         rings: the samples.
         velocity, acceleration: the estimators.
+        alternation: detects tracks that two publishers share.
         position_velocity: [capacity, 2] velocity estimated from the positions alone (m/s).
         key, agent_class, z, size, covariance: [capacity, ...] as last observed.
     """
@@ -54,6 +56,7 @@ class TrackStore:
         self.acceleration = CausalSlope(
             capacity, config.acceleration_tau_s, _ACCELERATION_PRIOR_S2
         )
+        self.alternation = AlternationDetector(capacity)
         self.position_velocity = np.full((capacity, 2), np.nan)
         self.key = np.zeros((capacity, 4), dtype=np.uint32)
         self.agent_class = np.zeros(capacity, dtype=np.uint8)
@@ -66,6 +69,7 @@ class TrackStore:
         self.rings.clear(slot)
         self.velocity.reset(slot)
         self.acceleration.reset(slot)
+        self.alternation.reset(slot)
         self.agent_class[slot] = 0
         for array in (self.position_velocity, self.z, self.size, self.covariance):
             array[slot] = np.nan
@@ -140,4 +144,5 @@ class TrackStore:
         self.rings.grow(capacity)
         self.velocity.grow(capacity)
         self.acceleration.grow(capacity)
+        self.alternation.grow(capacity)
         self._free = np.concatenate([np.arange(old, capacity, dtype=np.intp)[::-1], self._free])

@@ -31,6 +31,8 @@ ODD_INPUT = {
     "duplicates": "objects with a repeated stamp",
     "late": "objects older than what is known",
     "restarted": "tracks restarted after an impossible move",
+    "alternating": "objects that alternate between two places, as of two publishers with the same"
+    " identities",
     "left_out": "objects left out, beyond the nearest max_tracks",
     "dropped": "tracks dropped for lack of room",
     "unstamped": "messages without a stamp",

@@ -33,8 +33,8 @@ _DEPTH = 5
 """Messages that wait for the middleware to hand them over, and again to be decoded; chosen."""
 
 _RELIABLE = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
-"""While all publishers are reliable: a large message (20,000 objects) never arrives otherwise, since
-some of its fragments are lost. Of a backlog only the newest five messages are kept."""
+"""While all publishers are reliable: a large message (20,000 objects) never arrives otherwise,
+since some of its fragments are lost. Of a backlog only the newest five messages are kept."""
 
 _BEST_EFFORT = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 """From the first best-effort publisher on: a reliable subscription would not hear it."""
