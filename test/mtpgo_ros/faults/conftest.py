@@ -23,3 +23,19 @@ def start_predictor(models):
     yield start
     for one in made:
         one.close()
+
+
+@pytest.fixture(scope="session")
+def node(models):
+    """A predictor of point clouds, shared by the faults of values, identities and layouts."""
+    one = FaultHarness(models["quick"], use_tracker_covariance=True)
+    yield one
+    one.close()
+
+
+@pytest.fixture(scope="session")
+def marker_node(models):
+    """A predictor of markers, shared in the same way."""
+    one = FaultHarness(models["quick"], kind="markers")
+    yield one
+    one.close()

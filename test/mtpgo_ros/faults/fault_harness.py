@@ -198,6 +198,13 @@ class FaultHarness:
         assert len(found) == 1, f"{len(found)} predictions of {stamp_ns}"
         return found[0]
 
+    def send_and_await(self, states: TrackedStates) -> Prediction:
+        """Publish states and return their prediction, with the invariants checked only."""
+        self.send(states)
+        prediction = self.answer(states.stamp_ns).prediction
+        check_invariants(prediction)
+        return prediction
+
     def predict(self, states: TrackedStates, *untouched: int, **options: Any) -> Prediction:
         """Publish states, check what must always hold, and return their prediction.
 

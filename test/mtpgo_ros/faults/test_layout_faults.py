@@ -1,0 +1,245 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Messages whose layout is wrong, contradicts itself, or is too large, over real DDS."""
+
+import time
+
+import numpy as np
+import pytest
+from fault_harness import WARN, check_invariants
+from lifecycle_msgs.srv import GetState
+from rcl_interfaces.srv import GetParameters
+from rclpy.serialization import serialize_message
+from ros_helpers import message_of, traffic
+from sensor_msgs.msg import PointCloud2, PointField
+from visualization_msgs.msg import Marker, MarkerArray
+
+from msg_adapters.predictions import POINT
+from mtpgo_core.schema import Source
+
+
+def refused(node, message, reason, publisher=None):
+    """Check that a message is left out with one sentence, and that all else goes on."""
+    node.fresh().healthy()
+    with node.counts(malformed=1):
+        node.send(message, publisher)
+    node.until(lambda: any(reason in line for line in node.process.err), f"{reason!r} in the log")
+    node.healthy()
+
+
+def cloud(**values):
+    """A healthy cloud with some of its sizes replaced."""
+    message = message_of(traffic(0.0))
+    for name, value in values.items():
+        setattr(message, name, value)
+    return message
+
+
+@pytest.mark.parametrize(
+    ("values", "repeated"),
+    [
+        ({"point_step": 4}, False),
+        ({"point_step": 0}, False),
+        ({"point_step": 2**32 - 1}, False),
+        ({"height": 2, "row_step": 8}, False),
+        ({"width": 5}, False),
+        ({"height": 3}, False),
+        ({"width": 2**32 - 1, "height": 2**32 - 1}, False),
+        ({"width": 2**16, "height": 2**16}, False),
+    ],
+    ids=[
+        "point_step too small",
+        "point_step zero",
+        "point_step largest",
+        "row_step below a row",
+        "width too large",
+        "height too large",
+        "width and height largest",
+        "width and height beyond the data",
+    ],
+)
+def test_sizes_that_contradict_the_data(node, values, repeated):
+    node.fresh().healthy()
+    with node.counts(malformed=1):
+        node.send(cloud(**values))
+    node.healthy()
+    assert node.said("input", WARN, "could not be read")
+
+
+def test_a_width_below_the_data(node):
+    node.fresh()
+    states = node.states()
+    message = message_of(states)
+    message.width = 2
+    node.send(message)
+    prediction = node.answer(states.stamp_ns).prediction
+    assert prediction.key[:, 0].tolist() == [1, 2]
+
+
+def test_thousands_of_fields(node):
+    fields = [
+        PointField(name=f"f{i}", offset=0, datatype=PointField.UINT8, count=1)
+        for i in range(20_000)
+    ]
+    node.fresh().healthy()
+    with node.counts(malformed=1):
+        node.send(cloud(fields=fields))
+    node.healthy()
+
+
+@pytest.mark.parametrize("missing", ["x", "y", "id_0"])
+def test_a_required_field_is_missing(node, missing):
+    message = cloud()
+    message.fields = [field for field in message.fields if field.name != missing]
+    node.fresh().healthy()
+    with node.counts(malformed=1):
+        node.send(message)
+    node.healthy()
+
+
+def test_every_other_field_is_missing(node):
+    node.fresh()
+    for _ in range(4):
+        states = node.states()
+        message = message_of(states)
+        message.fields = [f for f in message.fields if f.name in ("x", "y", "id_0")]
+        node.send(message)
+        prediction = node.answer(states.stamp_ns).prediction
+        check_invariants(prediction)
+    node.check(prediction, states, tolerance_m=5.0)  # the velocity is estimated
+
+
+def test_the_byte_order_is_the_other_one(node):
+    node.fresh()
+    states = node.states()
+    message = message_of(states)
+    records = np.frombuffer(
+        bytes(message.data),
+        dtype=[
+            (f.name, {7: "<f4", 8: "<f8", 6: "<u4", 2: "u1"}[f.datatype]) for f in message.fields
+        ],
+    )
+    message.data = records.astype(records.dtype.newbyteorder(">")).tobytes()
+    message.is_bigendian = True
+    node.send(message)
+    node.check(node.answer(states.stamp_ns).prediction, states)
+
+
+def test_the_byte_order_is_not_what_the_flag_says(node):
+    node.fresh().healthy()
+    node.send(cloud(is_bigendian=True, header=message_of(node.states()).header))
+    node.settle()
+    node.healthy(agents=4)  # The swapped numbers are no road users that matter to these.
+
+
+@pytest.mark.parametrize("length", [0, 1, 4, 20, 60, 200, -1])
+def test_truncated_bytes(node, length):
+    data = serialize_message(cloud())
+    node.fresh().healthy()
+    with node.counts(malformed=1):
+        node.send(data[:length])
+    node.healthy()
+
+
+def test_truncated_data(node):
+    message = cloud()
+    message.data = message.data[:100]
+    refused(node, message, "bytes of data, expected")
+
+
+def test_an_empty_message(node):
+    node.fresh().healthy()
+    with node.counts(unstamped=0, malformed=1):
+        node.send(PointCloud2())
+    node.healthy()
+
+
+def test_predictions_instead_of_objects(node):
+    node.fresh().healthy()
+    message = node.answers[-1].message
+    assert message.point_step == POINT.itemsize
+    refused(node, message, "holds predictions")
+
+
+@pytest.mark.parametrize("agents", [1000, 5000, 20_000])
+def test_many_objects(node, agents):
+    node.fresh()
+    states = node.states(agents, speed_mps=1.0)
+    order = np.random.default_rng(agents).permutation(agents)
+    shuffled = type(states)(
+        **{
+            name: value[order] if isinstance(value, np.ndarray) else value
+            for name, value in vars(states).items()
+        }
+    )
+    with node.counts(left_out=max(0, agents - 4096), non_finite=0):
+        node.send(shuffled)
+        prediction = node.answer(states.stamp_ns).prediction
+    check_invariants(prediction)
+    assert len(prediction) == min(agents, 4096)
+    # Those nearest to the middle are served, the very nearest by the model (or, on a machine that
+    # is too busy, by constant velocity), whatever their order in the message.
+    distance = np.abs(prediction.mean[:, 0, 0, 0] - 12.0 * (agents - 1) / 2)
+    assert distance.max() < 12.0 * (len(prediction) / 2 + 20)
+    by_model = prediction.source == Source.MODEL
+    if by_model.any() and not by_model.all():
+        assert distance[by_model].max() < 12.0 * (by_model.sum() / 2 + 20)
+    if agents == 20_000:
+        node.level("model", WARN, "of 4096 agents")
+        node.level("input", WARN, "beyond the nearest max_tracks")
+    node.fresh().healthy(steps=2)
+
+
+def test_more_points_than_a_tracker_has_objects(node):
+    message = cloud(width=100_000, data=bytes(100_000 * 77))
+    message.point_step, message.row_step = 77, 7_700_000
+    refused(node, message, "expected at most 32768 (parameter max_objects)")
+
+
+def test_a_message_larger_than_the_middleware_likes(node):
+    message = cloud(data=bytes(40_000_000))
+    refused(node, message, "expected at most 16777216 (parameter max_message_bytes)")
+
+
+HOSTILE = {
+    "a marker of half a million points": lambda: MarkerArray(
+        markers=[Marker(text="x" * 1000, mesh_resource="y" * 12_000_000)]
+    ),
+}
+
+
+def slow_markers():
+    """Bytes of an array that takes the decoder seconds: 15 MB of small nested messages."""
+    message = MarkerArray(markers=[Marker(ns="car", id=1, type=Marker.CUBE)])
+    data = serialize_message(message)
+    # uv_coordinates: the last sequence before text, mesh_resource, mesh_file and two bools.
+    one = MarkerArray(markers=[Marker(ns="car", id=1, type=Marker.CUBE)])
+    from visualization_msgs.msg import UVCoordinate
+
+    one.markers[0].uv_coordinates = [UVCoordinate() for _ in range(200_000)]
+    assert len(data) < 1000
+    return serialize_message(one)
+
+
+def test_services_and_diagnostics_answer_while_a_large_message_is_decoded(marker_node):
+    node = marker_node
+    data = slow_markers()
+    states = node.fresh().states()
+    node.send(message_of(states, "markers"))
+    node.answer(states.stamp_ns)
+    parameters = node.peer.create_client(GetParameters, "predictor/get_parameters")
+    lifecycle = node.peer.create_client(GetState, "predictor/get_state")
+    node.until(parameters.service_is_ready)
+    node.until(lifecycle.service_is_ready)
+    slowest_s = 0.0
+    for client, request in (
+        (parameters, GetParameters.Request(names=["rate"])),
+        (lifecycle, GetState.Request()),
+    ) * 3:
+        node.send(data)
+        begun_s = time.monotonic()
+        future = client.call_async(request)
+        node.until(future.done)
+        slowest_s = max(slowest_s, time.monotonic() - begun_s)
+    node.settle()
+    assert slowest_s < 0.2
