@@ -25,19 +25,13 @@ from msg_adapters.types import message_class
 from msg_adapters.wire.input_limits import DEFAULT_LIMITS, InputLimits
 from mtpgo_core.errors import MessageError
 from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.node.reliability_choice import ReliabilityChoice
 from mtpgo_ros.runtime.work_queue import WorkQueue
 
 TOPIC = "objects"
 
 _DEPTH = 5
 """Messages that wait for the middleware to hand them over, and again to be decoded; chosen."""
-
-_RELIABLE = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
-"""While all publishers are reliable: a large message (20,000 objects) never arrives otherwise,
-since some of its fragments are lost. Of a backlog only the newest five messages are kept."""
-
-_BEST_EFFORT = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""From the first best-effort publisher on: a reliable subscription would not hear it."""
 
 _POLL_S = 0.1
 """Time between two checks of the published type (s); chosen."""
@@ -92,7 +86,7 @@ class ObjectsSubscription:
         self.topic = node.resolve_topic_name(TOPIC)
         self.status = f"no publisher on {self.topic} yet"
         self._follows_type = input_type == "auto"
-        self._qos = _RELIABLE
+        self._choice = ReliabilityChoice(time.monotonic())
         if not self._follows_type:
             self._subscribe(input_adapter(input_type))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -113,12 +107,15 @@ class ObjectsSubscription:
     def _check_publishers(self) -> None:
         """Subscribe to a published type, and as reliably as it is published."""
         publishers = self._node.get_publishers_info_by_topic(self.topic)
-        if self._qos is _RELIABLE and any(
-            info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for info in publishers
-        ):
-            self._qos = _BEST_EFFORT
-            if self._adapter is not None:
-                self._subscribe(self._adapter)
+        changed = self._choice.update(
+            possible=all(
+                info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in publishers
+            ),
+            matched=self._subscription is not None and bool(publishers),
+            now_s=time.monotonic(),
+        )
+        if changed and self._adapter is not None:
+            self._subscribe(self._adapter)
         if self._follows_type:
             self._check_type({info.topic_type for info in publishers})
 
@@ -147,7 +144,14 @@ class ObjectsSubscription:
             kind,
             self.topic,
             cast(Callable[[Any], None], self._on_message),  # rclpy counts the arguments
-            self._qos,
+            QoSProfile(
+                depth=_DEPTH,  # Of a backlog only the newest are kept.
+                reliability=(
+                    ReliabilityPolicy.RELIABLE
+                    if self._choice.reliable
+                    else ReliabilityPolicy.BEST_EFFORT
+                ),
+            ),
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(
                 incompatible_qos=self._on_incompatible_qos,
@@ -156,8 +160,10 @@ class ObjectsSubscription:
             ),
         )
         self.status = ""
+        how = ", reliably" if self._choice.reliable else ""
         self._node.get_logger().info(
-            f"subscribed to {self.topic} as {adapter.message_type} (input_type {adapter.name})"
+            f"subscribed to {self.topic} as {adapter.message_type}"
+            f" (input_type {adapter.name}){how}"
         )
 
     def _unsubscribe(self) -> None:
@@ -167,6 +173,7 @@ class ObjectsSubscription:
 
     def _on_message(self, data: bytes, info: dict[str, Any]) -> None:
         if self._adapter is not None:
+            self._choice.received(time.monotonic())
             self._queue.submit((data, self._adapter, _received_ns(info)))
 
     def _decode(self, item: tuple[bytes, InputAdapter, int]) -> None:
@@ -195,7 +202,7 @@ class ObjectsSubscription:
 
     def _on_incompatible_qos(self, event: Any) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
-        if policy == "RELIABILITY" and self._qos is _RELIABLE:
+        if policy == "RELIABILITY" and self._choice.reliable:
             return  # The next check of the publishers changes the subscription.
         self._events.count(
             "qos_incompatible",
@@ -206,7 +213,9 @@ class ObjectsSubscription:
         )
 
     def _on_message_lost(self, event: Any) -> None:
-        self._events.count("messages_lost", self._lost.add(event.total_count_change))
+        number = self._lost.add(event.total_count_change)
+        self._choice.lost(number)
+        self._events.count("messages_lost", number)
 
 
 class LostMessages:

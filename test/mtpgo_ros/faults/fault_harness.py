@@ -36,7 +36,7 @@ from mtpgo_core.schema import Prediction, Source, TrackedStates
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
-LIMIT_S = 30.0
+LIMIT_S = 15.0
 """Only a broken machine reaches this (s)."""
 
 PERIOD_S = 0.2

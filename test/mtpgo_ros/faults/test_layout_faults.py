@@ -2,29 +2,43 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages whose layout is wrong, contradicts itself, or is too large, over real DDS."""
 
+import dataclasses
 import time
 
 import numpy as np
 import pytest
-from fault_harness import WARN, check_invariants
+from fault_harness import PERIOD_S, WARN, check_invariants
 from lifecycle_msgs.srv import GetState
 from rcl_interfaces.srv import GetParameters
 from rclpy.serialization import serialize_message
 from ros_helpers import message_of, traffic
 from sensor_msgs.msg import PointCloud2, PointField
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray, UVCoordinate
 
 from msg_adapters.predictions import POINT
 from mtpgo_core.schema import Source
 
 
-def refused(node, message, reason, publisher=None):
-    """Check that a message is left out with one sentence, and that all else goes on."""
+def refused(node, message):
+    """Check that a message is left out and counted, and that all else goes on."""
     node.fresh().healthy()
     with node.counts(malformed=1):
-        node.send(message, publisher)
-    node.until(lambda: any(reason in line for line in node.process.err), f"{reason!r} in the log")
+        node.send(message)
     node.healthy()
+
+
+def refused_in_the_end(node, message):
+    """The same for a message of so many fragments that the first ones may be lost."""
+    node.fresh().healthy()
+    node.settle()
+    before = node.counter("malformed")
+    for _ in range(20):
+        node.send(message)
+        if node.comes_true(lambda: node.counter("malformed") > before, 0.5):
+            break
+    assert node.counter("malformed") > before
+    node.spin_for(0.5)  # Some may still be on their way.
+    node.fresh().healthy()
 
 
 def cloud(**values):
@@ -36,16 +50,16 @@ def cloud(**values):
 
 
 @pytest.mark.parametrize(
-    ("values", "repeated"),
+    "values",
     [
-        ({"point_step": 4}, False),
-        ({"point_step": 0}, False),
-        ({"point_step": 2**32 - 1}, False),
-        ({"height": 2, "row_step": 8}, False),
-        ({"width": 5}, False),
-        ({"height": 3}, False),
-        ({"width": 2**32 - 1, "height": 2**32 - 1}, False),
-        ({"width": 2**16, "height": 2**16}, False),
+        {"point_step": 4},
+        {"point_step": 0},
+        {"point_step": 2**32 - 1},
+        {"height": 2, "row_step": 8},
+        {"width": 5},
+        {"height": 3},
+        {"width": 2**32 - 1, "height": 2**32 - 1},
+        {"width": 2**16, "height": 2**16},
     ],
     ids=[
         "point_step too small",
@@ -58,11 +72,8 @@ def cloud(**values):
         "width and height beyond the data",
     ],
 )
-def test_sizes_that_contradict_the_data(node, values, repeated):
-    node.fresh().healthy()
-    with node.counts(malformed=1):
-        node.send(cloud(**values))
-    node.healthy()
+def test_sizes_that_contradict_the_data(node, values):
+    refused(node, cloud(**values))
     assert node.said("input", WARN, "could not be read")
 
 
@@ -81,20 +92,14 @@ def test_thousands_of_fields(node):
         PointField(name=f"f{i}", offset=0, datatype=PointField.UINT8, count=1)
         for i in range(20_000)
     ]
-    node.fresh().healthy()
-    with node.counts(malformed=1):
-        node.send(cloud(fields=fields))
-    node.healthy()
+    refused(node, cloud(fields=fields))
 
 
 @pytest.mark.parametrize("missing", ["x", "y", "id_0"])
 def test_a_required_field_is_missing(node, missing):
     message = cloud()
     message.fields = [field for field in message.fields if field.name != missing]
-    node.fresh().healthy()
-    with node.counts(malformed=1):
-        node.send(message)
-    node.healthy()
+    refused(node, message)
 
 
 def test_every_other_field_is_missing(node):
@@ -107,6 +112,10 @@ def test_every_other_field_is_missing(node):
         prediction = node.answer(states.stamp_ns).prediction
         check_invariants(prediction)
     node.check(prediction, states, tolerance_m=5.0)  # the velocity is estimated
+
+
+CODES = {7: "<f4", 8: "<f8", 6: "<u4", 2: "u1"}
+"""Numbers of sensor_msgs/PointField."""
 
 
 def test_the_byte_order_is_the_other_one(node):
@@ -127,59 +136,70 @@ def test_the_byte_order_is_the_other_one(node):
 
 def test_the_byte_order_is_not_what_the_flag_says(node):
     node.fresh().healthy()
-    node.send(cloud(is_bigendian=True, header=message_of(node.states()).header))
-    node.settle()
-    node.healthy(agents=4)  # The swapped numbers are no road users that matter to these.
+    states = node.states()
+    node.send(cloud(is_bigendian=True, header=message_of(states).header))
+    # Other identities at other places, as far as the node can know; the known ones are carried on.
+    node.check(node.answer(states.stamp_ns).prediction, states, 3, served=[1, 2, 3, 4, *SWAPPED])
+    node.send_and_await(node.states())
+    node.fresh().healthy()
 
 
-@pytest.mark.parametrize("length", [0, 1, 4, 20, 60, 200, -1])
+SWAPPED = [number << 24 for number in (1, 2, 3, 4)]
+"""Identities 1 to 4 with their bytes in the other order."""
+
+
+def test_a_message_of_zero_length(node):
+    node.fresh().healthy()
+    node.send(b"")  # The middleware does not deliver it.
+    node.healthy()
+
+
+@pytest.mark.parametrize("length", [1, 4, 20, 60, 200, -1])
 def test_truncated_bytes(node, length):
     data = serialize_message(cloud())
-    node.fresh().healthy()
-    with node.counts(malformed=1):
-        node.send(data[:length])
-    node.healthy()
+    refused(node, data[:length])
 
 
 def test_truncated_data(node):
     message = cloud()
     message.data = message.data[:100]
-    refused(node, message, "bytes of data, expected")
+    refused(node, message)
 
 
 def test_an_empty_message(node):
-    node.fresh().healthy()
-    with node.counts(unstamped=0, malformed=1):
-        node.send(PointCloud2())
-    node.healthy()
+    refused(node, PointCloud2())
 
 
 def test_predictions_instead_of_objects(node):
     node.fresh().healthy()
     message = node.answers[-1].message
     assert message.point_step == POINT.itemsize
-    refused(node, message, "holds predictions")
+    refused(node, message)
 
 
 @pytest.mark.parametrize("agents", [1000, 5000, 20_000])
 def test_many_objects(node, agents):
     node.fresh()
-    states = node.states(agents, speed_mps=1.0)
     order = np.random.default_rng(agents).permutation(agents)
-    shuffled = type(states)(
-        **{
-            name: value[order] if isinstance(value, np.ndarray) else value
-            for name, value in vars(states).items()
-        }
-    )
-    with node.counts(left_out=max(0, agents - 4096), non_finite=0):
-        node.send(shuffled)
-        prediction = node.answer(states.stamp_ns).prediction
+    before, have = node.counter("left_out"), len(node.answers)
+    # Of a message of so many fragments some are lost until the node subscribes reliably.
+    for _ in range(50):
+        states = node.states(agents, speed_mps=1.0)
+        arrays = {k: v[order] for k, v in vars(states).items() if isinstance(v, np.ndarray)}
+        node.send(dataclasses.replace(states, **arrays))
+        if node.comes_true(lambda: len(node.answers) > have, PERIOD_S):
+            break
+    node.until(lambda: len(node.answers) > have, "a prediction")
+    prediction = node.answers[have].prediction
+    node.settle()
+    left_out = node.counter("left_out") - before
+    assert left_out == 0 if agents <= 4096 else left_out >= agents - 4096
     check_invariants(prediction)
     assert len(prediction) == min(agents, 4096)
     # Those nearest to the middle are served, the very nearest by the model (or, on a machine that
     # is too busy, by constant velocity), whatever their order in the message.
-    distance = np.abs(prediction.mean[:, 0, 0, 0] - 12.0 * (agents - 1) / 2)
+    middle = np.median(states.position[:, 0])
+    distance = np.abs(prediction.mean[:, 0, 0, 0] - middle)
     assert distance.max() < 12.0 * (len(prediction) / 2 + 20)
     by_model = prediction.source == Source.MODEL
     if by_model.any() and not by_model.all():
@@ -187,38 +207,26 @@ def test_many_objects(node, agents):
     if agents == 20_000:
         node.level("model", WARN, "of 4096 agents")
         node.level("input", WARN, "beyond the nearest max_tracks")
+    node.spin_for(PERIOD_S)
     node.fresh().healthy(steps=2)
 
 
 def test_more_points_than_a_tracker_has_objects(node):
     message = cloud(width=100_000, data=bytes(100_000 * 77))
     message.point_step, message.row_step = 77, 7_700_000
-    refused(node, message, "expected at most 32768 (parameter max_objects)")
+    refused_in_the_end(node, message)
 
 
 def test_a_message_larger_than_the_middleware_likes(node):
     message = cloud(data=bytes(40_000_000))
-    refused(node, message, "expected at most 16777216 (parameter max_message_bytes)")
-
-
-HOSTILE = {
-    "a marker of half a million points": lambda: MarkerArray(
-        markers=[Marker(text="x" * 1000, mesh_resource="y" * 12_000_000)]
-    ),
-}
+    refused_in_the_end(node, message)
 
 
 def slow_markers():
-    """Bytes of an array that takes the decoder seconds: 15 MB of small nested messages."""
-    message = MarkerArray(markers=[Marker(ns="car", id=1, type=Marker.CUBE)])
-    data = serialize_message(message)
-    # uv_coordinates: the last sequence before text, mesh_resource, mesh_file and two bools.
-    one = MarkerArray(markers=[Marker(ns="car", id=1, type=Marker.CUBE)])
-    from visualization_msgs.msg import UVCoordinate
-
-    one.markers[0].uv_coordinates = [UVCoordinate() for _ in range(200_000)]
-    assert len(data) < 1000
-    return serialize_message(one)
+    """Bytes of an array that keeps the decoder busy: 3 MB of the smallest nested messages."""
+    marker = Marker(ns="car", id=1, type=Marker.CUBE)
+    marker.uv_coordinates = [UVCoordinate()] * 400_000
+    return serialize_message(MarkerArray(markers=[marker]))
 
 
 def test_services_and_diagnostics_answer_while_a_large_message_is_decoded(marker_node):
