@@ -9,6 +9,7 @@ them and calls the handler, so that a large message keeps nothing else from bein
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -35,6 +36,10 @@ _DEPTH = 5
 
 _POLL_S = 0.1
 """Time between two checks of the published type (s); chosen."""
+
+_OVERLAP_S = 1.0
+"""How long a subscription goes on after its successor was made (s); chosen above the time that
+discovery takes."""
 
 _PATIENCE_S = 0.1
 """How long closing waits for a message that is being decoded (s); chosen: transitions are to be
@@ -87,6 +92,10 @@ class ObjectsSubscription:
         self.status = f"no publisher on {self.topic} yet"
         self._follows_type = input_type == "auto"
         self._choice = ReliabilityChoice(time.monotonic())
+        # The last subscription, while its successor is discovered, and what both may receive.
+        self._leaving: Subscription | None = None
+        self._leaving_s = 0.0
+        self._sent_ns: deque[int] = deque(maxlen=2 * _DEPTH)
         if not self._follows_type:
             self._subscribe(input_adapter(input_type))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -114,8 +123,11 @@ class ObjectsSubscription:
             matched=self._subscription is not None and bool(publishers),
             now_s=time.monotonic(),
         )
+        if self._leaving is not None and time.monotonic() > self._leaving_s:
+            self._node.destroy_subscription(self._leaving)
+            self._leaving = None
         if changed and self._adapter is not None:
-            self._subscribe(self._adapter)
+            self._subscribe_anew(self._adapter)
         if self._follows_type:
             self._check_type({info.topic_type for info in publishers})
 
@@ -166,12 +178,26 @@ class ObjectsSubscription:
             f" (input_type {adapter.name}){how}"
         )
 
+    def _subscribe_anew(self, adapter: InputAdapter) -> None:
+        """Subscribe with the present choice; the last subscription goes on until it is heard."""
+        if self._leaving is not None:
+            self._node.destroy_subscription(self._leaving)
+            self._leaving = None
+        last, self._subscription = self._subscription, None
+        self._subscribe(adapter)
+        self._leaving, self._leaving_s = last, time.monotonic() + _OVERLAP_S
+
     def _unsubscribe(self) -> None:
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-        self._subscription, self._adapter = None, None
+        for subscription in (self._subscription, self._leaving):
+            if subscription is not None:
+                self._node.destroy_subscription(subscription)
+        self._subscription = self._leaving = self._adapter = None
 
     def _on_message(self, data: bytes, info: dict[str, Any]) -> None:
+        sent_ns = int(info.get("source_timestamp", 0))
+        if self._leaving is not None and sent_ns in self._sent_ns:
+            return  # Both subscriptions have received it.
+        self._sent_ns.append(sent_ns)
         if self._adapter is not None:
             self._choice.received(time.monotonic())
             self._queue.submit((data, self._adapter, _received_ns(info)))
