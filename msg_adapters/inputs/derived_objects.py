@@ -139,7 +139,7 @@ DERIVED = InputAdapter(
     name="derived",
     message_type=PACKAGE + "ObjectArray",
     twist_frame="header",
-    content=Content("objects", 250),
+    content=Content("objects", 150),
     decoder=decode_objects,
     builder=states_to_objects,
 )

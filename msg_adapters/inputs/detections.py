@@ -34,6 +34,8 @@ from mtpgo_core.identity import key_to_int, keys_from_texts
 from mtpgo_core.schema import AgentClass, TrackedStates, tracked_states
 
 PACKAGE = "vision_msgs/msg/"
+_DIGITS = 3
+"""Longest number that is read as a class: reading takes longer than its length grows."""
 _NO_COVARIANCE = (np.nan,) * 4
 
 
@@ -120,7 +122,7 @@ def _agent_class(result: Any) -> int:
     if result is None:
         return int(AgentClass.UNKNOWN)
     name = str(result.hypothesis.class_id).strip()
-    if name.isascii() and name.isdigit():
+    if name.isascii() and name.isdigit() and len(name) <= _DIGITS:
         number = int(name)
         return number if number <= max(AgentClass) else int(AgentClass.UNKNOWN)
     return int(AgentClass.from_name(name))
