@@ -33,7 +33,7 @@ RUNS ?= runs
 SIMULATED := $(RUNS)/simulated
 TRAIN_ARGS ?=
 
-.PHONY: help demo test numerics benchmark default data-given check lint types format environment clean distclean
+.PHONY: help demo test numerics interruption benchmark default data-given check lint types format environment clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -54,6 +54,9 @@ NUMERICAL_TESTS := test/models test/mtpgo_training/training test/mtpgo_training/
 numerics: $(STAMP) ## run the numerical tests as on a CPU without AVX
 	@echo "== pytest, ATEN_CPU_CAPABILITY=default"
 	@ATEN_CPU_CAPABILITY=default $(BIN)/python -m pytest $(NUMERICAL_TESTS)
+
+interruption: $(STAMP) ## kill training, conversion, cache, export and record at random moments; KILLS=N times each (20)
+	@MTPGO_KILLS=$(or $(KILLS),20) $(BIN)/python -m pytest test/interruption $(PYTEST_ARGS)
 
 # Prints the tables of docs/performance.md, each with its command and the machine, then tests the
 # speed ratios.

@@ -34,11 +34,14 @@ EXECUTABLES = {
 
 # docs/design.md, Dependencies, gives the purpose of each package.
 REQUIREMENTS = [
+    "backports.zstd>=1.0",
+    "lz4>=4.0",
     "numpy>=1.26",
     "torch>=2.4",
     "torch-geometric>=2.6",
     "mcap>=1.2",
     "rosbags>=0.11",
+    "ruamel.yaml>=0.18",
     "tqdm>=4.60",
 ]
 EXTRAS = {
@@ -56,6 +59,8 @@ EXTRAS = {
         "scipy>=1.11",
         "tensorboard>=2.16",
     ],
+    # Parquet and Feather files, and Waymo's protocol buffers.
+    "datasets": ["protobuf>=4.21", "pyarrow>=14.0"],
     "simulation": ["eclipse-sumo>=1.20"],
     "development": [
         "colcon-common-extensions>=0.3",

@@ -9,8 +9,8 @@ mcap-ros2-support, and reading imports no message package.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,6 +23,7 @@ from msg_adapters.wire.input_limits import (
     InputLimits,
     check_serialized,
 )
+from mtpgo_core.class_map import OWN_NAMES, ClassMap
 from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import AgentClass, ClassArray, KeyArray, TrackedStates
 
@@ -36,12 +37,15 @@ class Decoded:
         skipped: number of objects left out, by reason.
         removed: [k, 4] keys of tracks that the message deletes.
         cleared: the message deletes all earlier tracks.
+        class_names: [n] what the message calls the class of each object, the names to be looked
+            up one after the other; None where the type of the message defines its classes.
     """
 
     states: TrackedStates
     skipped: Mapping[str, int] = field(default_factory=Counter)
     removed: KeyArray = field(default_factory=lambda: np.empty((0, 4), dtype=np.uint32))
     cleared: bool = False
+    class_names: Sequence[Sequence[str]] | None = None
 
     @property
     def skipped_total(self) -> int:
@@ -90,6 +94,7 @@ class InputAdapter:
         *,
         twist_frame: str = "default",
         fallback_stamp_ns: int | None = None,
+        class_map: ClassMap = OWN_NAMES,
         limits: InputLimits = DEFAULT_LIMITS,
     ) -> Decoded:
         """Return the content of a message.
@@ -99,6 +104,7 @@ class InputAdapter:
             twist_frame: ``default`` (what publishers of this type do), ``object`` or ``header``.
             fallback_stamp_ns: time of receipt (ns), used where the message has no time (a
                 MarkerArray without objects).
+            class_map: our classes by the names in the message, where it has names.
             limits: the most objects and fields that are read.
 
         Raises:
@@ -108,12 +114,17 @@ class InputAdapter:
         frame = choose_twist_frame(twist_frame, self.twist_frame)
         try:
             self._check(message, limits)
-            return self.decoder(message, twist_frame=frame, fallback_stamp_ns=fallback_stamp_ns)
+            decoded = self.decoder(message, twist_frame=frame, fallback_stamp_ns=fallback_stamp_ns)
         except (AttributeError, TypeError, ValueError, IndexError, OverflowError) as error:
             raise MessageError(
                 f"message of {type(message).__name__} cannot be read as {self.message_type}: "
                 f"{error}"
             ) from error
+        if class_map is OWN_NAMES or decoded.class_names is None:
+            return decoded
+        found = [class_map.find(*names) for names in decoded.class_names]
+        states = replace(decoded.states, agent_class=np.array(found, dtype=np.uint8))
+        return replace(decoded, states=states)
 
     def check_serialized(self, data: bytes, limits: InputLimits) -> None:
         """Check the bytes of a message before they are decoded, in constant time.
@@ -136,10 +147,14 @@ class InputAdapter:
         *,
         twist_frame: str = "default",
         fallback_stamp_ns: int | None = None,
+        class_map: ClassMap = OWN_NAMES,
     ) -> TrackedStates:
         """Return the tracked objects only; arguments and errors as in :meth:`decode`."""
         return self.decode(
-            message, twist_frame=twist_frame, fallback_stamp_ns=fallback_stamp_ns
+            message,
+            twist_frame=twist_frame,
+            fallback_stamp_ns=fallback_stamp_ns,
+            class_map=class_map,
         ).states
 
     def from_states(self, states: TrackedStates, types: Types) -> Any:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The canonical output: a PointCloud2 with one point per agent, mode and step, and its decoder.
 
-72 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
-layout is described in docs/messages.md and stays fixed.
+80 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
+layout is described in docs/messages.md. The first 64 bytes stay fixed; fields are only appended.
 """
 
 from __future__ import annotations
@@ -18,43 +18,53 @@ from msg_adapters.inputs.object_cloud import KEY_FIELDS
 from msg_adapters.types import Types
 from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud
 from mtpgo_core.errors import MessageError
+from mtpgo_core.prediction.output_assembly import strongest_modes
 from mtpgo_core.schema import Float64Array, Prediction
 
-POINT = np.dtype(
-    [
-        (name, "<f4")
-        for name in ("x", "y", "z", "t", "weight", "vx", "vy", "yaw", "cov_xx", "cov_xy", "cov_yy")
-    ]
-    + [(name, "<u4") for name in KEY_FIELDS]
-    + [(name, "<u1") for name in ("class", "mode", "step", "source")]
-    + [(name, "<f4") for name in ("x_rest", "y_rest")]
+_FLOATS = ("x", "y", "z", "t", "weight", "vx", "vy", "yaw", "cov_xx", "cov_xy", "cov_yy")
+_FIELDS = (
+    *((name, "<f4") for name in _FLOATS),
+    *((name, "<u4") for name in KEY_FIELDS),
+    *((name, "<u1") for name in ("class", "mode", "step", "source")),
 )
+_LATER_FIELDS = (
+    ("sigma_factor_50", "<f4"),
+    ("calibration", "<u1"),
+    ("x_rest", "<f4"),
+    ("y_rest", "<f4"),
+)
+"""Fields after those of the first 64 bytes; clouds recorded before they existed lack them."""
+
+_PADDING = 3
+"""Bytes after ``calibration``, so that floats are aligned."""
+
+
+def _layout() -> np.dtype[Any]:
+    names, formats = zip(*_FIELDS, *_LATER_FIELDS, strict=True)
+    sizes = [np.dtype(kind).itemsize for kind in formats]
+    sizes[names.index("calibration")] += _PADDING
+    offsets = np.cumsum([0, *sizes]).tolist()
+    return np.dtype(
+        {
+            "names": list(names),
+            "formats": list(formats),
+            "offsets": offsets[:-1],
+            "itemsize": offsets[-1],
+        }
+    )
+
+
+POINT = _layout()
 """One point. Lengths m, times s, angles rad; vectors along the axes of the header's frame.
 
 ``x`` is float32 because RViz draws no other; ``x + x_rest``, added in float64, is exact to less
 than a micrometre also at UTM coordinates, where float32 alone has steps of 0.5 m.
 """
 
-_LATER = ("x_rest", "y_rest")
-"""Fields that earlier recordings of predictions do not have; they are zero there."""
+REQUIRED_FIELDS = tuple(name for name, _ in _FIELDS)
 
 _MAX_COUNT = 256
 """Most modes, and most steps: each is counted in a byte."""
-
-
-def strongest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Float64Array, int]:
-    """Return the weights of the first ``max_modes`` modes, with sum one, and their number.
-
-    Args:
-        prediction: modes sorted by falling weight.
-        max_modes: most modes kept; None keeps all.
-    """
-    modes = prediction.weight.shape[1]
-    kept = modes if max_modes is None else max(1, min(max_modes, modes))
-    weight = prediction.weight[:, :kept]
-    if kept < modes:
-        weight = weight / weight.sum(axis=1, keepdims=True)
-    return weight, kept
 
 
 def prediction_to_pointcloud2(
@@ -76,7 +86,7 @@ def prediction_to_pointcloud2(
         raise MessageError(
             f"prediction has {modes} modes and {steps} steps, expected at most {_MAX_COUNT} each"
         )
-    points = np.empty((n, modes, steps), dtype=POINT)
+    points = np.zeros((n, modes, steps), dtype=POINT)
     mean = prediction.mean[:, :modes]
     covariance = prediction.covariance[:, :modes]
     columns = {
@@ -95,6 +105,8 @@ def prediction_to_pointcloud2(
         "mode": np.arange(modes)[:, None],
         "step": np.arange(steps),
         "source": _per_agent(prediction.source),
+        "sigma_factor_50": prediction.sigma_factor_50.reshape(n, 1, steps),
+        "calibration": _per_agent(prediction.calibration),
     }
     columns |= {name: _per_agent(prediction.key[:, i]) for i, name in enumerate(KEY_FIELDS)}
     for name, values in columns.items():
@@ -124,8 +136,7 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         MessageError: the cloud does not have the layout of predictions.
     """
     records = cloud_to_records(message)
-    names = records.dtype.names or ()
-    missing = [name for name in POINT.names or () if name not in (*names, *_LATER)]
+    missing = [name for name in REQUIRED_FIELDS if name not in (records.dtype.names or ())]
     if missing:
         raise MessageError(
             f"point cloud lacks the field {', '.join(missing)}, so it holds no predictions"
@@ -139,8 +150,8 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         return values
 
     mean = column("x", "y", "vx", "vy")
-    if all(name in names for name in _LATER):
-        mean[..., :2] += column(*_LATER)
+    if {"x_rest", "y_rest"} <= set(records.dtype.names or ()):
+        mean[..., :2] += column("x_rest", "y_rest")
     xx, xy, yy = np.moveaxis(column("cov_xx", "cov_xy", "cov_yy"), -1, 0)
     weight = np.where(present, grid["weight"], 0.0).astype(np.float64).max(axis=2, initial=0.0)
     times = np.where(present, grid["t"], -np.inf).max(axis=(0, 1), initial=-np.inf)
@@ -159,7 +170,20 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         yaw=column("yaw")[..., 0],
         covariance=np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2),
         source=np.ascontiguousarray(first["source"]),
+        **_later_fields(grid, first),
     )
+
+
+def _later_fields(grid: NDArray[Any], first: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Return fields that older clouds lack; what those were served with is the default."""
+    names = grid.dtype.names or ()
+    if not {"sigma_factor_50", "calibration"} <= set(names) or not grid.size:
+        return {}
+    factor = grid["sigma_factor_50"].max(axis=1).astype(np.float64)  # 0 where a point is missing
+    return {
+        "sigma_factor_50": np.where(factor > 0.0, factor, 1.0),
+        "calibration": np.ascontiguousarray(first["calibration"]),
+    }
 
 
 def _per_agent(values: NDArray[Any]) -> NDArray[Any]:

@@ -10,6 +10,7 @@ from typing import Any
 
 from msg_adapters.adapter import InputAdapter
 from msg_adapters.inputs.autoware import AUTOWARE
+from msg_adapters.inputs.autoware_auto import AUTOWARE_AUTO
 from msg_adapters.inputs.derived_objects import DERIVED
 from msg_adapters.inputs.detections import VISION
 from msg_adapters.inputs.ika import IKA
@@ -76,7 +77,8 @@ class OutputAdapter:
 
 
 INPUTS: dict[str, InputAdapter] = {
-    adapter.name: adapter for adapter in (POINTCLOUD2, AUTOWARE, VISION, DERIVED, MARKERS, IKA)
+    adapter.name: adapter
+    for adapter in (POINTCLOUD2, AUTOWARE, VISION, DERIVED, MARKERS, IKA, AUTOWARE_AUTO)
 }
 """The supported messages of tracked objects, by short name."""
 

@@ -23,8 +23,35 @@ from mtpgo_core.errors import MessageError
 
 _SOURCE_ONLY = {
     "perception_msgs": "build it from https://github.com/ika-rwth-aachen/perception_interfaces",
+    "autoware_auto_perception_msgs": (
+        "it was never released for Jazzy, where autoware_perception_msgs has taken its place; "
+        "mtpgo convert reads its bags without it"
+    ),
 }
 """Packages without a release in the ROS distribution, and how to get them."""
+
+_RELEASED = frozenset(
+    {
+        "ackermann_msgs",
+        "autoware_perception_msgs",
+        "derived_object_msgs",
+        "diagnostic_msgs",
+        "geographic_msgs",
+        "geometry_msgs",
+        "nav_msgs",
+        "sensor_msgs",
+        "shape_msgs",
+        "std_msgs",
+        "stereo_msgs",
+        "tf2_msgs",
+        "trajectory_msgs",
+        "unique_identifier_msgs",
+        "vision_msgs",
+        "visualization_msgs",
+    }
+)
+"""Packages known to be released for Jazzy (its index, 2026). No other is suggested: a package of
+that name may not exist."""
 
 # Kinds of a field definition, as numbered by rosbags.
 _BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4
@@ -154,7 +181,9 @@ def message_class(name: str) -> type:
 
 def install_hint(package: str) -> str:
     """Return how to get a message package, for instance ``install ros-jazzy-...``."""
-    return _SOURCE_ONLY.get(package, f"install ros-jazzy-{package.replace('_', '-')}")
+    if package in _RELEASED:
+        return f"install ros-jazzy-{package.replace('_', '-')}"
+    return _SOURCE_ONLY.get(package, "build it from source, in the workspace that you source")
 
 
 def _import_class(name: str) -> type:

@@ -18,6 +18,9 @@ import numpy as np
 from mtpgo_core.errors import FrameError
 from mtpgo_core.schema import Float64Array, TrackedStates
 
+VEHICLE_FRAMES = ("base_link", "base_footprint", "ego_vehicle", "vehicle", "hero")
+"""Usual names of frames that move with a vehicle, for a warning."""
+
 
 def wrap(angle: Float64Array) -> Float64Array:
     """Return angles (rad) wrapped to (-pi, pi]."""

@@ -11,7 +11,7 @@ NaN, never zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -63,6 +63,18 @@ class Source(IntEnum):
 
     MODEL = 0
     CONSTANT_VELOCITY = 1
+    PREFERRED_CONSTANT_VELOCITY = 2
+    """Constant velocity in place of a model that has been worse on road users of this group."""
+
+
+class CalibrationStage(IntEnum):
+    """What was applied to the covariances of a prediction; part of every published point."""
+
+    NONE = 0
+    SHIPPED = 1
+    """The calibration in the model's file."""
+    ONLINE = 2
+    """That one, and factors learned from what became known of earlier predictions."""
 
 
 @dataclass(frozen=True)
@@ -252,6 +264,11 @@ class Prediction:
         yaw: [n, M, H] direction of motion; at standstill the last known yaw (rad).
         covariance: [n, M, H, 2, 2] of the position (m^2).
         source: [n] :class:`Source` values.
+        sigma_factor_50: [n, H] factor on the standard deviations for the 50 % ellipse, 1 where it
+            is not given for these agents and steps. ``covariance`` is that of a Gaussian whose
+            90 % ellipse holds 90 %; errors have heavier tails than that Gaussian, so its 50 %
+            ellipse holds more than 50 %.
+        calibration: [n] :class:`CalibrationStage` values, ``NONE`` where not given.
     """
 
     stamp_ns: int
@@ -268,6 +285,15 @@ class Prediction:
     yaw: Float64Array
     covariance: Float64Array
     source: NDArray[np.uint8]
+    sigma_factor_50: Float64Array = field(default_factory=lambda: np.empty((0, 0)))
+    calibration: NDArray[np.uint8] = field(default_factory=lambda: np.empty(0, dtype=np.uint8))
+
+    def __post_init__(self) -> None:
+        n, steps = self.key.shape[0], len(self.time_s)
+        if self.sigma_factor_50.shape != (n, steps):
+            object.__setattr__(self, "sigma_factor_50", np.ones((n, steps)))
+        if self.calibration.shape != (n,):
+            object.__setattr__(self, "calibration", np.zeros(n, dtype=np.uint8))
 
     def __len__(self) -> int:
         return self.key.shape[0]

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """``record``: writes what the predictor publishes into an MCAP bag.
 
-Messages are stored as the bytes received, with the time of their receipt. SIGINT and SIGTERM
-end the recording and leave a complete bag.
+Messages are stored as the bytes received, with the time of their receipt. They are written every
+second, into a bag that has its own name from the beginning: whatever ends the recording, what was
+written stays. SIGINT and SIGTERM end it and leave a complete bag.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ from pathlib import Path
 from mtpgo_core.errors import MtpgoError
 from mtpgo_ros.runtime.executable import ArgumentParser, fail, leave, positive, stop_on_signals
 
+NOTHING_CAME = 1
+"""Exit status of a recording without a message."""
+
 
 def main(argv: Sequence[str] | None = None) -> int | None:
     """Entry of the executable ``record``.
@@ -25,13 +29,14 @@ def main(argv: Sequence[str] | None = None) -> int | None:
         argv: arguments, by default the process's; ``--ros-args`` may follow.
 
     Returns:
-        0 when a bag was written, 2 for bad input.
+        0 when messages were recorded, 1 when none came, 2 for bad input or when the output can no
+        longer be written.
     """
     stopped = stop_on_signals()
     arguments = list(sys.argv[1:] if argv is None else argv)
     import rclpy
 
-    from mtpgo_ros.bags.recorder_node import record
+    from mtpgo_ros.bags.recorder_node import predictor_types, record
     from mtpgo_ros.runtime.ros_start import own_arguments, start
 
     status = 0
@@ -39,7 +44,15 @@ def main(argv: Sequence[str] | None = None) -> int | None:
         options = _parser().parse_args(own_arguments(arguments))
         start(arguments)
         until = _until(stopped, options.duration)
-        print(record(options.output, topics_of(options), until), flush=True)
+        known = predictor_types(predictor_of(options))
+        recorded = record(options.output, topics_of(options), known, until)
+        status = 0 if recorded.messages else NOTHING_CAME
+        stream = sys.stdout if recorded.messages else sys.stderr
+        print(
+            f"{'' if recorded.messages else 'record: '}{recorded.sentence}",
+            file=stream,
+            flush=True,
+        )
     except MtpgoError as error:
         status = fail("record", error)
     rclpy.try_shutdown()
@@ -54,12 +67,19 @@ def _until(stopped: Callable[[], bool], duration_s: float | None) -> Callable[[]
     return lambda: stopped() or time.monotonic() >= end
 
 
+def predictor_of(options: argparse.Namespace) -> str:
+    """Return the absolute name of the predictor."""
+    return "/" + str(options.predictor).strip("/")
+
+
 def topics_of(options: argparse.Namespace) -> list[str]:
     """Return the absolute names of the topics to be recorded."""
-    predictor = "/" + options.predictor.strip("/")
+    predictor = predictor_of(options)
     names = options.topics or [
         f"{predictor}/predictions",
         f"{predictor}/debug/processing_time_ms",
+        f"{predictor}/quality",
+        f"{predictor}/quality_table",
         "/diagnostics",
     ]
     if options.objects:
@@ -81,7 +101,8 @@ def _parser() -> argparse.ArgumentParser:
         "--topics",
         nargs="+",
         metavar="TOPIC",
-        help="record these; by default the predictions, their processing time and the diagnostics",
+        help="record these; by default the predictions, their processing time and scores, and the "
+        "diagnostics",
     )
     add("--objects", action="store_true", help="record the tracked objects (/objects) too")
     add(

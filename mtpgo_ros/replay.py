@@ -106,19 +106,26 @@ def _parser() -> argparse.ArgumentParser:
 
 def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
     from msg_adapters.bags.bag_reader import BagReader
+    from mtpgo_ros.bags.clock_gap import played_part
     from mtpgo_ros.bags.playback import PlaybackTiming
     from mtpgo_ros.bags.player_node import BagPlayer, Wait
 
     with BagReader(options.bag) as bag:
         topics = bag.topics(options.topics)
-        origin_ns = bag.start_ns + round(options.start_offset * 1e9)
-        end_ns = bag.end_ns
+        for topic, reason in bag.skipped().items():
+            if options.topics is None or topic in {chosen.name for chosen in topics}:
+                print(f"replay: skipping {topic}: {reason}", file=sys.stderr, flush=True)
+        part = played_part(bag, topics)
+        for sentence in part.sentences:
+            print(f"replay: {sentence}", file=sys.stderr, flush=True)
+        origin_ns = part.start_ns + round(options.start_offset * 1e9)
+        end_ns = part.end_ns
         if options.duration is not None:
             end_ns = min(end_ns, origin_ns + round(options.duration * 1e9))
-        if origin_ns > bag.end_ns:
+        if origin_ns > part.end_ns:
             raise RecordingError(
                 f"--start-offset is {options.start_offset:g} s, but bag {options.bag} lasts only"
-                f" {(bag.end_ns - bag.start_ns) * 1e-9:.3f} s"
+                f" {(part.end_ns - part.start_ns) * 1e-9:.3f} s"
             )
         timing = PlaybackTiming(origin_ns, end_ns, options.rate, options.clock_rate)
         player = BagPlayer(bag, timing, topics)

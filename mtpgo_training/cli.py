@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from mtpgo_core.errors import MtpgoError
 
 COMMANDS = {
+    "data": "describe recordings and their defects",
     "convert": "convert recordings into rosbag2 MCAP bags",
     "simulate": "simulate traffic as recordings (Eclipse SUMO)",
     "train": "train a model on recordings",
@@ -28,15 +29,22 @@ COMMANDS = {
 """Subcommand -> help; its ``add_parser`` is in the module ``commands.NAME``."""
 
 EXTRA_MODULES = {
-    "jinja2",
-    "lightning_fabric",
-    "matplotlib",
-    "pandas",
-    "psutil",
-    "tensorboard",
-    "yaml",
+    **dict.fromkeys(
+        (
+            "jinja2",
+            "lightning_fabric",
+            "matplotlib",
+            "pandas",
+            "psutil",
+            "tensorboard",
+            "yaml",
+        ),
+        "training",
+    ),
+    "google": "datasets",
+    "pyarrow": "datasets",
 }
-"""Top-level modules of the packages in the extra ``training``."""
+"""Extra of the package by the top-level modules of the packages in it."""
 
 
 def build_parser(command: str | None = None) -> argparse.ArgumentParser:
@@ -93,9 +101,10 @@ def missing_module(error: ModuleNotFoundError, command: str | None) -> str:
     module = (error.name or str(error)).split(".")[0].split()[0]
     if module not in EXTRA_MODULES:
         return f"{command} needs the Python module {module!r}, which is not installed"
+    extra = EXTRA_MODULES[module]
     return (
-        f"{command} needs {module}, which comes with the extra 'training': "
-        "pip install 'mtpgo_ros[training]'"
+        f"{command} needs {module}, which comes with the extra {extra!r}: "
+        f"pip install 'mtpgo_ros[{extra}]'"
     )
 
 

@@ -43,16 +43,23 @@ ALLOWED = {
 LARGEST_ROOM = 12
 """Largest number of files in a folder, not counting __init__.py."""
 
-ALLOWED_IN_ROOM = {"msg_adapters.bags": {"rosbags"}}
+ALLOWED_IN_ROOM = {"msg_adapters.bags": {"backports", "lz4", "rosbags", "ruamel"}}
 """What a single room may import besides: a bag is a file of messages, and both top packages use
-the one writer; the other adapters work on messages of any library."""
+the one writer; the other adapters work on messages of any library. Besides rosbags these are the
+libraries that it decompresses and reads metadata with: what is cut off must be read in parts."""
 
 ALLOWED_MODULES = {"models": {"mtpgo_core.errors", "mtpgo_core.options"}}
 """Single modules of another package that a package may import: the declaration of options, which
 imports the standard library only."""
 
-OPTIONAL = {"mtpgo_ros": {"tf2_ros"}, "msg_adapters": {"ament_index_python"}}
-"""What a package may import inside a function only: it must do without."""
+OPTIONAL = {
+    "mtpgo_core": {"yaml"},
+    "mtpgo_ros": {"tf2_ros"},
+    "msg_adapters": {"ament_index_python"},
+    "mtpgo_training": {"google", "pyarrow"},
+}
+"""What a package may import inside a function only: it must do without. A class map is YAML; the
+other two read the files of some data sets."""
 
 WITHOUT_TORCH = (
     "schema",
@@ -79,7 +86,7 @@ ROOMS = {
         "baselines",
         "inference",
     ),
-    "mtpgo_core": ("", "task", "history", "scene", "prediction"),
+    "mtpgo_core": ("", "task", "history", "scene", "prediction", "quality", "live_calibration"),
     "msg_adapters": (
         "types",
         "conversions",
@@ -92,7 +99,7 @@ ROOMS = {
         "registry",
         "ring_traffic",
     ),
-    "mtpgo_ros": ("runtime", "parameters", "diagnostics", "bags", "load", "node", ""),
+    "mtpgo_ros": ("runtime", "parameters", "diagnostics", "quality", "bags", "load", "node", ""),
     "mtpgo_training": (
         "atomic_files",
         "table_format",

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reading of bags: the recorded bytes as they are, or decoded messages.
 
-rosbags reads rosbag2 directories and single MCAP or SQLite files alike.
+rosbag2 directories, single MCAP or SQLite files, and bags of ROS 1 are read alike. Only the topics
+asked for are opened, each by its own encoding and definition.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability
-from rosbags.rosbag2 import Reader
+from rosbags.interfaces import Connection, QosDurability
 
-from msg_adapters.bags.bag_types import bag_typestore
-from mtpgo_core.errors import RecordingError
-
-METADATA = "metadata.yaml"
-"""File that makes a directory a rosbag2 bag."""
+from msg_adapters.bags.bag_definitions import (
+    BagDefinitions,
+    encoding_of,
+    obstacle,
+    qos_and_encoding,
+)
+from msg_adapters.bags.stored_bag import METADATA, SUFFIXES, StoredBag, is_unfinished_bag
+from mtpgo_core.errors import MessageError, RecordingError
 
 _LATCHED_BY_NAME = frozenset({"/tf_static", "/robot_description", "/map"})
 """Topics latched by convention, for bags whose writer left the QoS out."""
@@ -30,8 +32,14 @@ _LATCHED_BY_NAME = frozenset({"/tf_static", "/robot_description", "/map"})
 def is_bag(path: Path) -> bool:
     """Return whether a path looks like a bag, without opening it."""
     if path.is_dir():
-        return (path / METADATA).is_file()
-    return path.suffix == ".mcap" and path.is_file()
+        return (path / METADATA).is_file() or is_unfinished_bag(path)
+    return path.name.endswith(SUFFIXES) and path.is_file()
+
+
+def bag_name(path: Path) -> str:
+    """Return the name of a bag: that of its directory, or of its file without the ending."""
+    suffix = next((s for s in SUFFIXES if path.name.endswith(s)), "")
+    return path.resolve().name.removesuffix(suffix) if path.is_file() else path.resolve().name
 
 
 @dataclass(frozen=True)
@@ -57,11 +65,12 @@ class BagReader:
     Nothing is decoded, so a bag of any message type can be read.
 
     Args:
-        path: rosbag2 directory, or one .mcap or .db3 file.
+        path: rosbag2 directory, or one .mcap, .db3 or .bag file.
 
     Attributes:
         path: the bag.
-        connections: its connections (a topic with its type), one for each publisher's QoS.
+        connections: its connections (a topic with its type), one for each type,
+            encoding and definition: a topic may have several.
 
     Raises:
         RecordingError: the bag is missing or cannot be read.
@@ -71,21 +80,16 @@ class BagReader:
         self.path = path
         if not path.exists():
             raise RecordingError(f"{path} does not exist, expected a bag")
-        if path.is_dir() and not (path / METADATA).is_file():
-            raise RecordingError(f"{path} has no {METADATA}, expected a rosbag2 directory")
         try:
-            self._reader = self._open()
-        except Exception as error:  # A broken file fails the library in many ways.
+            self._bag = StoredBag(path)
+        except RecordingError:
+            raise
+        except Exception as error:  # A broken file fails the libraries in many ways.
             raise RecordingError(
-                f"{path} cannot be read as a bag (a rosbag2 directory, .mcap or .db3):"
+                f"{path} cannot be read as a bag (a rosbag2 directory, .mcap, .db3 or .bag):"
                 f" {reason_of(error)}"
             ) from error
-        self.connections: list[Connection] = list(self._reader.connections)
-
-    def _open(self) -> Reader | AnyReader:
-        reader = Reader(self.path)
-        reader.open()
-        return reader
+        self.connections: list[Connection] = list(self._bag.connections)
 
     def __enter__(self) -> BagReader:
         return self
@@ -96,46 +100,67 @@ class BagReader:
     def close(self) -> None:
         """Close the files."""
         with suppress(Exception):
-            self._reader.close()
+            self._bag.close()
 
     @property
     def start_ns(self) -> int:
         """Log time of the first message (ns); of no meaning in an empty bag."""
-        return int(self._reader.start_time)
+        return int(self._bag.start_time)
 
     @property
     def end_ns(self) -> int:
         """Log time of the last message (ns); of no meaning in an empty bag."""
-        return int(self._reader.end_time) - 1
+        return int(self._bag.end_time) - 1
+
+    def skipped(self) -> dict[str, str]:
+        """Return the topics with messages that cannot be played, and why."""
+        found: dict[str, str] = {}
+        types: dict[str, str] = {}
+        for connection in self._filled():
+            encoding = encoding_of(connection)
+            if encoding != "cdr":
+                reason = f"its messages are encoded as {encoding!r}, expected 'cdr'"
+                found.setdefault(connection.topic, reason)
+            elif types.setdefault(connection.topic, connection.msgtype) != connection.msgtype:
+                found[connection.topic] = (
+                    f"its {connection.msgcount} messages of type {connection.msgtype} are left out"
+                )
+        return found
 
     def topics(self, names: Sequence[str] | None = None) -> list[BagTopic]:
-        """Return the topics that have a message, or those of them that ``names`` asks for.
+        """Return the topics that have a message for ROS 2, or those of them in ``names``.
 
         Raises:
-            RecordingError: the bag is empty, or has no message on a topic in ``names``.
+            RecordingError: the bag is empty, or has no message for ROS 2 on a topic in ``names``.
         """
-        found: dict[str, BagTopic] = {}
-        for connection in self.connections:
-            if connection.msgcount or connection.topic not in found:
-                count = connection.msgcount
-                if connection.topic in found:
-                    count += found[connection.topic].count
-                found[connection.topic] = BagTopic(
-                    connection.topic, connection.msgtype, count, _latched(connection)
-                )
-        held = {name: topic for name, topic in found.items() if topic.count}
+        held: dict[str, BagTopic] = {}
+        for connection in self._filled():
+            name, latched = connection.topic, is_latched(connection)
+            known = held.get(name)
+            if encoding_of(connection) != "cdr":
+                continue
+            if known is None:
+                held[name] = BagTopic(name, connection.msgtype, connection.msgcount, latched)
+            elif known.message_type == connection.msgtype:
+                count = known.count + connection.msgcount
+                held[name] = BagTopic(name, known.message_type, count, known.latched and latched)
+        skipped = self.skipped()
         if not held:
-            raise RecordingError(f"bag {self.path} holds no message")
-        if names is None:
-            return list(held.values())
-        absolute = ["/" + name.lstrip("/") for name in names]
+            reason = "".join(f" for ROS 2, topic {k}: {v}" for k, v in [*skipped.items()][:1])
+            raise RecordingError(f"bag {self.path} holds no message{reason}")
+        absolute = [*held] if names is None else ["/" + name.lstrip("/") for name in names]
         for name in absolute:
+            if name not in held and name in skipped:
+                raise RecordingError(f"topic {name} of bag {self.path}: {skipped[name]}")
             if name not in held:
                 raise RecordingError(
                     f"bag {self.path} has no messages on topic {name}, it holds"
                     f" {', '.join(sorted(held))}"
                 )
         return [held[name] for name in dict.fromkeys(absolute)]
+
+    def _filled(self) -> list[Connection]:
+        return [connection for connection in self.connections if connection.msgcount]
 
     def raw_messages(
         self, topics: Sequence[BagTopic], start_ns: int, stop_ns: int
@@ -147,15 +172,21 @@ class BagReader:
         Raises:
             RecordingError: the file is truncated or damaged.
         """
-        names = {topic.name for topic in topics}
-        connections = [c for c in self.connections if c.topic in names]
+        types = {topic.name: topic.message_type for topic in topics}
+        connections = [
+            c
+            for c in self.connections
+            if types.get(c.topic) == c.msgtype and encoding_of(c) == "cdr"
+        ]
         for connection, time_ns, data in self._stored(connections, start_ns, stop_ns):
             yield connection.topic, time_ns, bytes(data)
 
     def _stored(
         self, connections: Collection[Connection], start_ns: int | None, stop_ns: int | None
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        stored = self._reader.messages(connections, start=start_ns, stop=stop_ns)
+        if not connections:  # which stands for all in the library
+            return
+        stored = self._bag.messages(connections, start=start_ns, stop=stop_ns)
         while True:
             try:
                 item = next(stored, None)
@@ -175,21 +206,23 @@ class DecodingBagReader(BagReader):
     """A bag whose messages are decoded by the definitions that it carries; a context manager.
 
     Args:
-        path: rosbag2 directory, or one .mcap or .db3 file.
+        path: rosbag2 directory, or one .mcap, .db3 or .bag file.
 
     Raises:
-        RecordingError: the bag is missing or cannot be read, or its definitions cannot.
+        RecordingError: the bag is missing or cannot be read.
     """
 
-    _reader: AnyReader
-
-    def _open(self) -> AnyReader:
-        reader = AnyReader([self.path], default_typestore=bag_typestore())
-        reader.open()
-        return reader
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._definitions = BagDefinitions(self.connections)
 
     def __enter__(self) -> DecodingBagReader:
         return self
+
+    def skipped(self) -> dict[str, str]:
+        """Return the topics whose messages cannot be decoded, and why, as far as is known."""
+        reasons = {c.topic: obstacle(c) for c in reversed(self._filled())}
+        return {topic: reason for topic, reason in reasons.items() if reason}
 
     def messages(
         self, connections: Collection[Connection]
@@ -197,21 +230,25 @@ class DecodingBagReader(BagReader):
         """Yield connection, log time (ns) and decoded message of some connections, in time.
 
         Raises:
-            RecordingError: the file is truncated or damaged.
+            RecordingError: the file is truncated or damaged, or a message cannot be decoded.
         """
+        decoders = {}
+        for connection in connections:
+            try:
+                decoders[connection.id] = self._definitions.decoder(connection)
+            except MessageError as error:
+                raise RecordingError(f"{self.path}, topic {connection.topic}: {error}") from error
         for connection, time_ns, data in self._stored(connections, None, None):
             try:
-                message = self._reader.deserialize(data, connection.msgtype)
+                message = decoders[connection.id](data)
             except Exception as error:  # as in the constructor
                 raise self._damaged(error) from error
             yield connection, time_ns, message
 
 
-def _latched(connection: Connection) -> bool:
-    extension = connection.ext
-    profiles = (
-        extension.offered_qos_profiles if isinstance(extension, ConnectionExtRosbag2) else []
-    )
+def is_latched(connection: Connection) -> bool:
+    """Return whether all publishers of a topic kept their last messages for late subscribers."""
+    profiles = qos_and_encoding(connection).offered_qos_profiles
     if not profiles:
         return connection.topic in _LATCHED_BY_NAME
     return all(profile.durability is QosDurability.TRANSIENT_LOCAL for profile in profiles)

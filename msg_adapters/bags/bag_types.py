@@ -47,7 +47,7 @@ def require_type(message_type: str) -> None:
         definition = _installed_definition(name)
         types.update(definition)
         for _, fields in definition.values():
-            waiting += _types_of_fields(fields)
+            waiting += types_of_fields(fields)
     if types:
         store.register(types)
 
@@ -67,7 +67,7 @@ def _installed_definition(message_type: str) -> dict[str, Any]:
         ) from error
 
 
-def _types_of_fields(fields: Any) -> list[str]:
+def types_of_fields(fields: Any) -> list[str]:
     """Return the message types among field descriptions, as rosbags nests them."""
     named = []
     for _, (kind, content) in fields:

@@ -12,10 +12,11 @@ import shutil
 import tempfile
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Self, cast
 
 from rosbags.interfaces import (
     Connection,
+    ConnectionExtRosbag2,
     Qos,
     QosDurability,
     QosHistory,
@@ -75,7 +76,7 @@ class McapWriter:
         self._connections: dict[str, Connection] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._folder = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+            self._folder = self._temporary_folder()
         except OSError as error:
             raise self._not_written(error) from error
         # The file inside is named after its directory, and rosbag2's metadata repeats the name.
@@ -86,11 +87,19 @@ class McapWriter:
                 # The mcap library cannot read bags compressed by file.
                 self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer.open()
+            self._opened()
         except (OSError, WriterError) as error:
             shutil.rmtree(self._folder, ignore_errors=True)
             raise self._not_written(error) from error
 
-    def __enter__(self) -> McapWriter:
+    def _temporary_folder(self) -> Path:
+        # On the disk of the path, to which it is renamed at the end.
+        return Path(tempfile.mkdtemp(prefix=f".{self.path.name}.", dir=self.path.parent))
+
+    def _opened(self) -> None:
+        """Do what a kind of bag needs when its file is open."""
+
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -102,6 +111,10 @@ class McapWriter:
     def has_topic(self, topic: str) -> bool:
         """Return whether a topic was added."""
         return topic in self._connections
+
+    def type_of(self, topic: str) -> str | None:
+        """Return the type with which a topic was last added, None if it was not."""
+        return self._connections[topic].msgtype if topic in self._connections else None
 
     def add_topic(
         self,
@@ -129,6 +142,32 @@ class McapWriter:
         try:
             self._connections[topic] = self._writer.add_connection(
                 topic, message_type, typestore=bag_typestore(), offered_qos_profiles=[qos]
+            )
+        except (OSError, WriterError) as error:
+            raise self._not_written(error) from error
+
+    def add_recorded_topic(self, connection: Connection, type_hash: str) -> None:
+        """Add a topic as another bag has it, with the definition that is there.
+
+        Args:
+            connection: of the other bag.
+            type_hash: hash of its type (RIHS01).
+
+        Raises:
+            RecordingError: neither the other bag nor this package has a definition of the type.
+        """
+        extension, definition = cast(ConnectionExtRosbag2, connection.ext), connection.msgdef.data
+        if not definition:
+            require_type(connection.msgtype)
+            definition, _ = bag_typestore().generate_msgdef(connection.msgtype, ros_version=2)
+        try:
+            self._connections[connection.topic] = self._writer.add_connection(
+                connection.topic,
+                connection.msgtype,
+                msgdef=definition,
+                rihs01=type_hash,
+                serialization_format=extension.serialization_format,
+                offered_qos_profiles=extension.offered_qos_profiles,
             )
         except (OSError, WriterError) as error:
             raise self._not_written(error) from error
@@ -165,7 +204,8 @@ class McapWriter:
             self._writer.close()
             single = self.path.suffix == ".mcap"
             if self._replace and self.path.is_dir() and _replaceable(self.path):
-                shutil.rmtree(self.path)
+                # Aside first: a process that is killed must not leave half of the earlier bag.
+                self.path.rename(self._folder / "replaced")
             (self._bag / f"{self._bag.name}.mcap" if single else self._bag).rename(self.path)
         except (OSError, WriterError) as error:
             raise self._not_written(error) from error

@@ -30,12 +30,11 @@ from msg_adapters.conversions import (
 )
 from msg_adapters.types import Types
 from msg_adapters.wire.input_limits import Content
+from mtpgo_core.class_map import OWN_NAMES
 from mtpgo_core.identity import key_to_int, keys_from_texts
 from mtpgo_core.schema import AgentClass, TrackedStates, tracked_states
 
 PACKAGE = "vision_msgs/msg/"
-_DIGITS = 3
-"""Longest number that is read as a class: reading takes longer than its length grows."""
 _NO_COVARIANCE = (np.nan,) * 4
 
 
@@ -55,6 +54,7 @@ def decode_detections(
         skipped["detection without an id"] = len(message.detections) - len(tracked)
     boxes = [item.bbox for item in tracked]
     best = [max(item.results, key=_score, default=None) for item in tracked]
+    names = ["" if b is None else str(b.hypothesis.class_id) for b in best]
     pose = table([pose_row(box.center) for box in boxes], 7)
     position_covariance = table(
         [planar_block(b.pose.covariance) if b is not None else _NO_COVARIANCE for b in best], 4
@@ -65,7 +65,7 @@ def decode_detections(
         str(message.header.frame_id),
         keys_from_texts([str(item.id) for item in tracked]),
         pose[:, :2],
-        agent_class=np.array([_agent_class(item) for item in best], dtype=np.uint8),
+        agent_class=OWN_NAMES.find_all(names),
         z=pose[:, 2],
         yaw=yaw,
         size=positive(table([(box.size.x, box.size.y) for box in boxes], 2)),
@@ -73,7 +73,7 @@ def decode_detections(
             position_covariance, np.full_like(position_covariance, np.nan), yaw, "header"
         ),
     )
-    return Decoded(states, skipped)
+    return Decoded(states, skipped, class_names=[(name,) for name in names])
 
 
 def states_to_detections(states: TrackedStates, types: Types) -> Any:
@@ -116,16 +116,6 @@ def states_to_detections(states: TrackedStates, types: Types) -> Any:
 def _score(result: Any) -> float:
     score = float(result.hypothesis.score)
     return score if np.isfinite(score) else -np.inf
-
-
-def _agent_class(result: Any) -> int:
-    if result is None:
-        return int(AgentClass.UNKNOWN)
-    name = str(result.hypothesis.class_id).strip()
-    if name.isascii() and name.isdigit() and len(name) <= _DIGITS:
-        number = int(name)
-        return number if number <= max(AgentClass) else int(AgentClass.UNKNOWN)
-    return int(AgentClass.from_name(name))
 
 
 VISION = InputAdapter(

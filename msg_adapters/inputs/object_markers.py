@@ -92,18 +92,19 @@ def decode_markers(
             boxes[name] = marker
     markers = list(boxes.values())
     pose = table([pose_row(marker.pose) for marker in markers], 7)
+    names = [(str(marker.ns), str(marker.text)) for marker in markers]
     states = tracked_states(
         _newest_stamp_ns(markers or message.markers, fallback_stamp_ns),
         _common_frame(markers),
         marker_keys([ns for ns, _ in boxes], [number for _, number in boxes]),
         pose[:, :2],
-        agent_class=np.array([_agent_class(marker) for marker in markers], dtype=np.uint8),
+        agent_class=np.array([_agent_class(*pair) for pair in names], dtype=np.uint8),
         z=pose[:, 2],
         yaw=yaw_from_quaternions(pose[:, 3:]),
         size=positive(table([(marker.scale.x, marker.scale.y) for marker in markers], 2)),
     )
     gone = marker_keys([ns for ns, _ in removed], [number for _, number in removed])
-    return Decoded(states, skipped, gone, cleared)
+    return Decoded(states, skipped, gone, cleared, names)
 
 
 def states_to_markers(states: TrackedStates, types: Types) -> Any:
@@ -145,9 +146,10 @@ def _namespace_words(namespace: str) -> tuple[int, ...]:
     return tuple(int(word) for word in keys_from_strings([namespace])[0, 1:])
 
 
-def _agent_class(marker: Any) -> int:
-    named = AgentClass.from_name(str(marker.ns))
-    return int(named if named != AgentClass.UNKNOWN else AgentClass.from_name(str(marker.text)))
+def _agent_class(namespace: str, text: str) -> int:
+    """Return the class that a marker names; without a class map numbers in it are no classes."""
+    named = AgentClass.from_name(namespace)
+    return int(named if named != AgentClass.UNKNOWN else AgentClass.from_name(text))
 
 
 def _newest_stamp_ns(markers: Sequence[Any], fallback_stamp_ns: int | None) -> int:

@@ -21,10 +21,10 @@ from msg_adapters.inputs.autoware import (
     make_shape,
     make_uuid,
 )
-from msg_adapters.predictions import strongest_modes
 from msg_adapters.types import Types
 from msg_adapters.wire.cdr import CdrWriter, write_header
 from mtpgo_core.identity import key_to_uuid_bytes
+from mtpgo_core.prediction.output_assembly import strongest_modes
 from mtpgo_core.schema import Float64Array, Prediction
 
 

@@ -29,8 +29,8 @@ from msg_adapters.outputs.marker_encoding import (
     markers_to_message,
 )
 from msg_adapters.outputs.marker_tracker import MODES_PER_AGENT, MarkerTracker
-from msg_adapters.predictions import strongest_modes
 from msg_adapters.types import Types
+from mtpgo_core.prediction.output_assembly import strongest_modes
 from mtpgo_core.schema import AgentClass, Float64Array, Prediction, Source
 
 BOXES, TRAJECTORIES, ELLIPSES, LABELS = "agents", "trajectories", "ellipses", "labels"

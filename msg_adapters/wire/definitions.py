@@ -87,6 +87,24 @@ PredictedObject[] objects
 """,
 }
 
+# autoware_auto_perception_msgs (as Autoware used it until 2024): the same names, another order.
+_AUTOWARE_AUTO = {
+    "ObjectClassification": _AUTOWARE["ObjectClassification"],
+    "Shape": _AUTOWARE["Shape"],
+    "TrackedObjectKinematics": """
+uint8 UNAVAILABLE=0
+uint8 SIGN_UNKNOWN=1
+uint8 AVAILABLE=2
+geometry_msgs/PoseWithCovariance pose_with_covariance
+uint8 orientation_availability
+geometry_msgs/TwistWithCovariance twist_with_covariance
+geometry_msgs/AccelWithCovariance acceleration_with_covariance
+bool is_stationary
+""",
+    "TrackedObject": _AUTOWARE["TrackedObject"],
+    "TrackedObjects": _AUTOWARE["TrackedObjects"],
+}
+
 # vision_msgs 4.x.
 _VISION = {
     "ObjectHypothesis": """
@@ -220,6 +238,7 @@ DEFINITIONS: dict[str, str] = {
     f"{package}/msg/{name}": text.lstrip("\n")
     for package, messages in (
         ("autoware_perception_msgs", _AUTOWARE),
+        ("autoware_auto_perception_msgs", _AUTOWARE_AUTO),
         ("vision_msgs", _VISION),
         ("derived_object_msgs", _DERIVED),
         ("perception_msgs", _IKA),

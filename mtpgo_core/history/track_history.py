@@ -35,9 +35,11 @@ There is no loop over agents: every step is an array operation over the agents o
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtpgo_core.history.nearest_tracks import centre_of, nearest
-from mtpgo_core.history.resampling import NEVER_NS, Brackets, bracket
+from mtpgo_core.history.observed_positions import ObservedPositions
+from mtpgo_core.history.resampling import NEVER_NS, Brackets, bracket, interpolate_linear
 from mtpgo_core.history.stream_guard import MessageStatus, StreamGuard, UpdateReport
 from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.history.track_store import ACCELERATION, POSITION, VELOCITY, YAW, TrackStore
@@ -60,6 +62,12 @@ class TrackHistory:
     Args:
         config: grid, gaps and estimators.
         max_tracks: limit of the memory, see the table of this module.
+
+    Attributes:
+        config: as given.
+        observed: numbers of the tracks that the last message observed.
+        restarted: numbers of the tracks that ended with the last message because of an impossible
+            move; their identities go on under other numbers.
     """
 
     def __init__(self, config: HistoryConfig, max_tracks: int = 4096) -> None:
@@ -68,12 +76,20 @@ class TrackHistory:
         self._keep_ns = config.keep_ns
         self._grid_ns = np.array(config.grid_ns, dtype=np.int64)
         self._guard = StreamGuard(self._keep_ns)
-        self.clear()
+        self._store = TrackStore(config, max_tracks, self._keep_ns)
+        self.observed: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self.restarted = self.observed
 
     def clear(self) -> None:
         """Forget all tracks, the clock and the frame."""
         self._guard.clear()
-        self._store = TrackStore(self.config, self._max_tracks, self._keep_ns)
+        self._forget_tracks()
+
+    def _forget_tracks(self) -> None:
+        """Forget all tracks; their numbers are not used again."""
+        self._store = TrackStore(
+            self.config, self._max_tracks, self._keep_ns, self._store.next_number
+        )
 
     def __len__(self) -> int:
         return len(self._store.index)
@@ -97,11 +113,12 @@ class TrackHistory:
         """
         stamp_ns = int(states.stamp_ns)
         # Without objects the frame is irrelevant; some messages then name none.
+        self.observed = self.restarted = np.empty(0, dtype=np.int64)
         status = self._guard.classify(stamp_ns, states.frame_id if len(states) else None)
         if status is MessageStatus.UNEXPECTED_FRAME:
             return UpdateReport(frame_changed=True, wrong_frame=len(states))
         if status is not MessageStatus.CONTINUES:
-            self._store = TrackStore(self.config, self._max_tracks, self._keep_ns)
+            self._forget_tracks()
         with np.errstate(invalid="ignore", over="ignore"):
             return self._add(stamp_ns, states, status, ego_key)
 
@@ -146,14 +163,18 @@ class TrackHistory:
             store.rings.last[steady, POSITION],
         )
         if jumped.any():
+            self.restarted = store.number[seen_again[jumped]]
             store.reset(seen_again[jumped])
         new, dropped = store.allocate(keys[~known], seen_again)
         slot[~known] = new
         slot, row = slot[slot >= 0], row[slot >= 0]
         if slot.shape[0]:
+            first_seen = slot[store.rings.count[slot] == 0]
+            store.first_ns[first_seen] = stamp_ns
             sample = complete_samples(self.config, store, slot, stamp_ns, states, row)
             store.rings.append(slot, stamp_ns, sample)
             store.update_attributes(slot, states, row)
+            self.observed = store.number[slot]
         return UpdateReport(
             accepted=slot.shape[0],
             new_tracks=int((new >= 0).sum()),
@@ -169,6 +190,53 @@ class TrackHistory:
             forgotten=forgotten,
             clock_reset=status is MessageStatus.CLOCK_RESET,
             frame_changed=status is MessageStatus.NEW_FRAME,
+        )
+
+    def track_numbers(self, key: KeyArray, stamp_ns: int) -> NDArray[np.int64]:
+        """Return [n] numbers of the tracks that had these identities at a time, -1 for none.
+
+        A track that started after that time is another one: the identity was used again, or the
+        track moved impossibly and started again.
+
+        Args:
+            key: [n, 4] identities.
+            stamp_ns: the time (ns), not after the newest stamp.
+        """
+        store = self._store
+        slot = store.index.find(sort_keys(key))
+        there = (slot >= 0) & (store.first_ns[slot] <= stamp_ns)
+        return np.where(there, store.number[slot], -1)
+
+    def observed_positions(self, times_ns: NDArray[np.int64]) -> ObservedPositions:
+        """Return where all tracks were at past times, by the rule of the windows' samples.
+
+        A position is known where the track was observed then, or before and after it within
+        ``max_gap_s``; nothing is extrapolated.
+
+        Args:
+            times_ns: [k] ascending times (ns), not after the newest stamp.
+        """
+        store = self._store
+        order = np.argsort(store.number[store.index.slots])
+        slot = store.index.slots[order]
+        stamps, place = store.rings.in_order(slot)
+        newest_ns = max(self._guard.newest_ns or 0, int(times_ns[-1]))
+        brackets = bracket(
+            stamps,
+            np.append(times_ns, newest_ns),  # samples after the last time are used up to here
+            max_gap_ns=self.config.max_gap_ns,
+            max_extrapolation_ns=-1,
+        )
+        rows = np.arange(slot.shape[0])[:, None]
+        left, right = (
+            store.rings.samples(slot, place[rows, side[:, :-1]])[..., POSITION]
+            for side in (brackets.left, brackets.right)
+        )
+        return ObservedPositions(
+            number=store.number[slot],
+            last_ns=store.rings.last_ns[slot],
+            position=interpolate_linear(left, right, brackets.fraction[:, :-1, None]),
+            known=brackets.valid[:, :-1],
         )
 
     def window(self, stamp_ns: int | None = None) -> HistoryWindow:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mtpgo_core.history.alternation import AlternationDetector
 from mtpgo_core.history.causal_slope import CausalSlope
+from mtpgo_core.history.resampling import NEVER_NS
 from mtpgo_core.history.sample_rings import SampleRings
 from mtpgo_core.history.track_index import SortKeyArray, TrackIndex
 from mtpgo_core.schema import BoolArray, IndexArray, TrackedStates
@@ -29,6 +30,19 @@ POSITION, VELOCITY, ACCELERATION, YAW = slice(0, 2), slice(2, 4), slice(4, 6), 6
 """Columns of a sample: x, y (m), vx, vy (m/s), ax, ay (m/s^2), yaw (rad)."""
 
 
+_COLUMNS = (
+    "number",
+    "first_ns",
+    "position_velocity",
+    "key",
+    "agent_class",
+    "z",
+    "size",
+    "covariance",
+)
+"""Arrays that grow with the slots."""
+
+
 class TrackStore:
     """Slots for up to ``max_tracks`` tracks.
 
@@ -36,17 +50,24 @@ class TrackStore:
         config: time constants of the estimators.
         max_tracks: bound on the memory.
         keep_ns: how long a track's samples are kept (ns).
+        next_number: number of the first track.
 
     Attributes:
         index: from identities to slots.
         rings: the samples.
+        next_number: number of the next track.
+        number: [capacity] number of the track; one that starts again gets another, so that an
+            identity that is used again is told from the road user who had it before.
+        first_ns: [capacity] stamp of the track's first sample (ns).
         velocity, acceleration: the estimators.
         alternation: detects tracks that two publishers share.
         position_velocity: [capacity, 2] velocity estimated from the positions alone (m/s).
         key, agent_class, z, size, covariance: [capacity, ...] as last observed.
     """
 
-    def __init__(self, config: HistoryConfig, max_tracks: int, keep_ns: int) -> None:
+    def __init__(
+        self, config: HistoryConfig, max_tracks: int, keep_ns: int, next_number: int = 0
+    ) -> None:
         capacity = min(_FIRST_CAPACITY, max_tracks)
         self._max_tracks = max_tracks
         self._free: IndexArray = np.arange(capacity, dtype=np.intp)[::-1]
@@ -57,6 +78,9 @@ class TrackStore:
             capacity, config.acceleration_tau_s, _ACCELERATION_PRIOR_S2
         )
         self.alternation = AlternationDetector(capacity)
+        self.next_number = next_number
+        self.number = np.full(capacity, -1, dtype=np.int64)
+        self.first_ns = np.full(capacity, NEVER_NS, dtype=np.int64)
         self.position_velocity = np.full((capacity, 2), np.nan)
         self.key = np.zeros((capacity, 4), dtype=np.uint32)
         self.agent_class = np.zeros(capacity, dtype=np.uint8)
@@ -70,6 +94,8 @@ class TrackStore:
         self.velocity.reset(slot)
         self.acceleration.reset(slot)
         self.alternation.reset(slot)
+        self.number[slot] = self.next_number + np.arange(slot.shape[0])
+        self.next_number += slot.shape[0]
         self.agent_class[slot] = 0
         for array in (self.position_velocity, self.z, self.size, self.covariance):
             array[slot] = np.nan
@@ -137,7 +163,7 @@ class TrackStore:
         """Make room for at least ``least`` tracks."""
         old = self.rings.capacity
         capacity = min(max(2 * old, least), self._max_tracks)
-        for name in ("position_velocity", "key", "agent_class", "z", "size", "covariance"):
+        for name in _COLUMNS:
             array = getattr(self, name)
             more = np.zeros((capacity - old, *array.shape[1:]), dtype=array.dtype)
             setattr(self, name, np.concatenate([array, more]))  # reset when allocated

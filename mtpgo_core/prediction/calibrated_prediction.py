@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 
-from mtpgo_core.schema import Float64Array, Prediction
+from mtpgo_core.schema import CalibrationStage, Float64Array, Prediction
 from mtpgo_core.task.calibration import Calibration, GroupArray, calibration_groups
 
 
@@ -34,6 +34,7 @@ def calibrate(
         prediction,
         weight=calibrated_weights(prediction.weight, group, calibration),
         covariance=calibrated_covariances(prediction.covariance, group, calibration),
+        calibration=np.full(len(prediction), CalibrationStage.SHIPPED, dtype=np.uint8),
     )
 
 

@@ -29,6 +29,7 @@ from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.scene.trails.trail_context import COLUMNS
 from mtpgo_core.schema import Float32Array, HistoryWindow, IndexArray, Prediction, SceneBatch
+from mtpgo_core.task.calibration import Calibration
 from mtpgo_core.task.model_file import find_model, load_task
 from mtpgo_core.task.task_description import TaskDescription
 
@@ -53,12 +54,14 @@ class ModelRunner:
     Attributes:
         task: as above.
         path: as above.
+        calibration: what is applied to the output, by default the task's; may be replaced.
     """
 
     def __init__(self, module: torch.jit.ScriptModule, task: TaskDescription, path: Path) -> None:
         self._module = module
         self.task = task
         self.path = path
+        self.calibration = task.calibration
 
     @classmethod
     def load(cls, path: str | Path, num_threads: int | None = 1) -> ModelRunner:
@@ -86,6 +89,12 @@ class ModelRunner:
             ) from error
         runner = cls(module, task, path)
         runner.warm_up()
+        return runner
+
+    def uncalibrated(self) -> ModelRunner:
+        """Return the same model without its calibration."""
+        runner = ModelRunner(self._module, self.task, self.path)
+        runner.calibration = Calibration()
         return runner
 
     def warm_up(self, agents: int = 8) -> None:
@@ -164,7 +173,7 @@ class ModelRunner:
 
         Returns:
             Their positions in the window, ascending, and one row for each of them, in the fixed
-            frame, modes sorted by descending weight, calibrated as the task says; no moving
+            frame, modes sorted by descending weight, calibrated as ``calibration`` says; no moving
             vehicle reverses. Rows whose output is not usable are NaN.
         """
         covariance = self._tracked(window, batch) if initial_covariance else None
@@ -189,7 +198,7 @@ class ModelRunner:
             self.task.history.dt_s,
             smoother,
         )
-        calibrated = calibrate(prediction, self.task.calibration, own.velocity[:, -1])
+        calibrated = calibrate(prediction, self.calibration, own.velocity[:, -1])
         return served, without_reversing(calibrated)
 
     def _piece(

@@ -113,9 +113,24 @@ def assemble(
     )
 
 
+def merge(first: Prediction, other: Prediction, take_other: BoolArray) -> Prediction:
+    """Return ``first`` with the rows where ``take_other`` [n] is true taken from ``other``."""
+    return replace_rows(first, np.flatnonzero(take_other), select(other, take_other))
+
+
 def replace_rows(first: Prediction, row: IndexArray, other: Prediction) -> Prediction:
     """Return ``first`` with its rows ``row`` [k] taken from the k rows of ``other``."""
-    fields = ("initial", "initial_yaw", "weight", "mean", "yaw", "covariance", "source")
+    fields = (
+        "initial",
+        "initial_yaw",
+        "weight",
+        "mean",
+        "yaw",
+        "covariance",
+        "source",
+        "sigma_factor_50",
+        "calibration",
+    )
     replaced = {}
     for name in fields:
         value = getattr(first, name).copy()
@@ -141,6 +156,10 @@ def spread(prediction: Prediction, row: IndexArray, window: HistoryWindow) -> Pr
         return out
 
     initial, initial_yaw = initial_states(window)
+    factor = np.ones((len(window), prediction.mean.shape[2]))
+    factor[row] = prediction.sigma_factor_50
+    stage = np.zeros(len(window), dtype=np.uint8)
+    stage[row] = prediction.calibration
     return dataclasses.replace(
         prediction,
         key=window.key,
@@ -154,17 +173,19 @@ def spread(prediction: Prediction, row: IndexArray, window: HistoryWindow) -> Pr
         yaw=full(prediction.yaw),
         covariance=full(prediction.covariance),
         source=np.full(len(window), Source.MODEL, dtype=np.uint8),
+        sigma_factor_50=factor,
+        calibration=stage,
     )
 
 
 def with_strongest_modes(prediction: Prediction, modes: int) -> Prediction:
     """Return the first ``modes`` modes of each agent, with weights that sum to one."""
-    if modes >= prediction.weight.shape[1]:
+    weight, kept = strongest_modes(prediction, modes)
+    if kept == prediction.weight.shape[1]:
         return prediction
-    weight = prediction.weight[:, :modes]
     return dataclasses.replace(
         prediction,
-        weight=weight / weight.sum(axis=1, keepdims=True),
+        weight=weight,
         mean=prediction.mean[:, :modes],
         yaw=prediction.yaw[:, :modes],
         covariance=prediction.covariance[:, :modes],
@@ -180,6 +201,21 @@ def select(prediction: Prediction, index: IndexArray | BoolArray) -> Prediction:
         if f.name not in whole
     }
     return dataclasses.replace(prediction, **rows)
+
+
+def strongest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Float64Array, int]:
+    """Return the weights of the first ``max_modes`` modes, with sum one, and their number.
+
+    Args:
+        prediction: modes sorted by falling weight.
+        max_modes: most modes kept; None keeps all.
+    """
+    modes = prediction.weight.shape[1]
+    kept = modes if max_modes is None else max(1, min(max_modes, modes))
+    weight = prediction.weight[:, :kept]
+    if kept < modes:
+        weight = weight / weight.sum(axis=1, keepdims=True)
+    return weight, kept
 
 
 def with_time_origin(prediction: Prediction, stamp_ns: int) -> Prediction:

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The diagnostics of the node: three statuses, for input, model and timing."""
+"""The diagnostics of the node: statuses for input, model, timing, quality and calibration."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from mtpgo_core.quality.quality_report import QualityVerdict
 from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING, ODD_INPUT, EventLog
 from mtpgo_ros.diagnostics.latency import LatencyStatistics
 
@@ -41,6 +42,11 @@ class NodeStatus:
         period_ms: shortest time between two predictions (ms).
         latency: of the predictions.
         model: further values for the status of the model.
+        quality: verdict on the scores of the predictions, None while there are no scores.
+        quality_values: values for the status of the quality.
+        calibration_problem: why the calibration file was not used or not written, empty if it was.
+        preferred: groups that constant velocity serves because it has been better.
+        calibration: values for the status of the calibration.
     """
 
     topic: str = ""
@@ -59,14 +65,21 @@ class NodeStatus:
     period_ms: float = 200.0
     latency: LatencyStatistics = field(default_factory=LatencyStatistics)
     model: dict[str, str] = field(default_factory=dict)
+    quality: QualityVerdict | None = None
+    quality_values: dict[str, str] = field(default_factory=dict)
+    calibration_problem: str = ""
+    preferred: list[str] = field(default_factory=list)
+    calibration: dict[str, str] = field(default_factory=dict)
 
 
 def diagnostic_statuses(name: str, status: NodeStatus, events: EventLog) -> list[DiagnosticStatus]:
-    """Return the three diagnostic statuses of the node ``name``."""
+    """Return the five diagnostic statuses of the node ``name``."""
     return [
         _input(name, status, events),
         _model(name, status, events),
         _timing(name, status, events),
+        _quality(name, status),
+        _calibration(name, status),
     ]
 
 
@@ -97,7 +110,7 @@ def _input(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
         "age_s": "" if age_s is None else f"{age_s:.3f}",
     }
     values |= _counted(counts, ["messages", "empty_messages", "unknown_class", *ODD_INPUT])
-    return _status(f"{name}: input", level, message, values)
+    return make_status(f"{name}: input", level, message, values)
 
 
 def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
@@ -123,7 +136,19 @@ def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
         "degraded": status.degraded,
     }
     values |= _counted(events.counts(), [*BAD_MODEL, "agents_over_limit"])
-    return _status(f"{name}: model", level, message, values)
+    return make_status(f"{name}: model", level, message, values)
+
+
+def _calibration(name: str, status: NodeStatus) -> DiagnosticStatus:
+    kind = status.calibration.get("calibration", "")
+    reasons = [status.calibration_problem] if status.calibration_problem else []
+    if status.preferred:
+        reasons.append(
+            "constant velocity has been better than the model and serves "
+            + ", ".join(status.preferred)
+        )
+    level, message = (WARN, "; ".join(reasons)) if reasons else (OK, kind or "the node has none")
+    return make_status(f"{name}: calibration", level, message, status.calibration)
 
 
 def _timing(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
@@ -147,14 +172,24 @@ def _timing(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus
     }
     counters = ["predictions", *BAD_TIMING, "late_results_dropped"]
     values |= _counted(events.counts(), counters)
-    return _status(f"{name}: timing", level, message, values)
+    return make_status(f"{name}: timing", level, message, values)
+
+
+def _quality(name: str, status: NodeStatus) -> DiagnosticStatus:
+    level, message = OK, "nothing is scored yet"
+    if status.quality is not None:
+        level, message = bytes([status.quality.level]), status.quality.message
+    return make_status(f"{name}: quality", level, message, status.quality_values)
 
 
 def _counted(counts: Mapping[str, int], names: list[str]) -> dict[str, str]:
     return {name: str(counts.get(name, 0)) for name in names}
 
 
-def _status(name: str, level: bytes, message: str, values: dict[str, str]) -> DiagnosticStatus:
+def make_status(
+    name: str, level: bytes, message: str, values: Mapping[str, str]
+) -> DiagnosticStatus:
+    """Return a diagnostic status."""
     return DiagnosticStatus(
         level=level,
         name=name,

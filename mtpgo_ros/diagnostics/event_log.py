@@ -16,37 +16,13 @@ from typing import Protocol
 
 import numpy as np
 
+from mtpgo_core.history.odd_input import ODD_INPUT
+
 RECENT_S = 2.0
 """How long an event keeps its status at WARN (s); chosen so that two reports show it."""
 
 REPEAT_S = 5.0
 """Shortest time between two log lines of one kind (s); chosen."""
-
-ODD_INPUT = {
-    "malformed": "messages that could not be read",
-    "skipped_objects": "objects that could not be read",
-    "non_finite": "objects without a finite position",
-    "too_fast": "objects faster than possible",
-    "duplicate_keys": "identities twice in a message",
-    "duplicates": "objects with a repeated stamp",
-    "late": "objects older than what is known",
-    "restarted": "tracks restarted after an impossible move",
-    "alternating": "objects that alternate between two places, as of two publishers with the same"
-    " identities",
-    "left_out": "objects left out, beyond the nearest max_tracks",
-    "dropped": "tracks dropped for lack of room",
-    "unstamped": "messages without a stamp",
-    "future_stamp": "messages ahead of the clock",
-    "clock_reset": "jumps of the clock backwards",
-    "frame_changed": "messages in another frame",
-    "wrong_frame": "objects in another frame",
-    "not_lifted": "messages that could not be lifted into the fixed frame",
-    "qos_incompatible": "publishers with an incompatible QoS",
-    "messages_lost": "messages lost by the middleware",
-    "input_overruns": "messages replaced by newer ones before they could be decoded",
-    "delay_not_compensated": "delays too long to be compensated",
-}
-"""Counters of unusual input and their descriptions."""
 
 BAD_TIMING = {
     "deadline_misses": "deadlines missed",

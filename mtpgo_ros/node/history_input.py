@@ -41,6 +41,9 @@ class HistoryInput:
         predictor: forgets its graphs and trails when the history is cleared.
         events: where odd input is counted.
         parameters: the initial parameters.
+
+    Attributes:
+        report: on the last observation; None where it did not reach the history.
     """
 
     def __init__(
@@ -50,6 +53,7 @@ class HistoryInput:
         events: EventLog,
         parameters: PredictorParameters,
     ) -> None:
+        self.report: UpdateReport | None = None
         self._history = history
         self._predictor = predictor
         self._events = events
@@ -64,12 +68,18 @@ class HistoryInput:
             self._rate_limiter = RateLimiter(parameters.rate)
         self._parameters = parameters
 
-    def clock_jumped_back(self, now_ns: int) -> None:
-        """Clear the history if it is newer than ``now_ns``, to which the clock was set back."""
+    def clock_jumped_back(self, now_ns: int) -> bool:
+        """Clear the history if it is newer than ``now_ns``, to which the clock was set back.
+
+        Returns:
+            Whether it was cleared.
+        """
         tolerance_ns = round(self._parameters.stamp_tolerance * 1e9)
-        if self._newest_ns is not None and self._newest_ns > now_ns + tolerance_ns:
-            self._events.count("clock_reset")
-            self.reset()
+        if self._newest_ns is None or self._newest_ns <= now_ns + tolerance_ns:
+            return False
+        self._events.count("clock_reset")
+        self.reset()
+        return True
 
     def reset(self) -> None:
         """Clear the history."""
@@ -92,12 +102,13 @@ class HistoryInput:
         Returns:
             The window of the prediction that the observation starts, None if none is due.
         """
+        self.report = None
         if states.stamp_ns == 0:
             self._events.count("unstamped")
             return None
         if self._is_from_the_future(states.stamp_ns, now_ns):
             return None
-        report = self._history.update(states, ego_key)
+        report = self.report = self._history.update(states, ego_key)
         for name in _COUNTED:
             self._events.count(name, int(getattr(report, name)))
         self._events.count("unknown_class", int(np.count_nonzero(states.agent_class == 0)))

@@ -11,10 +11,12 @@ import numpy as np
 from mtpgo_core.errors import ModelFileError
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.identity import keys_from_integers, keys_from_texts
+from mtpgo_core.live_calibration.live_options import OFF
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import HistoryWindow, KeyArray, Prediction, tracked_states
 from mtpgo_core.task.model_file import find_model, load_task
+from mtpgo_ros.node.live_calibrator import LiveCalibrator
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.runtime.executable import return_free_memory
 
@@ -30,6 +32,7 @@ class ModelHost:
 
     Attributes:
         predictor: scenes, model and fallback.
+        calibrator: corrects predictions before they are published.
         degraded: why there is no model, empty if there is one.
 
     Raises:
@@ -51,11 +54,14 @@ class ModelHost:
             if parameters.require_model:
                 raise
             self.degraded = str(error)
+        if runner is not None and parameters.calibration == OFF:
+            runner = runner.uncalibrated()
         self._runner = runner
         self._lanes_received = False
         self._ego_key: KeyArray | None = None
         # Without lines the model runs as on a road without markings, which is better than none.
         self.predictor = ScenePredictor(runner, options=_options(parameters), lanes=LaneMap(()))
+        self.calibrator = LiveCalibrator(parameters, self.predictor.task)
 
     @property
     def ego_key(self) -> KeyArray | None:
@@ -75,6 +81,7 @@ class ModelHost:
             ego_topic: text from the topic ``ego_id``, empty if none came.
         """
         self.predictor.options = _options(parameters)
+        self.calibrator.configure(parameters)
         text = parameters.ego_id.strip() or ego_topic.strip()
         self._ego_key = keys_from_texts([text])[0] if text else None
 

@@ -16,7 +16,9 @@ from rclpy.clock import ROSClock
 from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.adapter import InputAdapter
+from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import FrameError, MessageError, MtpgoError
+from mtpgo_core.frames import VEHICLE_FRAMES
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.finite_output import publishable
 from mtpgo_core.prediction.output_assembly import select, with_time_origin
@@ -33,9 +35,8 @@ from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.objects_subscription import ObjectsSubscription
 from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
-
-_VEHICLE_FRAMES = ("base_link", "base_footprint", "ego_vehicle", "vehicle", "hero")
-"""Usual names of frames that move, for a warning."""
+from mtpgo_ros.quality.live_quality import LiveQuality
+from mtpgo_ros.quality.quality_publisher import QualityPublisher
 
 
 class PredictionPipeline:
@@ -53,6 +54,7 @@ class PredictionPipeline:
         objects: the subscription to the objects.
         transform: into the fixed frame.
         history: the history and its rate limit.
+        quality: scores of the predictions.
         worker: the threads of the model and its watchdog.
         ego_topic: last text on the topic ``ego_id``.
 
@@ -71,20 +73,19 @@ class PredictionPipeline:
     ) -> None:
         self._node, self._model, self._publishers = node, model, publishers
         self._parameters, self._events, self._status = parameters, events, status
+        self._class_map = class_map(parameters.class_map)
         self.ego_topic = ""
         # Observations come on the thread of their subscription, all else on the executor's.
         self._history_lock = threading.Lock()
         self._received_s: float | None = None
         self._received_ros_ns = 0
         model.predictor.reset()
+        model.calibrator.live.clear_stream("clock_reset")
         model.configure(parameters, self.ego_topic)
         status.frame_error = ""
-        self.history = HistoryInput(
-            TrackHistory(model.predictor.task.history, parameters.max_tracks),
-            model.predictor,
-            events,
-            parameters,
-        )
+        self._tracks = TrackHistory(model.predictor.task.history, parameters.max_tracks)
+        self.history = HistoryInput(self._tracks, model.predictor, events, parameters)
+        self.quality = LiveQuality(model.predictor.task.history)
         self._load = LoadControl()
         self.objects = ObjectsSubscription(
             node, parameters.input_type, self._on_objects, events, parameters.input_limits
@@ -95,6 +96,7 @@ class PredictionPipeline:
         self._context = ContextSubscriptions(
             node, self._on_ego, model.set_lanes if model.uses_lanes else None
         )
+        self._quality_publisher = QualityPublisher(node, self.quality, parameters, status)
         self.worker = InferenceWorker(self._predict, model.fallback, self._publish, events)
         self.worker.start()
 
@@ -103,7 +105,10 @@ class PredictionPipeline:
         self.objects.close()
         self._context.close()
         self.transform.close()
-        return self.worker.stop()
+        self._quality_publisher.close()
+        stopped = self.worker.stop()
+        self._model.calibrator.close()
+        return stopped
 
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
@@ -111,12 +116,15 @@ class PredictionPipeline:
         self.objects.limits = parameters.input_limits
         with self._history_lock:
             self.history.configure(parameters)
+        self._quality_publisher.configure(parameters)
         self._model.configure(parameters, self.ego_topic)
 
     def clock_jumped_back(self) -> None:
         """Clear a history that is newer than the node's clock."""
         with self._history_lock:
-            self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds)
+            if self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds):
+                self.quality.clear()
+                self._model.calibrator.live.clear_stream("clock_reset")
 
     def input_age_s(self) -> float | None:
         """Return the time since the last message (s), None before the first.
@@ -152,8 +160,20 @@ class PredictionPipeline:
         else:
             if window is not None:
                 self.worker.submit(self._request(window, states.stamp_ns, received_ns))
+            self._score()
         finally:
             self._events.count("messages")
+
+    def _score(self) -> None:
+        """Score earlier predictions by the last observation, while the model is at work."""
+        if self.history.report is None:
+            return
+        try:
+            with self._history_lock:
+                self.quality.observed(self._tracks, self.history.report)
+                self._model.calibrator.observe(self._tracks, self.history.report)
+        except Exception as error:
+            self._events.failure("earlier predictions could not be scored", error)
 
     def _read(self, message: Any, adapter: InputAdapter, now_ns: int) -> TrackedStates:
         """Return the states of a message in the fixed frame."""
@@ -164,6 +184,7 @@ class PredictionPipeline:
             twist_frame=self._parameters.twist_frame,
             fallback_stamp_ns=now_ns,
             limits=self._parameters.input_limits,
+            class_map=self._class_map,
         )
         self._events.count("skipped_objects", decoded.skipped_total)
         self._events.count("empty_messages", int(len(decoded.states) == 0))
@@ -173,7 +194,7 @@ class PredictionPipeline:
         return states
 
     def _warn_of_moving_frame(self, states: TrackedStates) -> None:
-        if not self._parameters.fixed_frame and states.frame_id in _VEHICLE_FRAMES:
+        if not self._parameters.fixed_frame and states.frame_id in VEHICLE_FRAMES:
             self._events.log(
                 "moving frame",
                 f"objects come in frame {states.frame_id!r}, which usually moves with the vehicle:"
@@ -203,6 +224,7 @@ class PredictionPipeline:
     def _publish(self, request: PredictionRequest, prediction: Prediction) -> None:
         """Publish a prediction; called by the worker and its watchdog."""
         prediction = with_time_origin(prediction, request.stamp_ns)
+        prediction = self._model.calibrator.serve(prediction, request.window)
         usable = publishable(prediction)
         if not usable.all():
             self._events.count("not_published", int((~usable).sum()))
@@ -218,8 +240,9 @@ class PredictionPipeline:
         status.latency.add(latency_ns * 1e-6)
         status.over_budget_in_a_row = status.over_budget_in_a_row + 1 if request.over_budget else 0
         status.agents = len(prediction)
-        status.fallback_agents = int((prediction.source != Source.MODEL).sum())
+        status.fallback_agents = int((prediction.source == Source.CONSTANT_VELOCITY).sum())
         self._publishers.publish_secondary(prediction, latency_ns * 1e-6)
+        self.quality.published(prediction, request.window, self._parameters.max_modes)
 
     def _on_ego(self, text: str) -> None:
         self.ego_topic = text

@@ -102,6 +102,8 @@ class PredictorNode(LifecycleNode):
         self.events.reset()
         self._status.latency = LatencyStatistics()
         self._status.degraded = model.degraded
+        if model.calibrator.file_error:
+            self.get_logger().warning(model.calibrator.file_error)
         if model.degraded:
             self.get_logger().error(f"degraded, constant velocity serves: {model.degraded}")
         self._outputs = Publishers(self, parameters.output, parameters.max_modes, self.events)
@@ -183,8 +185,13 @@ class PredictorNode(LifecycleNode):
         status.period_ms = parameters.period_s * 1e3
         status.input_timeout_s = parameters.input_timeout
         status.waiting, status.limitations = "the node is not active", []
+        status.calibration, status.calibration_problem, status.preferred = {}, "", []
         if self._model is not None:
             status.model = self._model.describe()
+            calibrator = self._model.calibrator
+            status.calibration = calibrator.values()
+            status.calibration_problem = calibrator.file_error
+            status.preferred = calibrator.preferred
         if self._model is not None and self._pipeline is not None:
             objects = self._pipeline.objects
             status.waiting = objects.status

@@ -15,11 +15,29 @@ from enum import Enum
 from typing import Any
 
 from msg_adapters.wire.input_limits import InputLimits
+from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.live_calibration.live_options import (
+    CALIBRATIONS,
+    MODEL,
+    ONLINE,
+    PREFERENCES,
+    LiveOptions,
+)
 from mtpgo_core.options import check_options, listed, option
+from mtpgo_core.quality.quality_report import WINDOWS_S, QualityLimits
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 
-INPUT_TYPES = ("auto", "pointcloud2", "autoware", "vision", "derived", "markers", "ika")
+INPUT_TYPES = (
+    "auto",
+    "pointcloud2",
+    "autoware",
+    "vision",
+    "derived",
+    "markers",
+    "ika",
+    "autoware_auto",
+)
 OUTPUT_KINDS = ("pointcloud2", "markers", "autoware")
 TWIST_FRAMES = ("default", "object", "header")
 
@@ -142,6 +160,12 @@ class PredictorParameters:
         " default the one that publishers of that type usually use.",
         choices=TWIST_FRAMES,
     )
+    class_map: str = _field(
+        "",
+        "Our classes by the names and numbers in the messages: a preset (nuscenes, coco, coco91,"
+        " autoware, ...) or a YAML file; empty takes our own names.",
+        change=Change.CONFIGURE,
+    )
     delay_compensation: bool = _field(
         False,
         "The horizon starts at the node's present time, at most 0.5 s after the observation,"
@@ -181,6 +205,71 @@ class PredictorParameters:
     diagnostic_period: float = _field(
         1.0, "Time between two diagnostics without a change (s).", low=0.1, high=60.0
     )
+    quality_window: int = _field(
+        300,
+        "Time over which the node judges its own predictions for the diagnostics (s).",
+        choices=WINDOWS_S,
+    )
+    quality_min_agents: int = _field(
+        QualityLimits.min_agents,
+        "Fewest road users of a class group and motion whose scores are given and judged.",
+        low=1,
+        high=100000,
+    )
+    quality_warn_coverage: float = _field(
+        QualityLimits.warn_coverage,
+        "The diagnostics warn when the 90 % ellipses hold less than this share of what happened.",
+        low=0.0,
+        high=1.0,
+    )
+    quality_error_coverage: float = _field(
+        QualityLimits.error_coverage,
+        "The diagnostics report an error when they hold less than this share.",
+        low=0.0,
+        high=1.0,
+    )
+    quality_error_cv_ratio: float = _field(
+        QualityLimits.error_cv_ratio,
+        "The diagnostics report an error when the average displacement error is more than this"
+        " many times that of constant velocity; they warn when it is worse at all.",
+        low=1.0,
+        high=100.0,
+    )
+    calibration: str = _field(
+        ONLINE,
+        "What is applied to the model's output: the calibration in its file (shipped), that one"
+        " corrected by what became known of earlier predictions (online), or nothing (off).",
+        choices=CALIBRATIONS,
+        change=Change.CONFIGURE,
+    )
+    calibration_file: str = _field(
+        "",
+        "File in which the online calibration survives a restart; empty keeps it in memory.",
+        change=Change.CONFIGURE,
+    )
+    calibration_memory: float = _field(
+        600.0,
+        "Time constant with which the online calibration forgets the factors of road users of"
+        " whom nothing becomes known any more (s).",
+        low=1.0,
+        high=1e6,
+    )
+    prefer: str = _field(
+        MODEL,
+        "Who predicts: the model wherever it can, or constant velocity for the class groups,"
+        " moving or standing, in which it has been better (best).",
+        choices=PREFERENCES,
+        change=Change.CONFIGURE,
+    )
+    prefer_time: float = _field(
+        60.0,
+        "With prefer best: time for which the other predictor must have been better (s).",
+        low=1.0,
+        high=36000.0,
+    )
+    prefer_agents: int = _field(
+        10, "With prefer best: road users of the group in that time.", low=1, high=10000
+    )
     autostart: bool = _field(
         True, "The node configures and activates itself at its start.", change=Change.START
     )
@@ -191,9 +280,30 @@ class PredictorParameters:
         return InputLimits(self.max_message_bytes, self.max_objects, self.max_fields)
 
     @property
+    def live_options(self) -> LiveOptions:
+        """What the live calibration learns."""
+        return LiveOptions(
+            calibration=self.calibration,
+            prefer=self.prefer,
+            memory_s=self.calibration_memory,
+            prefer_time_s=self.prefer_time,
+            prefer_agents=self.prefer_agents,
+        )
+
+    @property
     def period_s(self) -> float:
         """Shortest time between two predictions, which is also the deadline of each (s)."""
         return 1.0 / self.rate
+
+    @property
+    def quality_limits(self) -> QualityLimits:
+        """From when on the node's scores are bad."""
+        return QualityLimits(
+            min_agents=self.quality_min_agents,
+            warn_coverage=self.quality_warn_coverage,
+            error_coverage=self.quality_error_coverage,
+            error_cv_ratio=self.quality_error_cv_ratio,
+        )
 
 
 def check(parameters: PredictorParameters) -> None:
@@ -211,11 +321,20 @@ def check(parameters: PredictorParameters) -> None:
         raise ConfigurationError(
             "parameter model is empty, expected the name of an installed model or a file"
         )
+    try:
+        class_map(parameters.class_map)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"parameter class_map: {error}") from error
     if parameters.input_timeout < parameters.period_s:
         raise ConfigurationError(
             f"parameter input_timeout is {parameters.input_timeout:g} s, shorter than a period of"
             f" parameter rate ({parameters.rate:g} Hz): every input would count as stale, expected"
             f" at least {parameters.period_s:g} s"
+        )
+    if parameters.quality_error_coverage > parameters.quality_warn_coverage:
+        raise ConfigurationError(
+            f"parameter quality_error_coverage is {parameters.quality_error_coverage:g}, expected"
+            f" at most quality_warn_coverage, {parameters.quality_warn_coverage:g}"
         )
 
 

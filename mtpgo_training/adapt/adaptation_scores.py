@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from mtpgo_core.quality import metrics
 from mtpgo_core.task.calibration import is_moving
 from mtpgo_training.adapt.site_predictions import SitePredictions
 from mtpgo_training.calibration.calibration_fit import LEVEL
-from mtpgo_training.evaluation.scores import metrics
 
 
 @dataclass(frozen=True)

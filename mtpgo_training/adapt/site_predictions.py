@@ -15,10 +15,10 @@ from torch_geometric.data import Data
 
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_core.prediction.calibrated_prediction import calibrated_covariances, calibrated_weights
+from mtpgo_core.quality.metrics import Array
 from mtpgo_core.schema import BoolArray, Float64Array, IndexArray
 from mtpgo_core.task.calibration import Calibration, GroupArray
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
-from mtpgo_training.evaluation.scores.metrics import Array
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 from mtpgo_training.training.validation import predict_batch, scene_batches
 

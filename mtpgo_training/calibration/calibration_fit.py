@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import isotonic_regression, minimize_scalar
 
+from mtpgo_core.quality.metrics import EXPECTED_NEES, Array, radius_squared
 from mtpgo_core.schema import BoolArray
 from mtpgo_core.task.calibration import (
     FACTOR_LIMITS,
@@ -24,7 +25,6 @@ from mtpgo_core.task.calibration import (
 )
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 from mtpgo_training.evaluation.honesty.mode_weights import nearest
-from mtpgo_training.evaluation.scores.metrics import EXPECTED_NEES, Array, radius_squared
 
 LEVEL = 0.9
 """Share of the truths that the ellipse of this level shall hold."""

@@ -14,6 +14,12 @@ from typing import Any
 import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.quality.metrics import (
+    MOVING_COVERAGE_KEY,
+    TIMES_S,
+    Array,
+    radius_squared,
+)
 from mtpgo_core.schema import BoolArray
 from mtpgo_core.task.calibration import GROUPS, is_moving
 from mtpgo_training.calibration.calibration_fit import LEVEL, TIE_M, fit_calibration
@@ -23,12 +29,6 @@ from mtpgo_training.evaluation.honesty.mode_weights import (
     brier_score,
     heaviest_is_nearest,
     nearest,
-)
-from mtpgo_training.evaluation.scores.metrics import (
-    MOVING_COVERAGE_KEY,
-    TIMES_S,
-    Array,
-    radius_squared,
 )
 from mtpgo_training.evaluation.scores.score_table import none
 from mtpgo_training.table_format import Row, Table

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.quality.metrics import Array, Mask, nees
 from mtpgo_core.schema import BoolArray, Float32Array, IndexArray
 from mtpgo_core.task.calibration import Calibration, GroupArray
 from mtpgo_training.atomic_files import replacing
 from mtpgo_training.evaluation.honesty.mode_weights import average_distance
-from mtpgo_training.evaluation.scores.metrics import Array, Mask, nees
 
 SAMPLES_FILE = "calibration.npz"
 """Name of the file of samples in the folder of a cross-validation's fold."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, TIMES_S
 from mtpgo_core.task.calibration import Calibration
-from mtpgo_training.evaluation.scores.metrics import MOVING_COVERAGE_KEY, TIMES_S
 
 _BEFORE, _AFTER = MOVING_COVERAGE_KEY.split("{:g}")
 

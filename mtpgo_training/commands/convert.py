@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 
 from msg_adapters.registry import INPUTS
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.data_arguments import add_data_arguments, data_sources
-from mtpgo_training.data.bag_conversion import JOIN_GAP_S, convert, selected
+from mtpgo_training.data.bag_conversion import JOIN_GAP_S, convert, copy_bag, selected
 from mtpgo_training.data.data_sources import named_recordings
 from mtpgo_training.data.recording_bag import DEFAULT_KIND
 
@@ -58,11 +59,19 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--drop-parked", action="store_true", help="leave out road users that never move"
     )
+    parser.add_argument(
+        "--raw",
+        action="store_true",
+        help="copy every message of every topic of one bag as it was recorded: makes a whole bag "
+        "of a damaged one",
+    )
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo convert``."""
+    if args.raw:
+        return _copy(args)
     named = named_recordings(data_sources(args.data_options))
     recordings = selected(
         (recording for _, recording in named),
@@ -77,4 +86,35 @@ def run(args: argparse.Namespace) -> int:
             f"{bag.path}: {len(bag.recordings)} recording(s) ({', '.join(bag.recordings)}), "
             f"{bag.duration_s:.1f} s, {bag.frames} frames, {bag.messages} messages"
         )
+    return 0
+
+
+def _copy(args: argparse.Namespace) -> int:
+    """Copy a bag as it is."""
+    (source,) = data_sources(args.data_options)
+    given = {
+        "--as": args.kind != DEFAULT_KIND,
+        "--ego": args.ego is not None,
+        "--start": args.start is not None,
+        "--end": args.end is not None,
+        "--join": args.join,
+        "--drop-parked": args.drop_parked,
+    }
+    chosen = [name for name, value in given.items() if value]
+    chosen += [f"--{name}" for name, _ in args.data_options if name not in ("layout", "data")]
+    if chosen:
+        raise ConfigurationError(
+            f"{chosen[0]} is given with --raw, which copies everything as it is, expected one"
+        )
+    if source.layout != "bag":
+        raise ConfigurationError(
+            f"--raw is given with the layout {source.layout!r}, expected 'bag'"
+        )
+    copied = copy_bag(source.directory, args.output, progress=sys.stderr.isatty())
+    for topic, reason in copied.skipped.items():
+        print(f"mtpgo: topic {topic} is left out: {reason}", file=sys.stderr)
+    print(
+        f"{copied.path}: {copied.topics} topic(s), {copied.duration_s:.1f} s, "
+        f"{copied.messages} messages"
+    )
     return 0

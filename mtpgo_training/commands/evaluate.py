@@ -10,16 +10,26 @@ import sys
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.live_calibration.live_options import (
+    BEST,
+    CALIBRATIONS,
+    ONLINE,
+    PREFERENCES,
+    SHIPPED,
+)
+from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.atomic_files import require_writable, write_text
 from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
+    bag_options,
     cache_from,
     data_sources,
 )
 from mtpgo_training.data.data_sources import named_recordings
+from mtpgo_training.data.readers.reading_options import AS_USUAL
 from mtpgo_training.evaluation.bags.bag_evaluation import (
     BagResult,
     evaluate_bags,
@@ -49,7 +59,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="FILE",
         help="model files or names of shipped models",
     )
-    add_data_arguments(parser)
+    add_data_arguments(
+        parser,
+        topic_help="topic of the tracked objects in the bags of this directory; with "
+        "--predictions, topic of the recorded predictions, found automatically by default",
+    )
     add_cache_arguments(parser)
     add(
         "--predictions",
@@ -59,7 +73,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="BAG",
         help="bags of recorded predictions; without --data, what they observed is the truth",
     )
-    add("--topic", help="topic of the recorded predictions, found automatically by default")
     add("--policy", choices=GRAPH_POLICIES, help="graph policy, the model's own by default")
     add("--stride", type=float, default=0.2, help="time between two instants (s)")
     add("--min-future", type=float, default=0.0, help="leave out agents observed for less (s)")
@@ -80,6 +93,18 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         type=int,
         metavar="N",
         help="seed of the simulated tracker, of which each recording gets another (0)",
+    )
+    add(
+        "--calibration",
+        choices=CALIBRATIONS,
+        help="what is applied to the models' output: nothing (off), the calibration in their "
+        "files, or that one corrected while the recording goes on, as the node does (shipped)",
+    )
+    add(
+        "--prefer",
+        choices=PREFERENCES,
+        help="best: constant velocity predicts groups of road users in which it has been better, "
+        "as the node does (model)",
     )
     add("--no-centre", action="store_true", help="score only all agents")
     add(
@@ -110,6 +135,7 @@ def run(args: argparse.Namespace) -> int:
             raise ConfigurationError("--results is given with --model, --data or --predictions")
         print(markdown_table([(path.stem, read_results(path)) for path in args.results]))
         return 0
+    topic = _predictions_topic(args)
     _check(args)
     if args.report is not None:
         # Only here: pictures need matplotlib and jinja2, and the folder must be writable.
@@ -126,9 +152,11 @@ def run(args: argparse.Namespace) -> int:
         args.min_future,
         args.one_sample,
         (args.tracker_seed or 0) if args.tracker == SIMULATED else None,
+        args.calibration or SHIPPED,
+        args.prefer or PREFER_MODEL,
     )
     if args.predictions:
-        result = _from_bags(args, runners)
+        result = _from_bags(args, runners, topic)
     else:
         result = BagResult(
             evaluate_recordings(
@@ -162,6 +190,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         if settings.tracker_seed is not None:
             print(f"observed by a simulated tracker, seed {settings.tracker_seed}\n")
+        if settings.live.watches or settings.calibration != SHIPPED:
+            print(f"calibration {settings.calibration}, prefer {settings.prefer}\n")
         print_result(content, result)
     if args.report is not None:
         page = write_report(args.report, content, result.evaluation.scenes)
@@ -193,6 +223,16 @@ def _check(args: argparse.Namespace) -> None:
         )
     if args.predictions and args.one_sample:
         raise ConfigurationError("--one-sample is given with --predictions, which have a past")
+    for option in ("calibration", "prefer"):
+        if args.predictions and getattr(args, option) is not None:
+            raise ConfigurationError(
+                f"--{option} is given with --predictions, which were calibrated by the node"
+            )
+    if args.one_sample and (args.calibration == ONLINE or args.prefer == BEST):
+        raise ConfigurationError(
+            "--one-sample is given with --calibration online or --prefer best, which learn from a "
+            "past"
+        )
     if args.predictions and args.tracker == SIMULATED:
         raise ConfigurationError(
             "--tracker simulated is given with --predictions, whose observations were recorded"
@@ -201,21 +241,33 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigurationError("--tracker-seed is given without --tracker simulated")
     if args.tracker_seed is not None and args.tracker_seed < 0:
         raise ConfigurationError(f"--tracker-seed is {args.tracker_seed}, expected at least 0")
-    if args.topic is not None and not args.predictions:
-        raise ConfigurationError("--topic is given without --predictions")
 
 
-def _from_bags(args: argparse.Namespace, runners: dict[str, ModelRunner]) -> BagResult:
-    if args.data_options:
+def _predictions_topic(args: argparse.Namespace) -> str | None:
+    """Take the topic of the recorded predictions from the options of the recordings."""
+    if not args.predictions:
+        return None
+    found = [value for name, value in args.data_options if name == "topic"]
+    args.data_options = [item for item in args.data_options if item[0] != "topic"]
+    return found[-1] if found else None
+
+
+def _from_bags(
+    args: argparse.Namespace, runners: dict[str, ModelRunner], topic: str | None
+) -> BagResult:
+    with_data = any(name == "data" for name, _ in args.data_options)
+    reading = AS_USUAL if with_data else bag_options(args.data_options)
+    if with_data:
         recordings = dict(named_recordings(data_sources(args.data_options), cache_from(args)))
     else:
-        recordings = observed_recordings(args.predictions)
+        recordings = observed_recordings(args.predictions, reading)
     return evaluate_bags(
         args.predictions,
         recordings,
         runners,
-        topic=args.topic,
+        topic=topic,
         min_future_s=args.min_future,
-        own_clock=bool(args.data_options),
+        own_clock=with_data,
+        options=reading,
         draw=args.report is not None,
     )

@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_training.crossval.site_scores import LEAST_AGENTS, pooled_scores, worse_than_simple
 from mtpgo_training.data.manoeuvres import MANOEUVRES
-from mtpgo_training.evaluation.scores.metrics import TIMES_S
 from mtpgo_training.evaluation.scores.score_summary import value_text
 from mtpgo_training.table_format import Row, Table
 

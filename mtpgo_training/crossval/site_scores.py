@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_core.schema import BoolArray
 from mtpgo_training.data.manoeuvres import MANOEUVRES, members
 from mtpgo_training.evaluation.honesty.honesty_summary import honesty_values
 from mtpgo_training.evaluation.honesty.honesty_table import CLASS_GROUPS, HonestyTable
 from mtpgo_training.evaluation.honesty.simple_comparison import SIMPLE, is_worse
-from mtpgo_training.evaluation.scores.metrics import TIMES_S
 from mtpgo_training.evaluation.scores.score_table import ScoreTable, average, none, totals
 
 Json = dict[str, Any]

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of recordings into rosbag2 MCAP bags of tracked objects."""
+"""Conversion of recordings into rosbag2 MCAP bags of tracked objects, and copies of whole bags."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from msg_adapters.bags.bag_definitions import BagDefinitions
+from msg_adapters.bags.bag_reader import BagReader
 from msg_adapters.bags.mcap_writer import McapWriter
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_bag import DEFAULT_KIND, write_recording
 
@@ -74,6 +76,74 @@ def convert(
         _write([recording], output / recording.name, kind, progress)
         for recording in _chain(first, second, iterator)
     ]
+
+
+@dataclass(frozen=True)
+class CopiedBag:
+    """A bag that was copied.
+
+    Attributes:
+        path: the file or directory.
+        topics: number of topics.
+        messages: number of messages.
+        duration_s: from the first to the last message (s).
+        skipped: topics that were left out -> why.
+    """
+
+    path: Path
+    topics: int
+    messages: int
+    duration_s: float
+    skipped: dict[str, str]
+
+
+def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
+    """Write every message of every topic of a bag into a new one, as it was recorded.
+
+    What of a damaged bag can be read makes a whole bag.
+
+    Args:
+        bag: the bag.
+        output: a path that ends in ``.mcap`` for one self-contained file, else a directory.
+        progress: show a bar on stderr.
+
+    Raises:
+        RecordingError: the bag cannot be read, or the output cannot be written.
+    """
+    if output.resolve() == bag.resolve():
+        raise RecordingError(f"{output} is the bag itself, expected another output")
+    with BagReader(bag) as source, McapWriter(output, replace=True, compress=True) as target:
+        topics, skipped = source.topics(), source.skipped()
+        definitions = BagDefinitions(source.connections)
+        copied = []
+        for topic in topics:
+            connection = next(
+                c
+                for c in source.connections
+                if (c.topic, c.msgtype) == (topic.name, topic.message_type)
+            )
+            try:
+                target.add_recorded_topic(connection, definitions.type_hash(connection))
+                copied.append(topic)
+            except (MessageError, RecordingError) as error:
+                skipped[topic.name] = str(error)
+        if not copied:
+            reasons = "; ".join(f"{topic}: {reason}" for topic, reason in skipped.items())
+            raise RecordingError(f"no topic of {bag} can be copied: {reasons}")
+        stored = source.raw_messages(copied, source.start_ns, source.end_ns + 1)
+        first_ns = last_ns = None
+        for name, time_ns, data in tqdm(
+            stored,
+            desc=bag.name,
+            total=sum(topic.count for topic in copied),
+            file=sys.stderr,
+            disable=not progress,
+            leave=False,
+        ):
+            target.write_bytes(name, time_ns, data)
+            first_ns, last_ns = time_ns if first_ns is None else first_ns, time_ns
+        duration_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
+    return CopiedBag(output, len(copied), target.messages, duration_s, skipped)
 
 
 def _chain(

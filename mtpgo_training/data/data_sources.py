@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.data.readers import iter_recordings, recording_names
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
@@ -22,11 +23,13 @@ class DataSource(NamedTuple):
         directory: the directory.
         layout: a name in :data:`mtpgo_training.data.readers.LAYOUTS`.
         names: the recordings wanted, None for all.
+        options: what else is said about the files.
     """
 
     directory: Path
     layout: str
     names: tuple[str, ...] | None = None
+    options: ReadingOptions = AS_USUAL
 
     @property
     def folder(self) -> str:
@@ -51,7 +54,7 @@ def read_sources(
     if len(sources) > 1:
         taken: set[str] = set()
         for source in sources:
-            for name in recording_names(source.directory, source.layout, source.names):
+            for name in recording_names(*source):
                 _take(taken, f"{source.folder}/{name}")
     taken = set()
     for source in sources:

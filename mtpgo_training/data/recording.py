@@ -9,8 +9,8 @@ Values that a layout does not give are NaN.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -61,6 +61,8 @@ class Recording:
         sha256: hash over the contents of the source files.
         start_time_ns: stamp of frame 0 (ns).
         track_key: [tracks, 4] identities, where ``track_id`` cannot carry them (UUIDs, text).
+        counts: what was odd in its messages, by the node's counters, see
+            :mod:`mtpgo_core.history.odd_input`.
     """
 
     name: str
@@ -81,6 +83,7 @@ class Recording:
     sha256: str = ""
     start_time_ns: int = DEFAULT_START_NS
     track_key: KeyArray | None = None
+    counts: Mapping[str, int] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return self.frame.shape[0]

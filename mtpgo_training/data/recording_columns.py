@@ -23,7 +23,16 @@ _ARRAYS = (
     "agent_class",
     "size",
 )
-_FACTS = ("name", "layout", "location", "frame_rate", "ego_id", "sha256", "start_time_ns")
+_FACTS = (
+    "name",
+    "layout",
+    "location",
+    "frame_rate",
+    "ego_id",
+    "sha256",
+    "start_time_ns",
+    "counts",
+)
 
 
 def pack(recordings: Iterable[Recording]) -> Columns:

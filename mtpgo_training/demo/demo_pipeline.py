@@ -20,6 +20,13 @@ from mtpgo_training.data.bag_conversion import convert
 from mtpgo_training.data.data_sources import DataSource, named_recordings
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.demo import demo_report as report
+from mtpgo_training.demo.calibration_effect import calibration_effect, calibration_table
+from mtpgo_training.demo.live_comparison import (
+    Json,
+    compare_live,
+    largest_difference_m,
+    live_comparison_table,
+)
 from mtpgo_training.demo.node_session import require_ros, run_session
 from mtpgo_training.demo.playback_plan import PlaybackPlan, make_plan
 from mtpgo_training.demo.publication_timing import merge_timings, timing
@@ -28,10 +35,12 @@ from mtpgo_training.demo.recorded_messages import (
     RecordedMessages,
     read_messages,
 )
+from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replayed_quality
 from mtpgo_training.evaluation.moments import choose_moments
 from mtpgo_training.evaluation.scorer import add_scores
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.reports.scene_plot import draw_picture
+from mtpgo_training.table_format import to_text
 
 SHIPPED, SHIPPED_LAYOUT = "highway", "highd"
 """Folder and layout of the recording that ships with the package."""
@@ -81,7 +90,9 @@ def run_demo(options: DemoOptions) -> None:
         paths.append(bags / f"{recording.name}.mcap")
         convert([recording], paths[-1])
     print("  starting predictor and record", flush=True)
-    parameters = (f"model:={model}", f"rate:={options.rate_hz}", *options.parameters)
+    # One road user is enough to show that live and recorded scores are equal.
+    own = (f"model:={model}", f"rate:={options.rate_hz}", "quality_min_agents:=1")
+    parameters = (*own, *options.parameters)
     durations_s = [recording.duration_s for recording in plan.recordings]
     run_session(paths, durations_s, recorded=predictions, logs=logs, parameters=parameters)
 
@@ -92,7 +103,16 @@ def run_demo(options: DemoOptions) -> None:
             f"the predictor published nothing on {sum(durations_s):.0f} s of traffic, see {logs}"
         )
     total, parts = score_recordings(plan, recorded, task, options.rate_hz)
+    replayed = replayed_quality(
+        predictions, [r.prediction for r in recorded.predictions], task.history
+    )
+    live = compare_live(recorded.quality, quality_rows(replayed))
+    # Only here: the model needs torch, which takes seconds to import.
+    from mtpgo_core.prediction.model_runner import ModelRunner
+
+    effect = calibration_effect(ModelRunner.load(model), plan.recordings)
     content = report.summary(total, parts, task, recorded)
+    content |= {"live": live, "calibration": effect}
     write_text(output / "summary.json", report.to_json(content))
     print("  drawing", flush=True)
     played = [
@@ -213,11 +233,17 @@ def score_recordings(
     return report.DemoResult("all", recorded.predictions, together, whole.averages()), parts
 
 
-def _print_results(
-    content: dict[str, object], options: DemoOptions, output: Path, drawn: bool
-) -> None:
+def _print_results(content: Json, options: DemoOptions, output: Path, drawn: bool) -> None:
     print()
     print(report.terminal_table(content))
+    print()
+    live: list[Json] = content["live"]
+    print(to_text(live_comparison_table(live)))
+    difference_m = largest_difference_m(live)
+    if difference_m is not None:
+        print(f"Live and recorded errors differ by {1e3 * difference_m:.3f} mm at most.")
+    print()
+    print(to_text(calibration_table(content["calibration"])))
     print()
     for sentence in report.sentences(content, options.rate_hz):
         print(sentence)

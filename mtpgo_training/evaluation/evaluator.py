@@ -16,6 +16,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.history.stream_guard import UpdateReport
+from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.live_calibration.live_calibration import LiveCalibration
+from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
+from mtpgo_core.live_calibration.live_options import OFF, SHIPPED, LiveOptions
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
@@ -56,6 +61,9 @@ class Settings:
         tracker_seed: score what is predicted from the observations of a simulated tracker with
             this seed, None for the observations as recorded. The truth is the recording either
             way.
+        calibration: what is applied to the models' output; ``online`` starts from the shipped
+            calibration with each recording.
+        prefer: who predicts, see :data:`~mtpgo_core.live_calibration.live_options.PREFERENCES`.
     """
 
     policy: str | None = None
@@ -64,6 +72,13 @@ class Settings:
     min_future_s: float = 0.0
     one_sample: bool = False
     tracker_seed: int | None = None
+    calibration: str = SHIPPED
+    prefer: str = PREFER_MODEL
+
+    @property
+    def live(self) -> LiveOptions:
+        """What a live calibration learns."""
+        return LiveOptions(calibration=self.calibration, prefer=self.prefer)
 
 
 @dataclass
@@ -135,6 +150,7 @@ class Evaluation:
             mean=prediction.mean[rows][..., :2],
             weight=prediction.weight[rows],
             covariance=prediction.covariance[rows],
+            sigma_factor_50=prediction.sigma_factor_50[rows],
             by_model=prediction.source[rows] == Source.MODEL,
             truth=found.truth.position,
             mask=found.truth.mask,
@@ -230,6 +246,8 @@ def evaluate_recording(
     name = recording.name if name is None else name
     result.recordings[name] = recording.sha256
     first = next(iter(runners), None)
+    if settings.calibration == OFF:
+        runners = {model: runner.uncalibrated() for model, runner in runners.items()}
     observed = recording
     if settings.tracker_seed is not None:
         observed = draw_tracker(recording, settings.tracker_seed).observe(recording)
@@ -244,11 +262,21 @@ def evaluate_recording(
             for protocol, policy in (("all", settings.policy), ("centre", "each"))
             if protocol == "all" or settings.centre
         }
-        for window, protocols in _windows(recording, observed, history, settings, tick):
+        live = {
+            key: LiveCalibration(settings.live, history, runners[key[0]].task.horizon_steps)
+            for key in predictors
+        }
+
+        def learn(history: TrackHistory, report: UpdateReport) -> None:
+            for calibration in live.values():  # noqa: B023  called before the next group
+                calibration.observe(history, report)
+
+        for window, protocols in _windows(recording, observed, history, settings, tick, learn):
             for (model, protocol), predictor in predictors.items():
                 if protocol not in protocols:
                     continue
                 prediction = predictor.predict(window)
+                prediction = live[model, protocol].serve(prediction, window)
                 if len(prediction):
                     result.add(
                         model, protocol, scorer, prediction, window, baselines=model == first
@@ -262,6 +290,7 @@ def _windows(
     history: HistoryConfig,
     settings: Settings,
     tick: Callable[[], object],
+    learn: Callable[[TrackHistory, UpdateReport], object] = lambda history, report: None,
 ) -> Iterator[tuple[HistoryWindow, set[str]]]:
     """Yield the windows of all scored instants, each with the protocols that it is scored for.
 
@@ -271,6 +300,7 @@ def _windows(
         history: see :func:`~mtpgo_training.scenes.history_replay.replay`.
         settings: the strides.
         tick: called after each observed frame.
+        learn: called with the history after each observed frame.
     """
     strides = {"all": settings.stride_s, "centre": CENTRE_EVERY * settings.stride_s}
     frames = {p: set(frames_every(recording, stride).tolist()) for p, stride in strides.items()}
@@ -281,6 +311,7 @@ def _windows(
         map(recording.stamp_ns, scored),
         one_sample=settings.one_sample,
         on_frame=tick,
+        on_update=learn,
     )
     for frame, window in zip(scored, windows, strict=True):
         yield window, {protocol for protocol, chosen in frames.items() if frame in chosen}

@@ -167,6 +167,7 @@ class Scorer:
             prediction.covariance[rows],
             truth.position,
             truth.mask,
+            prediction.sigma_factor_50[rows],
         )
         return ScoredPrediction(rows, truth, scores)
 

@@ -61,6 +61,7 @@ def summarise(
             bag: {model: found.to_dict() for model, found in found_by.items()}
             for bag, found_by in result.agreements.items()
         },
+        "live": result.live,
         "recordings": evaluation.recordings,
         "seen": overlaps,
         "warnings": [*overlap_warnings(overlaps), *result.warnings],
@@ -70,6 +71,8 @@ def summarise(
         "min_future_s": settings.min_future_s,
         "policy": settings.policy,
         "one_sample": settings.one_sample,
+        "calibration": None if from_bags else settings.calibration,
+        "prefer": None if from_bags else settings.prefer,
         "tracker": RECORDED if settings.tracker_seed is None else SIMULATED,
         "tracker_seed": settings.tracker_seed,
         "baselines": list(BASELINES),

@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from mtpgo_core.quality import metrics
 from mtpgo_training.atomic_files import replacing
-from mtpgo_training.evaluation.scores import metrics
 from mtpgo_training.reports.figure_style import STYLE, line_style, new_axes, numbers
 from mtpgo_training.reports.honesty.honesty_figures import (
     coverage_figure,

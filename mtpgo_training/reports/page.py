@@ -137,6 +137,8 @@ def _facts(content: Json) -> list[tuple[str, str]]:
     ]
     if content["one_sample"]:
         facts.append(("past", "forgotten before each instant: each road user has one sample"))
+    if content.get("calibration") is not None:  # results from before it could be chosen lack it
+        facts.append(("calibration", f"{content['calibration']}, prefer {content['prefer']}"))
     if content["tracker"] == SIMULATED:
         facts.append(("observations", f"of a simulated tracker, seed {content['tracker_seed']}"))
     facts += [(f"recording {n}", f"SHA-256 {h[:16]}") for n, h in content["recordings"].items()]

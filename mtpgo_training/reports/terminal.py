@@ -14,6 +14,7 @@ from mtpgo_training.reports.honesty.honesty_tables import (
     paths_table,
     weights_table,
 )
+from mtpgo_training.reports.live_scores import live_table
 from mtpgo_training.reports.tables import (
     HEADINGS,
     INTERVAL_KEYS,
@@ -49,6 +50,10 @@ def print_result(content: Json, result: BagResult) -> None:
             print(f"{to_text(table)}\n")
     if any("all" in found for found in content["by_manoeuvre"].values()):
         print(f"{to_text(manoeuvre_table(content))}\n\n{to_text(nees_table(content))}\n")
+    for bag, rows in result.live.items():
+        live = live_table(rows)
+        if live is not None:
+            print(f"{bag}:\n{to_text(live)}\n")
     for group, row in content["seeds"].items():
         print(seeds_text(group, row))
     for bag, found in result.agreements.items():

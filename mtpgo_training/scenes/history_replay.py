@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
-from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.history.track_history import TrackHistory, UpdateReport
 from mtpgo_core.schema import HistoryWindow
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording
@@ -19,6 +19,7 @@ def replay(
     *,
     one_sample: bool = False,
     on_frame: Callable[[], object] = lambda: None,
+    on_update: Callable[[TrackHistory, UpdateReport], object] = lambda history, report: None,
 ) -> Iterator[HistoryWindow]:
     """Yield the window of the history at each stamp, after all observations up to it.
 
@@ -29,6 +30,7 @@ def replay(
         one_sample: forget the past before each frame, as if every agent were seen for the first
             time.
         on_frame: called after each observed frame.
+        on_update: called with the history after each observed frame.
     """
     history = TrackHistory(config)
     states = recording.states()
@@ -37,7 +39,7 @@ def replay(
         while upcoming is not None and upcoming.stamp_ns <= stamp_ns:
             if one_sample:
                 history.clear()
-            history.update(upcoming)
+            on_update(history, history.update(upcoming))
             on_frame()
             upcoming = next(states, None)
         yield history.window(stamp_ns)

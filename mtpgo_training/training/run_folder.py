@@ -25,7 +25,7 @@ import numpy as np
 import torch
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import replacing, write_text
+from mtpgo_training.atomic_files import new_folder, replacing, write_text
 from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
 
 CHECKPOINT_FORMAT = 1
@@ -74,7 +74,6 @@ class RunFolder:
             ConfigurationError: the folder exists and is not empty, or cannot be written.
         """
         self.require_new()
-        write_text(self.path / "config.yaml", dump_config(config))
         facts = {
             "network": config.network,
             "splits": splits,
@@ -82,7 +81,10 @@ class RunFolder:
             "initial_weights_sha256": initial_weights or None,
             "versions": versions(),
         }
-        write_text(self.path / "run.json", json.dumps(facts, indent=2) + "\n")
+        # Both at once: a run that is killed in between could be neither started nor resumed.
+        with new_folder(self.path) as folder:
+            write_text(folder / "config.yaml", dump_config(config))
+            write_text(folder / "run.json", json.dumps(facts, indent=2) + "\n")
 
     def check_same(self, config: TrainingConfig, splits: list[dict[str, str]]) -> None:
         """Check that a resumed run has the configuration and data with which it was started.
@@ -109,6 +111,12 @@ class RunFolder:
             raise ConfigurationError(
                 f"the configuration differs from {self.path / 'config.yaml'} in "
                 f"{first_difference(stored, config)}, expected the same to resume"
+            )
+        if facts.get("initial_weights_sha256") and not self.last.exists():
+            # Without a checkpoint the run would begin with random weights.
+            raise ConfigurationError(
+                f"the run in {self.path} started from other weights and ended before its first "
+                "checkpoint, expected it to be started again in a new folder with --init-from"
             )
         if facts.get("splits") != splits:
             raise ConfigurationError(

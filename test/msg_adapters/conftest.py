@@ -123,4 +123,6 @@ def prediction() -> Prediction:
         yaw=rng.uniform(-3.0, 3.0, size=(n, modes, steps)),
         covariance=root @ np.swapaxes(root, -1, -2) + 0.1 * np.eye(2),
         source=np.array([0, 1, 0], dtype=np.uint8),
+        sigma_factor_50=rng.uniform(0.5, 1.0, size=(n, steps)),
+        calibration=np.array([2, 2, 1], dtype=np.uint8),
     )

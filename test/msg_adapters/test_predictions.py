@@ -11,6 +11,7 @@ import pytest
 from msg_adapters.predictions import prediction_from_pointcloud2, prediction_to_pointcloud2
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import MessageError
+from mtpgo_core.schema import CalibrationStage
 
 TYPE = "sensor_msgs/msg/PointCloud2"
 
@@ -18,9 +19,9 @@ TYPE = "sensor_msgs/msg/PointCloud2"
 def assert_equal(found, wanted):
     assert found.stamp_ns == wanted.stamp_ns
     assert found.frame_id == wanted.frame_id
-    for name in ("key", "agent_class", "source"):
+    for name in ("key", "agent_class", "source", "calibration"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), name)
-    for name in ("z", "time_s", "weight", "mean", "yaw", "covariance"):
+    for name in ("z", "time_s", "weight", "mean", "yaw", "covariance", "sigma_factor_50"):
         np.testing.assert_allclose(
             getattr(found, name), getattr(wanted, name), rtol=1e-6, err_msg=name
         )
@@ -42,10 +43,10 @@ def test_rclpy_class_with_field_checks(prediction, online, typestore):
 def test_documented_bytes_of_one_point(prediction, offline):
     """The layout of docs/messages.md, read with struct: agent 2, mode 1, step 3."""
     message = prediction_to_pointcloud2(prediction, offline)
-    assert message.point_step == 72
+    assert message.point_step == 80
     assert (message.width, message.height) == (3 * 4 * 5, 1)
     a, m, h = 2, 1, 3
-    values = struct.unpack_from("<11f4I4B", bytes(message.data), 72 * ((a * 4 + m) * 5 + h))
+    values = struct.unpack_from("<11f4I4BfB", bytes(message.data), 80 * ((a * 4 + m) * 5 + h))
     wanted = [
         *prediction.mean[a, m, h, :2],
         prediction.z[a],
@@ -57,7 +58,21 @@ def test_documented_bytes_of_one_point(prediction, offline):
     ]
     np.testing.assert_allclose(values[:11], wanted, rtol=1e-6)
     assert list(values[11:15]) == prediction.key[a].tolist()
-    assert values[15:] == (2, m, h, 0)
+    assert values[15:19] == (2, m, h, 0)
+    assert values[19] == pytest.approx(prediction.sigma_factor_50[a, h], rel=1e-6)
+    assert values[20] == 1
+
+
+def test_clouds_from_before_the_calibration_was_published_are_read(prediction, offline):
+    message = prediction_to_pointcloud2(prediction, offline)
+    points = np.frombuffer(bytes(message.data), dtype=np.uint8).reshape(-1, 80)
+    message.data = np.ascontiguousarray(points[:, :64]).reshape(-1)
+    message.fields = message.fields[:-4]
+    message.point_step, message.row_step = 64, 64 * len(points)
+    found = prediction_from_pointcloud2(message)
+    np.testing.assert_allclose(found.mean, prediction.mean, rtol=1e-6)
+    assert (found.sigma_factor_50 == 1.0).all()
+    assert (found.calibration == CalibrationStage.NONE).all()
 
 
 def test_max_modes_keeps_the_strongest_and_renormalises(prediction, offline):
@@ -71,7 +86,7 @@ def test_max_modes_keeps_the_strongest_and_renormalises(prediction, offline):
 
 def test_shuffled_points_give_the_same_and_missing_ones_are_nan(prediction, offline):
     message = prediction_to_pointcloud2(prediction, offline)
-    points = np.frombuffer(bytes(message.data), dtype="V72").copy()
+    points = np.frombuffer(bytes(message.data), dtype="V80").copy()
     # Agent 0 stays first, so the order of the agents does not change.
     order = np.concatenate([[0], 1 + np.random.default_rng(1).permutation(len(points) - 1)])
     message.data = points[order].view(np.uint8)

@@ -14,6 +14,10 @@ from mtpgo_core.errors import MessageError
 
 SENTENCES = {
     "autoware_perception_msgs": "install ros-jazzy-autoware-perception-msgs",
+    "autoware_auto_perception_msgs": (
+        "it was never released for Jazzy, where autoware_perception_msgs has taken its place; "
+        "mtpgo convert reads its bags without it"
+    ),
     "vision_msgs": "install ros-jazzy-vision-msgs",
     "derived_object_msgs": "install ros-jazzy-derived-object-msgs",
     "perception_msgs": "build it from https://github.com/ika-rwth-aachen/perception_interfaces",
@@ -34,6 +38,15 @@ def test_missing_message_classes_name_the_package_to_install(name):
         f"message type {adapter.message_type!r} needs the package {adapter.package}, which is "
         f"not installed: {SENTENCES[adapter.package]}"
     )
+
+
+def test_no_package_is_suggested_that_jazzy_may_not_have():
+    pytest.importorskip("rclpy")
+    with pytest.raises(
+        MessageError, match="which is not installed: build it from source"
+    ) as error:
+        message_class("my_company_msgs/msg/State")
+    assert "ros-jazzy" not in str(error.value)
 
 
 def test_names_that_are_not_message_types():

@@ -23,7 +23,7 @@ def _ros():
 
 @pytest.fixture(scope="session")
 def models(tmp_path_factory):
-    """Model files: quick, slow (0.1 s at least), stuck (minutes), lanes, poison (NaN if fast)."""
+    """Model files: slow takes 0.1 s at least, stuck minutes, poison is NaN if agents are fast."""
     folder = tmp_path_factory.mktemp("models")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -32,6 +32,7 @@ def models(tmp_path_factory):
             "slow": write_tiny_model(folder / "slow.pt", work=150),
             "stuck": write_tiny_model(folder / "stuck.pt", work=100_000),
             "lanes": write_tiny_model(folder / "lanes.pt", context="lanes"),
+            "wrong": write_tiny_model(folder / "wrong.pt", drift_mps=3.0),
             "poison": write_tiny_model(folder / "poison.pt", poison=True),
         }
 

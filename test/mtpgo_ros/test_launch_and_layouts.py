@@ -9,9 +9,13 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
+from mtpgo_core.quality.metrics import TIMES_S
+from mtpgo_core.quality.quality_report import QUALITY_ROW, WINDOWS_S
+from mtpgo_core.task.calibration import GROUPS
 from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING, ODD_INPUT
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
@@ -25,6 +29,8 @@ TOPICS = {
     "/predictor/predictions",
     "/predictor/markers",
     "/predictor/debug/processing_time_ms",
+    "/predictor/quality_table",
+    "/predictor/quality_markers",
 }
 
 
@@ -67,13 +73,39 @@ def test_the_displays_show_the_topics_that_there_are():
     assert panels == set(foxglove["configById"])
 
 
+def test_the_plots_show_the_scores_that_their_legends_name():
+    panels = json.loads((ROOT / "config" / "foxglove.json").read_text())["configById"]
+    rows = QUALITY_ROW.names
+    shape = (len(WINDOWS_S), len(GROUPS), len(TIMES_S), len(rows))
+    for panel, legend in {
+        "Plot!coverage": {f"{t} s": (t, "coverage_90") for t in TIMES_S},
+        "Plot!ade": {"predicted": (5, "ade"), "constant velocity": (5, "cv_ade")},
+    }.items():
+        for path in panels[panel]["paths"]:
+            time_s, name = legend.pop(path["label"])
+            place = (0, GROUPS.index("vehicle_moving"), TIMES_S.index(time_s), rows.index(name))
+            number = np.ravel_multi_index(place, shape)
+            assert path["value"] == f"/predictor/quality_table.data[{number}]"
+        assert not legend
+
+
 def test_the_documentation_names_every_parameter_counter_and_topic():
     text = (ROOT / "docs" / "node.md").read_text()
     for name in NAMES:
         assert f"| `{name}` |" in text, name
     for counter in {**ODD_INPUT, **BAD_TIMING, **BAD_MODEL}:
         assert f"`{counter}`" in text, counter
-    for topic in ("objects", "odometry", "ego_id", "lane_markings", "~/predictions", "~/markers"):
+    for topic in (
+        "objects",
+        "odometry",
+        "ego_id",
+        "lane_markings",
+        "~/predictions",
+        "~/markers",
+        "~/quality",
+        "~/quality_table",
+        "~/quality_markers",
+    ):
         assert f"`{topic}`" in text, topic
 
 

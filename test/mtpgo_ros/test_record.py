@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executable ``record``: its bags hold what was published, for several libraries."""
 
+import resource
 import signal
 import time
 
@@ -24,6 +25,7 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
+from msg_adapters.bags.stored_bag import StoredBag
 from msg_adapters.registry import INPUTS
 from mtpgo_ros.record import _parser, topics_of
 
@@ -35,9 +37,11 @@ def test_the_topics_follow_the_predictors_name():
     assert topics() == [
         "/predictor/predictions",
         "/predictor/debug/processing_time_ms",
+        "/predictor/quality",
+        "/predictor/quality_table",
         "/diagnostics",
     ]
-    assert topics("--predictor", "ego/predictor", "--objects")[0::3] == [
+    assert topics("--predictor", "ego/predictor", "--objects")[0::5] == [
         "/ego/predictor/predictions",
         "/objects",
     ]
@@ -74,7 +78,7 @@ def test_a_recording_ended_by_a_signal_is_complete(process, peer, tmp_path, name
     status, out, err = recorder.interrupt(number)
     assert (status, "Traceback" in err) == (0, False), err
     assert "recorded 101 messages" in out
-    assert "no publisher on /nothing" in out
+    assert "no publisher on /diagnostics, /nothing" in out
     assert [file.name for file in output.parent.iterdir()] == [name]  # nothing temporary is left
 
     with AnyReader([output]) as reader:
@@ -83,7 +87,6 @@ def test_a_recording_ended_by_a_signal_is_complete(process, peer, tmp_path, name
             "/predictor/predictions": 50,
             "/objects": 50,
             "/ego_id": 1,
-            "/diagnostics": 0,
         }
         decoded = [
             reader.deserialize(data, c.msgtype)
@@ -112,12 +115,81 @@ def test_a_recording_ended_by_a_signal_is_complete(process, peer, tmp_path, name
         assert profiles["/ego_id"][0]["durability"] == "transient_local"
 
 
-def test_a_recording_with_a_duration_ends_by_itself(tmp_path):
-    status, out, _ = run_process("record", "-o", tmp_path / "bag", "--duration", "0.2")
-    assert status == 0
-    assert "recorded 0 messages" in out
+def test_a_recording_of_nothing_ends_with_its_own_status(tmp_path):
+    status, out, err = run_process("record", "-o", tmp_path / "bag", "--duration", "0.2")
+    assert status == 1
+    assert out.count("\n") == 1  # ready
+    assert one_line(err).startswith("record: recorded no message into")
+    assert "no publisher on /predictor/predictions" in err
     with AnyReader([tmp_path / "bag"]) as reader:
         assert reader.message_count == 0
+
+
+def _publishing(peer, recorder, path):
+    """Publish texts of 1 kB until messages were written; return a function that goes on."""
+    publisher = peer.create_publisher(String, "/x", QoSProfile(depth=100))
+    sent = []
+
+    def publish():
+        publisher.publish(String(data=f"{len(sent):08d}" + 1000 * "x"))
+        sent.append(len(sent))
+        time.sleep(0.005)
+
+    recorder.wait_for("ready: recording")
+    end = time.monotonic() + LIMIT_S
+    while not path.exists() or not _numbers(path):
+        assert time.monotonic() < end
+        publish()
+    return publish
+
+
+def _numbers(path):
+    with StoredBag(path) as bag:
+        return [int(data[8:16]) for _, _, data in bag.messages()]
+
+
+def _are_what_was_sent(numbers):
+    # The first ones may have come before the subscription.
+    return numbers == list(range(numbers[0], numbers[-1] + 1))
+
+
+def test_a_killed_recording_keeps_what_it_has_written(process, peer, tmp_path):
+    path = tmp_path / "bag"
+    recorder = process("record", "-o", path, "--topics", "/x")
+    publish = _publishing(peer, recorder, path)
+    written = len(_numbers(path))
+    for _ in range(20):
+        publish()
+    status, _, _ = recorder.interrupt(signal.SIGKILL)
+    assert status == -signal.SIGKILL
+    assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
+    numbers = _numbers(path)
+    assert len(numbers) >= written
+    assert _are_what_was_sent(numbers)
+    with StoredBag(path) as bag:
+        (loss,) = bag.losses()
+        assert (loss.messages, loss.read) == (0, len(numbers))
+
+
+def test_a_full_disk_ends_a_recording_and_keeps_it(process, peer, tmp_path):
+    path = tmp_path / "bag"
+    recorder = process("record", "-o", path, "--topics", "/x")
+    publish = _publishing(peer, recorder, path)
+    written = len(_numbers(path))
+    room = (path / "bag.mcap").stat().st_size + 1500
+    resource.prlimit(recorder.popen.pid, resource.RLIMIT_FSIZE, (room, room))
+    end = time.monotonic() + LIMIT_S
+    while recorder.popen.poll() is None:
+        assert time.monotonic() < end
+        publish()
+    status, out, err = recorder.finish()
+    assert (status, out.count("\n")) == (2, 1)
+    sentence = one_line(err)
+    assert sentence.startswith(f"record: output {path} cannot be written: File too large")
+    numbers = _numbers(path)
+    assert len(numbers) >= written
+    assert f"the {len(numbers)} messages (" in sentence
+    assert _are_what_was_sent(numbers)
 
 
 @pytest.mark.parametrize(

@@ -137,3 +137,20 @@ def test_types_that_are_not_installed_are_skipped_with_a_sentence(tmp_path):
     status, _, err = run_process("replay", path, "--topics", "/objects")
     assert status == 2
     assert "no topic that can be played" in err.splitlines()[-1]
+
+
+def test_a_cut_bag_is_played_as_far_as_it_goes_and_from_when_the_clock_was_set(tmp_path):
+    path = tmp_path / "bag.mcap"
+    with McapWriter(path) as bag:
+        bag.add_topic("/objects", INPUTS["pointcloud2"].message_type)
+        for time_ns in (0, *(traffic(step / 25).stamp_ns for step in range(26))):
+            message = INPUTS["pointcloud2"].from_states(traffic(0.0), bag.types)
+            bag.write("/objects", time_ns, message)
+    path.write_bytes(path.read_bytes()[:10_000])
+    status, out, err = run_process("replay", path, "--no-progress", "--delay", "0")
+    assert status == 0
+    assert "1 message before a gap of 53.9 years left out" in err
+    played = int(out.split()[1])
+    assert 5 < played < 26
+    assert f"{path} is cut off, as when power is lost: {played + 1} messages" in err
+    assert f"about {26 - played} messages ({(26 - played) / 25:.1f} s) lost" in err

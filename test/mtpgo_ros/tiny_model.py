@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A minimal model file in the exporter's format: modes at constant velocity.
 
-``work`` makes it as slow as a test wants, ``poison`` makes it answer NaN for fast agents.
+``work`` makes it as slow as a test wants, ``poison`` makes it answer NaN for fast agents, and
+``drift_mps`` makes it wrong: all agents drift along the scene's y axis.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ POISON_MPS = 80.0
 class TinyModel(torch.nn.Module):
     """log weights [B, N, M], means [B, N, M, H, 4], covariances [B, N, M, H, 4, 4]."""
 
-    def __init__(self, work: int, poison: bool) -> None:
+    def __init__(self, work: int, poison: bool, drift_mps: float) -> None:
         super().__init__()
         self.work, self.poison = work, poison
+        self.register_buffer("drift", torch.tensor([0.0, drift_mps]))
         self.register_buffer("time", DT_S * torch.arange(1, STEPS + 1).float())
         self.register_buffer("heavy", torch.full((400, 400), 0.0025))
 
@@ -42,7 +44,7 @@ class TinyModel(torch.nn.Module):
         position = features[:, :, -1, 0:2] + 0.0 * busy[0, 0]
         velocity = features[:, :, -1, 2:4]
         speed = torch.linalg.vector_norm(velocity, dim=-1)
-        along = position[:, :, None] + velocity[:, :, None] * self.time[:, None]
+        along = position[:, :, None] + (velocity[:, :, None] + self.drift) * self.time[:, None]
         mode = torch.cat([along, velocity[:, :, None].expand_as(along)], dim=-1)
         if self.poison:
             mode = torch.where(
@@ -56,7 +58,12 @@ class TinyModel(torch.nn.Module):
 
 
 def write_tiny_model(
-    path: Path, *, work: int = 0, poison: bool = False, context: str = "none"
+    path: Path,
+    *,
+    work: int = 0,
+    poison: bool = False,
+    context: str = "none",
+    drift_mps: float = 0.0,
 ) -> Path:
     """Script and save the model with its task description."""
     task = TaskDescription(
@@ -66,6 +73,6 @@ def write_tiny_model(
         scene=SceneConfig(context=context),
         weights_sha256="0" * 64,
     )
-    module = torch.jit.script(TinyModel(work, poison).eval())
+    module = torch.jit.script(TinyModel(work, poison, drift_mps).eval())
     torch.jit.save(torch.jit.freeze(module), str(path), _extra_files={TASK_FILE: task.to_json()})
     return path

@@ -84,5 +84,6 @@ def json_content():
         "seeds": over_groups(models, {"x": ["x-seed1", "x-seed2"]}),
         "recordings": {"01": "a", "02": "b"},
         "agreement": {},
+        "live": {},
         "warnings": ["x-seed1 was trained on 01"],
     }

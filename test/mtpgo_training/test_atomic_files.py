@@ -5,7 +5,7 @@
 import pytest
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import replacing, require_writable, write_text
+from mtpgo_training.atomic_files import new_folder, replacing, require_writable, write_text
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path):
@@ -33,3 +33,23 @@ def test_an_unwritable_path_is_named(tmp_path, check):
 def test_a_directory_is_not_a_file_to_write(tmp_path):
     with pytest.raises(ConfigurationError, match="is a directory"):
         require_writable(tmp_path)
+
+
+def test_a_folder_appears_with_all_of_its_files_or_not_at_all(tmp_path):
+    path = tmp_path / "sub" / "run"
+    with pytest.raises(ZeroDivisionError), new_folder(path) as temporary:
+        write_text(temporary / "a", str(1 / 0))
+    assert list(path.parent.iterdir()) == []
+    path.mkdir()
+    with new_folder(path) as temporary:
+        write_text(temporary / "a", "x")
+        assert list(path.iterdir()) == []
+    assert [p.name for p in path.iterdir()] == ["a"]
+    (tmp_path / "b").mkdir()
+    assert path.stat().st_mode == (tmp_path / "b").stat().st_mode
+    refused = pytest.raises(
+        ConfigurationError, match=r"run cannot be written: Directory not empty"
+    )
+    with refused, new_folder(path) as temporary:
+        write_text(temporary / "b", "x")
+    assert [p.name for p in path.parent.iterdir()] == ["run"]

@@ -4,20 +4,25 @@
 
 One ``--layout`` holds for all directories, and as many as directories belong to them in order. Of
 another number, each belongs to the ``--data`` before it (or to the first one), and a directory
-without a layout has that of the one before. ``--recordings`` belong to the ``--data`` before them,
-or to the first one. A command may take directory, or layout and directory, without an option.
+without a layout has that of the one before. ``--recordings``, and ``--topic``, ``--topics`` and
+``--stamps`` of bags, belong to the ``--data`` before them, or to the first one. So do
+``--columns`` and ``--class-map``, which also hold for the directories after it. A command may take
+directory, or layout and directory, without an option.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mtpgo_core.class_map import PRESETS
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.readers import LAYOUTS
+from mtpgo_training.data.readers.bags.bag_options import STAMPS, BagOptions
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording_cache import RecordingCache, default_folder
 
 
@@ -36,7 +41,12 @@ class _Note(argparse.Action):
 
 
 def add_data_arguments(
-    parser: argparse.ArgumentParser, form: str = "--data", *, required: bool = False
+    parser: argparse.ArgumentParser,
+    form: str = "--data",
+    *,
+    required: bool = False,
+    topic_help: str = "topic of the tracked objects in the bags of this directory (default: "
+    "/objects, else the first of a known type)",
 ) -> None:
     """Add the arguments for recordings; their values are collected in ``data_options``.
 
@@ -45,6 +55,7 @@ def add_data_arguments(
         form: ``--data`` for options alone, ``[DIR]`` for a directory without an option (that may
             be left out) besides them, ``LAYOUT DIRECTORY`` for both without options.
         required: a directory must be given.
+        topic_help: help of ``--topic``.
     """
     parser.set_defaults(data_options=[])
     layouts = ", ".join(LAYOUTS)
@@ -72,6 +83,31 @@ def add_data_arguments(
         metavar="NAME",
         help="names of the recordings wanted of this directory (default: all)",
     )
+    add(
+        "--columns",
+        type=Path,
+        metavar="FILE",
+        help="YAML file that describes the columns of plain tables (layout table)",
+    )
+    add(
+        "--class-map",
+        metavar="NAME",
+        help="classes by the names or numbers of the data: a YAML file or one of "
+        f"{', '.join(PRESETS)}",
+    )
+    add("--topic", metavar="TOPIC", help=topic_help)
+    add(
+        "--topics",
+        nargs="+",
+        metavar="BAG=TOPIC",
+        help="topic of the tracked objects in single bags of this directory",
+    )
+    add(
+        "--stamps",
+        choices=STAMPS,
+        help="leave out messages without a stamp (header), or give them the time at which they "
+        "were recorded (log)",
+    )
 
 
 def data_sources(
@@ -84,8 +120,8 @@ def data_sources(
         default: the directory where none is given, and its layout where none is given.
 
     Raises:
-        ConfigurationError: a layout is missing or given too often, or layout or recordings are
-            given without a directory.
+        ConfigurationError: a layout is missing or given too often, layout or recordings are
+            given without a directory, or a class map is unknown.
     """
     given = [value for name, value in options if name == "layout"]
     entries: list[dict[str, Any]] = []
@@ -98,7 +134,8 @@ def data_sources(
     if not entries and default is not None:
         entries = [{"data": default.directory, "layout": default.layout} | first]
     if first and not entries:
-        raise ConfigurationError(f"--{next(iter(first))} is given without --data")
+        option = next(iter(first)).replace("_", "-")
+        raise ConfigurationError(f"--{option} is given without --data")
     if len(given) > len(entries):
         raise ConfigurationError(
             f"--layout is given {len(given)} times for {len(entries)} times --data, "
@@ -116,8 +153,40 @@ def data_sources(
                 f"{', '.join(LAYOUTS)}"
             )
         names = entry.get("recordings")
-        sources.append(DataSource(entry["data"], layout, tuple(names) if names else None))
+        before = sources[-1].options if sources else AS_USUAL
+        reading = ReadingOptions(
+            columns=entry.get("columns", before.columns),
+            class_map=entry.get("class_map", before.class_map),
+            bags=_bag_options(entry),
+        )
+        _ = reading.classes  # an unknown class map is found before anything is read
+        sources.append(DataSource(entry["data"], layout, tuple(names) if names else None, reading))
     return sources
+
+
+def bag_options(options: Sequence[tuple[str, Any]]) -> ReadingOptions:
+    """Return how bags that are no directories of recordings are read, by the same options.
+
+    Args:
+        options: ``data_options`` of :func:`add_data_arguments` without a directory.
+
+    Raises:
+        ConfigurationError: an option of recordings, or a value that is none.
+    """
+    for name, _ in options:
+        if name not in ("topics", "stamps"):
+            raise ConfigurationError(f"--{name.replace('_', '-')} is given without --data")
+    return ReadingOptions(bags=_bag_options(dict(options)))
+
+
+def _bag_options(entry: Mapping[str, Any]) -> BagOptions:
+    topics: dict[str, str] = {}
+    for text in entry.get("topics", ()):
+        bag, equals, topic = text.partition("=")
+        if not (bag and equals and topic):
+            raise ConfigurationError(f"--topics has {text!r}, expected BAG=TOPIC")
+        topics[bag] = topic
+    return BagOptions(entry.get("topic", ""), topics, entry.get("stamps", STAMPS[0]))
 
 
 def add_cache_arguments(parser: argparse.ArgumentParser) -> None:

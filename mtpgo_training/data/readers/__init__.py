@@ -5,41 +5,71 @@
 from __future__ import annotations
 
 import functools
+import logging
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.history.odd_input import described
+from mtpgo_training.data.readers.datasets.crowd_recordings import FRAME_RATES, crowd_units
+from mtpgo_training.data.readers.datasets.eth_recordings import eth_units
+from mtpgo_training.data.readers.datasets.interaction_recordings import (
+    interaction_units,
+    sind_units,
+)
+from mtpgo_training.data.readers.datasets.openacc_recordings import openacc_units
 from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
-from mtpgo_training.data.readers.ngsim_recordings import ngsim_units
+from mtpgo_training.data.readers.fleets.argoverse_recordings import argoverse_units
+from mtpgo_training.data.readers.fleets.nuscenes_recordings import nuscenes_units
+from mtpgo_training.data.readers.fleets.waymo_recordings import waymo_units
+from mtpgo_training.data.readers.ngsim.ngsim_recordings import ngsim_units
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts, parts_in
+from mtpgo_training.data.readers.tables.table_recordings import table_units
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.recording_columns import pack, unpack
 
-UnitFinder = Callable[[Path, Sequence[str] | None], list[Unit]]
+_log = logging.getLogger("mtpgo")
+
+UnitFinder = Callable[[Path, Sequence[str] | None, ReadingOptions], list[Unit]]
 """Finds the files to be read together in a directory, all or those with some names."""
 
 
-def _drone_units(layout: str, directory: Path, names: Sequence[str] | None) -> list[Unit]:
+def _drone_units(
+    layout: str, directory: Path, names: Sequence[str] | None, options: ReadingOptions
+) -> list[Unit]:
     def unit(files: DroneFiles) -> Unit:
         read = DRONE_READERS[layout]
-        return Unit(files.name, layout, files.all, lambda: iter([read(files)]))
+        return Unit(files.name, layout, files.all, lambda: iter([read(files, options.classes)]))
 
     return [unit(files) for files in find_drone_files(directory, names)]
 
 
-def _bag_units(directory: Path, names: Sequence[str] | None) -> list[Unit]:
+def _bag_units(
+    directory: Path, names: Sequence[str] | None, options: ReadingOptions
+) -> list[Unit]:
     # Only bags need the message adapters and rosbags.
-    from mtpgo_training.data.readers.bag_recordings import bag_units
+    from mtpgo_training.data.readers.bags.bag_recordings import bag_units
 
-    return bag_units(directory, names)
+    return bag_units(directory, names, options)
 
 
 LAYOUTS: dict[str, UnitFinder] = {
     **{layout: functools.partial(_drone_units, layout) for layout in DRONE_READERS},
     "ngsim": ngsim_units,
+    "table": table_units,
+    "interaction": interaction_units,
+    "sind": sind_units,
+    **{layout: functools.partial(crowd_units, layout) for layout in FRAME_RATES},
+    "eth_ucy": eth_units,
+    "openacc": openacc_units,
+    "nuscenes": nuscenes_units,
+    "argoverse2": argoverse_units,
+    "waymo": waymo_units,
     "bag": _bag_units,
 }
 """Layout name -> finder of the files in a directory."""
@@ -49,6 +79,7 @@ def iter_recordings(
     directory: str | Path,
     layout: str,
     names: Sequence[str] | None = None,
+    options: ReadingOptions = AS_USUAL,
     *,
     cache: RecordingCache | None = None,
 ) -> Iterator[Recording]:
@@ -58,6 +89,7 @@ def iter_recordings(
         directory: the directory with the files.
         layout: a name in ``LAYOUTS``.
         names: the recordings wanted, all by default; ``01@60-116s`` is a part of ``01``.
+        options: what else is said about the files.
         cache: cache of recordings that were read before.
 
     Raises:
@@ -66,13 +98,13 @@ def iter_recordings(
 
     def read(units: Iterable[Unit]) -> Iterator[Recording]:
         for unit in units:
-            yield from _read_unit(unit, cache)
+            yield from _read_unit(unit, options, cache)
 
     where = Path(directory)
-    whole, parts = _find(where, layout, names)
+    whole, parts = _find(where, layout, names, options)
     yield from read(whole)
     if parts:
-        units = LAYOUTS[layout](where, None)
+        units = LAYOUTS[layout](where, None, options)
         holders = [u for u in units if any(part.may_be_in(u.name) for part in parts)]
         yield from cut_parts(read(holders), parts, where)
 
@@ -81,15 +113,19 @@ def load_recordings(
     directory: str | Path,
     layout: str,
     names: Sequence[str] | None = None,
+    options: ReadingOptions = AS_USUAL,
     *,
     cache: RecordingCache | None = None,
 ) -> list[Recording]:
     """Return what :func:`iter_recordings` yields as a list."""
-    return list(iter_recordings(directory, layout, names, cache=cache))
+    return list(iter_recordings(directory, layout, names, options, cache=cache))
 
 
 def recording_names(
-    directory: str | Path, layout: str, names: Sequence[str] | None = None
+    directory: str | Path,
+    layout: str,
+    names: Sequence[str] | None = None,
+    options: ReadingOptions = AS_USUAL,
 ) -> list[str]:
     """Return the names of the recordings of a directory without reading them.
 
@@ -98,25 +134,43 @@ def recording_names(
     Raises:
         RecordingError: an unknown layout, or no recordings.
     """
-    whole, parts = _find(Path(directory), layout, names)
+    whole, parts = _find(Path(directory), layout, names, options)
     return [unit.name for unit in whole] + [part.name for part in parts]
 
 
 def _find(
-    directory: Path, layout: str, names: Sequence[str] | None
+    directory: Path, layout: str, names: Sequence[str] | None, options: ReadingOptions
 ) -> tuple[list[Unit], list[RecordingPart]]:
     """Return the files of the recordings wanted as a whole, and the parts wanted."""
     if layout not in LAYOUTS:
         raise RecordingError(
             f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
         )
+    if layout != "bag" and options.bags.given:
+        raise ConfigurationError(
+            f"--{', --'.join(options.bags.given)} is given for the layout {layout!r}, expected"
+            " 'bag'"
+        )
     parts = parts_in(names or ())
     whole = [name for name in names or () if name not in {part.name for part in parts}]
-    return (LAYOUTS[layout](directory, whole) if whole or not parts else []), parts
+    return (LAYOUTS[layout](directory, whole, options) if whole or not parts else []), parts
 
 
-def _read_unit(unit: Unit, cache: RecordingCache | None) -> Iterable[Recording]:
-    """Return the recordings of a unit, from the cache if they are there."""
+def _read_unit(
+    unit: Unit, options: ReadingOptions, cache: RecordingCache | None
+) -> Iterator[Recording]:
+    """Yield the recordings of a unit, from the cache if they are there; say what was odd."""
+    counts: Counter[str] = Counter()
+    for recording in _recordings_of(unit, options, cache):
+        counts.update(recording.counts)
+        yield recording
+    if described(counts):
+        _log.warning("mtpgo: %s %s: %s", unit.layout, unit.name, described(counts))
+
+
+def _recordings_of(
+    unit: Unit, options: ReadingOptions, cache: RecordingCache | None
+) -> Iterable[Recording]:
     if cache is None:
         return unit.read()
     facts = {
@@ -124,6 +178,8 @@ def _read_unit(unit: Unit, cache: RecordingCache | None) -> Iterable[Recording]:
         "layout": unit.layout,
         "name": unit.name,
         "sha256": unit.sha256,
+        "classes": options.classes.facts(),
+        "settings": dict(unit.settings),
     }
     columns = cache.entry(facts, lambda: pack(unit.read()), code=(unit.read, pack))
     return unpack(columns)

@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import warnings
 import zlib
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,18 +27,89 @@ _LONGEST_LINE = 1 << 16
 _UNREADABLE = (OSError, EOFError, zlib.error, UnicodeDecodeError, pd.errors.ParserError)
 
 
-def read_header(path: Path) -> list[str]:
+_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "'|'", " ": "blanks"}
+"""Separators of cells that are told apart, and how a sentence calls them."""
+
+_PADDING = "\x00\x1a"
+"""Bytes that file systems and old editors leave behind the last line: zeros and Control-Z."""
+
+
+@dataclass(frozen=True)
+class CsvForm:
+    """How a file writes its cells.
+
+    Attributes:
+        separator: between two cells, one character; a blank stands for any number of blanks.
+        decimal: the decimal mark.
+        thousands: the mark between groups of digits, None for none.
+        names: the column names of a file without a header line, None where the first line has
+            them.
+        skipped: lines before the first one.
+    """
+
+    separator: str = ","
+    decimal: str = "."
+    thousands: str | None = None
+    names: Sequence[str] | None = None
+    skipped: int = 0
+
+    @property
+    def first_line(self) -> int:
+        """Number of the first line with data."""
+        return self.skipped + (2 if self.names is None else 1)
+
+    def pandas_options(self) -> dict[str, Any]:
+        """The arguments of ``pandas.read_csv`` for this form."""
+        header: dict[str, Any] = {} if self.names is None else {"header": None}
+        return {
+            **header,
+            "sep": r"\s+" if self.separator == " " else self.separator,
+            "decimal": self.decimal,
+            "thousands": self.thousands,
+            "names": None if self.names is None else list(self.names),
+            "skiprows": self.skipped,
+        }
+
+
+STANDARD_FORM = CsvForm()
+"""Commas, decimal points, a header line: what data sets are published in."""
+
+
+def read_header(path: Path, form: CsvForm = STANDARD_FORM) -> list[str]:
     """Return the column names of a ``.csv`` or ``.csv.gz`` file.
 
     Raises:
         RecordingError: the file cannot be read or is empty.
     """
+    if form.names is not None:
+        return list(form.names)
     try:
-        return [str(name).strip() for name in pd.read_csv(path, nrows=0).columns]
+        columns = pd.read_csv(path, nrows=0, **form.pandas_options()).columns
     except pd.errors.EmptyDataError:
         raise RecordingError(f"{path} is empty, expected a CSV file with a header line") from None
     except _UNREADABLE as error:
-        raise RecordingError(f"{path} cannot be read as CSV: {_reason(error)}") from error
+        raise RecordingError(_cannot_be_read(path, error)) from error
+    return [str(name).strip() for name in columns]
+
+
+def first_lines_of(path: Path, count: int, *, blank: bool = False) -> list[str]:
+    """Return the first ``count`` lines of a text file, fewer if there are.
+
+    Args:
+        path: the file, also with ``.gz``.
+        count: number of lines.
+        blank: blank lines count.
+
+    Raises:
+        RecordingError: the file cannot be read.
+    """
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
+            start = stream.read(_LONGEST_LINE)
+    except _UNREADABLE as error:
+        raise RecordingError(_cannot_be_read(path, error)) from error
+    lines = start.decode("utf-8-sig", errors="replace").splitlines()
+    return [line for line in lines if blank or line.strip()][:count]
 
 
 def read_table(
@@ -47,16 +120,18 @@ def read_table(
     unknown_allowed: Sequence[str] = (),
     texts: Sequence[str] = (),
     optional: Collection[str] = (),
+    form: CsvForm = STANDARD_FORM,
 ) -> pd.DataFrame:
     """Return the named columns of a CSV file, checked.
 
     Args:
-        path: ``.csv`` or ``.csv.gz`` file with a header line.
+        path: ``.csv`` or ``.csv.gz`` file.
         integers: columns of whole numbers.
         numbers: columns of finite numbers.
         unknown_allowed: columns of numbers in which an empty cell or ``nan`` means unknown.
         texts: columns kept as text.
         optional: those of the above that may be missing from the file.
+        form: how the file writes its cells.
 
     Returns:
         A frame with int64, float64 and string columns.
@@ -65,23 +140,100 @@ def read_table(
         RecordingError: the file cannot be read, lacks a column, or has a cell that is not a
             number; the sentence names the file and the line or column.
     """
-    header = read_header(path)
+    header = read_header(path, form)
     wanted = [*integers, *numbers, *unknown_allowed, *texts]
-    missing = [name for name in wanted if name not in header and name not in optional]
-    if missing:
-        raise RecordingError(
-            f"{path} has no column {missing[0]!r}, expected the columns {', '.join(wanted)}"
-        )
+    require_columns(path, header, [name for name in wanted if name not in optional], wanted, form)
     present = [name for name in wanted if name in header]
     kinds: dict[str, Any] = {name: str for name in texts if name in present}
-    table = _parse(path, present, kinds)
-    for name in present:
-        if name not in kinds:
-            table[name] = _numbers(path, table[name], unknown=name in unknown_allowed)
-    for name in integers:
-        if name in present:
-            table[name] = _whole(path, table[name])
+    table = _parse(path, present, kinds, form)
+    check_columns(
+        table,
+        path,
+        integers=integers,
+        numbers=numbers,
+        unknown_allowed=unknown_allowed,
+        first_line=form.first_line,
+    )
     return table
+
+
+def require_columns(
+    path: Path,
+    header: Sequence[str],
+    needed: Sequence[str],
+    wanted: Sequence[str],
+    form: CsvForm = STANDARD_FORM,
+) -> None:
+    """Check that a file has the columns needed.
+
+    Args:
+        path: the file.
+        header: its column names.
+        needed: those that it must have.
+        wanted: those that it may have, for the sentence.
+        form: how the file was taken to write its cells.
+
+    Raises:
+        RecordingError: a column is missing; a wrong separator is named.
+    """
+    missing = [name for name in needed if name not in header]
+    if not missing:
+        return
+    if len(header) == 1:
+        other = separator_of(header[0])
+        if header[0].lower().startswith("sep="):
+            raise RecordingError(
+                f"{path} begins with the line {header[0]!r} of a spreadsheet, expected the names "
+                "of the columns"
+            )
+        if other != form.separator and len(header[0].split(None if other == " " else other)) > 1:
+            raise RecordingError(
+                f"{path} separates its columns by {_SEPARATORS[other]}, expected "
+                f"{_SEPARATORS.get(form.separator, repr(form.separator))}"
+            )
+    raise RecordingError(
+        f"{path} has no column {missing[0]!r}, expected the columns {', '.join(wanted)}"
+    )
+
+
+def separator_of(line: str) -> str:
+    """Return the separator that occurs most often in a line, a blank if there is no other."""
+    counts = {mark: line.count(mark) for mark in _SEPARATORS if mark != " "}
+    best = max(counts, key=lambda mark: counts[mark])
+    return best if counts[best] else " "
+
+
+def check_columns(
+    table: pd.DataFrame,
+    path: Path,
+    *,
+    integers: Sequence[str] = (),
+    numbers: Sequence[str] = (),
+    unknown_allowed: Sequence[str] = (),
+    first_line: int = 2,
+    unit: str = "line",
+) -> None:
+    """Turn the columns of a table into int64 and float64 in place, as :func:`read_table` says.
+
+    Args:
+        table: the columns, of any type; those that are missing are passed over.
+        path: the file that it was read from, for the sentence.
+        integers: columns of whole numbers.
+        numbers: columns of finite numbers.
+        unknown_allowed: columns of numbers that may be unknown.
+        first_line: number of the line that row 0 comes from.
+        unit: what a row is in the file.
+
+    Raises:
+        RecordingError: a cell is not as it should be.
+    """
+    place = _Place(path, unit, first_line)
+    for name in (*integers, *numbers, *unknown_allowed):
+        if name in table:
+            table[name] = _numbers(table[name], place, unknown=name in unknown_allowed)
+    for name in integers:
+        if name in table:
+            table[name] = _whole(table[name], place)
 
 
 def sha256_of(paths: Sequence[Path]) -> str:
@@ -94,13 +246,15 @@ def sha256_of(paths: Sequence[Path]) -> str:
     return digest.hexdigest()
 
 
-def _parse(path: Path, present: Sequence[str], kinds: dict[str, Any]) -> pd.DataFrame:
+def _parse(
+    path: Path, present: Sequence[str], kinds: dict[str, Any], form: CsvForm
+) -> pd.DataFrame:
     """Return the columns wanted, read in chunks so that the others never fill the memory.
 
     All columns are parsed, as pandas overlooks lines that are too long otherwise.
     """
     chunks: list[pd.DataFrame] = []
-    rows, ends_open, open_cells = 0, False, 0
+    rows, width = 0, 0
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)
@@ -111,76 +265,112 @@ def _parse(path: Path, present: Sequence[str], kinds: dict[str, Any]) -> pd.Data
                 low_memory=False,
                 skipinitialspace=True,
                 chunksize=_ROWS_AT_ONCE,
+                **form.pandas_options(),
             )
             with stream:
                 for chunk in stream:
                     chunk.columns = [str(name).strip() for name in chunk.columns]
-                    last = chunk.iloc[:, -1].isna().to_numpy(bool)
                     rows += len(chunk)
-                    open_cells += int(last.sum())
-                    ends_open = bool(last[-1]) if len(last) else ends_open
                     width = chunk.shape[1]
+                    ends_short = bool(len(chunk)) and bool(pd.isna(chunk.iloc[-1, -1]))
+                    if ends_short:
+                        chunk = _without_blank_end(chunk)
                     chunks.append(chunk[list(present)])
     except (*_UNREADABLE, pd.errors.ParserWarning) as error:
-        raise RecordingError(f"{path} cannot be read as CSV: {_reason(error)}") from error
-    if rows > 1 and ((ends_open and open_cells == 1) or _cells_missing_at_the_end(path, width)):
-        raise RecordingError(
-            f"{path} ends within line {rows + 1}, expected {width} cells: the file is truncated"
-        )
+        raise RecordingError(_cannot_be_read(path, error)) from error
+    if rows and ends_short:
+        _check_end(path, width, rows + form.first_line - 1, form.separator)
     return pd.concat(chunks, ignore_index=True) if len(chunks) > 1 else chunks[0].copy()
 
 
-def _cells_missing_at_the_end(path: Path, width: int) -> bool:
-    """Return whether the last line of an uncompressed file has fewer cells than the header.
+def _without_blank_end(chunk: pd.DataFrame) -> pd.DataFrame:
+    """Return a chunk without rows of empty cells or padding at its end."""
+    keep = len(chunk)
+    while keep:
+        row = chunk.iloc[keep - 1]
+        first, others = row.iloc[0], row.iloc[1:]
+        padding = isinstance(first, str) and not first.strip(_PADDING)
+        if not (others.isna().all() and (padding or pd.isna(first))):
+            break
+        keep -= 1
+    return chunk.iloc[:keep] if len(chunk.columns) > 1 else chunk
 
-    A truncated compressed file cannot be decompressed, so it needs no such check.
+
+def _check_end(path: Path, width: int, line: int, separator: str) -> None:
+    """Check that the last line of an uncompressed file was written to its end.
+
+    It was not if it has fewer cells than the header, fewer than the line before it, and no line
+    break. A truncated compressed file cannot be decompressed, so it needs no such check.
+
+    Raises:
+        RecordingError: it was not, or it is short although a line break follows.
     """
-    if path.suffix == ".gz":
-        return False
+    if path.suffix == ".gz" or separator == " ":
+        return
     with path.open("rb") as stream:
-        stream.seek(max(0, path.stat().st_size - _LONGEST_LINE))
-        lines = stream.read().rstrip().splitlines()
-    return bool(lines) and lines[-1].count(b",") < width - 1
+        stream.seek(max(0, path.stat().st_size - 2 * _LONGEST_LINE))
+        tail = stream.read().rstrip(_PADDING.encode() + b" ")
+    closed = tail.endswith((b"\n", b"\r"))
+    lines = [text for text in tail.splitlines() if text.strip()]
+    cells = [text.count(separator.encode()) + 1 for text in lines[-2:]]
+    if not cells or cells[-1] >= width or (len(cells) > 1 and cells[-1] >= cells[-2]):
+        return
+    if closed:
+        raise RecordingError(f"{path}, line {line}: {cells[-1]} cells, expected {width}")
+    raise RecordingError(
+        f"{path} ends within line {line}, expected {width} cells: the file is truncated"
+    )
 
 
-def _reason(error: BaseException) -> str:
-    """Return the first line of an exception's text."""
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+def _cannot_be_read(path: Path, error: BaseException) -> str:
+    """Return the sentence for an exception while a file is read."""
+    if isinstance(error, UnicodeDecodeError):
+        if error.object[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            return f"{path} is encoded in UTF-16, expected UTF-8"
+        byte = error.object[error.start]
+        return f"{path} cannot be read as CSV: the byte 0x{byte:02x} is not UTF-8, expected UTF-8"
+    reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+    return f"{path} cannot be read as CSV: {reason}"
 
 
-def _numbers(path: Path, column: pd.Series, *, unknown: bool) -> pd.Series:
+@dataclass(frozen=True)
+class _Place:
+    """Where the rows of a table come from."""
+
+    path: Path
+    unit: str
+    first: int
+
+    def refuse(self, column: pd.Series, bad: np.ndarray, expected: str) -> None:
+        """Raise the error of the first bad cell, if there is any."""
+        if not bad.any():
+            return
+        row = int(np.argmax(bad))
+        cell = column.iloc[row]
+        given = "an empty cell" if pd.isna(cell) else repr(str(cell))
+        raise RecordingError(
+            f"{self.path}, {self.unit} {row + self.first}, column {column.name!r}: {given}, "
+            f"expected {expected}"
+        )
+
+
+def _numbers(column: pd.Series, place: _Place, *, unknown: bool) -> pd.Series:
     values = column
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
         values = pd.to_numeric(column.astype("string"), errors="coerce")
-        _refuse(path, column, (values.isna() & column.notna()).to_numpy(bool), "a number")
+        place.refuse(column, (values.isna() & column.notna()).to_numpy(bool), "a number")
     if unknown:
         values = values.astype(np.float64)
-        bad = np.isinf(values.to_numpy())
-        _refuse(path, column, bad, "a finite number or an empty cell")
-    else:
-        if values.dtype.kind != "i":
-            values = values.astype(np.float64)
-            _refuse(path, column, ~np.isfinite(values.to_numpy()), "a finite number")
+        place.refuse(column, np.isinf(values.to_numpy()), "a finite number or an empty cell")
+    elif values.dtype.kind != "i":
+        values = values.astype(np.float64)
+        place.refuse(column, ~np.isfinite(values.to_numpy()), "a finite number")
     return values
 
 
-def _whole(path: Path, column: pd.Series) -> pd.Series:
+def _whole(column: pd.Series, place: _Place) -> pd.Series:
     if column.dtype.kind == "i":
         return column.astype(np.int64)
     values = column.to_numpy(np.float64)
-    _refuse(
-        path, column, (values != np.round(values)) | (np.abs(values) > 2**53), "a whole number"
-    )
+    place.refuse(column, (values != np.round(values)) | (np.abs(values) > 2**53), "a whole number")
     return column.astype(np.int64)
-
-
-def _refuse(path: Path, column: pd.Series, bad: np.ndarray, expected: str) -> None:
-    if not bad.any():
-        return
-    row = int(np.argmax(bad))
-    cell = column.iloc[row]
-    given = "an empty cell" if pd.isna(cell) else repr(str(cell))
-    # Line 1 is the header; pandas counts data rows from 0.
-    raise RecordingError(
-        f"{path}, line {row + 2}, column {column.name!r}: {given}, expected {expected}"
-    )

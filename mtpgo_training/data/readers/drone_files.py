@@ -128,6 +128,8 @@ def detect_layout(path: Path) -> str | None:
         return "highd"
     if {"vehicle_id", "local_x", "local_y"} <= lower:
         return "ngsim"
+    if {"track_id", "timestamp_ms", "agent_type"} <= header:
+        return "sind" if "yaw_rad" in header else "interaction"
     return None
 
 

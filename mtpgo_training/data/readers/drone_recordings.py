@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Reading of inD, rounD, exiD and highD recordings into the internal frame.
+"""Reading of inD, rounD, uniD, exiD and highD recordings into the internal frame.
 
-inD, rounD and exiD already have the box centre, y up and counter-clockwise headings in degrees.
-highD has the upper-left corner of the box, y down, and calls the length ``width``.
+inD, rounD, uniD and exiD already have the box centre, y up and counter-clockwise headings in
+degrees. highD has the upper-left corner of the box, y down, and calls the length ``width``.
 """
 
 from __future__ import annotations
@@ -16,15 +16,22 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from mtpgo_core.class_map import OWN_NAMES, ClassMap
 from mtpgo_core.errors import RecordingError
-from mtpgo_core.schema import AgentClass, Float64Array
-from mtpgo_training.data.readers.csv_table import read_table, sha256_of
+from mtpgo_core.schema import Float64Array
+from mtpgo_training.data.readers.csv_table import read_header, read_table, sha256_of
 from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
+from mtpgo_training.data.readers.reading_options import classes_of
+from mtpgo_training.data.readers.tables.track_rows import LONGEST_S
 from mtpgo_training.data.recording import Recording
 
 HEADING_SPEED_MPS = 2.0
 """Below this forward speed a highD vehicle's heading turns towards its driving direction (m/s);
 chosen: the lateral noise of slower vehicles would turn them."""
+
+
+_MOTION = ("xVelocity", "yVelocity", "xAcceleration", "yAcceleration")
+"""Columns of the motion; recordings of positions alone have none of them."""
 
 
 @dataclass(frozen=True)
@@ -39,23 +46,27 @@ class _Rows:
     yaw: Float64Array
 
 
-def read_ind(files: DroneFiles, layout: str = "ind") -> Recording:
+def read_ind(files: DroneFiles, classes: ClassMap = OWN_NAMES, layout: str = "ind") -> Recording:
     """Read one recording of the inD family (inD, rounD, uniD, exiD).
 
     Args:
         files: its three files.
-        layout: ``ind``, ``round`` or ``exid``.
+        classes: our classes by the names in tracksMeta.
+        layout: ``ind``, ``round``, ``unid`` or ``exid``.
 
     Raises:
         RecordingError: a defect of the files.
     """
     check_layout(files.tracks, layout, ("exid",) if layout == "exid" else ("ind",))
+    positions_only = not set(_MOTION) & set(read_header(files.tracks))
     table = read_table(
         files.tracks,
         integers=("trackId", "frame"),
         numbers=("xCenter", "yCenter"),
-        unknown_allowed=("heading", "xVelocity", "yVelocity", "xAcceleration", "yAcceleration"),
+        unknown_allowed=("heading", *_MOTION, "length", "width"),
+        optional=("length", "width", *(("heading", *_MOTION) if positions_only else ())),
     )
+    table = _with_unknown(table, ("heading", *_MOTION))
     meta = _tracks_meta(files.tracks_meta, "trackId", ("width", "length"))
     rows = _Rows(
         frame=table["frame"].to_numpy(np.int64),
@@ -65,12 +76,12 @@ def read_ind(files: DroneFiles, layout: str = "ind") -> Recording:
         acceleration=table[["xAcceleration", "yAcceleration"]].to_numpy(np.float64),
         yaw=wrap_angle(np.radians(table["heading"].to_numpy(np.float64))),
     )
-    size = meta[["length", "width"]].to_numpy(np.float64)
+    size = _sizes(table, meta)
     general, frame_rate = _recording_meta(files.recording_meta)
-    return _assemble(files, layout, rows, meta, size, general, frame_rate, ())
+    return _assemble(files, layout, rows, meta, size, general, frame_rate, (), classes)
 
 
-def read_highd(files: DroneFiles) -> Recording:
+def read_highd(files: DroneFiles, classes: ClassMap = OWN_NAMES) -> Recording:
     """Read one highD recording.
 
     The lane markings become polylines along the direction of travel, over the observed section.
@@ -83,7 +94,7 @@ def read_highd(files: DroneFiles) -> Recording:
         files.tracks,
         integers=("frame", "id"),
         numbers=("x", "y", "width", "height"),
-        unknown_allowed=("xVelocity", "yVelocity", "xAcceleration", "yAcceleration"),
+        unknown_allowed=_MOTION,
     )
     meta = _tracks_meta(files.tracks_meta, "id", ("width", "height"), "drivingDirection")
     _check_directions(files.tracks_meta, meta)
@@ -109,13 +120,37 @@ def read_highd(files: DroneFiles) -> Recording:
     x = corner[:, 0]
     span = (float(x.min()), float((x + extent[:, 0]).max())) if len(table) else (0.0, 0.0)
     lanes = _lanes(files.recording_meta, general, span)
-    return _assemble(files, "highd", rows, meta, size, general, frame_rate, lanes)
+    return _assemble(files, "highd", rows, meta, size, general, frame_rate, lanes, classes)
 
 
-DRONE_READERS: dict[str, Callable[[DroneFiles], Recording]] = {
+DRONE_READERS: dict[str, Callable[[DroneFiles, ClassMap], Recording]] = {
     "highd": read_highd,
-    **{name: functools.partial(read_ind, layout=name) for name in ("ind", "round", "exid")},
+    **{
+        name: functools.partial(read_ind, layout=name) for name in ("ind", "round", "unid", "exid")
+    },
 }
+
+
+def _with_unknown(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """Return the table with columns of unknown values for the names that it lacks."""
+    return table.assign(**{name: np.nan for name in names if name not in table})
+
+
+def _sizes(table: pd.DataFrame, meta: pd.DataFrame) -> Float64Array:
+    """Return [rows of meta, 2] lengths and widths (m), those of the tracks file where it has them.
+
+    Where the two files differ, as for many vehicles of exiD, its owners say that tracks is right.
+    """
+    size = meta[["length", "width"]].to_numpy(np.float64)
+    if "length" in table and "width" in table:
+        # Files are sorted by track: few rows remain in which a search costs time.
+        track = table["trackId"].to_numpy(np.int64)
+        first = np.flatnonzero(np.append(True, track[1:] != track[:-1]))[: len(track)]
+        own = table.iloc[first][["trackId", "length", "width"]]
+        own = own.drop_duplicates("trackId").set_index("trackId")
+        measured = own.reindex(meta["id"]).to_numpy(np.float64)
+        size = np.where((measured > 0).all(axis=1)[:, None], measured, size)
+    return size
 
 
 def wrap_angle(angle: Float64Array) -> Float64Array:
@@ -200,10 +235,17 @@ def _assemble(
     general: pd.Series,
     frame_rate: float,
     lanes: tuple[Float64Array, ...],
+    class_map: ClassMap,
 ) -> Recording:
     """Return the recording, rows sorted by frame and track, after the last checks."""
     if not len(rows.frame):
         raise RecordingError(f"{files.tracks} has no rows below its header")
+    if (int(rows.frame.max()) - int(rows.frame.min())) / frame_rate > LONGEST_S:
+        far = int(np.argmax(np.abs(rows.frame.astype(np.float64) - float(rows.frame[0]))))
+        raise RecordingError(
+            f"{files.tracks}, line {far + 2}: frame {rows.frame[far]} is far from the others, "
+            f"expected a recording of at most {LONGEST_S:.0e} s"
+        )
     ids = meta["id"].to_numpy(np.int64)
     _check_known(files, rows.track_id, ids)
     present, track = np.unique(rows.track_id, return_inverse=True)
@@ -231,7 +273,7 @@ def _assemble(
         acceleration=rows.acceleration[order],
         yaw=rows.yaw[order],
         track_id=present,
-        agent_class=np.array([AgentClass.from_name(c) for c in classes], dtype=np.uint8),
+        agent_class=classes_of(classes.tolist(), class_map, files.tracks_meta),
         # A box without extent was not measured (pedestrians, bicycles).
         size=np.where(size > 0, size, np.nan),
         lanes=lanes,

@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.csv_table import sha256_of
@@ -23,12 +24,14 @@ class Unit:
         layout: name of the layout.
         files: the files, in the order in which they are hashed.
         read: reads the recordings, one after the other.
+        settings: what else determines the recordings, as JSON can write it.
     """
 
     name: str
     layout: str
     files: Sequence[Path]
     read: Callable[[], Iterator[Recording]]
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
     def sha256(self) -> str:

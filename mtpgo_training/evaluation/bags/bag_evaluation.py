@@ -4,20 +4,24 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
-from msg_adapters.bags.bag_reader import DecodingBagReader
+from msg_adapters.bags.bag_reader import BagReader, bag_name
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.schema import Prediction
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.bags.agreement import Agreement, replay_offline
-from mtpgo_training.evaluation.bags.bag_predictions import bag_name, match, read_predictions
+from mtpgo_training.evaluation.bags.bag_predictions import match, read_predictions
 from mtpgo_training.evaluation.bags.clock_alignment import find_parts
+from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replayed_quality
 from mtpgo_training.evaluation.evaluator import Evaluation
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.evaluation.scorer import Scorer
@@ -36,25 +40,34 @@ class BagResult:
         evaluation: the scores of bags, models and baselines.
         agreements: by bag and model.
         warnings: one sentence each.
+        live: by bag that holds observations, the scores that the node had at its end, see
+            :func:`~mtpgo_training.evaluation.bags.replayed_quality.quality_rows`.
     """
 
     evaluation: Evaluation
     agreements: dict[str, dict[str, Agreement]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    live: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
 
-def observed_recordings(bags: Sequence[Path]) -> dict[str, Recording]:
+def observed_recordings(
+    bags: Sequence[Path], options: ReadingOptions = AS_USUAL
+) -> dict[str, Recording]:
     """Return what the bags themselves observed: the ground truth where no other is given.
+
+    Args:
+        bags: the bags.
+        options: how their observations are read.
 
     Raises:
         RecordingError: a bag has no tracked objects.
     """
     found: dict[str, Recording] = {}
     for bag in bags:
-        with DecodingBagReader(bag):
+        with BagReader(bag):
             pass  # a file that is not a bag has its own error
         try:
-            recordings = load_recordings(bag, "bag")
+            recordings = load_recordings(bag, "bag", None, _of(bag, options))
         except RecordingError as error:
             raise RecordingError(
                 f"{error}; the truth for recorded predictions is in the bag itself, or given "
@@ -74,6 +87,7 @@ def evaluate_bags(
     topic: str | None = None,
     min_future_s: float = 0.0,
     own_clock: bool = True,
+    options: ReadingOptions = AS_USUAL,
     draw: bool = False,
 ) -> BagResult:
     """Score recorded predictions, and the models' predictions at the same instants.
@@ -86,6 +100,7 @@ def evaluate_bags(
         min_future_s: agents observed for a shorter time afterwards are left out (s).
         own_clock: the bags may have another clock than the recordings, found by their own
             observations; false where the recordings come from the bags.
+        options: how the bags' observations are read.
         draw: keep the best and worst scenes for a picture.
 
     Raises:
@@ -103,7 +118,11 @@ def evaluate_bags(
     done: set[str] = set()
     for bag, bag_called in zip(bags, names, strict=True):
         predictions = read_predictions(bag, topic)
-        parts = find_parts(_observed(bag), recordings) if own_clock else []
+        with contextlib.suppress(RecordingError):  # it may hold predictions only
+            live = replayed_quality(bag, predictions, _history(runners), _of(bag, options))
+            if live.predictions.any():
+                result.live[bag_called] = quality_rows(live)
+        parts = find_parts(_observed(bag, options), recordings) if own_clock else []
         if parts and not any(part.name for part in parts):
             result.warnings.append(
                 f"what {bag} observed is in none of the recordings, so its predictions are "
@@ -123,10 +142,21 @@ def evaluate_bags(
     return result
 
 
-def _observed(bag: Path) -> list[Recording]:
+def _of(bag: Path, options: ReadingOptions) -> ReadingOptions:
+    """Return the options of one bag of several."""
+    topic = options.bags.topic_of(bag_name(bag))
+    return replace(options, bags=replace(options.bags, topic=topic, topics={}))
+
+
+def _history(runners: Mapping[str, ModelRunner]) -> HistoryConfig:
+    """Return the history of the first model, or the default."""
+    return next((runner.task.history for runner in runners.values()), HistoryConfig())
+
+
+def _observed(bag: Path, options: ReadingOptions) -> list[Recording]:
     """Return the recordings of a bag's observations; empty if it has only predictions."""
     try:
-        return load_recordings(bag, "bag")
+        return load_recordings(bag, "bag", None, _of(bag, options))
     except RecordingError:
         return []
 
@@ -154,7 +184,7 @@ class _RecordingEvaluation:
         """Score the bag's own predictions; the baselines only once for a recording."""
         evaluation = result.evaluation
         evaluation.recordings[self.name] = self.recording.sha256
-        history = next((r.task.history for r in self.runners.values()), HistoryConfig())
+        history = _history(self.runners)
         scorer = self._scorer(history)
         stamps = [p.stamp_ns for p in predictions]
         windows = replay(self.recording, history, stamps)

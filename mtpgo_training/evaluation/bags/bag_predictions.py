@@ -12,7 +12,7 @@ import numpy as np
 from rosbags.interfaces import Connection
 
 from msg_adapters.bags.bag_reader import DecodingBagReader
-from msg_adapters.predictions import POINT, prediction_from_pointcloud2
+from msg_adapters.predictions import REQUIRED_FIELDS, prediction_from_pointcloud2
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_core.prediction.output_assembly import select
 from mtpgo_core.schema import BoolArray, Prediction
@@ -29,11 +29,6 @@ STAMP_SLACK_NS = 1_000_000
 and irregular messages are put on a grid of milliseconds."""
 
 _CLOUD = "sensor_msgs/msg/PointCloud2"
-
-
-def bag_name(path: Path) -> str:
-    """Return the name of a bag in tables."""
-    return path.stem if path.suffix == ".mcap" else path.resolve().name
 
 
 def read_predictions(path: Path, topic: str | None = None) -> list[Prediction]:
@@ -82,7 +77,7 @@ def _prediction_topic(reader: DecodingBagReader, topic: str | None) -> list[Conn
 
 def _holds_predictions(reader: DecodingBagReader, connection: Connection) -> bool:
     for _, _, message in reader.messages([connection]):
-        return set(POINT.names or ()) <= {field.name for field in message.fields}
+        return set(REQUIRED_FIELDS) <= {field.name for field in message.fields}
     return False
 
 

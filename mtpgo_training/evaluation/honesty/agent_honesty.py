@@ -14,6 +14,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.quality import metrics
+from mtpgo_core.quality.metrics import TIMES_S, Array, Mask
 from mtpgo_core.schema import MOVING_MPS, BoolArray, IndexArray
 from mtpgo_training.data.manoeuvres import is_vehicle, members
 from mtpgo_training.evaluation.honesty import (
@@ -24,9 +26,7 @@ from mtpgo_training.evaluation.honesty import (
     mode_weights,
 )
 from mtpgo_training.evaluation.honesty.mixture_region import region_level
-from mtpgo_training.evaluation.scores import metrics
 from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents
-from mtpgo_training.evaluation.scores.metrics import TIMES_S, Array, Mask
 
 PERCENTS = (50, 90, 95)
 """Levels of ellipses and regions (%)."""
@@ -50,6 +50,7 @@ class PredictedPaths:
         mean: [n, M, H, 2] (m).
         weight: [n, M].
         covariance: [n, M, H, 2, 2] (m^2), NaN where the prediction has none.
+        sigma_factor_50: [n, H] of the 50 % ellipses.
         by_model: [n] the modes are a model's own: their weights mean something.
         truth: [n, H, 2] (m).
         mask: [n, H] observed.
@@ -66,6 +67,7 @@ class PredictedPaths:
     mean: Array
     weight: Array
     covariance: Array
+    sigma_factor_50: Array
     by_model: BoolArray
     truth: Array
     mask: Mask
@@ -98,10 +100,13 @@ class PredictedPaths:
         by_model: BoolArray,
         truth: Array,
         mask: Mask,
+        sigma_factor_50: Array | None = None,
     ) -> PredictedPaths:
         """Return the scored agents of one instant; see the attributes."""
         if covariance is None:
             covariance = np.full((*mean.shape, 2), np.nan)
+        if sigma_factor_50 is None:
+            sigma_factor_50 = np.ones(mask.shape)
         return cls(
             stamp_ns=np.full(len(agents.track), agents.stamp_ns, dtype=np.int64),
             track=agents.track,
@@ -114,6 +119,7 @@ class PredictedPaths:
             mean=mean,
             weight=weight,
             covariance=covariance,
+            sigma_factor_50=sigma_factor_50,
             by_model=by_model,
             truth=truth,
             mask=mask,
@@ -185,8 +191,9 @@ def _coverage(given: PredictedPaths, path: Array, spread: Array, dt_s: float) ->
             nll[rows] = metrics.nll(mean[step], weight, covariance[step], truth[:, None])[:, 0]
         values[f"nll_{time_s}s"] = nll
         for percent in PERCENTS:
-            share, radius = percent / 100.0, metrics.radius_squared(percent / 100.0)
-            inside = np.where(rows, ellipse <= radius, np.nan)
+            share = percent / 100.0
+            factor = 1.0 if k is None else given.sigma_factor_50[:, k]
+            inside = np.where(rows, metrics.is_inside(ellipse, share, factor), np.nan)
             values[f"ellipse_{percent}_{time_s}s"] = inside
             values[f"region_{percent}_{time_s}s"] = np.where(rows, level <= share, np.nan)
     return values

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.quality.metrics import Array, Mask
 from mtpgo_core.schema import AgentClass, BoolArray, ClassArray, IndexArray
-from mtpgo_training.evaluation.scores.metrics import Array, Mask
 
 CLASS_SIZE_M = {
     AgentClass.UNKNOWN: (4.0, 1.8),

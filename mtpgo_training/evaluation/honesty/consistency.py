@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_training.evaluation.scores.metrics import Array
+from mtpgo_core.quality.metrics import Array
 
 LONGEST_CYCLE_S = 1.0
 """Predictions farther apart are not compared (s); chosen: a jump is one from cycle to cycle."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mtpgo_core.quality.metrics import Array
 from mtpgo_core.schema import MOVING_MPS, BoolArray
-from mtpgo_training.evaluation.scores.metrics import Array
 
 REVERSE_M = 0.2
 """A second that leads back against the course by more is reversing (m); chosen above the

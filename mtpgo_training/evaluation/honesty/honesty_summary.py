@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_training.evaluation.honesty.agent_honesty import PERCENTS, SPREAD_TIMES_S
 from mtpgo_training.evaluation.honesty.feasibility import LATERAL_MPS2
 from mtpgo_training.evaluation.honesty.honesty_table import CLASS_GROUPS, SPEED_BANDS, HonestyTable
 from mtpgo_training.evaluation.honesty.mode_weights import BINS, calibration_error
-from mtpgo_training.evaluation.scores.metrics import TIMES_S
 from mtpgo_training.evaluation.scores.score_table import none, totals
 
 Json = dict[str, Any]

@@ -20,12 +20,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from mtpgo_core.quality.metrics import Array
 from mtpgo_core.schema import AgentClass
 from mtpgo_core.task import calibration
 from mtpgo_training.evaluation.honesty.agent_honesty import PredictedPaths, Values, agent_honesty
 from mtpgo_training.evaluation.honesty.consistency import LONGEST_CYCLE_S
 from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents
-from mtpgo_training.evaluation.scores.metrics import Array
 from mtpgo_training.evaluation.scores.score_table import MOTIONS, motion_codes
 
 HONESTY_GROUPS = (

@@ -7,7 +7,7 @@ if the probability of all denser points is at most p, so one number for each tru
 the region on whose edge it lies, answers the question for every p. If the mixture is the true
 distribution, the levels are uniform over [0, 1].
 
-Names are those of :mod:`mtpgo_training.evaluation.scores.metrics`, without the horizon: ``mean``
+Names are those of :mod:`mtpgo_core.quality.metrics`, without the horizon: ``mean``
 [n, M, 2] (m), ``weight`` [n, M], ``covariance`` [n, M, 2, 2] (m^2), ``truth`` [n, 2] (m).
 """
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtpgo_training.evaluation.scores.metrics import Array, mahalanobis
+from mtpgo_core.quality.metrics import Array, mahalanobis
 
 POINTS = 512
 """Points of equal probability by which a mixture is represented; chosen so that levels are

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtpgo_training.evaluation.scores.metrics import Array
+from mtpgo_core.quality.metrics import Array
 
 NEAR_M = 1.0
 """Modes that end within this of the heaviest are of its opinion (m); chosen: half of the distance

@@ -4,7 +4,7 @@
 
 The event of a weight is that its mode is the nearest to the truth, by its end. Modes that are
 equally near share the event. Names are those of
-:mod:`mtpgo_training.evaluation.scores.metrics`: ``mean`` [n, M, H, 2] (m), ``weight`` [n, M],
+:mod:`mtpgo_core.quality.metrics`: ``mean`` [n, M, H, 2] (m), ``weight`` [n, M],
 ``truth`` [n, H, 2] (m), ``mask`` [n, H]. NaN where step H was not observed.
 """
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtpgo_training.evaluation.scores.metrics import Array, Mask, over_steps
+from mtpgo_core.quality.metrics import Array, Mask, over_steps
 
 TIE_M = 1e-6
 """Modes whose distances differ by less are equally near (m); chosen far below any noise."""

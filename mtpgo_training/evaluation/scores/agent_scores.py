@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.quality import metrics
+from mtpgo_core.quality.metrics import Array, Mask
 from mtpgo_core.schema import BoolArray, ClassArray
 from mtpgo_training.data.manoeuvres import LabelArray
-from mtpgo_training.evaluation.scores import metrics
-from mtpgo_training.evaluation.scores.metrics import Array, Mask
 
 KEYS = (
     "ade",
@@ -106,7 +106,12 @@ class AgentScores:
 
 
 def score_agents(
-    mean: Array, weight: Array, covariance: Array | None, truth: Array, mask: Mask
+    mean: Array,
+    weight: Array,
+    covariance: Array | None,
+    truth: Array,
+    mask: Mask,
+    sigma_factor_50: Array | float = 1.0,
 ) -> AgentScores:
     """Compute every metric of n agents.
 
@@ -116,6 +121,7 @@ def score_agents(
         covariance: [n, M, H, 2, 2] (m^2) or None.
         truth: [n, H, 2] (m).
         mask: [n, H] observed.
+        sigma_factor_50: [n, H] of the 50 % ellipses, see :class:`~mtpgo_core.schema.Prediction`.
     """
     n, horizon = mask.shape
     unknown, no_steps = np.full(n, np.nan), np.full((n, horizon), np.nan)
@@ -142,10 +148,11 @@ def score_agents(
         "nees_mixture": metrics.mixture_nees(mean, weight, covariance, truth),
     }
     for percent in _PERCENT:
-        values[f"coverage_{percent}"] = metrics.share_inside(nees, mask, percent / 100.0)
-        radius = metrics.radius_squared(percent / 100.0)
-        steps[f"coverage_{percent}"] = (nees <= radius).astype(float)
-    inside = np.stack([metrics.share_inside(nees, mask, level) for level in LEVELS], axis=-1)
+        inside_at = metrics.is_inside(nees, percent / 100.0, sigma_factor_50).astype(float)
+        values[f"coverage_{percent}"] = metrics.over_steps(inside_at, mask)
+        steps[f"coverage_{percent}"] = inside_at
+    shares = [metrics.share_inside(nees, mask, level, sigma_factor_50) for level in LEVELS]
+    inside = np.stack(shares, axis=-1)
     return AgentScores(values, steps, inside, mask)
 
 

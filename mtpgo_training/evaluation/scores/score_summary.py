@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from mtpgo_core.quality import metrics
 from mtpgo_training.data.manoeuvres import MANOEUVRES, members
-from mtpgo_training.evaluation.scores import metrics
 from mtpgo_training.evaluation.scores.agent_scores import LEVELS, STEP_KEYS
 from mtpgo_training.evaluation.scores.bootstrap import (
     Array,

@@ -34,6 +34,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from mtpgo_core.quality.metrics import (
+    MOVING_COVERAGE_KEY,
+    TIMES_S,
+    Array,
+    running_mean,
+)
 from mtpgo_core.schema import MOVING_MPS, AgentClass
 from mtpgo_training.evaluation.scores.agent_scores import (
     KEYS,
@@ -41,12 +47,6 @@ from mtpgo_training.evaluation.scores.agent_scores import (
     STEP_KEYS,
     AgentScores,
     ScoredAgents,
-)
-from mtpgo_training.evaluation.scores.metrics import (
-    MOVING_COVERAGE_KEY,
-    TIMES_S,
-    Array,
-    running_mean,
 )
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 

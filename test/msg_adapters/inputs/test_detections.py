@@ -9,6 +9,7 @@ import pytest
 
 from msg_adapters.inputs.detections import PACKAGE
 from msg_adapters.registry import INPUTS
+from mtpgo_core.class_map import class_map
 from mtpgo_core.identity import keys_from_integers, keys_from_strings
 from mtpgo_core.schema import AgentClass
 
@@ -100,6 +101,20 @@ def test_class_of_the_best_hypothesis(offline, results, agent_class):
     assert states.agent_class.tolist() == [agent_class]
     if not results:
         assert np.isnan(states.covariance).all()
+
+
+def test_a_class_map_reads_the_detectors_own_names(offline):
+    names = ["vehicle.car", "2", "tram", ""]
+    message = detections(
+        offline, *(detection(offline, str(i), ((name, 1.0),)) for i, name in enumerate(names))
+    )
+
+    def read(name):
+        return ADAPTER.to_states(message, class_map=class_map(name)).agent_class.tolist()
+
+    assert read("") == [AgentClass.UNKNOWN, AgentClass.TRUCK, AgentClass.UNKNOWN, 0]
+    assert read("nuscenes") == [AgentClass.CAR, AgentClass.TRUCK, AgentClass.UNKNOWN, 0]
+    assert read("coco") == [AgentClass.UNKNOWN, AgentClass.CAR, AgentClass.UNKNOWN, 0]
 
 
 def test_round_trip(states, offline, decoded, assert_equal):

@@ -9,6 +9,7 @@ import pytest
 
 from msg_adapters.inputs.object_markers import marker_keys
 from msg_adapters.registry import INPUTS
+from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import MessageError
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import AgentClass
@@ -94,6 +95,18 @@ def test_actions_are_followed_in_order(offline):
     assert report.removed[:, 0].tolist() == [3, 9]
     assert report.cleared
     assert report.skipped == {"marker with action 7": 1}
+
+
+def test_a_class_map_reads_namespace_and_then_text(offline):
+    message = markers(
+        offline,
+        marker(offline, "vehicle.car", 1, text="tracked"),
+        marker(offline, "tracks", 2, text="human.pedestrian.adult"),
+        marker(offline, "", 3, text="car"),
+    )
+    found = ADAPTER.to_states(message, class_map=class_map("nuscenes")).agent_class
+    assert found.tolist() == [AgentClass.CAR, AgentClass.PEDESTRIAN, AgentClass.CAR]
+    assert ADAPTER.to_states(message).agent_class.tolist() == [0, 0, AgentClass.CAR]
 
 
 def test_time_of_an_array_without_objects(offline, decoded):

@@ -51,6 +51,8 @@ def test_a_change_of_level_is_published_before_the_period_ends(setup):
         "robot/diagnosed: input",
         "robot/diagnosed: model",
         "robot/diagnosed: timing",
+        "robot/diagnosed: quality",
+        "robot/diagnosed: calibration",
     ]
     assert {one.level for one in published[0].status} == {DiagnosticStatus.OK}
     status.degraded = "no file"

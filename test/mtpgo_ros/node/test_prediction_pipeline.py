@@ -13,7 +13,7 @@ from ros_helpers import LIMIT_S, START_NS, RecordingLogger, message_of, traffic
 
 from msg_adapters.registry import INPUTS
 from mtpgo_core.prediction.scene_predictor import PredictionReport
-from mtpgo_core.schema import Source
+from mtpgo_core.schema import AgentClass, Source
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.frame_transform import NoTransform
@@ -190,3 +190,12 @@ def traffic_window(setup):
     window = setup.pipeline.history._history.window()
     assert (setup.pipeline._model.fallback(window).source == Source.CONSTANT_VELOCITY).all()
     return window
+
+
+def test_a_class_map_reads_the_names_in_the_messages(make):
+    message = message_of(traffic(0.0), "markers")
+    for marker in message.markers:
+        marker.text = "human.pedestrian.adult"
+    for name, expected in (("", AgentClass.UNKNOWN), ("nuscenes", AgentClass.PEDESTRIAN)):
+        states = make(class_map=name).pipeline._read(message, INPUTS["markers"], START_NS)
+        assert set(states.agent_class.tolist()) == {expected}

@@ -46,6 +46,7 @@ def test_the_choices_are_those_that_the_adapters_offer():
         ({"output": ("pointcloud2", "pigeon")}, ["output", "'pigeon'", "'markers'"]),
         ({"output": ()}, ["output", "empty"]),
         ({"model": " "}, ["model", "empty"]),
+        ({"class_map": "kitty"}, ["parameter class_map: ", "'kitty'", "'nuscenes'", "YAML file"]),
         ({"rate": 0.5}, ["input_timeout", "rate", "2 s"]),
     ],
 )

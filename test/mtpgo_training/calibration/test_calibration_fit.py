@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from calibration_sets import PEDESTRIAN, VEHICLE, random_samples, with_distance
 
+from mtpgo_core.quality.metrics import radius_squared
 from mtpgo_core.task.calibration import FACTOR_LIMITS, GROUPS
 from mtpgo_training.calibration.calibration_fit import (
     LEVEL,
@@ -17,7 +18,6 @@ from mtpgo_training.calibration.calibration_fit import (
 )
 from mtpgo_training.calibration.calibration_samples import merge_samples
 from mtpgo_training.evaluation.honesty.mode_weights import nearest
-from mtpgo_training.evaluation.scores.metrics import radius_squared
 
 RADIUS_90 = radius_squared(LEVEL)
 

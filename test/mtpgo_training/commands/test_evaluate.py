@@ -153,6 +153,27 @@ def test_a_simulated_tracker_observes_the_recordings(data, content, tmp_path, ca
     assert own["cv"]["all"]["01"]["ade"] != full["cv"]["all"]["b/01"]["ade"]
 
 
+def test_the_calibration_goes_on_over_each_recording_or_is_taken_off(
+    data, content, tmp_path, capsys
+):
+    found = {"shipped": content["by_recording"]["default"]["all"]["b/01"]}
+    reliability = {}
+    for calibration in ("off", "online"):
+        out = tmp_path / f"{calibration}.json"
+        given = ["--model", "default", "--no-centre", "--calibration", calibration]
+        assert run(data / "b", *given, "--json", out) == 0
+        assert f"calibration {calibration}, prefer model" in capsys.readouterr().out
+        result = json.loads(out.read_text())
+        assert (result["calibration"], result["prefer"]) == (calibration, "model")
+        found[calibration] = result["by_recording"]["default"]["all"]["01"]
+        reliability[calibration] = result["reliability"]["default"]["all"]["observed"]
+    assert (content["calibration"], content["prefer"]) == ("shipped", "model")
+    for scores in found.values():
+        assert scores["ade"] == pytest.approx(found["shipped"]["ade"])
+    assert len({scores["anll"] for scores in found.values()}) == 3
+    assert reliability["off"] != reliability["online"]
+
+
 def test_one_sample_forgets_the_past(data, content, tmp_path):
     out = tmp_path / "scores.json"
     assert run(data / "b", "--model", "default", "--no-centre", "--one-sample", "--json", out) == 0
@@ -254,6 +275,12 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
         (
             ["--model", "default", "--data", "DATA", "--layout", "ind", "--tracker-seed", "1"],
             "--tracker-seed is given without --tracker simulated",
+        ),
+        (["--predictions", "NONE", "--calibration", "off"], "--calibration is given with --pred"),
+        (["--predictions", "NONE", "--prefer", "best"], "--prefer is given with --predictions"),
+        (
+            ["--model=default", "--data", "DATA", "--one-sample", "--calibration=online"],
+            "--one-sample is given with --calibration online or --prefer best",
         ),
         (["--predictions", "NONE", "--policy", "each"], "--policy is given with --predictions"),
         (["--model", "default", "--data", "DATA", "--layout", "ind", "--topic", "/x"], "--topic"),

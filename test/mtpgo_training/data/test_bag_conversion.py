@@ -11,17 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
+from rosbags.rosbag2.metadata import dump_qos_v8
 
 from msg_adapters.bags.bag_reader import is_bag
-from msg_adapters.bags.mcap_writer import McapWriter
+from msg_adapters.bags.mcap_writer import McapWriter, _qos
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass, tracked_states
-from mtpgo_training.data.bag_conversion import convert, selected
+from mtpgo_training.data.bag_conversion import convert, copy_bag, selected
 from mtpgo_training.data.readers import iter_recordings, load_recordings
 from mtpgo_training.data.recording import DEFAULT_START_NS, Recording
 from mtpgo_training.data.recording_bag import write_recording
@@ -224,7 +226,7 @@ def test_a_bag_that_cannot_be_read_is_reported_with_the_reason(
         load_recordings(tmp_path / "talk.mcap", "bag")
     convert([recording], tmp_path / "cut.mcap")
     data = (tmp_path / "cut.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
+    (tmp_path / "cut.mcap").write_bytes(data[:20])
     with pytest.raises(RecordingError, match=r"cut\.mcap cannot be read as a bag"):
         load_recordings(tmp_path / "cut.mcap", "bag")
     (tmp_path / "text.mcap").write_text("no bag at all")
@@ -234,17 +236,6 @@ def test_a_bag_that_cannot_be_read_is_reported_with_the_reason(
         load_recordings(tmp_path / "highd", "bag")
     with pytest.raises(RecordingError, match=r"is not a bag, expected an \.mcap file"):
         load_recordings(tmp_path / "highd" / "01_tracks.csv", "bag")
-
-
-def test_a_changing_frame_is_named(tmp_path: Path, recording: Recording) -> None:
-    adapter = INPUTS["pointcloud2"]
-    with McapWriter(tmp_path / "two.mcap") as bag:
-        bag.add_topic("/objects", adapter.message_type)
-        for states, frame in zip(recording.states(), ("map", "base_link"), strict=True):
-            moved = dataclasses.replace(states, frame_id=frame)
-            bag.write("/objects", states.stamp_ns, adapter.from_states(moved, bag.types))
-    with pytest.raises(RecordingError, match=r"frame changes from 'map' to 'base_link'"):
-        load_recordings(tmp_path / "two.mcap", "bag")
 
 
 def test_empty_messages_and_late_lanes_add_no_recording(
@@ -285,3 +276,49 @@ def test_classes_survive(tmp_path: Path, recording: Recording) -> None:
     convert([recording], tmp_path / "out.mcap")
     (back,) = load_recordings(tmp_path / "out.mcap", "bag")
     assert back.agent_class.tolist() == [AgentClass.CAR, AgentClass.TRUCK, AgentClass.CAR]
+
+
+def write_damaged_bag(path: Path, count: int = 2000) -> None:
+    """A cut file of a latched text, numbers, and a topic that is not for ROS 2."""
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=20_000)
+        writer.start(profile="ros2", library="test")
+        text = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        own = writer.register_schema("own_msgs/msg/Pair", "ros2msg", b"float64 a\nfloat64 b")
+        json = writer.register_schema("Odd", "jsonschema", b"{}")
+        latched = dump_qos_v8([_qos(latched=True, reliable=True, depth=1)])
+        texts = writer.register_channel("/text", "cdr", text, {"offered_qos_profiles": latched})
+        pairs = writer.register_channel("/pair", "cdr", own)
+        odd = writer.register_channel("/odd", "json", json)
+        writer.add_message(texts, 0, b"\0\1\0\0\2\0\0\x003\0", 0)
+        for number in range(count):
+            pair = np.array([number, -number], dtype=np.float64)
+            writer.add_message(pairs, number * 10_000_000, b"\0\1\0\0" + pair.tobytes(), 0)
+            writer.add_message(odd, number * 10_000_000, b"{}", 0)
+    path.write_bytes(path.read_bytes()[:-3000])
+
+
+@pytest.mark.parametrize("name", ["whole", "whole.mcap"])
+def test_what_is_left_of_a_damaged_bag_is_copied_into_a_whole_one(
+    tmp_path: Path, name: str
+) -> None:
+    damaged, whole = tmp_path / "damaged.mcap", tmp_path / name
+    write_damaged_bag(damaged)
+    copied = copy_bag(damaged, whole)
+    assert (copied.topics, list(copied.skipped)) == (2, ["/odd"])
+    assert copied.duration_s == pytest.approx(0.01 * (copied.messages - 2))
+    with AnyReader([whole]) as reader:  # which also compares the hashes of the types
+        (latched,) = [c for c in reader.connections if c.topic == "/text"]
+        assert latched.ext.offered_qos_profiles[0].durability is QosDurability.TRANSIENT_LOCAL
+        found = [
+            (c.topic, reader.deserialize(data, c.msgtype)) for c, _, data in reader.messages()
+        ]
+    assert found[0][1].data == "3"
+    pairs = [message for topic, message in found if topic == "/pair"]
+    assert len(pairs) > 1000
+    assert [(p.a, p.b) for p in pairs] == [(k, -k) for k in range(len(pairs))]
+    assert copied.messages == len(pairs) + 1
+    if whole.is_dir():
+        assert sorted(p.name for p in whole.iterdir()) == ["metadata.yaml", "whole.mcap"]
+    with pytest.raises(RecordingError, match="is the bag itself"):
+        copy_bag(damaged, damaged)

@@ -12,7 +12,7 @@ import pytest
 from mtpgo_training.data import code_hash
 from mtpgo_training.data.code_hash import code_sha256, imported_modules
 from mtpgo_training.data.ground_truth import future_columns
-from mtpgo_training.data.readers.bag_recordings import _read_bag
+from mtpgo_training.data.readers.bags.bag_recordings import _read_bag
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS, read_highd
 from mtpgo_training.scenes.track_samples import take_in
 
@@ -184,7 +184,7 @@ def test_the_modules_of_cached_functions_are_followed_to_the_end():
     assert {"mtpgo_core.history.track_update", "mtpgo_core.history.causal_slope"} <= samples
     assert {"mtpgo_training.data.recording", "mtpgo_core.task.task_description"} <= samples
     assert {"mtpgo_training.data.readers.csv_table", "mtpgo_core.schema"} <= drone
-    assert {"msg_adapters.wire.cloud", "mtpgo_training.data.readers.bag_poses"} <= bag
+    assert {"msg_adapters.wire.cloud", "mtpgo_training.data.readers.bags.bag_poses"} <= bag
     assert "mtpgo_core.scene.scene_builder" not in samples | drone | bag
 
 

@@ -67,6 +67,15 @@ def test_a_run_is_resumed_with_the_same_configuration_and_data_only(folder):
         folder.check_same(CONFIG, [{**SPLITS[0], "sha256": "cd"}])
 
 
+def test_a_run_from_other_weights_is_not_resumed_without_a_checkpoint(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    folder.start(CONFIG, SPLITS, "ab" * 32)
+    with pytest.raises(ConfigurationError, match="ended before its first checkpoint"):
+        folder.check_same(CONFIG, SPLITS)
+    folder.save({"epoch": 1}, best=False)
+    folder.check_same(CONFIG, SPLITS)
+
+
 def test_only_the_last_checkpoint_has_what_resuming_needs(folder):
     weights = torch.arange(3.0)
     folder.save({"average": weights, "epoch": 1}, {"optimiser": {"lr": 0.1}}, best=True)

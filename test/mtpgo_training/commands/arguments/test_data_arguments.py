@@ -8,9 +8,15 @@ from pathlib import Path
 import pytest
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.commands.arguments.data_arguments import add_data_arguments, data_sources
+from mtpgo_training.commands.arguments.data_arguments import (
+    add_data_arguments,
+    bag_options,
+    data_sources,
+)
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.readers import LAYOUTS
+from mtpgo_training.data.readers.bags.bag_options import BagOptions
+from mtpgo_training.data.readers.reading_options import ReadingOptions
 
 A, B, C = Path("a"), Path("b"), Path("c")
 
@@ -85,6 +91,22 @@ def test_recordings_belong_to_the_directory_before_them():
     assert given == [DataSource(A, "ind", ("1",)), DataSource(B, "ind", ("2", "3"))]
 
 
+def test_columns_and_class_maps_hold_for_the_directories_after_them():
+    given = parsed(
+        "--class-map coco --data a --layout table --columns c.yaml --data b --data c "
+        "--class-map nuscenes"
+    )
+    assert [source.options for source in given] == [
+        ReadingOptions(Path("c.yaml"), "coco"),
+        ReadingOptions(Path("c.yaml"), "coco"),
+        ReadingOptions(Path("c.yaml"), "nuscenes"),
+    ]
+    with pytest.raises(ConfigurationError, match="class map 'kitti' is neither a preset nor a f"):
+        parsed("--data a --layout ind --class-map kitti")
+    with pytest.raises(ConfigurationError, match="--class-map is given without --data"):
+        parsed("--class-map coco")
+
+
 @pytest.mark.parametrize(
     "line",
     [
@@ -109,3 +131,20 @@ def test_a_directory_without_an_option_and_a_default():
     assert both == [DataSource(A, "ind"), DataSource(B, "ind", ("4",))]
     with pytest.raises(ConfigurationError, match="the layout of a is not given"):
         parsed("a", "[DIR]", shipped)
+
+
+def test_options_of_bags_belong_to_the_directory_before_them():
+    line = (
+        "--data a --layout bag --topic /x --data b --topics one=/y two=/z --stamps log "
+        "--data c --layout bag"
+    )
+    assert [source.options.bags for source in parsed(line)] == [
+        BagOptions("/x"),
+        BagOptions("", {"one": "/y", "two": "/z"}, "log"),
+        BagOptions(),
+    ]
+    assert parsed("--topic /x bag a", "LAYOUT DIRECTORY")[0].options.bags == BagOptions("/x")
+    with pytest.raises(ConfigurationError, match="--topics has '/x', expected BAG=TOPIC"):
+        parsed("--data a --layout bag --topics /x")
+    with pytest.raises(ConfigurationError, match="--recordings is given without --data"):
+        bag_options([("topics", ["a=/b"]), ("recordings", ["1"])])

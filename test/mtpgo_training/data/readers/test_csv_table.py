@@ -10,7 +10,7 @@ import pytest
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers import csv_table
-from mtpgo_training.data.readers.csv_table import read_header, read_table, sha256_of
+from mtpgo_training.data.readers.csv_table import CsvForm, read_header, read_table, sha256_of
 
 TEXT = """\
 id, x,note,speed,extra
@@ -89,18 +89,72 @@ def test_the_line_of_a_bad_cell_counts_over_all_portions(file, monkeypatch):
         read_table(file("v,w\n" + rows + "bad,0\n"), integers=["v"])
 
 
+def test_a_file_that_ends_within_a_line_is_truncated(file):
+    path = file("u,v,w\n1,5,5\n2,5,6\n3,7")
+    sentence = "ends within line 4, expected 3 cells: the file is truncated"
+    with pytest.raises(RecordingError, match=sentence):
+        read_table(path, integers=["u"])
+    with pytest.raises(RecordingError, match=r"line 4: 2 cells, expected 3$"):
+        read_table(file("u,v,w\n1,5,5\n2,5,6\n3,7\n"), integers=["u"])
+
+
+COMPLETE = {
+    "only the last cell empty": "v,w\n1,5\n2,5\n3,\n",
+    "only the last cell empty, without a line break": "v,w\n1,5\n2,5\n3,",
+    "the last column empty": "v,w\n1,\n2,\n3,",
+    "carriage returns": "v,w\r1,5\r2,5\r3,\r",
+    "blank lines at the end": "v,w\n1,5\n2,5\n3,\n\n  \n",
+    "empty cells at the end": "v,w\n1,5\n2,5\n3,\n,\n,\n",
+    "zero bytes at the end": "v,w\n1,5\n2,5\n3,5\n\0\0\0",
+    "control z at the end": "v,w\n1,5\n2,5\n3,5\r\n\x1a",
+    "lines of several lengths": "v,w,x\n1,5,6\n2,5\n3,5",
+    "the header has a comma too many": "v,w,\n1,5\n2,5\n3,5",
+    "byte order mark": "\ufeffv,w\n1,5\n2,5\n3,5",
+    "quoted": '"v","w"\n"1","5"\n"2","5"\n"3",""\n',
+}
+
+
+@pytest.mark.parametrize("text", COMPLETE.values(), ids=COMPLETE)
+@pytest.mark.parametrize("name", ["t.csv", "t.csv.gz"])
+def test_a_complete_file_is_never_called_truncated(file, text, name):
+    assert read_table(file(text, name), integers=["v"])["v"].tolist() == [1, 2, 3]
+
+
 @pytest.mark.parametrize(
-    ("last", "line"),
+    ("text", "sentence"),
     [
-        ("3", 4),  # cells are missing
-        ("3,", 4),  # the last cell is empty, which it is in no other line
+        ("v;w\n1;2,5\n", "separates its columns by semicolons, expected commas"),
+        ("v\tw\n1\t2.5\n", "separates its columns by tabs, expected commas"),
+        ("v w\n1 2.5\n", "separates its columns by blanks, expected commas"),
+        ("v|w\n1|2.5\n", r"separates its columns by '\|', expected commas"),
+        ("sep=;\nv;w\n1;2\n", "begins with the line 'sep=;' of a spreadsheet"),
+        ("u\n1\n", "has no column 'v', expected the columns v"),
     ],
 )
-def test_a_file_that_ends_within_a_line_is_truncated(file, last, line):
-    path = file(f"v,w\n1,5\n2,5\n{last}")
-    with pytest.raises(RecordingError, match=rf"ends within line {line}, expected 2 cells: the f"):
-        read_table(path, integers=["v"])
-    assert len(read_table(file("v,w\n1,\n2,\n3,"), integers=["v"])) == 3
+def test_a_wrong_separator_is_named(file, text, sentence):
+    with pytest.raises(RecordingError, match=rf"t\.csv {sentence}"):
+        read_table(file(text), numbers=["v"])
+
+
+def test_another_encoding_is_named(tmp_path):
+    (tmp_path / "t.csv").write_bytes("v,w\n1,2\n".encode("utf-16"))
+    with pytest.raises(RecordingError, match=r"t\.csv is encoded in UTF-16, expected UTF-8"):
+        read_table(tmp_path / "t.csv", numbers=["v"])
+    (tmp_path / "t.csv").write_bytes("v,w\n1,\u00fc\n".encode("latin-1"))
+    with pytest.raises(RecordingError, match=r"the byte 0xfc is not UTF-8, expected UTF-8"):
+        read_table(tmp_path / "t.csv", numbers=["v"])
+
+
+def test_a_form_says_how_the_cells_are_written(file):
+    def w(text, form):
+        return read_table(file(text), numbers=["w"], form=form)["w"].tolist()
+
+    assert w("v;w\n1;2,5\n", CsvForm(separator=";", decimal=",")) == [2.5]
+    assert w('v,w\n1,"1,234.5"\n', CsvForm(thousands=",")) == [1234.5]
+    form = CsvForm(separator=" ", names=("v", "w"))
+    assert w("  1   2.5\n 2 3\n", form) == [2.5, 3]
+    with pytest.raises(RecordingError, match="line 2, column 'w': 'x', expected a number"):
+        read_table(file("1 2.5\n2 x\n"), numbers=["w"], form=form)
 
 
 def test_a_file_without_a_header_is_refused(file):

@@ -72,6 +72,8 @@ def test_files_of_the_directory_come_before_those_of_its_folder_data(tmp_path):
         (IND_TRACKS.splitlines()[0] + ",laneletId", "exid"),
         ("Vehicle_ID,Frame_ID,Local_X,Local_Y", "ngsim"),
         ("vehicle_id,frame_id,local_x,local_y", "ngsim"),
+        ("track_id,frame_id,timestamp_ms,agent_type,x,y,psi_rad", "interaction"),
+        ("track_id,frame_id,timestamp_ms,agent_type,x,y,yaw_rad", "sind"),
         ("time,x,y", None),
     ],
 )

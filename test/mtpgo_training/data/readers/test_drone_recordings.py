@@ -14,7 +14,9 @@ import pytest
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.recording import DEFAULT_START_NS
+from mtpgo_training.data.recording_cache import RecordingCache
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import drone_files
@@ -102,6 +104,59 @@ def test_exid_lane_columns_with_several_values_are_ignored(tmp_path: Path) -> No
     assert len(recording) == 4
     with pytest.raises(RecordingError, match=r"has the layout 'exid', but 'ind' was asked for"):
         load_recordings(tmp_path, "ind")
+
+
+def test_the_size_is_that_of_the_tracks_where_tracks_meta_differs(tmp_path: Path) -> None:
+    # As in many recordings of exiD; a pedestrian has none in either.
+    meta = drone_files.IND_TRACKS_META.replace("2.0,4.5,truck_bus", "1.9,16.5,truck_bus")
+    drone_files.write_recording(
+        tmp_path, "00", drone_files.IND_TRACKS, meta, drone_files.IND_RECORDING_META
+    )
+    (recording,) = load_recordings(tmp_path, "round")
+    np.testing.assert_array_equal(recording.size, [[4.5, 2.0], [np.nan, np.nan]])
+    # Without sizes in tracks, those of tracksMeta hold.
+    text = drone_files.IND_TRACKS.replace(",width,length,", ",wide,long,")
+    (tmp_path / "00_tracks.csv").write_text(text)
+    (recording,) = load_recordings(tmp_path, "unid")
+    np.testing.assert_array_equal(recording.size, [[16.5, 1.9], [np.nan, np.nan]])
+
+
+def test_positions_alone_are_a_recording_of_the_layout(tmp_path: Path) -> None:
+    tracks = "trackId,frame,xCenter,yCenter\n" + "".join(f"4,{f},{f},-2\n" for f in range(3))
+    drone_files.write_recording(
+        tmp_path, "00", tracks, "trackId,width,length,class\n4,2,4,car\n",
+        "locationId,frameRate\n1,10\n",
+    )  # fmt: skip
+    (recording,) = load_recordings(tmp_path, "ind")
+    np.testing.assert_array_equal(recording.position, [[0, -2], [1, -2], [2, -2]])
+    assert np.isnan(recording.velocity).all()
+    assert np.isnan(recording.yaw).all()
+    # Half of the columns are a defect.
+    (tmp_path / "00_tracks.csv").write_text(
+        tracks.replace("yCenter", "yCenter,xVelocity").replace(",-2\n", ",-2,10\n")
+    )
+    with pytest.raises(RecordingError, match="has no column 'heading'"):
+        load_recordings(tmp_path, "ind")
+
+
+def test_a_class_map_reads_the_classes_of_tracks_meta(tmp_path: Path) -> None:
+    directory = drone_files.write_ind(tmp_path / "data")
+    (tmp_path / "map.yaml").write_text("truck_bus: bus\npedestrian: unknown\n")
+    options = ReadingOptions(class_map=str(tmp_path / "map.yaml"))
+    cache = RecordingCache(tmp_path / "cache")
+    for given, classes in ((ReadingOptions(), [2, 7]), (options, [3, 0])):
+        (recording,) = load_recordings(directory, "ind", options=given, cache=cache)
+        assert recording.agent_class.tolist() == classes
+
+
+def test_classes_that_are_not_known_are_named_once(tmp_path: Path, caplog) -> None:
+    drone_files.write_ind(tmp_path)
+    meta = tmp_path / "07_tracksMeta.csv"
+    meta.write_text(meta.read_text().replace("truck_bus", "tram").replace("pedestrian", ""))
+    (recording,) = load_recordings(tmp_path, "ind")
+    assert recording.agent_class.tolist() == [0, 0]
+    (record,) = caplog.records
+    assert "07_tracksMeta.csv: no class is known by the name 'tram', --class-map" in record.message
 
 
 def test_hash_covers_every_file(tmp_path: Path) -> None:

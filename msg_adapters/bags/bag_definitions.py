@@ -1,0 +1,164 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Decoders of recorded messages, each made from the definition of its own type.
+
+A definition is read when a message of its type is, so what else is in a bag does no harm. Where a
+bag lacks a definition, or it cannot be read, that of this package is used.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, cast
+
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+)
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from msg_adapters.bags.bag_types import bag_typestore, types_of_fields
+from mtpgo_core.errors import MessageError
+
+Decoder = Callable[[bytes], Any]
+
+_SEPARATOR = "=" * 80 + "\n"
+"""Line between the definitions of several types in one text, as rosbag2 writes it."""
+
+_IDL_COMMENT = re.compile(r'("(?:[^"\\]|\\.)*")|/\*.*?\*/|//[^\n]*|^[ \t]*#[^\n]*', re.S | re.M)
+"""Comments and includes of an IDL text, and quoted texts, which may look like them."""
+
+
+def qos_and_encoding(connection: Connection) -> ConnectionExtRosbag2:
+    """Return the QoS that a connection was offered with, and how its messages are serialised."""
+    return cast(ConnectionExtRosbag2, connection.ext)
+
+
+def encoding_of(connection: Connection) -> str:
+    """Return how the messages of a connection are serialised, such as ``cdr``."""
+    return qos_and_encoding(connection).serialization_format
+
+
+def obstacle(connection: Connection) -> str:
+    """Return why the messages of a connection cannot be decoded, as far as its head tells.
+
+    Empty if nothing speaks against it; the definition itself is not read.
+    """
+    encoding = encoding_of(connection)
+    if encoding not in ("cdr", "ros1"):
+        return f"its messages are encoded as {encoding or 'nothing known'!r}, expected 'cdr'"
+    if not connection.msgtype:
+        return "its messages have no type"
+    without = connection.msgdef.format is MessageDefinitionFormat.NONE
+    if without and connection.msgtype not in _own_types(encoding).fielddefs:
+        return f"the bag has no definition of {connection.msgtype}"
+    return ""
+
+
+class BagDefinitions:
+    """The decoders of a bag's messages, made when they are first asked for.
+
+    Args:
+        connections: all connections of the bag: one may have the definition that another lacks.
+    """
+
+    def __init__(self, connections: Sequence[Connection]) -> None:
+        self._connections = connections
+        self._decoders: dict[tuple[str, MessageDefinition, str], Decoder] = {}
+
+    def decoder(self, connection: Connection) -> Decoder:
+        """Return the function that decodes the messages of a connection.
+
+        Raises:
+            MessageError: the type has no definition that can be read, or the messages are encoded
+                in a way that ROS does not have.
+        """
+        key = (connection.msgtype, connection.msgdef, encoding_of(connection))
+        if key not in self._decoders:
+            self._decoders[key] = self._make(connection)
+        return self._decoders[key]
+
+    def type_hash(self, connection: Connection) -> str:
+        """Return the hash by which ROS 2 names the definition of a connection's type.
+
+        Raises:
+            MessageError: the type has no definition that can be read.
+        """
+        name, encoding = connection.msgtype, encoding_of(connection)
+        return connection.digest or str(self._store(connection, encoding).hash_rihs01(name))
+
+    def _make(self, connection: Connection) -> Decoder:
+        name, encoding = connection.msgtype, encoding_of(connection)
+        if encoding not in ("cdr", "ros1") or not name:
+            raise MessageError(obstacle(connection))
+        store = self._store(connection, encoding)
+        read = store.deserialize_ros1 if encoding == "ros1" else store.deserialize_cdr
+        return lambda data: read(data, name)
+
+    def _store(self, connection: Connection, encoding: str) -> Typestore:
+        """Return a store with the type of a connection and all that it is made of."""
+        name, own = connection.msgtype, _own_types(encoding)
+        reason = f"the bag has no definition of {name}"
+        others = [
+            other
+            for other in self._connections
+            if other.msgtype == name and other.msgdef != connection.msgdef
+        ]
+        for candidate in [connection, *others]:
+            if candidate.msgdef.format is MessageDefinitionFormat.NONE:
+                continue
+            try:
+                return _registered(name, _parsed(candidate.msgdef, name), own)
+            except Exception as error:  # a damaged text fails the library in many ways
+                reason = f"the definition of {name} in the bag cannot be read: {_short(error)}"
+        if name in own.fielddefs:
+            return own
+        raise MessageError(reason)
+
+
+def _own_types(encoding: str) -> Typestore:
+    """Return the types that are known without a bag."""
+    return get_typestore(Stores.ROS1_NOETIC) if encoding == "ros1" else bag_typestore()
+
+
+def _parsed(definition: MessageDefinition, name: str) -> dict[str, Any]:
+    """Return the types of a definition text."""
+    if definition.format is MessageDefinitionFormat.MSG:
+        return dict(get_types_from_msg(definition.data, name))
+    types: dict[str, Any] = {}
+    for part in definition.data.split(_SEPARATOR):
+        head, _, rest = part.partition("\n")
+        text = rest if head.startswith("IDL:") else part
+        text = _IDL_COMMENT.sub(lambda found: found[1] or " ", text)
+        if text.strip():
+            types.update(get_types_from_idl(text))
+    return types
+
+
+def _registered(name: str, types: dict[str, Any], own: Typestore) -> Typestore:
+    """Return a store of a type and of what it consists of, where missing from the own types."""
+    needed: dict[str, Any] = {}
+    waiting = [name]
+    while waiting:
+        wanted = waiting.pop()
+        if wanted in needed:
+            continue
+        found = types.get(wanted) or own.fielddefs.get(wanted)
+        if found is None:
+            raise MessageError(f"it does not define {wanted}")
+        needed[wanted] = found
+        waiting += types_of_fields(found[1])
+    store = get_typestore(Stores.EMPTY)
+    store.register(needed)
+    store.get_msgdef(name)
+    return store
+
+
+def _short(error: Exception) -> str:
+    """Return the beginning of an error's text: that of the parser repeats the definition."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else text[:117] + "..."

@@ -1,0 +1,85 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Reading of one SQLite file of rosbag2, ROS 2's storage up to Humble.
+
+rosbags reads the messages; the topics are read here, for rosbags refuses a whole file for one
+topic whose definition or QoS it does not know.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+    Qos,
+)
+from rosbags.rosbag2.metadata import ReaderMetadata, parse_qos
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+_FORMATS = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL}
+"""Languages of definitions of messages; of a type in another one only the name is used."""
+
+
+class SqliteFile(Sqlite3Reader):
+    """One file of the storage plugin sqlite3, with topics of any encoding and definition."""
+
+    def _open(self) -> None:
+        # Immutable: a bag may lie on a read-only disk, where SQLite could not lock it.
+        name = f"{Path(str(self.path)).absolute().as_uri()}?immutable=1"
+        with closing(sqlite3.connect(name, uri=True)) as database:
+            database.text_factory = lambda data: data.decode(errors="replace")
+            self._read_topics(database)
+
+    def _read_topics(self, database: sqlite3.Connection) -> None:
+        def rows(query: str) -> list[tuple[Any, ...]]:
+            return database.execute(query).fetchall()
+
+        columns = {row[1] for row in rows("PRAGMA table_info(topics)")}
+        qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+        counts = dict(rows("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id"))
+        definitions = {}
+        if rows("PRAGMA table_info(message_definitions)"):  # since Iron
+            definitions = {
+                kind: MessageDefinition(_FORMATS[language], text)
+                for kind, language, text in rows(
+                    "SELECT topic_type, encoding, encoded_message_definition"
+                    " FROM message_definitions"
+                )
+                if language in _FORMATS and text.strip()
+            }
+        nothing = MessageDefinition(MessageDefinitionFormat.NONE, "")
+        self.connections = [
+            Connection(
+                id=number,
+                topic=topic,
+                msgtype=kind,
+                msgdef=definitions.get(kind, nothing),
+                digest="",
+                msgcount=int(counts.get(number, 0)),
+                ext=ConnectionExtRosbag2(encoding, _profiles(offered)),
+                owner=self,
+            )
+            for number, topic, kind, encoding, offered in rows(
+                f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id"
+            )
+        ]
+        ((first, last),) = rows("SELECT MIN(timestamp), MAX(timestamp) FROM messages")
+        count = sum(connection.msgcount for connection in self.connections)
+        start, end = (int(first), int(last) + 1) if count else (2**63 - 1, 0)
+        self.metadata = ReaderMetadata(
+            max(0, end - start), start, end, count, None, None, None, None
+        )
+
+
+def _profiles(text: str) -> list[Qos]:
+    try:
+        return parse_qos(text or [])
+    except Exception:  # every version of rosbag2 writes them in another way
+        return []

@@ -1,0 +1,461 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The files of a bag as one sequence of messages, whole or damaged.
+
+A folder is read with or without ``metadata.yaml``: what its files are follows from their first
+bytes, what they hold from themselves. The metadata only add the order of the files and what they
+should hold. A file that is cut off or damaged is read as far as it goes, one that cannot be read
+is left out; every loss is logged once as a sentence.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import shutil
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+from backports import zstd
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+    Qos,
+)
+
+from msg_adapters.bags.bag_loss import BagLoss
+from msg_adapters.bags.bag_metadata import METADATA, BagMetadata, qos_of, read_metadata
+from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
+from msg_adapters.bags.mcap_file import McapFile
+from msg_adapters.bags.mcap_records import MAGIC, McapChannel, McapError
+from msg_adapters.bags.ros1_file import MAGIC_ROS1, Ros1File
+from msg_adapters.bags.sqlite_file import SqliteFile
+from mtpgo_core.errors import RecordingError
+
+SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag")
+"""How the names of a bag's files end."""
+
+_SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
+"""First bytes of an SQLite database and of a Zstandard frame."""
+
+_NUMBERED = re.compile(r"(.+)_(\d+)")
+"""Name of a file of a split bag, without its suffix: name of the bag and number."""
+
+_DEFAULT_PREFIX = "rosbag2_"
+"""Beginning of the name that ``ros2 bag record`` gives a bag."""
+
+_log = logging.getLogger("mtpgo")
+_told: set[str] = set()
+
+
+def bag_files(folder: Path) -> list[Path]:
+    """Return the files of a folder that are named as a bag's, the numbered ones by number."""
+
+    def order(path: Path) -> tuple[str, int, str]:
+        match = _NUMBERED.fullmatch(_stem(path))
+        return (match[1], int(match[2]), path.name) if match else (_stem(path), -1, path.name)
+
+    found = [p for p in folder.iterdir() if p.name.endswith(SUFFIXES) and p.is_file()]
+    return sorted(found, key=order)
+
+
+def is_unfinished_bag(folder: Path) -> bool:
+    """Return whether a folder without ``metadata.yaml`` is a bag, as a killed recorder leaves it.
+
+    It is if all its bag files are named after it or as ``ros2 bag record`` does by default;
+    otherwise it is a folder of bags.
+    """
+    if not folder.is_dir() or (folder / METADATA).is_file():
+        return False
+    names = {_bag_name(path) for path in bag_files(folder)}
+    return len(names) == 1 and (
+        names == {folder.resolve().name} or next(iter(names)).startswith(_DEFAULT_PREFIX)
+    )
+
+
+def _stem(path: Path) -> str:
+    return re.sub(r"\.(mcap|db3)(\.zstd)?$", "", path.name)
+
+
+def _bag_name(path: Path) -> str:
+    match = _NUMBERED.fullmatch(_stem(path))
+    return match[1] if match else _stem(path)
+
+
+class _McapStorage:
+    """An MCAP file with connections as rosbags describes them."""
+
+    def __init__(self, path: Path) -> None:
+        self.file = McapFile(path)
+        self.start_ns, self.end_ns = self.file.start_ns, self.file.end_ns
+        self.connections = {
+            number: self._connection(number, channel)
+            for number, channel in self.file.channels.items()
+        }
+
+    def _connection(self, number: int, channel: McapChannel) -> Connection:
+        schema = self.file.schemas.get(channel.schema_id)
+        definition = MessageDefinition(MessageDefinitionFormat.NONE, "")
+        if schema is not None and schema.encoding in _DEFINITIONS and schema.text:
+            definition = MessageDefinition(_DEFINITIONS[schema.encoding], schema.text)
+        return Connection(
+            id=number,
+            topic=channel.topic,
+            msgtype=_full_name(schema.name) if schema else "",
+            msgdef=definition,
+            digest="",
+            msgcount=self.file.counts[number],
+            ext=ConnectionExtRosbag2(
+                channel.encoding, qos_of(channel.metadata.get("offered_qos_profiles"))
+            ),
+            owner=self.file,
+        )
+
+    def messages(
+        self, numbers: Collection[int], start_ns: int | None, stop_ns: int | None
+    ) -> Iterator[tuple[int, int, bytes]]:
+        return self.file.messages(numbers, start_ns, stop_ns)
+
+    def loss(self) -> BagLoss | None:
+        return self.file.loss()
+
+    def close(self) -> None:
+        self.file.close()
+
+
+_DEFINITIONS = {
+    "ros2msg": MessageDefinitionFormat.MSG,
+    "ros1msg": MessageDefinitionFormat.MSG,
+    "ros2idl": MessageDefinitionFormat.IDL,
+    "omgidl": MessageDefinitionFormat.IDL,
+}
+"""Encoding of a schema -> rosbags' name for it; definitions in other languages are left out."""
+
+
+def _full_name(message_type: str) -> str:
+    """Return a type as ROS 2 writes it; ROS 1 leaves out its folder."""
+    package, slash, rest = message_type.partition("/")
+    return f"{package}/msg/{rest}" if slash and "/" not in rest else message_type
+
+
+class _SqliteStorage:
+    """An SQLite file, read by rosbags up to where it breaks."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._reader = SqliteFile(path)
+        self._reader.open()
+        self.connections = {c.id: c for c in self._reader.connections}
+        about = self._reader.metadata
+        self.start_ns, self.end_ns = about.start_time, about.end_time - 1
+        self._loss: BagLoss | None = None
+
+    def messages(
+        self, numbers: Collection[int], start_ns: int | None, stop_ns: int | None
+    ) -> Iterator[tuple[int, int, bytes]]:
+        wanted = [self.connections[number] for number in numbers]
+        read, last_ns = 0, self.start_ns
+        try:
+            for connection, time_ns, data in self._reader.messages(wanted, start_ns, stop_ns):
+                yield time_ns, connection.id, data
+                read, last_ns = read + 1, time_ns
+        except Exception as error:  # apsw has many.
+            count = sum(c.msgcount for c in wanted)
+            self._loss = BagLoss(
+                self._path,
+                f"is damaged ({error})",
+                read,
+                (last_ns - self.start_ns) * 1e-9,
+                max(0, count - read),
+                (self.end_ns - last_ns) * 1e-9,
+                exact=start_ns is None and stop_ns is None,
+            )
+
+    def loss(self) -> BagLoss | None:
+        return self._loss
+
+    def close(self) -> None:
+        self._reader.close()
+
+
+class StoredBag:
+    """The messages of a bag: a rosbag2 folder, or one file of it.
+
+    It has what ``rosbags.rosbag2.Reader`` has: connections and messages that name them. A topic
+    has one connection for each type, encoding and definition, however many publishers it had.
+
+    Args:
+        path: a folder, or a file.
+
+    Attributes:
+        path: the bag.
+        connections: topics with their types.
+        start_time: log time of the first message (ns).
+        end_time: log time behind the last message (ns).
+
+    Raises:
+        RecordingError: nothing of it can be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.connections: list[Connection] = []
+        self._storages: list[_McapStorage | _SqliteStorage | Ros1File] = []
+        self._files: list[Path] = []
+        self._unread: dict[Path, BagLoss] = {}
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._about = read_metadata(path) if path.is_dir() else BagMetadata()
+        self._order = self._listed() if path.is_dir() else [path]
+        try:
+            for file in self._order:
+                self._open(file)
+            if not self._storages:
+                raise RecordingError(self._refusal())
+        except BaseException:
+            self.close()
+            raise
+        filled = [s for s in self._storages if any(c.msgcount for c in s.connections.values())]
+        if not filled and any(loss.messages != 0 for loss in self.losses()):
+            refusal = self._refusal()
+            self.close()
+            raise RecordingError(refusal)
+        self.start_time = min((s.start_ns for s in filled), default=0)
+        self.end_time = max((s.end_ns for s in filled), default=-1) + 1
+        self._numbers = self._connect()
+        if self._about.problem and self._storages:
+            _tell(
+                f"{path} {self._about.problem}, as when its recorder is killed: its"
+                f" {len(self._storages)} file(s) are read without it"
+            )
+        self._tell_losses()
+
+    def _listed(self) -> list[Path]:
+        """Return the files of a folder."""
+        if self._about.problem:
+            files = bag_files(self.path)
+            names = {_bag_name(file) for file in files}
+            if not files:
+                raise RecordingError(
+                    f"{self.path} {self._about.problem} and no file of a bag, expected a rosbag2"
+                    " directory"
+                )
+            if len(names) > 1:
+                raise RecordingError(
+                    f"{self.path} {self._about.problem} and holds the bags"
+                    f" {', '.join(sorted(names))}, expected one of them"
+                )
+            return files
+        named = [self._present(name) for name in self._about.files]
+        stems = {_stem(file) for file in named}
+        names = {_bag_name(file) for file in named}
+        # A recorder that is killed after a split may have named the files until then only.
+        more = [
+            file
+            for file in bag_files(self.path)
+            if _stem(file) not in stems and _bag_name(file) in names
+        ]
+        if more:
+            _tell(
+                f"{self.path / METADATA} does not name {', '.join(file.name for file in more)}:"
+                " read as well"
+            )
+        return [*named, *more]
+
+    def _present(self, name: str) -> Path:
+        """Return a file that the metadata name, as it is called now."""
+        suffix = ".zstd"
+        for other in (name, name.removesuffix(suffix), name + suffix):
+            if (self.path / other).is_file():
+                return self.path / other
+        return self.path / name
+
+    def _open(self, file: Path) -> None:
+        try:
+            with file.open("rb") as stream:
+                begin = stream.read(len(_SQLITE))
+            content = self._inflated(file) if begin.startswith(_ZSTD) else file
+            if content is not file:
+                with content.open("rb") as stream:
+                    begin = stream.read(len(_SQLITE))
+            if begin.startswith(MAGIC):
+                self._storages.append(_McapStorage(content))
+            elif begin == _SQLITE:
+                self._storages.append(_SqliteStorage(content))
+            elif begin.startswith(MAGIC_ROS1):
+                self._storages.append(Ros1File(content))
+            elif not begin.strip(b"\0"):
+                raise McapError("it is empty" if not begin else "it holds zeros only")
+            else:
+                raise McapError("it begins as no bag of MCAP, SQLite or ROS 1 does")
+        except Exception as error:  # A broken file fails the libraries in many ways.
+            self._unread[file] = self._whole_loss(file, error)
+        else:
+            self._files.append(file)
+
+    def _inflated(self, file: Path) -> Path:
+        """Return a copy of a compressed file, or of as much of it as there is."""
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory()
+        target = Path(self._folder.name, file.name.removesuffix(".zstd"))
+        cut_or_damaged = suppress(EOFError, zstd.ZstdError)
+        with zstd.open(file, "rb") as stream, target.open("wb") as out, cut_or_damaged:
+            shutil.copyfileobj(stream, out)
+        return target
+
+    def _whole_loss(self, file: Path, error: Exception) -> BagLoss:
+        expected = self._about.expected.get(file.name)
+        return BagLoss(
+            file,
+            f"cannot be read ({_reason(error)})",
+            0,
+            0.0,
+            expected[0] if expected else None,
+            expected[2] * 1e-9 if expected else None,
+            exact=True,
+        )
+
+    def _refusal(self) -> str:
+        if not self._order:
+            return f"{self.path} names no file in its {METADATA}, expected at least one"
+        loss, others = self.losses()[0], len(self._order) - 1
+        more = f", nor can the other {others} files of {self.path}" if others else ""
+        expected = "a rosbag2 directory, .mcap, .db3 or .bag"
+        reason = loss.reason.removeprefix("cannot be read (").removesuffix(")")
+        return f"{loss.file} cannot be read as a bag ({expected}): {reason}{more}"
+
+    def _connect(self) -> list[dict[int, Connection]]:
+        """Unite the connections of the files; return those of each file by their own number."""
+        united: dict[Any, Connection] = {}
+        offered: dict[Any, list[Qos]] = {}
+        keys: list[dict[int, Any]] = []
+        for storage in self._storages:
+            keys.append({})
+            for number, own in storage.connections.items():
+                topic = (own.topic, own.msgtype)
+                encoding, own_profiles = cast(ConnectionExtRosbag2, own.ext)
+                key = (*topic, encoding, own.msgdef)
+                keys[-1][number] = key
+                profiles = offered.setdefault(key, [])
+                for profile in own_profiles or self._about.offered.get(topic, []):
+                    if profile not in profiles:
+                        profiles.append(profile)
+                before = united.get(key)
+                united[key] = own._replace(
+                    id=before.id if before else len(united) + 1,
+                    digest=own.digest or self._about.digests.get(topic, ""),
+                    msgcount=own.msgcount + (before.msgcount if before else 0),
+                    ext=ConnectionExtRosbag2(encoding, profiles),
+                    owner=self,
+                )
+        self.connections = list(united.values())
+        return [{number: united[key] for number, key in of_file.items()} for of_file in keys]
+
+    def __enter__(self) -> StoredBag:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def messages(
+        self,
+        connections: Collection[Connection] = (),
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield connection, log time (ns) and bytes of messages, ascending in time.
+
+        Args:
+            connections: those wanted, all by default.
+            start: earliest log time (ns).
+            stop: first log time that is left out (ns).
+        """
+        wanted = {c.id for c in (connections or self.connections)}
+        streams = []
+        for storage, numbers in zip(self._storages, self._numbers, strict=True):
+            own = {number: c for number, c in numbers.items() if c.id in wanted}
+            if own:
+                streams.append(
+                    TimedStream(storage.start_ns, self._named(storage, own, start, stop))
+                )
+        try:
+            for time_ns, connection, data in merge_in_time(streams):
+                yield connection, time_ns, data
+        finally:
+            self._tell_losses()
+
+    def _named(
+        self,
+        storage: _McapStorage | _SqliteStorage | Ros1File,
+        own: dict[int, Connection],
+        start: int | None,
+        stop: int | None,
+    ) -> Iterator[tuple[int, Connection, bytes]]:
+        by_message = self._about.by_message
+        for time_ns, number, data in storage.messages(own, start, stop):
+            if by_message is not False and data[:4] == _ZSTD:
+                data = zstd.decompress(data)
+            yield time_ns, own[number], data
+
+    def losses(self) -> list[BagLoss]:
+        """Return what is lost, as far as it is known by now."""
+        found = [self._with_gap(loss) for loss in self._unread.values()]
+        for file, storage in zip(self._files, self._storages, strict=True):
+            loss = storage.loss()
+            if loss is None:
+                continue
+            expected = self._about.expected.get(file.name)
+            if expected is not None and expected[0] >= loss.read:
+                end_ns = expected[1] + expected[2]
+                ended_s = max(0, end_ns - storage.end_ns) * 1e-9
+                loss = replace(
+                    loss,
+                    messages=expected[0] - loss.read,
+                    seconds=max(ended_s, loss.seconds or 0.0),
+                    exact=True,
+                )
+            found.append(replace(loss, file=file))
+        return found
+
+    def _with_gap(self, loss: BagLoss) -> BagLoss:
+        """Return the loss of a file with the pause that it leaves between its neighbours."""
+        if loss.seconds is not None:
+            return loss
+        place = self._order.index(loss.file)
+        opened = dict(zip(self._files, self._storages, strict=True))
+        before = [opened[file] for file in self._order[:place] if file in opened]
+        after = [opened[file] for file in self._order[place:] if file in opened]
+        if not before or not after:
+            return loss
+        gap_ns = after[0].start_ns - before[-1].end_ns
+        return replace(loss, seconds=max(0, gap_ns) * 1e-9)
+
+    def _tell_losses(self) -> None:
+        for loss in self.losses():
+            _tell(loss.sentence())
+
+    def close(self) -> None:
+        """Close the files."""
+        for storage in self._storages:
+            with suppress(Exception):
+                storage.close()
+        if self._folder is not None:
+            self._folder.cleanup()
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
+
+
+def _tell(sentence: str) -> None:
+    """Log a sentence once: a bag is opened more than once by many commands."""
+    if sentence not in _told:
+        _told.add(sentence)
+        _log.warning("%s", sentence)

@@ -1,0 +1,146 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The file in which a live calibration survives a restart: small, versioned, tied to its model."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.live_calibration.live_calibration import LiveCalibration
+from mtpgo_core.live_calibration.sigma_tracker import LEVELS, SIGMA_LIMITS
+from mtpgo_core.task.calibration import GROUPS
+
+FORMAT = 1
+"""Version of the file."""
+
+KIND = "mtpgo live calibration"
+
+_LARGEST_BYTES = 1_000_000
+"""Larger files are not read; a file has some 40 kB."""
+
+_SOURCES = ("model", "constant_velocity")
+
+
+def save(live: LiveCalibration, weights_sha256: str, path: Path) -> None:
+    """Write what was learned to a file, atomically.
+
+    Args:
+        live: what is written.
+        weights_sha256: hash of the model's weights.
+        path: the file; its folder exists.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    sigma = np.exp(live.tracker.log_sigma)
+    content = {
+        "kind": KIND,
+        "format": FORMAT,
+        "weights_sha256": weights_sha256,
+        "levels": list(LEVELS),
+        "sigma_factors": {
+            source: {
+                group: np.round(sigma[index, :, place], 4).tolist()
+                for place, group in enumerate(GROUPS)
+            }
+            for index, source in enumerate(_SOURCES)
+        },
+        "served_by_constant_velocity": [
+            group
+            for group, preferred in zip(GROUPS, live.preference.constant_velocity, strict=True)
+            if preferred
+        ],
+    }
+    data = (json.dumps(content, separators=(",", ":")) + "\n").encode()
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
+    """Read what was learned from a file.
+
+    Args:
+        live: takes it; unchanged after an error.
+        weights_sha256: hash of the model's weights.
+        path: the file.
+
+    Returns:
+        Whether there is such a file.
+
+    Raises:
+        ConfigurationError: it cannot be read, is damaged, or is of another model.
+    """
+    # Not of pathlib, which raises where a folder may not be searched.
+    if not os.path.exists(path) and os.path.isdir(path.parent):
+        return False
+    content = _content(path)
+    if content.get("weights_sha256") != weights_sha256:
+        raise ConfigurationError(
+            f"calibration file {path} is of a model with weights "
+            f"{str(content.get('weights_sha256'))[:12]}, expected {weights_sha256[:12]}"
+        )
+    shape = live.tracker.log_sigma.shape
+    try:
+        found = content["sigma_factors"]
+        if content["levels"] != list(LEVELS):
+            raise ValueError("other levels")
+        rows = [[found[source][group] for group in GROUPS] for source in _SOURCES]
+        sigma = np.array(rows, dtype=np.float64).transpose(0, 2, 1, 3)
+        preferred = content["served_by_constant_velocity"]
+        unknown = set(preferred) - set(GROUPS)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigurationError(_damaged(path, str(error))) from error
+    if sigma.shape != shape:
+        raise ConfigurationError(_damaged(path, f"shape {sigma.shape}, expected {shape}"))
+    low, high = SIGMA_LIMITS
+    if not ((sigma >= low) & (sigma <= high)).all():
+        raise ConfigurationError(_damaged(path, f"factors beyond {low:g} to {high:g}"))
+    if unknown:
+        raise ConfigurationError(_damaged(path, f"unknown group {min(unknown)!r}"))
+    live.tracker.log_sigma = np.log(sigma)
+    live.preference.constant_velocity = np.array([group in preferred for group in GROUPS])
+    return True
+
+
+def _content(path: Path) -> dict[str, Any]:
+    """Return the JSON object of a file of this kind and format."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(_LARGEST_BYTES + 1)
+    except OSError as error:
+        raise ConfigurationError(
+            f"calibration file {path} cannot be read: {error.strerror}"
+        ) from error
+    if len(data) > _LARGEST_BYTES:
+        raise ConfigurationError(_damaged(path, f"more than {_LARGEST_BYTES} bytes"))
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(_damaged(path, str(error))) from error
+    if not isinstance(content, dict) or content.get("kind") != KIND:
+        raise ConfigurationError(f"{path} is no calibration file, expected one of this node")
+    if content.get("format") != FORMAT:
+        raise ConfigurationError(
+            f"calibration file {path} has format {content.get('format')!r}, expected {FORMAT}"
+        )
+    return content
+
+
+def _damaged(path: Path, reason: str) -> str:
+    return f"calibration file {path} is damaged: {' '.join(reason.split())[:120]}"

@@ -1,0 +1,199 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The live calibration of a stream: corrects predictions and learns from their outcomes."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+
+from mtpgo_core.history.stream_guard import UpdateReport
+from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.history.track_index import find_sort_keys, sort_keys
+from mtpgo_core.live_calibration.live_options import BEST, LiveOptions
+from mtpgo_core.live_calibration.model_preference import ModelPreference
+from mtpgo_core.live_calibration.served_tables import ServedTables, apply_factors, as_preferred
+from mtpgo_core.live_calibration.sigma_tracker import POOLS, SigmaTracker, Squares
+from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
+from mtpgo_core.prediction.output_assembly import merge, with_time_origin
+from mtpgo_core.quality.outcome_matcher import OutcomeMatcher
+from mtpgo_core.quality.outcomes import Outcomes
+from mtpgo_core.quality.prediction_memory import MemoryLimits
+from mtpgo_core.schema import Float64Array, HistoryWindow, Prediction, Source
+from mtpgo_core.task.calibration import MOTIONS, calibration_groups
+from mtpgo_core.task.task_description import HistoryConfig
+
+_LONGEST_STEP_S = 5.0
+"""Most time that passes with one observation (s); chosen: a pause of the input teaches nothing."""
+
+MODEL, CV = int(Source.MODEL), int(Source.CONSTANT_VELOCITY)
+
+
+class LiveCalibration:
+    """Corrects predictions before they are published, by what became known of earlier ones.
+
+    What the model and constant velocity predict is compared with the observations whichever of the
+    two is served. :meth:`serve` may be called from any thread, :meth:`observe` from one.
+
+    Args:
+        options: what is learned; may be replaced by :meth:`configure`.
+        history: configuration of the history that observes.
+        horizon_steps: H of the predictions.
+
+    Attributes:
+        options: as above.
+        tracker: the factors.
+        preference: who is better, by group.
+    """
+
+    def __init__(self, options: LiveOptions, history: HistoryConfig, horizon_steps: int) -> None:
+        self.options = options
+        self.tracker = SigmaTracker(options, horizon_steps)
+        self.preference = ModelPreference(options)
+        self._matcher = OutcomeMatcher(history, MemoryLimits(modes=1))
+        self._served = ServedTables()
+        self._now_ns: int | None = None
+        self._lock = threading.Lock()
+
+    def configure(self, options: LiveOptions) -> None:
+        """Use other options from the next observation on; what was learned is kept."""
+        self.options = self.tracker.options = self.preference.options = options
+
+    def serve(self, prediction: Prediction, window: HistoryWindow) -> Prediction:
+        """Return the prediction that is to be published in place of another.
+
+        Args:
+            prediction: with the shipped calibration, of the agents present in the window.
+            window: that it was made of.
+        """
+        if not self.options.watches or not len(prediction):
+            return prediction
+        row = find_sort_keys(sort_keys(window.key), sort_keys(prediction.key))
+        window = window.select(row)
+        group = calibration_groups(prediction.agent_class, window.velocity[:, -1])
+        log_sigma = self.tracker.log_sigma
+        if not self.options.learns_factors:
+            log_sigma = np.zeros_like(log_sigma)
+        corrected = prediction
+        if self.options.learns_factors:
+            corrected = apply_factors(prediction, group, log_sigma)
+        with self._lock:
+            learn = self._served.add(prediction.stamp_ns, log_sigma)
+        if learn:
+            self._matcher.add(corrected, window)
+        if self.options.prefer != BEST:
+            return corrected
+        preferred = self.preference.constant_velocity[group] & (prediction.source == MODEL)
+        if not preferred.any():
+            return corrected
+        constant = self._constant(prediction, window)
+        if self.options.learns_factors:
+            constant = apply_factors(constant, group, log_sigma)
+        return as_preferred(merge(corrected, constant, preferred), preferred)
+
+    @staticmethod
+    def _constant(prediction: Prediction, window: HistoryWindow) -> Prediction:
+        """Return constant velocity in place of a prediction."""
+        start_s = (window.stamp_ns - prediction.stamp_ns) * 1e-9
+        constant = predict_constant_velocity(
+            window,
+            horizon_steps=len(prediction.time_s),
+            dt_s=float(prediction.time_s[0]) - start_s,
+            modes=prediction.weight.shape[1],
+        )
+        return with_time_origin(constant, prediction.stamp_ns)
+
+    def observe(self, history: TrackHistory, report: UpdateReport) -> None:
+        """Learn from the last observation of the history.
+
+        Args:
+            history: after the observation.
+            report: on it.
+        """
+        if not self.options.watches:
+            return
+        outcomes = self._matcher.update(history, report)
+        if report.clock_reset:
+            self._now_ns = None
+            with self._lock:
+                self._served.clear()
+        seconds = self._passed_s(outcomes.now_ns)
+        if self.options.learns_factors:
+            self.tracker.pass_time(seconds)
+            squares = self._squares(outcomes)
+            self.tracker.update(squares)
+        if self.options.prefer == BEST:
+            error_m = _errors(outcomes)
+            group = outcomes.group.astype(np.intp)
+            self.preference.update(seconds, outcomes.track, group, error_m)
+
+    def clear_stream(self, cause: str) -> None:
+        """Forget the predictions that are not known yet; keep what was learned.
+
+        Args:
+            cause: one of :data:`mtpgo_core.quality.outcomes.UNKNOWN`.
+        """
+        self._matcher.clear(cause)
+        self._now_ns = None
+
+    def _passed_s(self, now_ns: int) -> float:
+        """Return the stream's time since the last call (s)."""
+        before, self._now_ns = self._now_ns, now_ns
+        if before is None:
+            return 0.0
+        return min(max(0.0, (now_ns - before) * 1e-9), _LONGEST_STEP_S)
+
+    def _squares(self, outcomes: Outcomes) -> Squares:
+        """Return squared errors in units of the covariances of the shipped calibration."""
+        with self._lock:
+            table, tables = self._served.find(outcomes.stamp_ns)
+        rows = np.flatnonzero(outcomes.known & (table >= 0))
+        outcomes, table = outcomes.select(rows), table[rows]
+        step, group = outcomes.step, outcomes.group.astype(np.intp)
+        if not len(rows):
+            nothing = np.empty((0, 2, 2))
+            return Squares(
+                outcomes.track,
+                group,
+                step,
+                table,
+                np.empty(0),
+                nothing[..., 0],
+                nothing,
+                nothing,
+            )
+        logs = np.stack([one.log_sigma for one in tables])
+        own = logs[table, :, :, group, step]
+        truth = outcomes.truth
+        model = _squared(truth, outcomes.heaviest_mean, outcomes.heaviest_covariance)
+        # The covariances of the model are kept as served, those of constant velocity are not.
+        model = model * np.exp(2.0 * own[:, MODEL, 1])
+        constant = _squared(truth, outcomes.cv_mean, outcomes.cv_covariance)
+        return Squares(
+            track=outcomes.track,
+            group=group,
+            step=step,
+            cycle=table,
+            span_s=np.array([one.span_s for one in tables])[table],
+            squared=np.stack(
+                [np.where(outcomes.source == MODEL, model, np.nan), constant], axis=1
+            ),
+            own=own,
+            pool=logs[table, :, :, POOLS + group % len(MOTIONS), step],
+        )
+
+
+def _squared(truth: Float64Array, mean: Float64Array, covariance: Float64Array) -> Float64Array:
+    """Return [m] squared Mahalanobis distances of truths [m, 2] from means with covariances."""
+    x, y = np.moveaxis(truth - mean, -1, 0)
+    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray((yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy))
+
+
+def _errors(outcomes: Outcomes) -> Float64Array:
+    """Return [m, 2] errors of model and constant velocity (m), NaN where the model has none."""
+    model = np.linalg.norm(outcomes.heaviest_mean - outcomes.truth, axis=1)
+    constant = np.linalg.norm(outcomes.cv_mean - outcomes.truth, axis=1)
+    return np.stack([np.where(outcomes.source == MODEL, model, np.nan), constant], axis=1)

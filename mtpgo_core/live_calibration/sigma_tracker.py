@@ -1,0 +1,191 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Factors on standard deviations that follow how often ellipses missed the truth.
+
+The rule is adaptive conformal inference (Gibbs and Candes, 2021) on the logarithm of the factor,
+as a quantile tracker (Angelopoulos, Candes and Tibshirani, 2023): log f += rate (missed - alpha)
+for each level. docs/design.md ("Live calibration") has the argument for its long-run coverage.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.live_calibration.live_options import LiveOptions
+from mtpgo_core.live_calibration.track_limits import TrackLimits
+from mtpgo_core.quality.metrics import radius_squared
+from mtpgo_core.schema import Float64Array, IndexArray
+from mtpgo_core.task.calibration import GROUPS, MOTIONS
+
+LEVELS = (0.5, 0.9)
+"""Shares of the truth that the tracked ellipses shall hold."""
+
+SOURCES = 2
+"""Predictors with factors of their own: the model and constant velocity, numbered as
+:class:`~mtpgo_core.schema.Source`."""
+
+SIGMA_LIMITS = (0.2, 8.0)
+"""Smallest and largest factor on a standard deviation; chosen: a larger correction would hide a
+model that does not work."""
+
+LARGEST_SIGMA_RATIO_50 = 1.8
+"""Largest factor of the 50 % ellipse over that of the 90 % ellipse, at which the two still do not
+touch (1.82)."""
+
+POOLS = len(GROUPS) - len(MOTIONS)
+"""Position of the first of the groups ``any``, which learn from the road users of all classes."""
+
+_RADIUS = np.array([radius_squared(level) for level in LEVELS])
+_ALPHA = 1.0 - np.array(LEVELS)
+_LOW, _HIGH = np.log(SIGMA_LIMITS)
+
+_AGENTS_S = 20.0
+"""Time over which road users of a group are counted (s); chosen: about a track's length."""
+
+_IDLE_S = 10.0
+"""Time without outcomes after which a group forgets (s); chosen: twice the horizon."""
+
+_FEW_AGENTS = 10.0
+"""Road users below which each of them may change more; chosen."""
+
+
+@dataclass(frozen=True)
+class Squares:
+    """Squared errors of m steps of predictions, in units of covariances.
+
+    Attributes:
+        track: [m] numbers of tracks.
+        group: [m] positions in :data:`~mtpgo_core.task.calibration.GROUPS`.
+        step: [m] horizon steps.
+        cycle: [m] which prediction a row is of, any number.
+        span_s: [m] time that this prediction stands for, up to the next one (s).
+        squared: [m, SOURCES] squared Mahalanobis distance of the truth with the covariances of
+            the shipped calibration, NaN where a source did not predict.
+        own: [m, SOURCES, LEVELS] logarithms of the factors that were served.
+        pool: [m, SOURCES, LEVELS] those of the group ``any`` then.
+    """
+
+    track: NDArray[np.int64]
+    group: IndexArray
+    step: IndexArray
+    cycle: IndexArray
+    span_s: Float64Array
+    squared: Float64Array
+    own: Float64Array
+    pool: Float64Array
+
+
+class SigmaTracker:
+    """The factors by source, level, group and horizon step.
+
+    Args:
+        options: rates and limits.
+        steps: H.
+
+    Attributes:
+        log_sigma: [SOURCES, LEVELS, groups, H] logarithms of the factors on the standard
+            deviation; of a Gaussian with the right covariance, 0 at each level.
+        agents: [groups, H] road users per prediction whose outcomes come at present.
+    """
+
+    def __init__(self, options: LiveOptions, steps: int) -> None:
+        self.options = options
+        groups = len(GROUPS)
+        self.log_sigma = np.zeros((SOURCES, len(LEVELS), groups, steps))
+        self._rate = np.array([options.rate_50, options.rate_90])
+        self._limits = TrackLimits(options.track_memory_s, 2 * self.log_sigma[:, :, 0].size)
+        self._agent_s = np.zeros((groups, steps))
+        self._span_s = np.zeros(steps)
+        self._idle_s = np.full((groups, steps), np.inf)
+
+    @property
+    def agents(self) -> Float64Array:
+        """[groups, H], see the class."""
+        return self._agent_s / np.maximum(self._span_s, 1e-9)
+
+    def pass_time(self, seconds: float) -> None:
+        """Forget factors of which nothing becomes known.
+
+        Args:
+            seconds: time since the last call (s).
+        """
+        self._limits.pass_time(seconds)
+        self._idle_s += seconds
+        share = 1.0 - math.exp(-seconds / self.options.memory_s)
+        toward = self._parents()
+        lonely = 1.0 - self._independence()
+        self.log_sigma = self.log_sigma + share * lonely * (toward - self.log_sigma)
+
+    def update(self, squares: Squares) -> None:
+        """Move the factors by the outcomes of one observation."""
+        if not len(squares.track):
+            return
+        self._count(squares)
+        change = self._changes(squares)
+        weight = self._independence()[:POOLS]
+        change[:, :, :POOLS] = weight * change[:, :, :POOLS]
+        change[:, :, :POOLS] += (1.0 - weight) * np.tile(change[:, :, POOLS:], (1, 1, 3, 1))
+        change[:, 1] += self.options.coupling * change[:, 0]
+        self.log_sigma = np.clip(self.log_sigma + change, _LOW, _HIGH)
+
+    def _changes(self, squares: Squares) -> Float64Array:
+        """Return the change of each factor by the road users of its own group."""
+        pool = POOLS + squares.group % len(MOTIONS)
+        m, steps = len(squares.track), self.log_sigma.shape[-1]
+        # [2, m]: each row counts for its own group and for that of all classes, which are one
+        # where the class is unknown.
+        group = np.stack([squares.group, pool])
+        counts = np.stack([squares.group < POOLS, np.ones(m, dtype=np.bool_)])
+        agents = self.agents[group, squares.step]
+        size = squares.span_s / np.maximum(agents, self.options.least_agents)
+        limit = self.options.track_limit * np.maximum(1.0, _FEW_AGENTS / np.maximum(agents, 1.0))
+        # [2, m, SOURCES, LEVELS]
+        served = np.stack([squares.own, squares.pool])
+        squared = squares.squared[:, :, None]
+        with np.errstate(invalid="ignore"):
+            missed = squared > _RADIUS * np.exp(2.0 * served)
+        wanted = self._rate * size[:, :, None, None] * (missed - _ALPHA)
+        rows = np.broadcast_to(counts[:, :, None, None] & np.isfinite(squared), wanted.shape)
+        kind, row, source, level = np.nonzero(rows)
+        step = squares.step[row]
+        place = ((kind * SOURCES + source) * len(LEVELS) + level) * steps + step
+        tracks, of_track = np.unique(squares.track, return_inverse=True)
+        granted = self._limits.limited(
+            tracks, of_track[row], place, wanted[rows], limit[kind, row]
+        )
+        shape = self.log_sigma.shape
+        cell = ((source * shape[1] + level) * shape[2] + group[kind, row]) * steps + step
+        change = np.bincount(cell, granted, self.log_sigma.size).astype(np.float64)
+        return change.reshape(shape)
+
+    def _count(self, squares: Squares) -> None:
+        """Count road users per prediction, by group and step."""
+        groups, steps = self._agent_s.shape
+        group = np.concatenate([squares.group, POOLS + squares.group % len(MOTIONS)])
+        both = np.concatenate([squares.group < POOLS, np.ones(len(squares.group), dtype=bool)])
+        cell = (group * steps + np.tile(squares.step, 2))[both]
+        came = np.bincount(cell, np.tile(squares.span_s, 2)[both], groups * steps)
+        came = came.reshape(groups, steps)
+        pairs = np.stack([squares.cycle, squares.step], axis=1)
+        _, first = np.unique(pairs, axis=0, return_index=True)
+        passed = np.bincount(squares.step[first], squares.span_s[first], steps)
+        decay = np.exp(-passed / _AGENTS_S)
+        self._agent_s = self._agent_s * decay + came
+        self._span_s = self._span_s * decay + passed
+        self._idle_s[came > 0.0] = 0.0
+
+    def _independence(self) -> Float64Array:
+        """Return [groups, H] 1 where a group has outcomes enough of its own, 0 where none."""
+        enough = np.minimum(1.0, self.agents / self.options.least_agents)
+        enough[POOLS:] = 1.0
+        return np.where(self._idle_s > _IDLE_S, 0.0, enough)
+
+    def _parents(self) -> Float64Array:
+        """Return the factors that groups without outcomes fall back to."""
+        parents = np.zeros_like(self.log_sigma)
+        parents[:, :, :POOLS] = np.tile(self.log_sigma[:, :, POOLS:], (1, 1, 3, 1))
+        return parents

@@ -1,0 +1,127 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The live calibration of a configured node, and the file in which it survives. No ROS in here."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.history.stream_guard import UpdateReport
+from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.live_calibration.calibration_file import restore, save
+from mtpgo_core.live_calibration.live_calibration import LiveCalibration
+from mtpgo_core.quality.metrics import TIMES_S
+from mtpgo_core.schema import HistoryWindow, Prediction, Source
+from mtpgo_core.task.calibration import GROUPS
+from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+
+_SAVE_EVERY_S = 30.0
+"""Time between two writings of the file (s); chosen: what is lost in a crash is learned again in
+that time."""
+
+
+class LiveCalibrator:
+    """Corrects predictions while the node runs, and keeps what was learned in a file.
+
+    Args:
+        parameters: the options, and the file.
+        task: of the model.
+
+    Attributes:
+        live: the calibration.
+        file_error: why the file was not used or not written, empty if it was.
+    """
+
+    def __init__(self, parameters: PredictorParameters, task: TaskDescription) -> None:
+        self._parameters, self._task = parameters, task
+        self.live = LiveCalibration(parameters.live_options, task.history, task.horizon_steps)
+        self.file_error = ""
+        self._path: Path | None = None
+        self._restored = False
+        self._saved_s = time.monotonic()
+        self._writer: threading.Thread | None = None
+        if parameters.calibration_file and self.live.options.watches:
+            self._path = Path(parameters.calibration_file).expanduser()
+            try:
+                self._restored = restore(self.live, task.weights_sha256, self._path)
+            except ConfigurationError as error:
+                self.file_error = f"{error}; the shipped factors are used"
+
+    def configure(self, parameters: PredictorParameters) -> None:
+        """Use other parameters from the next observation on."""
+        self._parameters = parameters
+        self.live.configure(parameters.live_options)
+
+    def serve(self, prediction: Prediction, window: HistoryWindow) -> Prediction:
+        """Return the prediction to publish; any thread."""
+        return self.live.serve(prediction, window)
+
+    def observe(self, history: TrackHistory, report: UpdateReport) -> None:
+        """Learn from the last observation, and write the file from time to time."""
+        self.live.observe(history, report)
+        now_s = time.monotonic()
+        if self._path is None or now_s - self._saved_s < _SAVE_EVERY_S:
+            return
+        self._saved_s = now_s
+        if self._writer is None or not self._writer.is_alive():
+            # A disk may take its time, which the observations do not have.
+            self._writer = threading.Thread(target=self._save, name="calibration file")
+            self._writer.start()
+
+    def close(self) -> None:
+        """Write the file."""
+        if self._writer is not None:
+            self._writer.join()
+        if self._path is not None:
+            self._save()
+
+    def _save(self) -> None:
+        assert self._path is not None
+        try:
+            save(self.live, self._task.weights_sha256, self._path)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            self.file_error = f"calibration file {self._path} cannot be written: {reason}"
+
+    @property
+    def preferred(self) -> list[str]:
+        """Groups that constant velocity serves because it has been better."""
+        chosen = self.live.preference.constant_velocity
+        return [name for name, preferred in zip(GROUPS, chosen, strict=True) if preferred]
+
+    def values(self) -> dict[str, str]:
+        """Return the values of the diagnostics: for groups with outcomes, factors on sigma."""
+        live, options = self.live, self.live.options
+        values = {
+            "calibration": options.calibration,
+            "prefer": options.prefer,
+            "calibration_file": str(self._path or ""),
+            "restored": str(self._restored).lower(),
+            "times_s": " ".join(map(str, TIMES_S)),
+        }
+        tracker = live.tracker
+        agents, sigma = tracker.agents, np.exp(tracker.log_sigma)
+        steps = [
+            min(max(0, round(time_s / self._task.history.dt_s) - 1), sigma.shape[-1] - 1)
+            for time_s in TIMES_S
+        ]
+        for group, name in enumerate(GROUPS):
+            if options.learns_factors and (agents[group] > 0.0).any():
+                values[f"agents_{name}"] = f"{agents[group].max():.1f}"
+                for source in (Source.MODEL, Source.CONSTANT_VELOCITY):
+                    for level, percent in enumerate((50, 90)):
+                        factors = sigma[source, level, group, steps]
+                        key = f"{source.name.lower()}_sigma_{percent}_{name}"
+                        values[key] = " ".join(f"{factor:.3f}" for factor in factors)
+            error_m = live.preference.error_m[group]
+            if np.isfinite(error_m).all():
+                served = live.preference.constant_velocity[group]
+                values[f"error_m_model_and_cv_{name}"] = f"{error_m[0]:.3f} {error_m[1]:.3f}"
+                values[f"served_by_{name}"] = "constant velocity" if served else "model"
+        return values

@@ -1,0 +1,43 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a user may choose about the reading of bags."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+from mtpgo_core.options import check_options, option
+
+STAMPS = ("header", "log")
+"""Where the time of a message without a stamp comes from: nowhere, or its log time."""
+
+
+@dataclass(frozen=True)
+class BagOptions:
+    """How the bags of a directory are read.
+
+    Attributes:
+        topic: the topic of the tracked objects; empty chooses one, see ``objects_topic``.
+        topics: the same for single bags, name of the bag -> topic.
+        stamps: ``header``: a message without a stamp is left out, as in the node; ``log``: it gets
+            the time at which it was recorded.
+    """
+
+    topic: str = ""
+    topics: dict[str, str] = field(default_factory=dict)
+    stamps: str = option("header", choices=STAMPS)
+
+    def __post_init__(self) -> None:
+        check_options(self, "bags.")
+
+    @property
+    def given(self) -> list[str]:
+        """Names of the options that differ from their defaults."""
+        default = BagOptions()
+        names = [item.name for item in fields(self)]
+        return [name for name in names if getattr(self, name) != getattr(default, name)]
+
+    def topic_of(self, bag: str) -> str:
+        """Return the topic chosen for a bag, absolute; empty if none is."""
+        chosen = self.topics.get(bag, self.topic)
+        return "/" + chosen.lstrip("/") if chosen else ""

@@ -1,0 +1,256 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The messages of a bag by the rules by which the node takes them, in pieces without a break.
+
+What the node drops is left out here, and counted by the same names
+(:data:`mtpgo_core.history.odd_input.ODD_INPUT`). A jump of the clock or a new frame, where the
+node clears its history, begins another piece; so does a long pause.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from rosbags.interfaces import Connection
+
+from msg_adapters.adapter import InputAdapter
+from msg_adapters.bags.bag_definitions import obstacle
+from msg_adapters.bags.bag_reader import DecodingBagReader
+from msg_adapters.inputs.lane_markers import lanes_from_markers
+from mtpgo_core.errors import FrameError, MessageError, RecordingError
+from mtpgo_core.frames import VEHICLE_FRAMES
+from mtpgo_core.history.odd_input import described
+from mtpgo_core.history.stream_guard import MessageStatus, StreamGuard
+from mtpgo_core.schema import Float64Array, TrackedStates
+from mtpgo_core.task.task_description import HistoryConfig
+from mtpgo_training.data.readers.bags.bag_poses import BagPoses
+from mtpgo_training.data.readers.bags.bag_topics import MARKERS, ObjectsTopic
+from mtpgo_training.data.readers.reading_options import ReadingOptions
+from mtpgo_training.data.recording_bag import EGO_TOPIC, LANES_TOPIC
+
+PIECE_GAP_S = 5.0
+"""A longer pause between messages begins another piece (s); chosen above the length of a
+history."""
+
+_AHEAD_NS = 1_000_000_000
+"""A single message whose stamp runs ahead of the recorder's clock by more than this is left out
+(ns): the default of the node's ``stamp_tolerance``."""
+_CONFIRMATIONS = 3
+"""Consecutive messages ahead of the clock after which the stream's clock is accepted, as in the
+node."""
+
+
+@dataclass
+class BagPiece:
+    """Messages that follow each other without a break.
+
+    Attributes:
+        states: content of each message, in the order in which they were recorded.
+        lanes: lane markings.
+        ego: last text on the ego's topic.
+        counts: what was odd, by counter; the rules for single objects are not applied yet.
+        received_ns: log time of the last message (ns).
+    """
+
+    states: list[TrackedStates] = field(default_factory=list)
+    lanes: tuple[Float64Array, ...] = ()
+    ego: str | None = None
+    counts: Counter[str] = field(default_factory=Counter)
+    received_ns: int | None = None
+
+
+class PieceReader:
+    """Reads the tracked objects of a bag.
+
+    Args:
+        reader: the bag.
+        topic: the topic of the objects.
+        options: where missing stamps come from, and the class map.
+
+    Attributes:
+        remarks: what a user should know, one sentence each, known at the end.
+        rest: what was odd after the last piece, by counter.
+    """
+
+    def __init__(
+        self, reader: DecodingBagReader, topic: ObjectsTopic, options: ReadingOptions
+    ) -> None:
+        self.remarks: list[str] = []
+        self.rest: Counter[str] = Counter()
+        self._reader, self._topic = reader, topic
+        self._log_stamps = options.bags.stamps == "log"
+        self._classes = options.classes
+        self._where = f"{reader.path}, topic {topic.name}"
+        self._poses = BagPoses(reader)
+        self._guard = StreamGuard(HistoryConfig().keep_ns)
+        self._ahead = 0
+        self._clock: tuple[int, int] | None = None
+        self._messages = 0
+        self._problem = ""
+        self._piece = BagPiece()
+
+    def pieces(self) -> Iterator[BagPiece]:
+        """Yield the pieces that have a road user.
+
+        Raises:
+            RecordingError: the bag is damaged, or no message has a road user.
+        """
+        objects = {id(connection) for connection in self._topic.connections}
+        others = [c for c in self._reader.connections if _is_context(c)]
+        found = 0
+        for connection, received_ns, message in self._reader.messages(
+            [*self._topic.connections, *others]
+        ):
+            done = None
+            if id(connection) in objects:
+                self._messages += 1
+                states = self._read(self._topic.adapter, message, received_ns)
+                if states is not None:
+                    done = self._add(states, received_ns)
+                self._piece.received_ns = received_ns
+            else:
+                # Latched messages of the next piece come just before its first objects.
+                if _apart(self._piece.received_ns, received_ns):
+                    done = self._next_piece()
+                self._note(connection, message)
+            if done is not None:
+                found += 1
+                yield done
+        if self._piece.states:
+            found += 1
+            yield self._piece
+        elif not found:
+            raise RecordingError(self._nothing(self._piece.counts))
+        else:
+            self.rest = self._piece.counts
+
+    def _read(
+        self, adapter: InputAdapter, message: object, received_ns: int
+    ) -> TrackedStates | None:
+        """Return the states of a message in a fixed frame, None if it is left out."""
+        counts = self._piece.counts
+        try:
+            decoded = adapter.decode(
+                message, fallback_stamp_ns=received_ns, class_map=self._classes
+            )
+        except MessageError as error:
+            self._count("malformed", str(error))
+            return None
+        states = decoded.states
+        counts["skipped_objects"] += decoded.skipped_total
+        if states.stamp_ns == 0 and self._log_stamps:
+            states = dataclasses.replace(states, stamp_ns=received_ns)
+        if states.stamp_ns == 0:
+            self._count("unstamped")
+            return None
+        if self._is_from_the_future(states.stamp_ns, received_ns):
+            return None
+        try:
+            return self._poses.lift(states)
+        except FrameError as error:
+            self._count("not_lifted", str(error))
+            return None
+
+    def _add(self, states: TrackedStates, received_ns: int) -> BagPiece | None:
+        """Add a message to the current piece, or to the next one; return a piece that it ends."""
+        newest_ns = self._guard.newest_ns
+        status = self._guard.classify(states.stamp_ns, states.frame_id if len(states) else None)
+        if states.stamp_ns == self._guard.newest_ns:
+            self._clock = (states.stamp_ns, received_ns)
+        self._piece.counts["frame_changed"] += status in (
+            MessageStatus.UNEXPECTED_FRAME,
+            MessageStatus.NEW_FRAME,
+        )
+        if status is MessageStatus.UNEXPECTED_FRAME:
+            self._piece.counts["wrong_frame"] += len(states)
+            return None
+        self._piece.counts["clock_reset"] += status is MessageStatus.CLOCK_RESET
+        done = None
+        if status is not MessageStatus.CONTINUES or (
+            newest_ns is not None and states.stamp_ns - newest_ns > PIECE_GAP_S * 1e9
+        ):
+            done = self._next_piece()
+        if len(states):
+            self._warn_of_moving_frame(states.frame_id)
+            # A recording does not keep the covariance.
+            nothing = np.broadcast_to(np.nan, states.covariance.shape)
+            self._piece.states.append(dataclasses.replace(states, covariance=nothing))
+        return done
+
+    def _next_piece(self) -> BagPiece | None:
+        """Begin another piece and return the one before if it has a road user."""
+        before = self._piece
+        self._piece = BagPiece(lanes=before.lanes, ego=before.ego)
+        if before.states:
+            return before
+        self._piece.counts = before.counts
+        return None
+
+    def _note(self, connection: Connection, message: object) -> None:
+        """Keep the content of a latched message."""
+        if connection.msgtype == MARKERS:
+            try:
+                self._piece.lanes = lanes_from_markers(message).polylines
+            except MessageError as error:
+                where = f"{self._reader.path}, topic {connection.topic}"
+                raise RecordingError(f"{where}: {error}") from error
+        else:
+            self._piece.ego = str(getattr(message, "data", ""))
+
+    def _is_from_the_future(self, stamp_ns: int, received_ns: int) -> bool:
+        """Return whether to leave out a message because its stamp is ahead of the clock.
+
+        The node's rule, with the recorder's clock: a single such stamp would make all later ones
+        look old, a stream that stays ahead has another clock. As the log times of many bags are
+        of another clock than the stamps, only what passed since the newest message is compared.
+        """
+        before_stamp_ns, before_received_ns = self._clock or (stamp_ns, received_ns)
+        ahead_ns = (stamp_ns - before_stamp_ns) - (received_ns - before_received_ns)
+        if ahead_ns > _AHEAD_NS:
+            self._count("future_stamp")
+            self._ahead += 1
+            if self._ahead < _CONFIRMATIONS:
+                return True
+        self._ahead = 0
+        return False
+
+    def _count(self, name: str, problem: str = "") -> None:
+        self._piece.counts[name] += 1
+        self._problem = self._problem or problem
+
+    def _warn_of_moving_frame(self, frame: str) -> None:
+        sentence = (
+            f"{self._where}: objects come in frame {frame!r}, which usually moves with the"
+            " vehicle, expected odometry or transforms of it in the bag"
+        )
+        if frame in VEHICLE_FRAMES and sentence not in self.remarks:
+            self.remarks.append(sentence)
+
+    def _nothing(self, counts: Counter[str]) -> str:
+        """Return why there is no road user."""
+        nothing = f"{self._reader.path} has no tracked object on its topic {self._topic.name}"
+        if counts["unstamped"] == self._messages > 0:
+            return (
+                f"{nothing}: none of its {self._messages} messages has a stamp, expected the time"
+                " of the observation in the header; --stamps log takes the time at which a message"
+                " was recorded"
+            )
+        odd = described(counts)
+        among = f" ({odd})" if odd else ""
+        because = f": {self._problem}" if self._problem else ""
+        return f"{nothing}{because}{among}"
+
+
+def _is_context(connection: Connection) -> bool:
+    """Return whether a connection has lane markings or the ego."""
+    lanes = connection.topic.endswith(LANES_TOPIC) and connection.msgtype == MARKERS
+    ego = connection.topic.endswith(EGO_TOPIC) and connection.msgtype == "std_msgs/msg/String"
+    return (lanes or ego) and not obstacle(connection)
+
+
+def _apart(before_ns: int | None, after_ns: int) -> bool:
+    return before_ns is not None and not 0 <= after_ns - before_ns <= PIECE_GAP_S * 1e9

@@ -1,0 +1,101 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Transforms objects from the vehicle's frame with the odometry or transforms of the same bag.
+
+The node does the same with ``fixed_frame`` and the topic ``odometry`` or TF, so a bag of its
+inputs can be read unchanged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from msg_adapters.bags.bag_definitions import obstacle
+from msg_adapters.bags.bag_reader import DecodingBagReader
+from msg_adapters.conversions import stamp_to_ns
+from msg_adapters.inputs.odometry import ODOMETRY, pose_of
+from mtpgo_core.frames import PoseBuffer, to_fixed_frame
+from mtpgo_core.schema import TrackedStates
+from mtpgo_training.data.readers.bags.bag_transforms import (
+    FIXED_FRAMES,
+    STATIC_TOPIC,
+    TRANSFORMS,
+    TransformTree,
+)
+
+_WHOLE_BAG_S = 1e9
+"""Time over which poses are kept (s): longer than any bag."""
+
+
+class BagPoses:
+    """The poses in all odometry of a bag, and in its transforms for frames without odometry.
+
+    Args:
+        reader: the bag.
+    """
+
+    def __init__(self, reader: DecodingBagReader) -> None:
+        self._reader = reader
+        self._poses: dict[str, tuple[str, PoseBuffer]] = {}
+        self._tree: TransformTree | None = None
+        self._from_tree: dict[str, tuple[str, PoseBuffer] | None] = {}
+        self._odometry = [
+            c for c in reader.connections if c.msgtype == ODOMETRY and not obstacle(c)
+        ]
+        for topic in sorted({connection.topic for connection in self._odometry}):
+            found: dict[str, tuple[str, PoseBuffer]] = {}
+            for message in self._messages(topic):
+                parent, child = message.header.frame_id, message.child_frame_id
+                if child in ("", parent):
+                    continue
+                fixed, poses = found.setdefault(child, (parent, PoseBuffer(_WHOLE_BAG_S)))
+                if fixed == parent:
+                    poses.add(stamp_to_ns(message.header.stamp), pose_of(message))
+            # Of several topics with the same frame, the first is used.
+            self._poses = {**found, **self._poses}
+
+    def _messages(self, topic: str) -> Iterator[Any]:
+        """Yield the messages of an odometry topic."""
+        wanted = [connection for connection in self._odometry if connection.topic == topic]
+        return (message for _, _, message in self._reader.messages(wanted))
+
+    def lift(self, states: TrackedStates) -> TrackedStates:
+        """Return the states in a fixed frame, unchanged where the bag tells nothing of theirs.
+
+        Raises:
+            FrameError: their frame moves, and no pose is known at their time, as before the first
+                odometry.
+        """
+        if not len(states):
+            return states
+        found = self._poses.get(states.frame_id) or self._transforms(states.frame_id)
+        if found is None:
+            return states
+        fixed, poses = found
+        return to_fixed_frame(states, poses.at(states.stamp_ns), fixed)
+
+    def _transforms(self, frame: str) -> tuple[str, PoseBuffer] | None:
+        """Return the fixed frame and poses that the bag's transforms give for a frame."""
+        if frame.lstrip("/") in FIXED_FRAMES:
+            return None  # without reading any
+        if frame not in self._from_tree:
+            self._tree = self._tree or self._read_tree()
+            self._from_tree[frame] = self._tree.poses(frame)
+        return self._from_tree[frame]
+
+    def _read_tree(self) -> TransformTree:
+        reader = self._reader
+        wanted = [c for c in reader.connections if c.msgtype == TRANSFORMS and not obstacle(c)]
+        tree = TransformTree(
+            (connection.topic.endswith(STATIC_TOPIC), message)
+            for connection, _, message in reader.messages(wanted)
+        )
+        # A sensor's frame may be fixed to a vehicle whose pose is in the odometry alone.
+        for topic in sorted({connection.topic for connection in self._odometry}):
+            missing: dict[str, bool] = {}
+            for message in self._messages(topic):
+                child = message.child_frame_id
+                if missing.setdefault(child, not tree.has(child)):
+                    tree.add_odometry(message)
+        return tree

@@ -1,0 +1,170 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The poses of moving frames in a fixed one, from the transforms on /tf and /tf_static."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.conversions import stamp_to_ns, yaw_from_quaternions
+from mtpgo_core.frames import Pose2, PoseBuffer
+from mtpgo_core.schema import Float64Array
+
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+STATIC_TOPIC = "/tf_static"
+
+FIXED_FRAMES = ("map", "odom", "world", "earth")
+"""Usual names of fixed frames, in the order in which objects are transformed into one (REP 105).
+The earth's comes last: its axes are not level with the ground."""
+
+_WHOLE_BAG_S = 1e9
+"""Time over which poses are kept (s): longer than any bag."""
+
+
+@dataclass
+class _Edge:
+    """The transforms of one frame into its parent.
+
+    Attributes:
+        parent: the parent frame.
+        static: they come from the topic of static transforms; the last one counts.
+        stamps: their times (ns).
+        values: position (m) and quaternion x, y, z, w of each.
+    """
+
+    parent: str
+    static: bool
+    stamps: list[int] = field(default_factory=list)
+    values: list[tuple[float, ...]] = field(default_factory=list)
+
+    def at(self, stamp_ns: NDArray[np.int64]) -> tuple[Float64Array, Float64Array]:
+        """Return [t, 3] positions and [t, 4] unit quaternions at times inside of the edge's."""
+        values = np.array(self.values, dtype=np.float64)
+        if self.static:
+            values = np.repeat(values[-1:], len(stamp_ns), axis=0)
+            return values[:, :3], _unit(values[:, 3:])
+        stamps, first = np.unique(np.array(self.stamps, dtype=np.int64), return_index=True)
+        values = values[first]
+        right = np.clip(np.searchsorted(stamps, stamp_ns), min(1, len(stamps) - 1), None)
+        left = np.maximum(right - 1, 0)
+        span = np.maximum(stamps[right] - stamps[left], 1)
+        share = ((stamp_ns - stamps[left]) / span)[:, None]
+        before, after = _unit(values[left, 3:]), _unit(values[right, 3:])
+        # Both signs of a quaternion are the same rotation: the shorter arc.
+        after = np.where((before * after).sum(axis=1, keepdims=True) < 0.0, -after, after)
+        position = values[left, :3] + share * (values[right, :3] - values[left, :3])
+        return position, _unit(before + share * (after - before))
+
+
+class TransformTree:
+    """The transforms of a bag.
+
+    Args:
+        messages: whether each message is of static transforms, and the message.
+    """
+
+    def __init__(self, messages: Iterable[tuple[bool, Any]]) -> None:
+        self._edges: dict[str, _Edge] = {}
+        for static, message in messages:
+            for item in message.transforms:
+                self._add(static, item)
+
+    def has(self, frame: str) -> bool:
+        """Return whether there is a transform of a frame into another one."""
+        return frame.lstrip("/") in self._edges
+
+    def add_odometry(self, message: Any) -> None:
+        """Add the pose of a nav_msgs/Odometry, a transform of its child frame."""
+        pose = message.pose.pose
+        self._add_pose(message, pose.position, pose.orientation, static=False)
+
+    def _add(self, static: bool, item: Any) -> None:
+        transform = item.transform
+        self._add_pose(item, transform.translation, transform.rotation, static=static)
+
+    def _add_pose(self, item: Any, position: Any, rotation: Any, *, static: bool) -> None:
+        parent = str(item.header.frame_id).lstrip("/")
+        child = str(item.child_frame_id).lstrip("/")
+        value = (
+            *(position.x, position.y, position.z),
+            *(rotation.x, rotation.y, rotation.z, rotation.w),
+        )
+        known = all(map(math.isfinite, value)) and any(value[3:])
+        if not child or parent == child or not known:
+            return
+        edge = self._edges.get(child)
+        if edge is None or edge.parent != parent or edge.static != static:
+            edge = self._edges[child] = _Edge(parent, static)
+        edge.stamps.append(stamp_to_ns(item.header.stamp))
+        edge.values.append(value)
+
+    def poses(self, frame: str) -> tuple[str, PoseBuffer] | None:
+        """Return a fixed frame and the poses of a frame in it; None if the frame does not move.
+
+        The fixed frame is the first of :data:`FIXED_FRAMES` among the frame's ancestors, else the
+        last ancestor. A frame that has one of these names, or that only static transforms lead
+        away from, is fixed itself.
+        """
+        frame = frame.lstrip("/")
+        chain: list[_Edge] = []
+        ancestors = [frame]
+        while ancestors[-1] in self._edges:
+            edge = self._edges[ancestors[-1]]
+            if edge.parent in ancestors:  # a loop leads nowhere
+                break
+            chain.append(edge)
+            ancestors.append(edge.parent)
+        if frame in FIXED_FRAMES or all(edge.static for edge in chain):
+            return None
+        fixed = next((name for name in FIXED_FRAMES if name in ancestors), ancestors[-1])
+        chain = chain[: ancestors.index(fixed)]
+        return fixed, _composed(chain)
+
+
+def _composed(chain: list[_Edge]) -> PoseBuffer:
+    """Return the poses over a chain of transforms, at every time of any of them."""
+    moving = [np.array(edge.stamps, dtype=np.int64) for edge in chain if not edge.static]
+    poses = PoseBuffer(_WHOLE_BAG_S, max_extrapolation_s=0.0)
+    if not moving:
+        moving = [np.zeros(1, dtype=np.int64)]
+    stamps = np.unique(np.concatenate(moving))
+    # Where one of them is not known yet, or no more, neither is the pose.
+    first, last = max(stamp.min() for stamp in moving), min(stamp.max() for stamp in moving)
+    stamps = stamps[(stamps >= first) & (stamps <= last)]
+    position = np.zeros((len(stamps), 3))
+    rotation = np.tile((0.0, 0.0, 0.0, 1.0), (len(stamps), 1))
+    for edge in chain:
+        shift, turn = edge.at(stamps)
+        position = shift + _rotated(turn, position)
+        rotation = _product(turn, rotation)
+    yaw = yaw_from_quaternions(rotation)
+    for stamp, (x, y), angle in zip(
+        stamps.tolist(), position[:, :2].tolist(), yaw.tolist(), strict=True
+    ):
+        poses.add(stamp, Pose2(x=x, y=y, yaw=angle))
+    return poses
+
+
+def _unit(quaternion: Float64Array) -> Float64Array:
+    """Return [t, 4] quaternions of length one."""
+    return quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+
+
+def _product(a: Float64Array, b: Float64Array) -> Float64Array:
+    """Return [t, 4] the rotation by ``b`` and then by ``a``."""
+    vector = a[:, 3:] * b[:, :3] + b[:, 3:] * a[:, :3] + np.cross(a[:, :3], b[:, :3])
+    scalar = a[:, 3] * b[:, 3] - (a[:, :3] * b[:, :3]).sum(axis=1)
+    return np.column_stack([vector, scalar])
+
+
+def _rotated(quaternion: Float64Array, vector: Float64Array) -> Float64Array:
+    """Return [t, 3] vectors rotated by [t, 4] quaternions."""
+    axis, scalar = quaternion[:, :3], quaternion[:, 3:]
+    once = 2.0 * np.cross(axis, vector)
+    return vector + scalar * once + np.cross(axis, once)

@@ -1,0 +1,60 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Files that belong together, found by their names in a directory and the folders below it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.drone_files import existing_directory
+
+_GENERIC = {"data", "recorded_trackfiles", "trajectories_filtered", "train", "val", "test"}
+"""Folders of the data sets' archives that say nothing of a recording."""
+
+
+def grouped_files(
+    directory: Path,
+    pattern: re.Pattern[str],
+    expected: str,
+    accept: Callable[[Path], bool] = lambda path: True,
+) -> dict[str, dict[str, Path]]:
+    """Return the files of each recording, by its name and the kind of file.
+
+    Args:
+        directory: the directory, or a single file.
+        pattern: matches the names of the files; its group ``kind`` is the kind, its group ``name``
+            (either may be missing) and the folder are the name of the recording.
+        expected: what the files are called, for the error.
+        accept: whether a file that matches is one of them.
+
+    Raises:
+        RecordingError: no file matches, or two have the same name and kind.
+    """
+    if directory.is_file():
+        paths, root = [directory], directory.parent
+    else:
+        existing_directory(directory)
+        paths, root = sorted(p for p in directory.rglob("*") if p.is_file()), directory
+    found: dict[str, dict[str, Path]] = {}
+    for path in paths:
+        match = pattern.fullmatch(path.name)
+        if match is None or not accept(path):
+            continue
+        groups = match.groupdict()
+        folders = path.parent.relative_to(root).parts
+        parts = [part for part in folders if part.lower() not in _GENERIC]
+        parts.append(groups.get("name") or "")
+        name = "-".join(part for part in parts if part) or root.resolve().name
+        kind = (groups.get("kind") or "").lower()
+        files = found.setdefault(name, {})
+        if kind in files:
+            raise RecordingError(
+                f"{directory} has two recordings {name!r}, {files[kind]} and {path}, expected one"
+            )
+        files[kind] = path
+    if not found:
+        raise RecordingError(f"{directory} has no recordings, expected {expected}")
+    return dict(sorted(found.items()))

@@ -1,0 +1,266 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""nuScenes: annotated boxes at two samples a second, from its JSON tables.
+
+Positions are metres on the city's map with y up. Sizes are width, length, height and orientations
+quaternions w, x, y, z. The vehicle that records is the track ``ego``. Cones, barriers and other
+objects that never move are left out. Velocities are not given.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mtpgo_core.class_map import ClassMap
+from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.csv_table import sha256_of
+from mtpgo_training.data.readers.drone_files import existing_directory
+from mtpgo_training.data.readers.reading_options import ReadingOptions
+from mtpgo_training.data.readers.reading_unit import Unit
+from mtpgo_training.data.readers.tables.track_rows import (
+    TableSource,
+    recording_of_rows,
+    with_ego,
+)
+from mtpgo_training.data.recording import Recording
+
+EGO_SIZE_M = (4.084, 1.73)
+"""Length and width of the recording vehicle, a Renault Zoe (m; its data sheet)."""
+
+_TABLES = ("scene", "log", "sample", "instance", "category", "sample_annotation", "ego_pose")
+_NO_ROAD_USERS = ("movable_object", "static_object")
+_VECTORS = ("translation", "rotation", "size")
+_BETWEEN = re.compile(r"[\s,]*")
+_LONGEST_RECORD = 1 << 24
+"""Characters of the longest record that is read; chosen far above those of the data set."""
+
+_AT_ONCE = 1 << 20
+"""Characters of a table read at a time; chosen, as the tables are larger than the memory."""
+
+
+def nuscenes_units(
+    directory: Path, names: Sequence[str] | None, options: ReadingOptions
+) -> list[Unit]:
+    """Return the versions of nuScenes in a directory; each holds its scenes.
+
+    Args:
+        directory: the data set's root with ``v1.0-mini`` or others, or one of these folders.
+        names: versions or scenes wanted, ``v1.0-mini``, ``scene-0061`` or both joined by ``-``.
+        options: the class map.
+
+    Raises:
+        RecordingError: no tables there, one is missing, or there is no such scene.
+    """
+    existing_directory(directory)
+    versions = [
+        folder
+        for folder in (directory, *sorted(directory.glob("v1.0-*")))
+        if (folder / "sample_annotation.json").is_file()
+    ]
+    if not versions:
+        raise RecordingError(
+            f"{directory} has no recordings, expected nuScenes' folder v1.0-... with "
+            "sample_annotation.json"
+        )
+    classes = options.classes_or("nuscenes")
+    units, left = [], set(names or ())
+    for folder in versions:
+        for table in _TABLES:
+            if not (folder / f"{table}.json").is_file():
+                raise RecordingError(f"{folder / table}.json is missing, it belongs to nuScenes")
+        version = folder.resolve().name
+        scenes = [str(row.get("name")) for row in _objects(folder / "scene.json")]
+        wanted = [s for s in scenes if {s, version, f"{version}-{s}"} & set(names or (s,))]
+        left -= {version, *wanted, *(f"{version}-{s}" for s in wanted)}
+        if wanted:
+            units.append(
+                Unit(
+                    version,
+                    "nuscenes",
+                    tuple(folder / f"{table}.json" for table in _TABLES),
+                    functools.partial(_read, folder, version, wanted, classes),
+                    {"scenes": wanted},
+                )
+            )
+    if left:
+        raise RecordingError(f"{directory} has no scene {sorted(left)[0]!r}")
+    return units
+
+
+def _read(
+    folder: Path, version: str, wanted: Sequence[str], classes: ClassMap
+) -> Iterator[Recording]:
+    """Yield the scenes of a version."""
+    place = {row["token"]: row["location"] for row in _rows(folder, "log", ("token", "location"))}
+    scenes = {
+        row["token"]: row
+        for row in _rows(folder, "scene", ("token", "name", "log_token"))
+        if row["name"] in wanted
+    }
+    samples = {
+        row["token"]: row
+        for row in _rows(folder, "sample", ("token", "scene_token", "timestamp"))
+        if row["scene_token"] in scenes
+    }
+    rows = _annotations(folder, samples)
+    rows += _ego(folder, samples)
+    table = pd.DataFrame(rows)
+    files = tuple(folder / f"{name}.json" for name in _TABLES)
+    sha256 = sha256_of(files)
+    by_scene = dict(list(table.groupby("scene"))) if len(table) else {}
+    for token, scene in sorted(scenes.items(), key=lambda item: str(item[1]["name"])):
+        if token not in by_scene:
+            continue
+        source = TableSource(
+            name=f"{version}-{scene['name']}",
+            layout="nuscenes",
+            files=(folder / "sample_annotation.json", folder / "ego_pose.json"),
+            sha256=f"{sha256}#{scene['name']}",
+            classes=classes,
+            location=str(place.get(scene["log_token"], "")),
+            unit="record",
+        )
+        yield with_ego(recording_of_rows(by_scene[token], source), "ego")
+
+
+def _annotations(folder: Path, samples: Mapping[str, Any]) -> list[dict[str, Any]]:
+    category = {row["token"]: row["name"] for row in _rows(folder, "category", ("token", "name"))}
+    kind = {
+        row["token"]: str(category.get(row["category_token"], ""))
+        for row in _rows(folder, "instance", ("token", "category_token"))
+    }
+    fields = ("sample_token", "instance_token", "translation", "size", "rotation")
+    rows = []
+    for number, row in enumerate(_rows(folder, "sample_annotation", fields), start=1):
+        name = kind.get(row["instance_token"], "")
+        if row["sample_token"] not in samples or name.startswith(_NO_ROAD_USERS):
+            continue
+        where = f"{folder / 'sample_annotation.json'}, record {number}"
+        x, y, _ = _floats(row, "translation", 3, where)
+        width, length, _ = _floats(row, "size", 3, where)
+        sample = samples[row["sample_token"]]
+        rows.append(
+            {
+                "scene": sample["scene_token"],
+                "track": str(row["instance_token"]),
+                "time_s": sample["timestamp"] / 1e6,
+                "x": x,
+                "y": y,
+                "yaw": _yaw(*_floats(row, "rotation", 4, where)),
+                "length": length,
+                "width": width,
+                "class": name,
+                "line": number,
+                "file": 0,
+            }
+        )
+    return rows
+
+
+def _ego(folder: Path, samples: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the rows of the recording vehicle at the times of the samples."""
+    scene_at = {row["timestamp"]: row["scene_token"] for row in samples.values()}
+    found: dict[Any, dict[str, Any]] = {}
+    fields = ("timestamp", "translation", "rotation")
+    for number, row in enumerate(_rows(folder, "ego_pose", fields), start=1):
+        time = row["timestamp"]
+        if time not in scene_at or time in found:
+            continue
+        where = f"{folder / 'ego_pose.json'}, record {number}"
+        x, y, _ = _floats(row, "translation", 3, where)
+        found[time] = {
+            "scene": scene_at[time],
+            "track": "ego",
+            "time_s": time / 1e6,
+            "x": x,
+            "y": y,
+            "yaw": _yaw(*_floats(row, "rotation", 4, where)),
+            "length": EGO_SIZE_M[0],
+            "width": EGO_SIZE_M[1],
+            "class": "vehicle.ego",
+            "line": number,
+            "file": 1,
+        }
+    return list(found.values())
+
+
+def _rows(folder: Path, table: str, fields: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """Yield the records of a table, each with the fields, of which all but vectors are checked."""
+    path = folder / f"{table}.json"
+    for number, row in enumerate(_objects(path), start=1):
+        for name in fields:
+            where = f"{path}, record {number}"
+            if name not in row:
+                raise RecordingError(f"{where} has no field {name!r}")
+            if name == "timestamp":
+                row[name] = int(_numbers([row[name]], name, 1, where)[0])
+            elif name not in _VECTORS and not isinstance(row[name], str):
+                raise RecordingError(f"{where}: {name} is {row[name]!r:.60}, expected text")
+        yield row
+
+
+def _objects(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield the objects of a JSON list one after the other, without the whole file in memory."""
+    decoder = json.JSONDecoder()
+    try:
+        with path.open(encoding="utf-8") as stream:
+            text = stream.read(_AT_ONCE).lstrip()
+            if not text.startswith("["):
+                raise RecordingError(f"{path} is no JSON list, expected a table of nuScenes")
+            place = 1
+            while True:
+                begin = _BETWEEN.match(text, place)
+                place = begin.end() if begin else place
+                if text[place : place + 1] == "]":
+                    return
+                try:
+                    row, place = decoder.raw_decode(text, place)
+                except json.JSONDecodeError as error:
+                    more = stream.read(max(_AT_ONCE, len(text) - place))
+                    if not more or len(text) - place > _LONGEST_RECORD:
+                        raise RecordingError(
+                            f"{path} cannot be read as JSON: {error.msg}"
+                            + ("" if more else ", the file may be truncated")
+                        ) from error
+                    text, place = text[place:] + more, 0
+                    continue
+                if not isinstance(row, dict):
+                    raise RecordingError(f"{path} has {row!r:.40}, expected records with fields")
+                yield row
+    except (OSError, ValueError, RecursionError) as error:
+        reason = error.strerror if isinstance(error, OSError) else type(error).__name__
+        raise RecordingError(f"{path} cannot be read as JSON: {reason}") from error
+
+
+def _floats(row: Mapping[str, Any], name: str, count: int, where: str) -> list[float]:
+    return _numbers(row[name], name, count, where)
+
+
+def _numbers(values: Any, name: str, count: int, where: str) -> list[float]:
+    """Return a list of finite numbers.
+
+    Raises:
+        RecordingError: it is another thing.
+    """
+    try:
+        if isinstance(values, list) and len(values) == count:
+            numbers = [float(v) for v in values if isinstance(v, int | float)]
+            if len(numbers) == count and all(map(math.isfinite, numbers)):
+                return numbers
+    except OverflowError:
+        pass
+    raise RecordingError(f"{where}: {name} is {values!r:.60}, expected finite numbers ({count})")
+
+
+def _yaw(w: float, x: float, y: float, z: float) -> float:
+    """Return the yaw of a quaternion (rad)."""
+    return float(np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z))

@@ -1,0 +1,75 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a user says about the files of a directory, besides their layout."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from mtpgo_core.class_map import ClassMap, class_map
+from mtpgo_core.options import listed
+from mtpgo_core.schema import ClassArray
+from mtpgo_training.data.readers.bags.bag_options import BagOptions
+
+MOST_NAMES = 5
+"""Names of classes listed in a warning; chosen."""
+
+_log = logging.getLogger("mtpgo")
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """How the files of a directory are to be read.
+
+    Attributes:
+        columns: file that describes the columns of a plain table (layout ``table``).
+        class_map: preset or YAML file with our classes by the names and numbers of the data,
+            empty for the names that the layout usually has.
+        bags: how bags are read (layout ``bag``).
+    """
+
+    columns: Path | None = None
+    class_map: str = ""
+    bags: BagOptions = field(default_factory=BagOptions)
+
+    @cached_property
+    def classes(self) -> ClassMap:
+        """The class map.
+
+        Raises:
+            ConfigurationError: it is unknown or cannot be read.
+        """
+        return class_map(self.class_map)
+
+    def classes_or(self, preset: str) -> ClassMap:
+        """Return the class map if one was given, else the preset of a layout."""
+        return self.classes if self.class_map else class_map(preset)
+
+
+AS_USUAL = ReadingOptions()
+"""Nothing is said."""
+
+
+def classes_of(names: Sequence[Any], classes: ClassMap, path: Path) -> ClassArray:
+    """Return [n] uint8 our classes of [n] names, with a warning of those that mean nothing.
+
+    Args:
+        names: names or numbers in a file.
+        classes: the class map.
+        path: the file.
+    """
+    odd = classes.not_known(set(names))
+    if odd:
+        more = f" and {len(odd) - MOST_NAMES} more" if len(odd) > MOST_NAMES else ""
+        _log.warning(
+            "mtpgo: %s: no class is known by the name %s%s, --class-map can give one",
+            path,
+            listed(odd[:MOST_NAMES]),
+            more,
+        )
+    return classes.find_all(names)

@@ -1,0 +1,202 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Plain tables of any column names: CSV and Parquet, one row for each time and road user."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from mtpgo_core.class_map import ClassMap
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.schema import AgentClass
+from mtpgo_training.data.readers.csv_table import (
+    check_columns,
+    read_table,
+    require_columns,
+    sha256_of,
+)
+from mtpgo_training.data.readers.drone_files import existing_directory, select_names
+from mtpgo_training.data.readers.reading_options import ReadingOptions
+from mtpgo_training.data.readers.reading_unit import Unit
+from mtpgo_training.data.readers.tables.parquet_file import parquet_columns, read_parquet
+from mtpgo_training.data.readers.tables.table_columns import (
+    EXAMPLE,
+    LENGTHS_M,
+    SPEEDS_MPS,
+    TIMES_S,
+    TableColumns,
+    read_columns,
+)
+from mtpgo_training.data.readers.tables.track_rows import (
+    TableSource,
+    recording_of_rows,
+    velocity_from_speed,
+)
+from mtpgo_training.data.recording import Recording
+
+_SUFFIXES = re.compile(r"\.(csv|tsv|txt)(\.gz)?$|\.(parquet|pq)$", re.IGNORECASE)
+_NUMBERS = ("vx", "vy", "speed", "ax", "ay", "heading", "length", "width")
+
+
+def table_units(
+    directory: Path, names: Sequence[str] | None, options: ReadingOptions
+) -> list[Unit]:
+    """Return the tables in a directory, or one table.
+
+    Args:
+        directory: a directory with ``.csv``, ``.tsv``, ``.txt`` (also with ``.gz``) or
+            ``.parquet`` files, or one file.
+        names: names of the files wanted, without the suffix.
+        options: the file that describes the columns, and the class map.
+
+    Raises:
+        ConfigurationError: no description of the columns, or one with a defect.
+        RecordingError: no files.
+    """
+    if options.columns is None:
+        raise ConfigurationError(
+            "the layout 'table' needs --columns FILE, a YAML file that names the columns, "
+            f"for example {EXAMPLE}"
+        )
+    columns = read_columns(options.columns)
+    if directory.is_file():
+        paths = [directory]
+    else:
+        existing_directory(directory)
+        paths = sorted(path for path in directory.iterdir() if _SUFFIXES.search(path.name))
+        if not paths:
+            raise RecordingError(
+                f"{directory} has no tables, expected .csv, .tsv, .txt or .parquet files"
+            )
+    by_name: dict[str, Path] = {}
+    for path in paths:
+        name = _SUFFIXES.sub("", path.name)
+        if name in by_name:
+            raise RecordingError(
+                f"{directory} has two tables of the name {name!r}, {by_name[name].name} and "
+                f"{path.name}, expected one"
+            )
+        by_name[name] = path
+    settings = {"columns": repr(columns)}
+    return [
+        Unit(
+            name,
+            "table",
+            (by_name[name],),
+            functools.partial(_read, name, by_name[name], columns, options.classes),
+            settings,
+        )
+        for name in select_names(list(by_name), names, directory)
+    ]
+
+
+def _read(name: str, path: Path, columns: TableColumns, classes: ClassMap) -> Iterator[Recording]:
+    table = _rows(path, columns)
+    parquet = path.suffix.lower() in (".parquet", ".pq")
+    sha256 = sha256_of([path])
+    groups = [("", table)]
+    if columns.columns.recording:
+        groups = [(str(key), rows) for key, rows in table.groupby("recording", sort=True)]
+    for part, rows in groups:
+        one = len(groups) == 1
+        yield recording_of_rows(
+            rows,
+            TableSource(
+                name=name if one else f"{name}-{part}",
+                layout="table",
+                files=(path,),
+                sha256=sha256 if one else f"{sha256}#{part}",
+                classes=classes,
+                location=columns.location,
+                frame_rate=columns.frame_rate,
+                unit="row" if parquet else "line",
+            ),
+        )
+
+
+def _rows(path: Path, columns: TableColumns) -> pd.DataFrame:
+    """Return the rows of a file in the internal frame, under the names of ``track_rows``."""
+    table = _checked(path, columns)
+    if not len(table):
+        raise RecordingError(f"{path} has no rows, expected at least one")
+    flip = -1.0 if columns.y_axis == "down" else 1.0
+    length, speed = LENGTHS_M[columns.unit], SPEEDS_MPS[columns.speed_unit]
+    factors = {"x": length, "y": length * flip, "length": length, "width": length}
+    factors |= {"vx": speed, "ax": speed, "vy": speed * flip, "ay": speed * flip, "speed": speed}
+    for column, factor in factors.items():
+        if column in table:
+            table[column] = table[column] * factor
+    if "heading" in table:
+        angle = table.pop("heading").to_numpy(np.float64)
+        table["yaw"] = flip * (np.radians(angle) if columns.heading_unit == "deg" else angle)
+    if "speed" in table:
+        velocity = velocity_from_speed(
+            table.pop("speed").to_numpy(np.float64), table["yaw"].to_numpy(np.float64)
+        )
+        table["vx"], table["vy"] = velocity[:, 0], velocity[:, 1]
+    if "time" in table:
+        time = table.pop("time")
+        table["time_s"] = time.to_numpy(np.float64) * TIMES_S[columns.time_unit]
+    if "agent_class" in table:
+        table = table.rename(columns={"agent_class": "class"})
+    elif AgentClass.from_name(columns.agent_class) != AgentClass.UNKNOWN:
+        table["class"] = columns.agent_class
+    return table
+
+
+def _checked(path: Path, columns: TableColumns) -> pd.DataFrame:
+    """Return the columns under their meanings, as numbers and texts, and the line of each row."""
+    given = columns.columns.given()
+    dates = columns.time_unit == "date"
+    kinds = {
+        "integers": [given[name] for name in ("frame",) if name in given],
+        "numbers": [
+            given[name]
+            for name in ("x", "y", "time")
+            if name in given and not (dates and name == "time")
+        ],
+        "unknown_allowed": [given[name] for name in _NUMBERS if name in given],
+    }
+    texts = [given[n] for n in ("track", "agent_class", "recording", "time") if n in given]
+    texts = [name for name in texts if name not in kinds["numbers"]]
+    if path.suffix.lower() in (".parquet", ".pq"):
+        wanted = list(given.values())
+        require_columns(path, parquet_columns(path), wanted, wanted)
+        table = read_parquet(path, wanted)
+        if "time" in given and pd.api.types.is_datetime64_any_dtype(table[given["time"]]):
+            table[given["time"]] = _seconds(table[given["time"]])
+            dates = False
+        check_columns(table, path, first_line=1, unit="row", **kinds)
+        first_line = 1
+    else:
+        table = read_table(path, texts=texts, form=columns.form, **kinds)
+        first_line = columns.form.first_line
+    table = table.rename(columns={column: name for name, column in given.items()})
+    table["line"] = np.arange(len(table)) + first_line
+    if dates and "time" in table:
+        table["time"] = _dates(path, table["time"], first_line)
+    return table
+
+
+def _dates(path: Path, column: pd.Series, first_line: int) -> pd.Series:
+    times = pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
+    bad = times.isna().to_numpy(bool)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise RecordingError(
+            f"{path}, line {row + first_line}: the time {str(column.iloc[row])!r}, expected a "
+            "date and time such as 2024-05-01T12:00:00.1"
+        )
+    return _seconds(times)
+
+
+def _seconds(times: pd.Series) -> pd.Series:
+    """Return the seconds since 1970 of dates."""
+    utc = times.dt.tz_convert("UTC").dt.tz_localize(None) if times.dt.tz is not None else times
+    return utc.astype("datetime64[ns]").astype(np.int64) / 1e9

@@ -1,0 +1,214 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A recording from a table with one row for each time and road user, in the internal frame."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from mtpgo_core.class_map import ClassMap
+from mtpgo_core.errors import RecordingError
+from mtpgo_core.frames import wrap
+from mtpgo_core.identity import keys_from_texts
+from mtpgo_core.schema import ClassArray, Float64Array, KeyArray
+from mtpgo_training.data.readers.reading_options import classes_of
+from mtpgo_training.data.readers.tables.frame_grid import frames_of_times, without_common_step
+from mtpgo_training.data.recording import DEFAULT_START_NS, Int64Array, Recording
+
+EPOCH_S = 1e8
+"""Times from here on are seconds since 1970 (s), earlier ones count from some begin; chosen:
+1973."""
+
+LONGEST_S = 1e8
+"""A longer recording (s) is a defect of its times; chosen: three years."""
+
+LAST_S = float(2**31)
+"""Times from here on do not fit the stamps of messages (s since 1970)."""
+
+_WHOLE = re.compile(r"([0-9]{1,18})(?:\.0+)?")
+
+
+@dataclass(frozen=True)
+class TableSource:
+    """What is known of a recording besides its rows.
+
+    Attributes:
+        name: name of the recording.
+        layout: name of the layout.
+        files: the files, to which the column ``file`` of the rows refers.
+        sha256: hash over their contents.
+        classes: our classes by the names in the rows.
+        location: the site.
+        frame_rate: frames per second (Hz) of rows with a column ``frame``.
+        unit: what a row is in the files, for errors.
+    """
+
+    name: str
+    layout: str
+    files: Sequence[Path]
+    sha256: str
+    classes: ClassMap
+    location: str = ""
+    frame_rate: float | None = None
+    unit: str = "line"
+
+
+def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
+    """Return the recording of a table.
+
+    Args:
+        table: in any order, with the columns ``track`` (number or text), ``time_s`` (s) or
+            ``frame``, ``x``, ``y`` (m) and ``line`` (place in the file), and, where they are
+            known, ``vx``, ``vy``, ``ax``, ``ay``, ``yaw`` (rad), ``length``, ``width`` (m; at or
+            below zero is unknown), ``class`` (name or number) and ``file`` (number).
+        source: what else is known.
+
+    Raises:
+        RecordingError: no rows, or a track has two rows for one time.
+    """
+    if not len(table):
+        raise RecordingError(f"{source.files[0]} has no rows, expected at least one")
+    frame, frame_rate, start_ns = _times(table, source)
+    names, track = _tracks(table, source)
+    order = np.lexsort((track, frame))
+    again = (np.diff(frame[order]) == 0) & (np.diff(track[order]) == 0)
+    if again.any():
+        row = table.iloc[int(order[int(np.argmax(again)) + 1])]
+        path = source.files[int(row.get("file", 0))]
+        time = f"time {row['time_s']:.10g} s" if "time_s" in table else f"frame {row['frame']}"
+        raise RecordingError(
+            f"{path}, {source.unit} {row['line']}: track {row['track']} has a second row for "
+            f"{time}"
+        )
+    numbers, key = _identities(names)
+    yaw = table["yaw"].to_numpy(np.float64) if "yaw" in table else np.full(len(table), np.nan)
+    return Recording(
+        name=source.name,
+        layout=source.layout,
+        location=source.location,
+        frame_rate=frame_rate,
+        frame=frame[order],
+        track=track[order],
+        position=_pair(table, ("x", "y"))[order],
+        velocity=_pair(table, ("vx", "vy"))[order],
+        acceleration=_pair(table, ("ax", "ay"))[order],
+        yaw=wrap(yaw[order]),
+        track_id=numbers,
+        agent_class=_classes(table, track, source),
+        size=_sizes(_pair(table, ("length", "width")), track, len(names)),
+        sha256=source.sha256,
+        start_time_ns=start_ns,
+        track_key=key,
+    )
+
+
+def with_ego(recording: Recording, name: str) -> Recording:
+    """Return the recording with the track of this name as its ego, unchanged without one."""
+    (track,) = recording.find_tracks(keys_from_texts([name]))
+    if track < 0:
+        return recording
+    return dataclasses.replace(recording, ego_id=int(recording.track_id[track]))
+
+
+def velocity_from_speed(speed: Float64Array, yaw: Float64Array) -> Float64Array:
+    """Return [rows, 2] the velocity (m/s) of a speed along a heading (rad)."""
+    return np.stack([speed * np.cos(yaw), speed * np.sin(yaw)], axis=1)
+
+
+def _times(table: pd.DataFrame, source: TableSource) -> tuple[Int64Array, float, int]:
+    """Return [rows] frame numbers, their rate (Hz), and the stamp of frame 0 (ns)."""
+    if "time_s" in table:
+        time_s = table["time_s"].to_numpy(np.float64)
+        begin_s = float(time_s.min())
+        _check_span(table, source, time_s - begin_s)
+        if begin_s >= LAST_S:
+            raise RecordingError(
+                f"{source.files[0]}: the times begin at {begin_s:.6g} s, expected less than "
+                f"{LAST_S:.6g} s; is their unit another one?"
+            )
+        frame, rate = frames_of_times(time_s)
+        return frame, rate, round(begin_s * 1e9) if begin_s >= EPOCH_S else DEFAULT_START_NS
+    assert source.frame_rate is not None, "rows with frames need a frame rate"
+    frame = table["frame"].to_numpy(np.int64)
+    _check_span(table, source, (frame.astype(np.float64) - float(frame[0])) / source.frame_rate)
+    frame, rate = without_common_step(frame, source.frame_rate)
+    # Stamps must stay within the time that a message can carry.
+    begin = int(frame.min())
+    return frame - (begin if begin < 0 or begin / rate > LONGEST_S else 0), rate, DEFAULT_START_NS
+
+
+def _check_span(table: pd.DataFrame, source: TableSource, elapsed_s: Float64Array) -> None:
+    far = int(np.argmax(np.abs(elapsed_s)))
+    if abs(elapsed_s[far]) > LONGEST_S:
+        row = table.iloc[far]
+        raise RecordingError(
+            f"{source.files[int(row.get('file', 0))]}, {source.unit} {row['line']}: "
+            f"{abs(elapsed_s[far]):.3g} s from other rows, expected a recording of at most "
+            f"{LONGEST_S:.0e} s"
+        )
+
+
+def _tracks(table: pd.DataFrame, source: TableSource) -> tuple[list[str], Int64Array]:
+    """Return the names of the tracks, and [rows] the track of each row."""
+    column = table["track"]
+    if column.dtype.kind == "i":
+        numbers, track = np.unique(column.to_numpy(np.int64), return_inverse=True)
+        return [str(number) for number in numbers.tolist()], track.astype(np.int64)
+    codes, kept = pd.factorize(column.astype("string").fillna("").str.strip(), sort=True)
+    track, names = codes.astype(np.int64), [str(name) for name in kept]
+    if "" in names:
+        row = table.iloc[int(np.argmax(track == names.index("")))]
+        raise RecordingError(
+            f"{source.files[int(row.get('file', 0))]}, {source.unit} {row['line']}: "
+            "the road user has no name, expected a number or text"
+        )
+    whole = [_WHOLE.fullmatch(name) for name in names]
+    if all(whole):
+        # 10 comes after 9, and 3.0 is 3.
+        numbers, again = np.unique([int(name[1]) for name in whole if name], return_inverse=True)
+        return [str(number) for number in numbers.tolist()], again[track].astype(np.int64)
+    return names, track
+
+
+def _identities(names: Sequence[str]) -> tuple[Int64Array, KeyArray | None]:
+    """Return [tracks] numbers, and [tracks, 4] keys where the names are no numbers."""
+    if all(_WHOLE.fullmatch(name) for name in names):
+        return np.array([int(name) for name in names], dtype=np.int64), None
+    return np.arange(len(names), dtype=np.int64), keys_from_texts(names)
+
+
+def _pair(table: pd.DataFrame, names: Sequence[str]) -> Float64Array:
+    """Return [rows, 2] two columns, NaN where the table lacks one or a value of one is unknown."""
+    if not set(names) <= set(table.columns):
+        return np.full((len(table), 2), np.nan)
+    values = table[list(names)].to_numpy(np.float64)
+    return np.where(np.isfinite(values).all(axis=1)[:, None], values, np.nan)
+
+
+def _classes(table: pd.DataFrame, track: Int64Array, source: TableSource) -> ClassArray:
+    """Return [tracks] the last known class of each track."""
+    out = np.zeros(int(track.max()) + 1, dtype=np.uint8)
+    if "class" not in table:
+        return out
+    names = table["class"].astype("string").fillna("").tolist()
+    found = classes_of(names, source.classes, source.files[0])
+    known = found > 0
+    out[track[known]] = found[known]
+    return out
+
+
+def _sizes(size: Float64Array, track: Int64Array, count: int) -> Float64Array:
+    """Return [tracks, 2] the median size of each track (m), NaN where it is unknown."""
+    out = np.full((count, 2), np.nan)
+    known = (size > 0).all(axis=1)
+    if known.any():
+        rows = pd.DataFrame(size[known]).groupby(track[known]).median()
+        out[rows.index.to_numpy()] = rows.to_numpy(np.float64)
+    return out

@@ -1,0 +1,181 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of many recordings together, and their text."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mtpgo_training.data.manoeuvres import MANOEUVRES
+from mtpgo_training.data.summary.recording_defects import KINDS, Defect, DefectList
+from mtpgo_training.data.summary.recording_summary import HORIZON_S, RecordingSummary
+from mtpgo_training.table_format import Row, Table, to_text
+
+MOST_LINES = 5
+"""Places of each kind of defect in the text; chosen, the JSON has more."""
+
+MOST_RECORDINGS = 40
+"""Recordings in the text's table; chosen, the JSON has all."""
+
+
+@dataclass(frozen=True)
+class DataSummary:
+    """What is in many recordings.
+
+    Attributes:
+        recordings: what is in each.
+        unreadable: what cannot be read, in one sentence each.
+    """
+
+    recordings: Sequence[RecordingSummary]
+    unreadable: Sequence[Defect] = ()
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of all recordings (s)."""
+        return sum(r.duration_s for r in self.recordings)
+
+    @property
+    def classes(self) -> dict[str, int]:
+        """Road users by class, the most frequent first."""
+        total: Counter[str] = Counter()
+        for recording in self.recordings:
+            total.update(recording.classes)
+        return dict(total.most_common())
+
+    @property
+    def manoeuvres(self) -> dict[str, float]:
+        """Share of each manoeuvre among the road users observed over the whole horizon."""
+        total = sum(r.manoeuvre_count for r in self.recordings)
+        return {
+            name: sum(r.manoeuvres[name] * r.manoeuvre_count for r in self.recordings)
+            / max(1, total)
+            for name in MANOEUVRES
+        }
+
+    @property
+    def defects(self) -> list[DefectList]:
+        """The defects of all recordings by kind."""
+        lists = [item for recording in self.recordings for item in recording.defects]
+        if self.unreadable:
+            lists.append(DefectList("unreadable", len(self.unreadable), tuple(self.unreadable)))
+        out = []
+        for kind in KINDS:
+            of_kind = [item for item in lists if item.kind == kind]
+            if of_kind:
+                first = tuple(defect for item in of_kind for defect in item.first)
+                out.append(DefectList(kind, sum(item.count for item in of_kind), first))
+        return out
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as JSON can write it."""
+        return {
+            "recordings": [recording.to_json() for recording in self.recordings],
+            "unreadable": [defect.place for defect in self.unreadable],
+            "total": {
+                "recordings": len(self.recordings),
+                "duration_s": self.duration_s,
+                "rows": sum(r.rows for r in self.recordings),
+                "tracks": sum(r.tracks for r in self.recordings),
+                "classes": self.classes,
+                "manoeuvres": self.manoeuvres,
+                "manoeuvre_horizon_s": HORIZON_S,
+                "defects": {item.kind: item.count for item in self.defects},
+            },
+        }
+
+    def to_text(self) -> str:
+        """Return it as text for a terminal."""
+        parts = [self._head(), to_text(self._table())]
+        if len(self.recordings) > MOST_RECORDINGS:
+            parts[-1] += f"\n... and {len(self.recordings) - MOST_RECORDINGS} more"
+        parts += [to_text(self._speeds()), self._manoeuvre_text(), self._defect_text()]
+        return "\n\n".join(part for part in parts if part)
+
+    def _head(self) -> str:
+        many = len(self.recordings)
+        classes = ", ".join(f"{count} {name}" for name, count in self.classes.items())
+        sites = sorted({r.location for r in self.recordings if r.location})
+        rates = sorted({r.frame_rate for r in self.recordings})
+        rate = ", ".join(f"{rate:g}" for rate in rates[:6]) + (" ..." if len(rates) > 6 else "")
+        lines = [
+            f"{many} recording{'s' * (many != 1)}, {_duration(self.duration_s)}, at {rate} Hz"
+            + (f", {len(sites)} site{'s' * (len(sites) != 1)}" if sites else ""),
+            f"{sum(r.tracks for r in self.recordings)} road users: {classes}",
+        ]
+        return "\n".join(lines)
+
+    def _table(self) -> Table:
+        heads = ("recording", "duration", "Hz", "road users", "at a time", "most", "moving",
+                 "median m/s", "max m/s", "defects")  # fmt: skip
+        rows = [
+            Row(
+                r.name,
+                (
+                    _duration(r.duration_s),
+                    f"{r.frame_rate:g}",
+                    str(r.tracks),
+                    f"{r.agents_mean:.1f}",
+                    str(r.agents_most),
+                    f"{100 * r.speed['all']['moving']:.0f} %",
+                    _number(r.speed["all"].get("q50")),
+                    _number(r.speed["all"].get("max")),
+                    str(sum(item.count for item in r.defects)),
+                ),
+            )
+            for r in self.recordings[:MOST_RECORDINGS]
+        ]
+        return Table(heads, rows)
+
+    def _speeds(self) -> Table:
+        """Return the speeds of each class, over the recordings by their rows."""
+        rows = []
+        for name in self.classes:
+            entries = [r.speed[name] for r in self.recordings if name in r.speed]
+            weight = sum(e["rows"] for e in entries)
+            moving = [(e, e["rows"] * e["moving"]) for e in entries if "max" in e]
+            total = sum(w for _, w in moving)
+            share = total / weight if weight else 0.0
+            cells = [str(self.classes[name]), f"{100 * share:.0f} %"]
+            for key in ("q05", "q50", "q95"):
+                mean = sum(e[key] * w for e, w in moving) / total if total else None
+                cells.append(_number(mean))
+            cells.append(_number(max((e["max"] for e, _ in moving), default=None)))
+            rows.append(Row(name, cells))
+        return Table(
+            ("class", "road users", "moving", "5 % m/s", "median m/s", "95 % m/s", "max m/s"), rows
+        )
+
+    def _manoeuvre_text(self) -> str:
+        total = sum(r.manoeuvre_count for r in self.recordings)
+        if not total:
+            return f"No road user is observed for {HORIZON_S:g} s, so none has a manoeuvre."
+        shares = ", ".join(
+            f"{name.replace('_', ' ')} {100 * share:.1f} %"
+            for name, share in self.manoeuvres.items()
+        )
+        return f"Over the next {HORIZON_S:g} s ({total} instants of road users): {shares}"
+
+    def _defect_text(self) -> str:
+        if not self.defects:
+            return "No defects found."
+        lines = ["Defects:"]
+        for item in self.defects:
+            lines.append(f"  {item.count} x {item.kind} ({KINDS[item.kind]})")
+            lines += [f"    {defect}" for defect in item.first[:MOST_LINES]]
+            if item.count > MOST_LINES:
+                lines.append(f"    ... and {item.count - MOST_LINES} more")
+        return "\n".join(lines)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.1f} s"
+    return f"{seconds / 60:.1f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"

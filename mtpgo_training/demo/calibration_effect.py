@@ -1,0 +1,58 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What the online calibration changes on recordings, by the code that the node runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mtpgo_core.live_calibration.live_options import ONLINE, SHIPPED
+from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, TIMES_S
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.evaluation.evaluator import Settings, evaluate_all
+from mtpgo_training.table_format import Row, Table
+
+Json = dict[str, Any]
+
+_STRIDE_S = 0.4
+"""Time between two predictions (s): the least from which the calibration learns each time."""
+
+_SHOWN = {
+    "coverage_50": "in 50 %",
+    "coverage_90": "in 90 %",
+    **{MOVING_COVERAGE_KEY.format(t): f"moving, {t} s" for t in TIMES_S},
+    "anll": "NLL",
+}
+
+
+def calibration_effect(runner: ModelRunner, recordings: Sequence[Recording]) -> Json:
+    """Return scores with the shipped calibration and with the online one.
+
+    Args:
+        runner: the model.
+        recordings: each starts with the shipped calibration.
+
+    Returns:
+        By calibration, the shares of truths in the heaviest mode's ellipses and the NLL (nats).
+    """
+    found = {}
+    for calibration in (SHIPPED, ONLINE):
+        settings = Settings(stride_s=_STRIDE_S, centre=False, calibration=calibration)
+        named = [(recording.name, recording) for recording in recordings]
+        averages = evaluate_all({"model": runner}, named, settings).scores.averages()
+        found[calibration] = {key: averages["model"]["all"].get(key) for key in _SHOWN}
+    return found
+
+
+def calibration_table(effect: Json) -> Table:
+    """Return the table that the demo prints."""
+    rows = [
+        Row(
+            name,
+            ["-" if scores[key] is None else f"{scores[key]:.2f}" for key in _SHOWN],
+        )
+        for name, scores in effect.items()
+    ]
+    return Table(["calibration", *_SHOWN.values()], rows)

@@ -1,0 +1,125 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A picture of what is in recordings: where road users go, how many, how fast, what they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from mtpgo_core.schema import AgentClass, Float64Array
+from mtpgo_training.atomic_files import replacing
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.summary.data_summary import DataSummary
+from mtpgo_training.data.summary.track_steps import TrackSteps
+from mtpgo_training.reports.figure_style import STYLE
+
+CLASS_COLOURS = {
+    AgentClass.UNKNOWN: "#7d8790",
+    AgentClass.CAR: "#2a6fbb",
+    AgentClass.TRUCK: "#8a4fb0",
+    AgentClass.BUS: "#8a4fb0",
+    AgentClass.TRAILER: "#8a4fb0",
+    AgentClass.MOTORCYCLE: "#e07b16",
+    AgentClass.BICYCLE: "#1f8a5f",
+    AgentClass.PEDESTRIAN: "#b8326b",
+    AgentClass.ANIMAL: "#4b5a66",
+    AgentClass.VAN: "#2a6fbb",
+}
+"""Colour of the tracks of each class."""
+
+MOST_SEGMENTS = 40_000
+"""Segments of tracks in the map; chosen, so that the picture is drawn in seconds."""
+
+_SPEEDS_KEPT = 200_000
+
+
+@dataclass
+class PictureData:
+    """What the picture shows and a summary does not keep.
+
+    Attributes:
+        name: recording whose tracks are on the map, the first one.
+        segments: [n, 2, 2] parts of its tracks (m).
+        colours: [n] their colours.
+        speeds: of each recording, speeds of moving road users (m/s).
+    """
+
+    name: str = ""
+    segments: Float64Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
+    colours: list[str] = field(default_factory=list)
+    speeds: list[Float64Array] = field(default_factory=list)
+
+    def add(self, recording: Recording) -> None:
+        """Take what the picture needs from a recording."""
+        steps = TrackSteps.of(recording)
+        speed = steps.speed_mps[(steps.speed_mps > 0.5) & (steps.speed_mps < 100.0)]
+        if sum(map(len, self.speeds)) < _SPEEDS_KEPT:
+            self.speeds.append(speed[:: max(1, len(speed) // 20_000)])
+        if self.name:
+            return
+        self.name = recording.name
+        close = np.flatnonzero((steps.dt_s <= 1.0) & (steps.distance_m > 0.0))
+        close = close[:: max(1, -(-len(close) // MOST_SEGMENTS))]
+        ends = recording.position[np.stack([steps.before[close], steps.after[close]], axis=1)]
+        self.segments = ends
+        kinds = recording.agent_class[steps.track[close]]
+        self.colours = [CLASS_COLOURS[AgentClass(int(kind))] for kind in kinds]
+
+
+def draw_data(summary: DataSummary, data: PictureData, path: Path) -> None:
+    """Draw a PNG.
+
+    Args:
+        summary: of all recordings.
+        data: tracks and speeds.
+        path: the file.
+
+    Raises:
+        ConfigurationError: it cannot be written.
+    """
+    with rc_context(STYLE):
+        figure = Figure(figsize=(11.0, 7.5), layout="constrained")
+        panels = figure.subplot_mosaic([["map", "map", "time"], ["map", "map", "speed"],
+                                        ["class", "manoeuvre", "defect"]])  # fmt: skip
+        _map(panels["map"], data)
+        _time(panels["time"], summary)
+        panels["speed"].hist(np.concatenate([*data.speeds, np.zeros(0)]), bins=40, color="#2a6fbb")
+        panels["speed"].set(title="speed of moving road users", xlabel="m/s", ylabel="steps")
+        _bars(panels["class"], "road users by class", summary.classes)
+        shares = {n.replace("_", " "): 100 * v for n, v in summary.manoeuvres.items()}
+        _bars(panels["manoeuvre"], "over the next 5 s (%)", shares)
+        defects = {item.kind: item.count for item in summary.defects}
+        _bars(panels["defect"], "defects", defects)
+        with replacing(path) as temporary:
+            figure.savefig(temporary, format="png", dpi=110)
+
+
+def _map(axes: Any, data: PictureData) -> None:
+    axes.add_collection(
+        LineCollection(list(data.segments), colors=data.colours, linewidths=0.6, alpha=0.6)
+    )
+    axes.autoscale()
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(title=f"tracks of recording {data.name}", xlabel="x (m)", ylabel="y (m)")
+
+
+def _time(axes: Any, summary: DataSummary) -> None:
+    for recording in summary.recordings[:12]:
+        time, count = recording.agents_over_time.T
+        axes.plot(time, count, lw=1.2)
+    axes.set(title="road users at a time", xlabel="s", ylabel="road users")
+    axes.set_ylim(bottom=0.0)
+
+
+def _bars(axes: Any, title: str, values: dict[str, float] | dict[str, int]) -> None:
+    names: Sequence[str] = list(values)[::-1]
+    axes.barh(names, [values[name] for name in names], color="#2a6fbb")
+    axes.set(title=title)

@@ -1,0 +1,279 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Folders of bags: whole, without metadata, split, with a bad split."""
+
+import logging
+
+import pytest
+import yaml
+from backports import zstd
+from mcap.writer import Writer as McapLibraryWriter
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from msg_adapters.bags import stored_bag
+from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.bags.stored_bag import StoredBag, bag_files, is_unfinished_bag
+from mtpgo_core.errors import RecordingError
+
+STEP_NS = 100_000_000
+
+
+@pytest.fixture(autouse=True)
+def _say_everything_again(monkeypatch):
+    monkeypatch.setattr(stored_bag, "_told", set())
+
+
+def number(message):
+    return int(message[4:].rstrip(b"\0"))
+
+
+def data_of(count):
+    return b"\0\1\0\0" + str(count).encode()
+
+
+def write_split(path, files=3, each=20, storage=StoragePlugin.MCAP):
+    """A bag of several files with 2 s of 10 Hz each, as rosbag2 writes it."""
+    path.mkdir()
+    suffix = "db3" if storage is StoragePlugin.SQLITE3 else "mcap"
+    about = None
+    for split in range(files):
+        part = path / "part"
+        with Writer(part, version=9, storage_plugin=storage) as writer:
+            topic = writer.add_connection(
+                "/x", "std_msgs/msg/String", typestore=bag_typestore(), offered_qos_profiles=[]
+            )
+            for count in range(split * each, (split + 1) * each):
+                writer.write(topic, count * STEP_NS, data_of(count))
+        name = f"{path.name}_{split}.{suffix}"
+        next(p for p in part.iterdir() if p.suffix == f".{suffix}").rename(path / name)
+        one = yaml.safe_load((part / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        one["relative_file_paths"], one["files"][0]["path"] = [name], name
+        if about is None:
+            about = one
+        else:
+            for key in ("relative_file_paths", "files"):
+                about[key] += one[key]
+            about["message_count"] += one["message_count"]
+        (part / "metadata.yaml").unlink()
+        part.rmdir()
+    write_metadata(path, about)
+    return about
+
+
+def write_metadata(path, about):
+    text = yaml.safe_dump({"rosbag2_bagfile_information": about})
+    (path / "metadata.yaml").write_text(text)
+
+
+def read(path):
+    with StoredBag(path) as bag:
+        numbers = [number(data) for _, _, data in bag.messages()]
+        return numbers, [loss.sentence() for loss in bag.losses()]
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_a_split_bag_is_read_with_and_without_metadata(tmp_path, storage, caplog):
+    path = tmp_path / "bag"
+    write_split(path, files=11, each=3, storage=storage)
+    assert read(path) == (list(range(33)), [])
+    assert not caplog.records
+    (path / "metadata.yaml").unlink()
+    assert is_unfinished_bag(path)
+    assert [file.stem for file in bag_files(path)][-2:] == ["bag_9", "bag_10"]
+    assert read(path) == (list(range(33)), [])
+    (record,) = caplog.records
+    assert record.levelno == logging.WARNING
+    assert f"{path} has no metadata.yaml" in record.getMessage()
+    with StoredBag(path) as bag:
+        (connection,) = bag.connections
+        assert (connection.msgcount, connection.topic) == (33, "/x")
+        assert (bag.start_time, bag.end_time) == (0, 32 * STEP_NS + 1)
+        part = [number(data) for _, _, data in bag.messages([connection], 300_000_000, 10**9)]
+    assert part == list(range(3, 10))
+
+
+@pytest.mark.parametrize("metadata", [True, False])
+@pytest.mark.parametrize("content", [b"", bytes(5000), b"\x89MCAP0\r\n\1", b"text"])
+def test_a_bad_split_is_left_out_and_its_loss_stated(tmp_path, content, metadata, caplog):
+    path = tmp_path / "bag"
+    write_split(path)
+    if not metadata:
+        (path / "metadata.yaml").unlink()
+    (path / "bag_1.mcap").write_bytes(content)
+    numbers, (sentence,) = read(path)
+    assert numbers == [*range(20), *range(40, 60)]
+    assert sentence.startswith(f"{path}/bag_1.mcap cannot be read (")
+    if metadata:
+        assert sentence.endswith("nothing of it is read, 20 messages (1.9 s) lost")
+    else:
+        assert "up to 2.1 s lost, of how many messages is not known" in sentence
+    assert [r.getMessage() for r in caplog.records].count(sentence) == 1
+
+
+def test_a_missing_split_is_a_loss(tmp_path):
+    path = tmp_path / "bag"
+    write_split(path)
+    (path / "bag_2.mcap").unlink()
+    numbers, (sentence,) = read(path)
+    assert numbers == list(range(40))
+    assert "bag_2.mcap cannot be read (No such file or directory)" in sentence
+    assert "20 messages (1.9 s) lost" in sentence
+
+
+def test_files_that_the_metadata_do_not_name_yet_are_read_as_well(tmp_path, caplog):
+    path = tmp_path / "bag"
+    about = write_split(path)
+    named = {key: about[key][:1] for key in ("relative_file_paths", "files")}
+    write_metadata(path, {**about, **named, "message_count": 20})
+    (path / "other.mcap").write_bytes(b"")
+    assert read(path) == (list(range(60)), [])
+    assert "metadata.yaml does not name bag_1.mcap, bag_2.mcap: read as well" in caplog.text
+
+
+def test_a_cut_split_is_read_in_part_and_the_metadata_tell_the_loss(tmp_path):
+    path = tmp_path / "bag"
+    write_split(path, each=200)
+    file = path / "bag_1.mcap"
+    file.write_bytes(file.read_bytes()[:5000])
+    numbers, (sentence,) = read(path)
+    inside = [n for n in numbers if 200 <= n < 400]
+    assert numbers == [*range(200), *inside, *range(400, 600)]
+    assert 50 < len(inside) < 150
+    lost = 200 - len(inside)
+    assert f"{len(inside)} messages ({0.1 * (len(inside) - 1):.1f} s) read" in sentence
+    assert f"{lost} messages ({0.1 * lost:.1f} s) lost" in sentence
+    assert "about" not in sentence
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"storage_identifier": ""},
+        {"storage_identifier": "sqlite3"},
+        {"ros_distro": ""},
+        {"version": 5},
+        {"version": 12},
+        {"topics_with_message_count": None},
+        {"files": None},
+        {"files": 5, "topics_with_message_count": "none"},
+        {"message_count": 10**400, "duration": {"nanoseconds": -1}},
+        {"message_count": None, "duration": None, "starting_time": None},
+        {"compression_mode": "none", "compression_format": ""},
+        {"relative_file_paths": ["bag/bag_0.mcap"]},
+    ],
+    ids=str,
+)
+def test_only_the_files_themselves_tell_what_they_are(tmp_path, change, caplog):
+    path = tmp_path / "bag"
+    about = write_split(path, files=1)
+    write_metadata(path, {**about, **change})
+    assert read(path) == (list(range(20)), [])
+    assert not caplog.records
+
+
+_BUT_A_TEXT = "rosbag2_bagfile_information: {relative_file_paths: bag_0.mcap}"
+
+
+@pytest.mark.parametrize("text", ["", "rosbag2_bagfile_information: [", "a: 1", "\0", _BUT_A_TEXT])
+def test_metadata_that_cannot_be_read_are_done_without(tmp_path, text, caplog):
+    path = tmp_path / "bag"
+    write_split(path)
+    (path / "metadata.yaml").write_text(text)
+    assert read(path) == (list(range(60)), [])
+    assert "metadata.yaml that cannot be read" in caplog.text
+
+
+@pytest.mark.parametrize("listed", [True, False])
+def test_compressed_files_are_read_also_where_they_are_cut(tmp_path, listed):
+    path = tmp_path / "bag"
+    about = write_split(path, files=2, each=200)
+    for name in about["relative_file_paths"]:
+        file = path / name
+        packed = zstd.compress(file.read_bytes())
+        file.with_name(name + ".zstd").write_bytes(packed)
+        file.unlink()
+    assert read(path) == (list(range(400)), [])
+    if not listed:
+        (path / "metadata.yaml").unlink()
+        assert read(path) == (list(range(400)), [])
+    file = path / "bag_1.mcap.zstd"
+    packed = file.read_bytes()
+    for damaged in (packed[:-50], packed[:-200] + bytes(200)):
+        file.write_bytes(damaged)
+        numbers, losses = read(path)
+        assert numbers[:200] == list(range(200))
+        assert numbers == list(range(len(numbers)))
+        assert len(losses) == 1
+
+
+def test_compressed_messages_are_read_without_metadata(tmp_path):
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as stream:
+        writer = McapLibraryWriter(stream)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/x", "cdr", schema)
+        for count in range(5):
+            writer.add_message(channel, count, zstd.compress(data_of(count)), count)
+        writer.finish()
+    assert read(path) == (list(range(5)), [])
+
+
+def test_splits_that_overlap_are_read_in_time(tmp_path):
+    path = tmp_path / "bag"
+    write_split(path, files=2, each=5)
+    (path / "metadata.yaml").unlink()
+    first, second = bag_files(path)
+    first.rename(path / "other")
+    second.rename(first)
+    (path / "other").rename(second)
+    assert read(path)[0] == list(range(10))
+
+
+def test_topics_with_several_channels_have_one_connection(tmp_path):
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as stream:
+        writer = McapLibraryWriter(stream)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        odd = writer.register_schema("pkg.Odd", "jsonschema", b"{}")
+        channels = [
+            writer.register_channel("/x", "cdr", schema, {"offered_qos_profiles": profile})
+            for profile in ("", "- depth: not a profile")
+        ]
+        writer.register_channel("/json", "json", odd)
+        for count in range(6):
+            writer.add_message(channels[count % 2], count, data_of(count), count)
+        writer.finish()
+    with StoredBag(path) as bag:
+        about = [(c.topic, c.msgtype, c.ext.serialization_format) for c in bag.connections]
+        assert about == [("/x", "std_msgs/msg/String", "cdr"), ("/json", "pkg.Odd", "json")]
+        assert bag.connections[0].msgcount == 6
+        found = [number(data) for _, _, data in bag.messages(bag.connections[:1])]
+    assert found == list(range(6))
+
+
+def test_folders_that_are_no_bag_are_refused_with_a_sentence(tmp_path):
+    with pytest.raises(RecordingError, match="no file of a bag"):
+        StoredBag(tmp_path)
+    for name in ("one.mcap", "two.mcap"):
+        (tmp_path / name).write_bytes(b"")
+    assert not is_unfinished_bag(tmp_path)
+    with pytest.raises(RecordingError, match="holds the bags one, two, expected one of them"):
+        StoredBag(tmp_path)
+    folder = tmp_path / "bag"
+    write_split(folder)
+    for file in bag_files(folder):
+        file.write_bytes(b"")
+    with pytest.raises(
+        RecordingError, match=r"bag_0.mcap cannot be read as a bag .*: it is empty"
+    ):
+        StoredBag(folder)
+
+
+def test_a_killed_recorders_default_name_makes_a_bag(tmp_path):
+    write_split(tmp_path / "rosbag2_2026_01_01-10_00_00", files=1)
+    moved = (tmp_path / "rosbag2_2026_01_01-10_00_00").rename(tmp_path / "morning")
+    (moved / "metadata.yaml").unlink()
+    assert is_unfinished_bag(moved)
+    assert read(moved)[0] == list(range(20))

@@ -1,0 +1,94 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Factors on standard deviations follow the share of misses, and no single road user."""
+
+import numpy as np
+import pytest
+from live_stream import ErrorStream
+
+from mtpgo_core.live_calibration.live_options import LiveOptions
+from mtpgo_core.live_calibration.sigma_tracker import POOLS, SIGMA_LIMITS
+
+
+def test_right_covariances_keep_their_factors():
+    stream = ErrorStream()
+    assert (stream.sigma() == 1.0).all()
+    stream.run(120)
+    assert stream.sigma() == pytest.approx(1.0, abs=0.2)
+    np.testing.assert_allclose(stream.coverage(60), [0.5, 0.9], atol=0.04)
+
+
+@pytest.mark.parametrize("scale", [0.4, 3.0])
+@pytest.mark.parametrize("heavy", [False, True])
+def test_both_ellipses_hold_what_they_should_after_a_minute(scale, heavy):
+    stream = ErrorStream()
+    stream.run(60, scale=scale, heavy=heavy)
+    stream.run(120, scale=scale, heavy=heavy)
+    half, most = stream.coverage(120)
+    assert 0.44 < half < 0.56
+    assert 0.87 < most < 0.93
+    if heavy:  # a Gaussian with the right 90 % ellipse would hold more than half in the inner one
+        assert (stream.sigma(level=0) < 0.85 * stream.sigma(level=1)).all()
+
+
+@pytest.mark.parametrize("agents", [10, 30])
+def test_doubled_noise_is_followed_within_a_minute(agents):
+    stream = ErrorStream(agents, seed=1)
+    stream.run(120)
+    stream.run(60, scale=2.0)
+    assert stream.sigma() == pytest.approx(2.0, rel=0.2)
+    stream.run(60, scale=2.0)
+    assert 0.86 < stream.coverage(60)[1] < 0.94
+
+
+@pytest.mark.parametrize("heavy", [False, True])
+def test_one_erratic_road_user_of_thirty_moves_no_factor_by_a_tenth(heavy):
+    calm, disturbed = ErrorStream(), ErrorStream()
+    for erratic, stream in (((), calm), ((7,), disturbed)):
+        stream.run(160, heavy=heavy, erratic=erratic)
+    apart = np.abs(np.array(disturbed.log) - np.array(calm.log))
+    assert 0.0 < apart.max() < np.log(1.1)
+
+
+def test_factors_stay_within_their_limits():
+    stream = ErrorStream()
+    stream.run(60, scale=100.0)
+    assert stream.sigma() == pytest.approx(SIGMA_LIMITS[1])
+    stream = ErrorStream()
+    stream.run(90, scale=1e-3)
+    assert stream.sigma() == pytest.approx(SIGMA_LIMITS[0])
+
+
+def test_groups_with_few_road_users_move_along_with_all():
+    stream = ErrorStream()
+    stream.run(60, scale=2.0)
+    pedestrians = 5
+    assert stream.sigma(group=pedestrians) == pytest.approx(
+        stream.sigma(group=POOLS + 1), rel=0.05
+    )
+    standing = 0  # another motion is another kind of error
+    assert (stream.sigma(group=standing) == 1.0).all()
+
+
+def test_unknown_class_is_the_pool():
+    stream = ErrorStream(group=POOLS + 1)
+    stream.run(60, scale=2.0)
+    assert stream.sigma(group=POOLS + 1) == pytest.approx(2.0, rel=0.2)
+
+
+def test_what_nobody_confirms_is_forgotten():
+    stream = ErrorStream(options=LiveOptions(memory_s=100.0))
+    stream.run(60, scale=2.0)
+    learned = stream.sigma()
+    stream.tracker.pass_time(11.0)
+    for _ in range(100):
+        stream.tracker.pass_time(5.0)
+    assert (learned > 1.5).all()
+    assert stream.sigma() == pytest.approx(1.0, abs=0.05)
+
+
+def test_constant_velocity_learns_where_the_model_did_not_predict():
+    stream = ErrorStream()
+    stream.run(60, scale=2.0, predicted=False)
+    assert (stream.sigma(source=0) == 1.0).all()
+    assert stream.sigma(source=1) == pytest.approx(2.0, rel=0.2)

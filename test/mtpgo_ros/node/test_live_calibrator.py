@@ -1,0 +1,88 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The node calibrates itself while it runs, over DDS."""
+
+import json
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from ros_helpers import traffic
+
+from mtpgo_core.schema import CalibrationStage, Source
+
+OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+AGENTS, SHIPPED_VARIANCE = 12, 0.1 + 1.0  # of the tiny model after 1 s (m^2)
+
+
+def drive(bench, seconds, start_s=0.0):
+    """Let cars drive at constant velocity, which the tiny model predicts exactly."""
+    last = None
+    for step in range(round(seconds / 0.2)):
+        last = bench.predict(traffic(start_s + 0.2 * step, agents=AGENTS))
+    return last
+
+
+def test_online_factors_are_served_shown_and_survive_a_restart(bench, tmp_path):
+    path = tmp_path / "calibration.json"
+    first = bench(calibration_file=str(path))
+    fresh = first.predict(traffic(0.0, agents=AGENTS))
+    assert fresh.covariance[:, 0, 4, 0, 0] == pytest.approx(SHIPPED_VARIANCE, rel=1e-5)
+    assert (fresh.calibration == CalibrationStage.ONLINE).all()
+    last = drive(first, 14.0, start_s=0.2)
+    served = last.covariance[:, 0, 4, 0, 0]
+    assert (served < 0.7 * SHIPPED_VARIANCE).all()
+    assert (last.sigma_factor_50[:, 4] < 0.95).all()
+    assert last.weight[0] == pytest.approx([0.5, 0.3, 0.2], abs=1e-6)
+    assert (np.diff(last.covariance[..., 0, 0], axis=2) > -1e-6).all()
+    factor = np.exp(first.node._model.calibrator.live.tracker.log_sigma[0, 1, 1, 4])
+    assert factor**2 * SHIPPED_VARIANCE == pytest.approx(served[0], rel=0.1)
+    expected = {"calibration": "online", "restored": "false", "agents_vehicle_moving": "12.0"}
+    values = first.status("calibration", OK, **expected)
+    # The status may be of some observations before.
+    assert float(values["model_sigma_90_vehicle_moving"].split()[0]) < 0.9
+    first.node.trigger_deactivate()
+    assert json.loads(path.read_text())["weights_sha256"] == "0" * 64
+
+    again = bench(calibration_file=str(path))
+    restored = again.predict(traffic(0.0, agents=AGENTS))
+    assert restored.covariance[:, 0, 4, 0, 0] == pytest.approx(served, rel=0.1)
+    again.status("calibration", OK, restored="true")
+
+    path.write_text(path.read_text()[:1000])
+    damaged = bench(calibration_file=str(path))
+    after = damaged.predict(traffic(0.0, agents=AGENTS))
+    assert after.covariance[:, 0, 4, 0, 0] == pytest.approx(SHIPPED_VARIANCE, rel=1e-5)
+    damaged.status("calibration", WARN, "is damaged", restored="false")
+
+
+@pytest.mark.parametrize("calibration", ["shipped", "off"])
+def test_without_online_nothing_is_corrected(bench, calibration):
+    b = bench(calibration=calibration)
+    last = drive(b, 8.0)
+    assert last.covariance[:, 0, 4, 0, 0] == pytest.approx(SHIPPED_VARIANCE, rel=1e-5)
+    assert (last.sigma_factor_50 == 1.0).all()
+    assert (last.calibration == CalibrationStage.NONE).all()  # the tiny model's file has none
+    b.status("calibration", OK, calibration, calibration=calibration)
+
+
+def test_constant_velocity_serves_where_the_model_has_been_worse(bench):
+    b = bench("wrong", prefer="best", prefer_time=4.0, prefer_agents=5)
+    first = b.predict(traffic(0.0, agents=AGENTS))
+    assert (first.source == Source.MODEL).all()
+    last = drive(b, 8.0, start_s=0.2)
+    assert (last.source == Source.PREFERRED_CONSTANT_VELOCITY).all()
+    assert last.mean[:, 0, 4, 1] == pytest.approx(0.0, abs=1e-3)
+    assert last.weight[0] == pytest.approx([1.0, 0.0, 0.0])
+    assert (last.calibration == CalibrationStage.ONLINE).all()
+    values = b.status("calibration", WARN, "constant velocity has been better than the model")
+    assert values["served_by_vehicle_moving"] == "constant velocity"
+    model_m, constant_m = map(float, values["error_m_model_and_cv_vehicle_moving"].split())
+    assert model_m > 1.0 > constant_m
+    b.status("model", OK, fallback_agents="0")  # it works, it is only worse
+
+
+def test_an_unwritable_file_is_reported_and_the_node_goes_on(bench, tmp_path):
+    b = bench(calibration_file=str(tmp_path / "missing" / "calibration.json"))
+    b.status("calibration", WARN, "cannot be read")
+    assert len(b.predict(traffic(0.0, agents=AGENTS))) == AGENTS

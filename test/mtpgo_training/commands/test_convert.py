@@ -1,0 +1,53 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``mtpgo convert``: damaged bags become whole ones."""
+
+import pytest
+from rosbags.highlevel import AnyReader
+
+from msg_adapters.bags.mcap_writer import McapWriter
+from mtpgo_training import cli
+
+LENGTH = 300
+TEXT = b"\0\1\0\0" + (LENGTH + 1).to_bytes(4, "little") + LENGTH * b"x" + b"\0"
+
+
+@pytest.fixture
+def cut(tmp_path):
+    path = tmp_path / "cut.mcap"
+    with McapWriter(path) as bag:
+        bag.add_topic("/x", "std_msgs/msg/String")
+        for number in range(100):
+            bag.write_bytes("/x", number * 10**8, TEXT)
+    path.write_bytes(path.read_bytes()[:10_000])
+    return path
+
+
+def test_a_bag_is_copied_as_it_is_and_the_loss_stated(cut, tmp_path, capsys, caplog):
+    assert cli.main(["convert", "bag", str(cut), "--raw", "-o", str(tmp_path / "whole")]) == 0
+    with AnyReader([tmp_path / "whole"]) as reader:
+        count = reader.message_count
+        assert 10 < count < 100
+        texts = [reader.deserialize(data, c.msgtype).data for c, _, data in reader.messages()]
+    assert texts == count * [LENGTH * "x"]
+    assert capsys.readouterr().out == (
+        f"{tmp_path / 'whole'}: 1 topic(s), {(count - 1) / 10:.1f} s, {count} messages\n"
+    )
+    (sentence,) = [r.getMessage() for r in caplog.records]
+    assert f"about {100 - count} messages ({(100 - count) / 10:.1f} s) lost" in sentence
+
+
+@pytest.mark.parametrize(
+    ("layout", "more", "words"),
+    [
+        ("ind", [], "--raw is given with the layout 'ind', expected 'bag'"),
+        ("bag", ["--join"], "--join is given with --raw"),
+        ("bag", ["--topic", "/x"], "--topic is given with --raw"),
+        ("bag", ["--ego", "3"], "--ego is given with --raw"),
+    ],
+)
+def test_what_does_not_go_together_is_named(cut, tmp_path, capsys, layout, more, words):
+    out = str(tmp_path / "whole")
+    assert cli.main(["convert", layout, str(cut), "--raw", "-o", out, *more]) == 2
+    assert words in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["cut.mcap"]

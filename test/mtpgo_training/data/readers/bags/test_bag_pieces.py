@@ -1,0 +1,227 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A bag is read by the node's rules: what is dropped, what begins a recording, what is counted."""
+
+import dataclasses
+from collections import Counter
+
+import numpy as np
+import pytest
+from odd_bags import EPOCH_NS, OddBag, bytes_of, states_at, write_stream
+
+from msg_adapters.bags.bag_types import bag_typestore
+from mtpgo_core.errors import RecordingError
+from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.task.task_description import HistoryConfig
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.bags.bag_options import BagOptions
+from mtpgo_training.data.readers.reading_options import ReadingOptions
+
+LOG = ReadingOptions(bags=BagOptions(stamps="log"))
+
+COMPARED = (
+    "late",
+    "duplicates",
+    "duplicate_keys",
+    "non_finite",
+    "too_fast",
+    "clock_reset",
+    "frame_changed",
+    "wrong_frame",
+)
+
+
+def steady(seconds, rate=10.0, start=0.0, **changes):
+    return [(start + i / rate, states_at(start + i / rate, **changes))
+            for i in range(round(seconds * rate))]  # fmt: skip
+
+
+def total(recordings):
+    counts = Counter()
+    for recording in recordings:
+        counts.update(recording.counts)
+    return counts
+
+
+def read(path, messages, options=None):
+    path = write_stream(path / "bag.mcap", messages)
+    return load_recordings(path, "bag", None, options or ReadingOptions())
+
+
+def test_a_late_message_is_dropped_and_cuts_nothing(tmp_path, caplog):
+    messages = steady(60.0)
+    for place in range(40, 600, 41):
+        messages.insert(place, (messages[place][0], states_at(messages[place - 1][0] - 0.04)))
+    (recording,) = read(tmp_path, messages)
+    assert (len(recording), recording.frame_rate) == (3 * 600, 10.0)
+    assert recording.duration_s == pytest.approx(59.9)
+    assert recording.counts == {"late": 3 * 14}
+    assert "42 objects older than what is known" in caplog.text
+
+
+def test_swapped_messages_lose_the_later_one_only(tmp_path):
+    messages = steady(10.0)
+    (first_s, first), (second_s, second) = messages[50:52]
+    messages[50:52] = [(first_s, second), (second_s, first)]
+    (recording,) = read(tmp_path, messages)
+    assert recording.counts == {"late": 3}
+    assert recording.frame_rate == 10.0
+    assert set(recording.frames) == set(range(100)) - {50}
+
+
+def test_a_late_message_of_other_road_users_is_used(tmp_path):
+    # Two sensors with road users of their own; the second one is always 40 ms behind.
+    messages = []
+    for log_s, states in steady(10.0):
+        messages.append((log_s, states))
+        messages.append((log_s, states_at(log_s - 0.04, ids=(7, 8))))
+    (recording,) = read(tmp_path, messages)
+    assert recording.counts == {}
+    assert len(recording) == 5 * 100
+    assert (np.diff(recording.frame) >= 0).all()
+
+
+def test_a_jump_of_the_clock_begins_a_recording(tmp_path):
+    messages = steady(10.0) + [(10.0 + log_s, states) for log_s, states in steady(10.0)]
+    first, second = read(tmp_path, messages)
+    assert (len(first), len(second)) == (300, 300)
+    assert total([first, second]) == {"clock_reset": 1}
+
+
+def test_a_single_message_in_another_frame_is_dropped_and_three_are_a_change(tmp_path):
+    messages = steady(10.0)
+    messages[30] = (3.0, states_at(3.0, frame="odom"))
+    (one,) = read(tmp_path, messages)
+    assert (len(one), one.counts) == (297, {"frame_changed": 1, "wrong_frame": 3})
+    changed = steady(10.0) + steady(10.0, start=10.0, frame="odom")
+    first, second = read(tmp_path, changed)
+    assert (len(first), len(second)) == (300, 300 - 2 * 3)
+    assert total([first, second]) == {"frame_changed": 3, "wrong_frame": 6}
+
+
+def test_a_single_stamp_from_the_future_is_dropped(tmp_path):
+    messages = steady(10.0)
+    messages[40] = (4.0, states_at(5000.0))
+    (recording,) = read(tmp_path, messages)
+    assert (len(recording), recording.counts) == (297, {"future_stamp": 1})
+
+
+def test_log_times_of_another_clock_or_rate_change_nothing(tmp_path):
+    drifting = [(-1e6 + 0.9 * log_s, states) for log_s, states in steady(60.0)]
+    (recording,) = read(tmp_path, drifting)
+    assert (len(recording), recording.counts) == (1800, {})
+
+
+def unstamped(states):
+    return dataclasses.replace(states, stamp_ns=0)
+
+
+@pytest.mark.parametrize("kind", ["pointcloud2", "autoware", "vision", "derived", "ika"])
+def test_messages_without_a_stamp_need_log_times(tmp_path, kind):
+    messages = [(log_s, unstamped(states)) for log_s, states in steady(2.0)]
+    path = write_stream(tmp_path / "bag.mcap", messages, kind)
+    expected = r"none of its 20 messages has a stamp, .*--stamps log takes"
+    with pytest.raises(RecordingError, match=expected):
+        load_recordings(path, "bag")
+    (recording,) = load_recordings(path, "bag", None, LOG)
+    assert (len(recording), recording.frame_rate) == (60, 10.0)
+    assert recording.start_time_ns == EPOCH_NS
+
+
+def test_single_messages_without_a_stamp_are_counted_or_filled_in(tmp_path):
+    messages = steady(10.0)
+    for place in (20, 21, 70):
+        messages[place] = (messages[place][0], unstamped(messages[place][1]))
+    (recording,) = read(tmp_path, messages)
+    assert (len(recording), recording.counts) == (291, {"unstamped": 3})
+    (filled,) = read(tmp_path, messages, LOG)
+    assert (len(filled), filled.counts) == (300, {})
+
+
+def test_messages_that_cannot_be_read_are_counted(tmp_path):
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        channel = bag.objects(kind="markers")
+        for log_s, states in steady(2.0):
+            bag.add(channel, bytes_of(states, "markers"), log_s)
+            if log_s == 1.0:
+                other = states_at(log_s, ids=(8, 9), frame="odom")
+                bag.add(channel, two_frames(states, other), log_s)
+    (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
+    assert (len(recording), recording.counts) == (60, {"malformed": 1})
+
+
+def two_frames(one, other):
+    """One array with the markers of two, which no adapter reads."""
+    store, name = bag_typestore(), "visualization_msgs/msg/MarkerArray"
+    first, second = (store.deserialize_cdr(bytes_of(s, "markers"), name) for s in (one, other))
+    first.markers += second.markers
+    return bytes(store.serialize_cdr(first, name))
+
+
+def test_two_channels_of_one_topic_are_read_as_one(tmp_path):
+    for number, pick in enumerate((lambda i: i < 50, lambda i: i % 2)):
+        with OddBag(tmp_path / f"{number}.mcap") as bag:
+            one, two = bag.objects(), bag.objects(metadata={"offered_qos_profiles": "- depth: 3"})
+            for i, (log_s, states) in enumerate(steady(10.0)):
+                bag.add(one if pick(i) else two, bytes_of(states), log_s)
+    for recording in load_recordings(tmp_path, "bag"):
+        assert (len(recording), recording.counts) == (300, {})
+
+
+def test_messages_of_another_type_on_the_topic_are_named(tmp_path, caplog):
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        many, few = bag.objects(), bag.objects(kind="autoware")
+        for i, (log_s, states) in enumerate(steady(10.0)):
+            kind = "autoware" if i % 10 == 0 else "pointcloud2"
+            bag.add(few if i % 10 == 0 else many, bytes_of(states, kind), log_s)
+    options = ReadingOptions(bags=BagOptions(topic="/objects"))
+    (recording,) = load_recordings(tmp_path / "bag.mcap", "bag", None, options)
+    assert len(recording) == 270
+    assert "10 of autoware_perception_msgs/msg/TrackedObjects" in caplog.text
+
+
+def test_a_moving_frame_gets_the_nodes_warning(tmp_path, caplog):
+    (recording,) = read(tmp_path, steady(2.0, frame="base_link"))
+    assert len(recording) == 60
+    assert "objects come in frame 'base_link', which usually moves with the vehicle" in caplog.text
+    caplog.clear()
+    read(tmp_path, steady(2.0))
+    assert not caplog.records
+
+
+def odd_stream(seed):
+    """A stream with everything that a tracker may do wrong."""
+    draw = np.random.default_rng(seed)
+    messages, time_s, frame = [], 0.0, "map"
+    for number in range(200):
+        time_s += draw.choice([0.1, 0.1, 0.1, 0.0, 0.3])
+        stamp_s = time_s
+        if draw.random() < 0.08:
+            stamp_s -= draw.choice([0.04, 0.2, 0.6, 1.5])
+        if draw.random() < 0.01:
+            time_s = stamp_s = max(0.0, time_s - 20.0)
+        name = "odom" if draw.random() < 0.03 else frame
+        if draw.random() < 0.005:
+            frame = name = "odom" if frame == "map" else "map"
+        ids = draw.choice(9, size=draw.integers(0, 7), replace=draw.random() < 0.1) + 1
+        states = states_at(stamp_s, ids=[int(i) for i in ids], frame=name)
+        for row in range(len(states)):
+            if draw.random() < 0.02:
+                states.position[row] = np.nan
+            elif draw.random() < 0.02:
+                states.velocity[row] = (150.0, 0.0)
+        messages.append((0.1 * number, states))
+    return messages
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_counters_are_those_of_the_nodes_history(tmp_path, seed):
+    messages = odd_stream(seed)
+    history, online = TrackHistory(HistoryConfig()), Counter()
+    for _, states in messages:
+        report = history.update(states)
+        online.update({name: int(getattr(report, name)) for name in COMPARED})
+    offline = total(read(tmp_path, messages))
+    assert all(online[name] for name in ("late", "duplicates", "non_finite", "too_fast"))
+    found = {name: offline[name] for name in COMPARED}
+    assert found == {name: online[name] for name in COMPARED}

@@ -1,0 +1,89 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Objects of a vehicle's frame in the fixed frame of the bag's odometry, worked out by hand."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from fleet import EPOCH_NS, odometry_message
+
+from msg_adapters.bags.bag_reader import DecodingBagReader
+from msg_adapters.bags.mcap_writer import McapWriter
+from mtpgo_core.errors import FrameError
+from mtpgo_core.frames import Pose2
+from mtpgo_core.identity import keys_from_integers
+from mtpgo_core.schema import tracked_states
+from mtpgo_training.data.readers.bags.bag_poses import BagPoses
+
+S_NS = 10**9
+
+
+def poses_of(path, *topics):
+    """Read the poses from topics, each a list of (time in s, pose, changes of the message)."""
+    with McapWriter(path) as bag:
+        for number, messages in enumerate(topics):
+            bag.add_topic(f"/odometry_{number}", "nav_msgs/msg/Odometry")
+            for time_s, pose, changes in messages:
+                stamp_ns = EPOCH_NS + round(time_s * S_NS)
+                message = dataclasses.replace(odometry_message(stamp_ns, pose), **changes)
+                bag.write(f"/odometry_{number}", stamp_ns, message)
+    return BagPoses(DecodingBagReader(path))
+
+
+def seen(time_s, frame="base_link"):
+    """One object 2 m ahead and 1 m to the left, which moves ahead at 3 m/s."""
+    return tracked_states(
+        EPOCH_NS + round(time_s * S_NS),
+        frame,
+        keys_from_integers([7]),
+        np.array([[2.0, 1.0]]),
+        velocity=np.array([[3.0, 0.0]]),
+        yaw=np.array([0.0]),
+    )
+
+
+def test_objects_are_turned_and_moved_by_the_pose(tmp_path):
+    north = Pose2(x=10.0, y=5.0, yaw=math.pi / 2)
+    poses = poses_of(tmp_path / "a.mcap", [(0.0, north, {}), (1.0, north, {})])
+    lifted = poses.lift(seen(1.0))
+    assert lifted.frame_id == "odom"
+    np.testing.assert_allclose(lifted.position, [[9.0, 7.0]])  # ahead is +y, left is -x
+    np.testing.assert_allclose(lifted.velocity, [[0.0, 3.0]], atol=1e-12)
+    np.testing.assert_allclose(lifted.yaw, [math.pi / 2])
+
+
+def test_between_two_poses_the_pose_is_interpolated(tmp_path):
+    start, end = Pose2(x=0.0, y=0.0, yaw=0.0), Pose2(x=8.0, y=-4.0, yaw=0.0)
+    poses = poses_of(tmp_path / "a.mcap", [(0.0, start, {}), (2.0, end, {})])
+    np.testing.assert_allclose(poses.lift(seen(0.5)).position, [[4.0, 0.0]])
+
+
+def test_states_of_a_frame_without_odometry_are_unchanged(tmp_path):
+    poses = poses_of(tmp_path / "a.mcap", [(0.0, Pose2(x=9.0, y=9.0, yaw=1.0), {})])
+    states = seen(50.0, "map")
+    assert poses.lift(states) is states
+    nothing = dataclasses.replace(seen(50.0), key=states.key[:0], position=states.position[:0])
+    assert poses.lift(nothing) is nothing
+
+
+@pytest.mark.parametrize("time_s", [-1.0, 3.0])
+def test_without_a_pose_at_the_time_the_reason_is_given(tmp_path, time_s):
+    pose = Pose2(x=0.0, y=0.0, yaw=0.0)
+    poses = poses_of(tmp_path / "a.mcap", [(0.0, pose, {}), (2.0, pose, {})])
+    with pytest.raises(FrameError, match=r"is 1.000 s away, expected at most 0.200 s"):
+        poses.lift(seen(time_s))
+
+
+def test_of_two_topics_with_the_same_frame_the_first_is_used(tmp_path):
+    first, second = Pose2(x=1.0, y=0.0, yaw=0.0), Pose2(x=500.0, y=0.0, yaw=0.0)
+    poses = poses_of(tmp_path / "a.mcap", [(0.0, first, {})], [(0.0, second, {})])
+    np.testing.assert_allclose(poses.lift(seen(0.0)).position, [[3.0, 1.0]])
+
+
+def test_poses_of_a_frame_in_itself_are_ignored(tmp_path):
+    pose = Pose2(x=5.0, y=0.0, yaw=0.0)
+    poses = poses_of(tmp_path / "a.mcap", [(0.0, pose, {"child_frame_id": "odom"})])
+    states = seen(0.0, "odom")
+    assert poses.lift(states) is states

@@ -1,0 +1,183 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of moving frames from the transforms in a bag, worked out by hand."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from odd_bags import EPOCH_NS, S_NS, OddBag, bytes_of, states_at
+
+from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.types import TypestoreTypes
+from mtpgo_core.errors import FrameError
+from mtpgo_core.frames import Pose2
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.bags.bag_transforms import TRANSFORMS, TransformTree
+
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+def turned(yaw):
+    return (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+
+
+def transform(parent, child, time_s, position=(0.0, 0.0, 0.0), rotation=UPRIGHT):
+    stamp = EPOCH_NS + round(time_s * S_NS)
+    x, y, z = position
+    qx, qy, qz, qw = rotation
+    return SimpleNamespace(
+        header=SimpleNamespace(
+            frame_id=parent, stamp=SimpleNamespace(sec=stamp // S_NS, nanosec=stamp % S_NS)
+        ),
+        child_frame_id=child,
+        transform=SimpleNamespace(
+            translation=SimpleNamespace(x=x, y=y, z=z),
+            rotation=SimpleNamespace(x=qx, y=qy, z=qz, w=qw),
+        ),
+    )
+
+
+def tree(*transforms, static=()):
+    return TransformTree(
+        [(True, SimpleNamespace(transforms=list(static)))]
+        + [(False, SimpleNamespace(transforms=[item])) for item in transforms]
+    )
+
+
+def at(poses, time_s):
+    return poses.at(EPOCH_NS + round(time_s * S_NS))
+
+
+def assert_pose(found, x, y, yaw):
+    np.testing.assert_allclose((found.x, found.y, found.yaw), (x, y, yaw), atol=1e-9)
+
+
+def test_a_moving_frame_is_interpolated_in_time():
+    fixed, poses = tree(
+        transform("odom", "base_link", 0.0, (10.0, 0.0, 0.3)),
+        transform("odom", "base_link", 1.0, (20.0, 4.0, 0.3), turned(math.pi / 2)),
+    ).poses("base_link")
+    assert fixed == "odom"
+    assert_pose(at(poses, 0.5), 15.0, 2.0, math.pi / 4)
+
+
+def test_transforms_over_several_frames_of_their_own_rates_are_composed():
+    # The map shifts once; the vehicle drives north; the lidar looks back, 2 m ahead of its axle.
+    fixed, poses = tree(
+        *(transform("map", "odom", t, (100.0, 0.0, 0.0)) for t in (0.0, 5.0)),
+        *(transform("odom", "base_link", t, (0.0, 10.0 * t, 0.0), turned(math.pi / 2))
+          for t in (0.0, 1.0, 2.0)),
+        static=[transform("base_link", "lidar", 0.0, (2.0, 0.0, 1.5), turned(math.pi))],
+    ).poses("lidar")  # fmt: skip
+    assert fixed == "map"
+    assert_pose(at(poses, 1.5), 100.0, 17.0, -math.pi / 2)
+
+
+def test_a_tilted_sensor_is_turned_in_space():
+    # An optical frame: z ahead, x right. Its yaw in the vehicle's plane is that of its x axis.
+    optical = (-0.5, 0.5, -0.5, 0.5)
+    _, poses = tree(
+        *(transform("map", "base_link", t) for t in (0.0, 1.0)),
+        static=[transform("base_link", "camera", 0.0, (1.0, 0.0, 1.0), optical)],
+    ).poses("camera")
+    assert_pose(at(poses, 0.5), 1.0, 0.0, -math.pi / 2)
+
+
+@pytest.mark.parametrize("frame", ["map", "odom", "world", "site", "unknown"])
+def test_frames_that_do_not_move_are_left_alone(frame):
+    found = tree(
+        *(transform("map", "odom", t, (t, 0.0, 0.0)) for t in (0.0, 1.0)),
+        static=[transform("earth", "map", 0.0), transform("earth", "site", 0.0)],
+    ).poses(frame)
+    assert found is None
+
+
+def test_the_map_comes_before_the_earth():
+    fixed, _ = tree(
+        *(transform("map", "base_link", t) for t in (0.0, 1.0)),
+        static=[transform("earth", "map", 0.0, (4e6, 6e5, 5e6), (0.1, 0.3, 0.2, 0.9))],
+    ).poses("/base_link")
+    assert fixed == "map"
+
+
+def test_no_pose_is_invented_before_after_or_in_a_loop():
+    poses = tree(transform("odom", "base_link", 1.0), transform("odom", "base_link", 2.0)).poses(
+        "base_link"
+    )[1]
+    for time_s in (0.9, 2.1):
+        with pytest.raises(FrameError, match=r"0\.100 s away"):
+            at(poses, time_s)
+    loop = tree(transform("a", "b", 0.0), transform("b", "a", 0.0), transform("a", "b", 1.0))
+    assert loop.poses("b")[0] == "a"
+    odd = [
+        transform("odom", "base_link", 0.0, (math.nan, 0.0, 0.0)),
+        transform("odom", "base_link", 0.0, rotation=(0.0, 0.0, 0.0, 0.0)),
+        transform("odom", "odom", 0.0),
+        transform("odom", "", 0.0),
+    ]
+    assert tree(*odd).poses("base_link") is None
+
+
+def messages_of(transforms):
+    """A tf2_msgs/TFMessage as CDR."""
+    store = bag_typestore()
+    types = TypestoreTypes(store)
+
+    def made(name, item, **changes):
+        return types.make(name, **{**vars(item), **changes})
+
+    stamped = []
+    for item in transforms:
+        stamp = made("builtin_interfaces/msg/Time", item.header.stamp)
+        shift = made("geometry_msgs/msg/Vector3", item.transform.translation)
+        turn = made("geometry_msgs/msg/Quaternion", item.transform.rotation)
+        stamped.append(
+            made(
+                "geometry_msgs/msg/TransformStamped",
+                item,
+                header=made("std_msgs/msg/Header", item.header, stamp=stamp),
+                transform=types.make(
+                    "geometry_msgs/msg/Transform", translation=shift, rotation=turn
+                ),
+            )
+        )
+    return bytes(store.serialize_cdr(types.make(TRANSFORMS, transforms=stamped), TRANSFORMS))
+
+
+@pytest.mark.parametrize("source", ["tf", "odometry"])
+def test_objects_of_a_sensor_are_lifted_by_the_bag(tmp_path, source, caplog):
+    """The lidar is 2 m ahead of an axle that drives at 5 m/s; both sources give the same."""
+    mount = transform("base_link", "lidar", 0.0, (2.0, 0.0, 1.5))
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        objects = bag.objects()
+        bag.add(bag.channel("/tf_static", TRANSFORMS), messages_of([mount]), 0.0)
+        if source == "tf":
+            moving = bag.channel("/tf", TRANSFORMS)
+        else:
+            moving = bag.channel("/odom", "nav_msgs/msg/Odometry")
+        for i in range(1, 41):
+            time_s = i / 20
+            if source == "tf":
+                data = messages_of([transform("odom", "base_link", time_s, (5 * time_s, 0, 0))])
+            else:
+                data = odometry(time_s)
+            bag.add(moving, data, time_s)
+            if i % 4 == 0 or i < 3:
+                bag.add(objects, bytes_of(states_at(time_s - 0.03, frame="lidar")), time_s)
+    (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
+    # The first object comes before the first pose.
+    assert recording.counts == {"not_lifted": 1}
+    assert "1 messages that could not be lifted into the fixed frame" in caplog.text
+    time_s = (recording.start_time_ns - EPOCH_NS) / S_NS + recording.frame / recording.frame_rate
+    number = recording.track_id[recording.track]
+    expected = 12.0 * number + 10.0 * time_s + 2.0 + 5.0 * time_s
+    np.testing.assert_allclose(recording.position[:, 0], expected, atol=1e-5)
+
+
+def odometry(time_s):
+    from fleet import odometry_message
+
+    message = odometry_message(EPOCH_NS + round(time_s * S_NS), Pose2(5 * time_s, 0.0, 0.0))
+    return bytes(bag_typestore().serialize_cdr(message, "nav_msgs/msg/Odometry"))

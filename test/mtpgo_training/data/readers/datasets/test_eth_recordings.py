@@ -1,0 +1,47 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""ETH and UCY in their forms, made up: eight columns or four, any step of frames."""
+
+import numpy as np
+import pytest
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_core.schema import AgentClass
+from mtpgo_training.data.readers import load_recordings
+
+
+def test_obsmat_and_text_of_four_columns(tmp_path):
+    (tmp_path / "seq_eth").mkdir()
+    obsmat = "".join(
+        f"  {frame:.7e}   {track:.7e}   {x:.7e}   0.0   {2 * x:.7e}   1.5   0   -0.5\n"
+        for frame, track, x in ((780, 1, 8.5), (786, 1, 9.0), (786, 2, 3.0), (798, 2, 4.0))
+    )
+    (tmp_path / "seq_eth" / "obsmat.txt").write_text(obsmat)
+    (tmp_path / "seq_eth" / "groups.txt").write_text("1 2 3 4\n")
+    (tmp_path / "seq_eth" / "H.txt").write_text("1 0 0\n0 1 0\n0 0 1\n")
+    (tmp_path / "zara01.txt").write_text("0.0\t1.0\t5.0\t6.0\n10.0\t1.0\t5.4\t6.0\n")
+    eth, zara = load_recordings(tmp_path, "eth_ucy")
+    assert (eth.name, zara.name) == ("seq_eth", "zara01")
+    assert (eth.frame_rate, zara.frame_rate) == (2.5, 2.5)
+    assert (eth.frame.tolist(), eth.track_id.tolist()) == ([0, 1, 1, 3], [1, 2])
+    np.testing.assert_allclose(eth.position, [[8.5, 17], [9, 18], [3, 6], [4, 8]])
+    np.testing.assert_allclose(eth.velocity, [[1.5, -0.5]] * 4)
+    np.testing.assert_allclose(zara.position, [[5, 6], [5.4, 6]])
+    assert np.isnan(zara.velocity).all()
+    assert zara.agent_class.tolist() == [AgentClass.PEDESTRIAN]
+
+
+@pytest.mark.parametrize("mark", [" ", "\t", ",", "  "])
+def test_separators(tmp_path, mark):
+    (tmp_path / "a.txt").write_text(f"0{mark}1{mark}5{mark}6\n10{mark}1{mark}5.4{mark}6\n")
+    (recording,) = load_recordings(tmp_path / "a.txt", "eth_ucy")
+    assert (recording.name, recording.frame.tolist()) == ("a", [0, 1])
+
+
+def test_defects(tmp_path):
+    (tmp_path / "a.txt").write_text("frame id x y\n")
+    with pytest.raises(RecordingError, match=r"has no recordings, expected ETH's obsmat\.txt"):
+        load_recordings(tmp_path, "eth_ucy")
+    (tmp_path / "a.txt").write_text("0 1 5 6\n10 1 5.4 ?\n")
+    with pytest.raises(RecordingError, match=r"a\.txt, line 2, column 'y': '\?', expected a numb"):
+        load_recordings(tmp_path, "eth_ucy")

@@ -1,0 +1,51 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""OpenACC's files, made up: facts before the names, all cars in a row, gaps."""
+
+import numpy as np
+import pytest
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_core.schema import AgentClass
+from mtpgo_training.data.readers import load_recordings
+
+FACTS = (
+    "Date,26,2,2019\nVehicle_order,A(one),B(two)\nNumber_of_vehicles,2\nACC,1\n"
+    "Distance_setting,shortest\n"
+)
+ROWS = (
+    "Time,Speed1,Lat1,Lon1,Alt1,E1,N1,U1,VE1,VN1,Speed2,E2,N2,U2,IVS1,Driver2\n"
+    "100.0,5,0.7,0.1,200,10,20,1,3,4,5,4,20,1,6,ACC\n"
+    "100.1,5,0.7,0.1,200,10.3,20.4,1,3,4,,,,,,\n"
+    "100.2,5,0.7,0.1,200,10.6,20.8,1,3,4,5,5,20,1,6,ACC\n"
+)
+
+
+def test_a_platoon(tmp_path):
+    (tmp_path / "Vicolungo").mkdir()
+    (tmp_path / "Vicolungo" / "part2.csv").write_text(FACTS + ROWS)
+    (recording,) = load_recordings(tmp_path, "openacc")
+    assert (recording.name, recording.location) == ("Vicolungo-part2", "Vicolungo")
+    assert (recording.frame_rate, recording.frame.tolist()) == (10.0, [0, 0, 1, 2, 2])
+    np.testing.assert_allclose(recording.position[1:4], [[4, 20], [10.3, 20.4], [10.6, 20.8]])
+    np.testing.assert_allclose(recording.velocity[:2], [[3, 4], [np.nan, np.nan]])
+    assert recording.agent_class.tolist() == [AgentClass.CAR] * 2
+    assert recording.track_id.tolist() == [1, 2]
+    assert np.isnan(recording.yaw).all()
+
+
+def test_defects(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(FACTS)
+    with pytest.raises(
+        RecordingError, match="has no line of column names that begins with 'Time'"
+    ):
+        load_recordings(tmp_path, "openacc")
+    path.write_text(FACTS + "Time,Speed1\n1,2\n")
+    with pytest.raises(
+        RecordingError, match="has no columns 'E1' and 'N1', expected a file of Op"
+    ):
+        load_recordings(tmp_path, "openacc")
+    path.write_text(FACTS + ROWS.replace("10.3", "east"))
+    with pytest.raises(RecordingError, match="line 8, column 'E1': 'east', expected a number"):
+        load_recordings(tmp_path, "openacc")

@@ -1,0 +1,78 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Waymo's TFRecord files, made up: framing, valid states, the recording vehicle, defects."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from mtpgo_core.errors import RecordingError
+from mtpgo_core.schema import AgentClass
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.fleets.waymo_recordings import scenario_message
+
+pytest.importorskip("google.protobuf")
+
+
+def scenario(identity, tracks=((7, 1), (3, 2)), steps=3):
+    message = scenario_message()(scenario_id=identity, sdc_track_index=1)
+    message.timestamps_seconds.extend(0.1 * k for k in range(steps))
+    for i, (number, kind) in enumerate(tracks):
+        track = message.tracks.add(id=number, object_type=kind)
+        for k in range(steps):
+            track.states.add(
+                center_x=10.0 * i + k,
+                center_y=5.0,
+                length=4.5,
+                width=2.0,
+                heading=0.5,
+                velocity_x=10.0,
+                velocity_y=-1.0,
+                valid=not (i == 1 and k == 1),
+            )
+    return message.SerializeToString()
+
+
+def record(content):
+    return struct.pack("<QI", len(content), 0) + content + struct.pack("<I", 0)
+
+
+def test_the_scenarios_of_a_file(tmp_path):
+    path = tmp_path / "training.tfrecord-00000-of-01000"
+    path.write_bytes(record(scenario("a")) + record(scenario("b", tracks=((1, 3), (2, 4)))))
+    a, b = load_recordings(tmp_path, "waymo")
+    assert [r.name for r in (a, b)] == [f"{path.name}-a", f"{path.name}-b"]
+    assert (a.frame_rate, a.ego_id, a.track_id.tolist()) == (10.0, 3, [3, 7])
+    assert a.agent_class.tolist() == [AgentClass.PEDESTRIAN, AgentClass.CAR]
+    assert (a.frame.tolist(), a.track.tolist()) == ([0, 0, 1, 2, 2], [0, 1, 1, 0, 1])
+    np.testing.assert_allclose(a.position[:2], [[10, 5], [0, 5]])
+    np.testing.assert_allclose(a.velocity, [[10, -1]] * 5)
+    np.testing.assert_allclose(a.yaw, 0.5)
+    np.testing.assert_allclose(a.size, [[4.5, 2.0]] * 2)
+    assert b.agent_class.tolist() == [AgentClass.BICYCLE, AgentClass.UNKNOWN]
+    assert a.sha256 != b.sha256
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (record(scenario("a"))[:-9], "ends within record 1, expected a TFRecord file"),
+        (record(scenario("a")) + b"abc", "ends within record 2, expected a TFRecord file"),
+        (struct.pack("<QI", 1 << 62, 0), "ends within record 1"),
+        (b"", "is empty, expected a TFRecord file"),
+        (record(b"\xff\xff\xff"), "record 1 is no scenario of Waymo"),
+        (record(b""), "record 1 has no tracks or no times, expected a scenario of Waymo"),
+    ],
+)
+def test_a_defect_is_one_sentence_with_its_place(tmp_path, content, sentence):
+    (tmp_path / "a.tfrecord").write_bytes(content)
+    with pytest.raises(RecordingError) as caught:
+        load_recordings(tmp_path, "waymo")
+    assert sentence in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_no_file_is_named(tmp_path):
+    with pytest.raises(RecordingError, match=r"has no recordings, expected Waymo's \.tfrecord"):
+        load_recordings(tmp_path, "waymo")

@@ -1,0 +1,43 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Frames and rates from times: steady, rounded to milliseconds, with holes, without a rate."""
+
+import numpy as np
+import pytest
+
+from mtpgo_training.data.readers.tables.frame_grid import frames_of_times, without_common_step
+
+
+@pytest.mark.parametrize("rate", [2.5, 10.0, 25.0, 29.97, 30.0, 100.0])
+@pytest.mark.parametrize("digits", [3, 6])
+def test_a_steady_rate_is_found_in_rounded_times(rate, digits):
+    number = np.array([0, 0, 1, 2, 3, 5, 6, 7, 40, 41, 42, 900])
+    frame, found = frames_of_times(1.7e9 + np.round(number / rate, digits))
+    np.testing.assert_array_equal(frame, number)
+    assert found == pytest.approx(rate, rel=1e-5)
+
+
+def test_mostly_holes_give_the_shortest_step():
+    number = np.array([0, 5, 10, 15, 16, 21, 26])
+    frame, rate = frames_of_times(number / 10)
+    np.testing.assert_array_equal(frame, number)
+    assert rate == 10.0
+
+
+def test_times_in_any_order():
+    frame, rate = frames_of_times(np.array([0.3, 0.1, 0.2]))
+    assert (frame.tolist(), rate) == ([2, 0, 1], 10.0)
+
+
+def test_times_without_a_rate_are_milliseconds():
+    frame, rate = frames_of_times(np.array([0.0, 0.1, 0.217, 0.29, 0.41]))
+    assert (frame.tolist(), rate) == ([0, 100, 217, 290, 410], 1000.0)
+    frame, rate = frames_of_times(np.array([5.0, 5.0]))
+    assert (frame.tolist(), rate) == ([0, 0], 10.0)
+
+
+def test_frames_are_counted_in_their_common_step():
+    frame, rate = without_common_step(np.array([780, 790, 810, 780]), 25.0)
+    assert (frame.tolist(), rate) == ([0, 1, 3, 0], 2.5)
+    frame, rate = without_common_step(np.array([4, 5, 9]), 25.0)
+    assert (frame.tolist(), rate) == ([4, 5, 9], 25.0)

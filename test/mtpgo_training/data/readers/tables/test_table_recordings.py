@@ -1,0 +1,249 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Plain tables of any names: units, axes, times, classes, several recordings, and defects."""
+
+import gzip
+
+import numpy as np
+import pytest
+import yaml
+
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.identity import keys_from_texts
+from mtpgo_core.schema import AgentClass
+from mtpgo_training import cli
+from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.reading_options import ReadingOptions
+from mtpgo_training.data.recording import DEFAULT_START_NS
+
+POSITIONS = {"columns": {"track": "id", "frame": "f", "x": "x", "y": "y"}, "frame_rate": 10}
+ROWS = "f,id,x,y\n" + "".join(f"{f},{i},{f + 10 * i},{-i}\n" for i in (2, 10) for f in range(5))
+
+
+@pytest.fixture
+def read(tmp_path):
+    """A table and the description of its columns, read."""
+
+    def read(text, description, name="a.csv", **options):
+        (tmp_path / "data").mkdir(exist_ok=True)
+        data = text.encode() if isinstance(text, str) else text
+        (tmp_path / "data" / name).write_bytes(data)
+        path = tmp_path / "columns.yaml"
+        content = description if isinstance(description, str) else yaml.safe_dump(description)
+        path.write_text(content)
+        options = ReadingOptions(columns=path, **options)
+        return load_recordings(tmp_path / "data", "table", options=options)
+
+    return read
+
+
+def test_positions_alone(read):
+    (recording,) = read(ROWS, POSITIONS)
+    assert (recording.name, recording.layout, recording.frame_rate) == ("a", "table", 10.0)
+    assert recording.track_id.tolist() == [2, 10]
+    assert recording.frame.tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+    np.testing.assert_allclose(recording.position[:3], [[20, -2], [100, -10], [21, -2]])
+    for unknown in (recording.velocity, recording.acceleration, recording.yaw, recording.size):
+        assert np.isnan(unknown).all()
+    assert (recording.agent_class == AgentClass.UNKNOWN).all()
+    assert recording.stamp_ns(0) == DEFAULT_START_NS
+
+
+def test_everything_in_other_units_with_y_down(read):
+    text = (
+        "when;who;px;py;u;v;a;b;psi;l;w;what\n"
+        "1700000000100;P1;100,0;200,0;36;18;3,6;7,2;90;20;10;tram\n"
+        "1700000000000;P1;90,0;200,0;;;;;450;20;10;\n"
+    )
+    description = {
+        "columns": {
+            "track": "who", "time": "when", "x": "px", "y": "py", "vx": "u", "vy": "v",
+            "ax": "a", "ay": "b", "heading": "psi", "length": "l", "width": "w", "class": "what",
+        },
+        "unit": "ft", "time_unit": "ms", "speed_unit": "km/h", "heading_unit": "deg",
+        "y_axis": "down", "separator": ";", "decimal": ",", "location": "here",
+    }  # fmt: skip
+    (classes := read.__closure__[0].cell_contents / "classes.yaml").write_text("tram: bus\n")
+    (recording,) = read(text, description, class_map=str(classes))
+    assert (recording.frame_rate, recording.location) == (10.0, "here")
+    assert recording.start_time_ns == 1_700_000_000 * 10**9
+    np.testing.assert_allclose(recording.position, [[90 * 0.3048, -60.96], [30.48, -60.96]])
+    np.testing.assert_allclose(recording.velocity, [[np.nan, np.nan], [10.0, -5.0]])
+    np.testing.assert_allclose(recording.acceleration[1], [1.0, -2.0])
+    np.testing.assert_allclose(recording.yaw, -np.pi / 2)
+    np.testing.assert_allclose(recording.size, [[6.096, 3.048]])
+    assert recording.agent_class.tolist() == [AgentClass.BUS]
+    np.testing.assert_array_equal(recording.key, keys_from_texts(["P1"]))
+
+
+@pytest.mark.parametrize(
+    "name", ["-1", "car 7", "99999999999999999999", "1.5", "\N{SUPERSCRIPT TWO}"]
+)
+def test_road_users_may_have_any_name(read, name):
+    (recording,) = read(ROWS.replace(",2,", f",{name},"), POSITIONS)
+    assert len(recording.track_id) == 2
+    assert recording.find_tracks(keys_from_texts([name])) >= 0
+    assert recording.find_tracks(keys_from_texts(["10"])) >= 0
+
+
+def test_speed_along_the_heading_and_a_class_for_all(read):
+    description = {
+        "columns": POSITIONS["columns"] | {"speed": "v", "heading": "h"},
+        "frame_rate": 25, "class": "pedestrian", "heading_unit": "deg",
+    }  # fmt: skip
+    (recording,) = read("f,id,x,y,v,h\n0,1,0,0,2,180\n10,1,0,0,2,180\n", description)
+    np.testing.assert_allclose(recording.velocity, [[-2.0, 0.0]] * 2, atol=1e-12)
+    assert recording.agent_class.tolist() == [AgentClass.PEDESTRIAN]
+    assert (recording.frame.tolist(), recording.frame_rate) == ([0, 1], 2.5)
+
+
+@pytest.mark.parametrize("form", ["tabs", "blanks", "no header", "gzip", "float ids"])
+def test_forms_of_text(read, form):
+    description = dict(POSITIONS)
+    text, name = ROWS, "a.csv"
+    if form == "tabs":
+        text, name, description["separator"] = ROWS.replace(",", "\t"), "a.tsv", "\t"
+    elif form == "blanks":
+        text, name, description["separator"] = ROWS.replace(",", "   "), "a.txt", " "
+    elif form == "no header":
+        text, description["names"] = ROWS.partition("\n")[2], ["f", "id", "x", "y"]
+    elif form == "gzip":
+        text, name = gzip.compress(ROWS.encode()), "a.csv.gz"
+    else:
+        text = ROWS.replace(",2,", ",2.0,").replace(",10,", ",10.0,")
+    (recording,) = read(text, description, name)
+    assert (recording.name, len(recording)) == ("a", 10)
+    assert recording.track_id.tolist() == [2, 10]
+
+
+def test_parquet_reads_the_same(read, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    (plain,) = read(ROWS, POSITIONS)
+    (tmp_path / "data" / "a.csv").unlink()
+    lines = [line.split(",") for line in ROWS.split()]
+    table = pandas.DataFrame(lines[1:], columns=lines[0]).astype({"f": int, "x": "float32"})
+    table.to_parquet(tmp_path / "b.parquet")
+    content = (tmp_path / "b.parquet").read_bytes()
+    (recording,) = read(content, POSITIONS, "b.parquet")
+    np.testing.assert_array_equal(recording.position, plain.position)
+    np.testing.assert_array_equal(recording.track, plain.track)
+    (tmp_path / "data" / "b.parquet").unlink()
+    sentence = r"b\.parquet, row 2, column 'y': 'far', expected a number"
+    table.assign(y=["0", "far"] * 5).to_parquet(tmp_path / "b.parquet")
+    with pytest.raises(RecordingError, match=sentence):
+        read((tmp_path / "b.parquet").read_bytes(), POSITIONS, "b.parquet")
+    with pytest.raises(RecordingError, match=r"b\.parquet cannot be read as Parquet"):
+        read(content[:-9], POSITIONS, "b.parquet")
+    dates = pandas.date_range("2024-05-01T12:00", periods=10, freq="100ms", tz="UTC")
+    table.assign(f=dates).to_parquet(tmp_path / "b.parquet")
+    by_time = {"columns": {"track": "id", "time": "f", "x": "x", "y": "y"}}
+    (recording,) = read((tmp_path / "b.parquet").read_bytes(), by_time, "b.parquet")
+    assert (recording.frame_rate, recording.start_time_ns) == (10.0, 1_714_564_800 * 10**9)
+
+
+def test_dates_and_several_recordings_in_a_file(read):
+    text = "t,id,x,y,run\n" + "".join(
+        f"2024-05-01T12:00:0{s}.{d}+02:00,1,{s + d / 10},0,{run}\n"
+        for run in ("b", "a")
+        for s in (0, 1)
+        for d in (0, 5)
+    )
+    description = {
+        "columns": {"track": "id", "time": "t", "x": "x", "y": "y", "recording": "run"},
+        "time_unit": "date",
+    }
+    recordings = read(text, description)
+    assert [(r.name, len(r), r.frame_rate) for r in recordings] == [
+        ("a-a", 4, 2.0),
+        ("a-b", 4, 2.0),
+    ]
+    assert recordings[0].start_time_ns == 1_714_557_600 * 10**9
+    assert recordings[0].sha256 != recordings[1].sha256
+    with pytest.raises(RecordingError, match=r"line 3: the time '12 o clock', expected a date"):
+        read(text.replace("2024-05-01T12:00:00.5+02:00", "12 o clock", 1), description)
+
+
+DESCRIPTIONS = {
+    "no mapping": ("- a\n", "has no mapping 'columns', expected for example columns: {track"),
+    "unknown column": (
+        {"columns": POSITIONS["columns"] | {"colour": "c"}, "frame_rate": 10},
+        "has the unknown field 'colour', expected track, x, y, time",
+    ),
+    "unknown field": (POSITIONS | {"fps": 3}, "has the unknown field 'fps'"),
+    "no x": (
+        {"columns": {"track": "a", "time": "t", "y": "y"}},
+        "columns.x is '', expected a",
+    ),
+    "no time": (
+        {"columns": {"track": "a", "x": "x", "y": "y"}},
+        "columns names neither of time and frame, expected one of them",
+    ),
+    "no rate": ({"columns": POSITIONS["columns"]}, "frame_rate is missing, expected frames per s"),
+    "unit": (POSITIONS | {"unit": "px"}, "unit is 'px', expected one of 'm', 'km'"),
+    "half a velocity": (
+        {"columns": POSITIONS["columns"] | {"vx": "u"}, "frame_rate": 10},
+        "columns.vy is missing, expected it beside columns.vx",
+    ),
+    "speed alone": (
+        {"columns": POSITIONS["columns"] | {"speed": "u"}, "frame_rate": 10},
+        "columns.speed is given without columns.heading",
+    ),
+    "twice": (
+        {"columns": POSITIONS["columns"] | {"y": "x"}, "frame_rate": 10},
+        "columns.y is 'x', which is columns.x already",
+    ),
+    "separator": (POSITIONS | {"separator": ";;"}, "separator is ';;', expected one character"),
+    "rate": (POSITIONS | {"frame_rate": 0}, "frame_rate is 0.0, expected more than 0"),
+    "yaml": ("columns: {", "cannot be read as YAML: "),
+}
+
+
+@pytest.mark.parametrize("name", DESCRIPTIONS)
+def test_a_bad_description_is_one_sentence(read, name):
+    description, sentence = DESCRIPTIONS[name]
+    with pytest.raises(ConfigurationError) as caught:
+        read(ROWS, description)
+    assert "columns.yaml" in str(caught.value)
+    assert sentence in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+TABLES = {
+    "missing column": (ROWS.replace("f,id", "f,name"), "a.csv has no column 'id', expected the c"),
+    "separator": (ROWS.replace(",", ";"), "separates its columns by semicolons, expected commas"),
+    "cell": (ROWS.replace("1,2,21,-2", "1,2,east,-2"), "line 3, column 'x': 'east', expected a n"),
+    "empty cell": (ROWS.replace("1,2,21,-2", "1,2,,-2"), "line 3, column 'x': an empty cell"),
+    "no track": (ROWS.replace("1,2,21", "1,,21"), "line 3: the road user has no name"),
+    "half a frame": (
+        ROWS.replace("1,2,21", "1.5,2,21"),
+        "line 3, column 'f': '1.5', expected a",
+    ),
+    "second row": (ROWS + "4,2,0,0\n", "line 12: track 2 has a second row for frame 4"),
+    "far frame": (ROWS + "999999999999999,2,0,0\n", "line 12: 1e+14 s from other rows, expected"),
+    "no rows": ("f,id,x,y\n", "a.csv has no rows, expected at least one"),
+    "empty": ("", "a.csv is empty, expected a CSV file with a header line"),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_bad_table_is_one_sentence_with_its_place(read, name):
+    text, sentence = TABLES[name]
+    with pytest.raises(RecordingError) as caught:
+        read(text, POSITIONS)
+    assert sentence in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_the_command_line_says(tmp_path, capsys):
+    (tmp_path / "a.csv").write_text(ROWS)
+    (tmp_path / "c.yaml").write_text(yaml.safe_dump(POSITIONS))
+    command = ["convert", "table", str(tmp_path), "-o", str(tmp_path / "a.mcap")]
+    assert cli.main(command) == 2
+    assert "the layout 'table' needs --columns FILE" in capsys.readouterr().err
+    assert cli.main([*command, "--columns", str(tmp_path / "none.yaml")]) == 2
+    assert "none.yaml cannot be read: No such file" in capsys.readouterr().err
+    assert cli.main([*command, "--class-map", "kitti"]) == 2
+    assert "class map 'kitti' is neither a preset nor a file" in capsys.readouterr().err
+    assert cli.main([*command, "--columns", str(tmp_path / "c.yaml")]) == 0
+    assert "1 recording(s) (a), 0.4 s, 5 frames" in capsys.readouterr().out

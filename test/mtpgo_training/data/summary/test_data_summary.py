@@ -1,0 +1,48 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of many recordings together, and their text."""
+
+import dataclasses
+import json
+
+import numpy as np
+from traffic import braking_cars
+
+from mtpgo_training.data.summary.data_summary import MOST_RECORDINGS, DataSummary
+from mtpgo_training.data.summary.recording_defects import Defect
+from mtpgo_training.data.summary.recording_summary import summarise
+
+
+def test_totals_and_text():
+    one = summarise(braking_cars("01", tracks=3))
+    cut = braking_cars("02", tracks=4, rate=25.0)
+    two = summarise(cut.select_rows((cut.track > 0) | (cut.frame < 5)))
+    gone = Defect("unreadable", "03_tracks.csv has no rows below its header")
+    summary = DataSummary([one, two], [gone])
+    assert summary.classes == {"car": 7}
+    assert summary.duration_s == one.duration_s + two.duration_s
+    weights = [one.manoeuvre_count, two.manoeuvre_count]
+    expected = np.average([r.manoeuvres["braking"] for r in (one, two)], weights=weights)
+    np.testing.assert_allclose(summary.manoeuvres["braking"], expected)
+    assert [item.kind for item in summary.defects] == ["unreadable", "short track"]
+    text = summary.to_text()
+    for words in (
+        "2 recordings, 17.9 s, at 10, 25 Hz, 1 site",
+        "7 road users: 7 car",
+        "1 x unreadable (files that cannot be read)",
+        "    03_tracks.csv has no rows below its header",
+        "1 x short track (road users observed for less than 1 s)",
+        "recording 02, track 100: ",
+    ):
+        assert words in text
+    total = json.loads(json.dumps(summary.to_json(), allow_nan=False))["total"]
+    assert total["defects"] == {"unreadable": 1, "short track": 1}
+    assert total["tracks"] == 7
+
+
+def test_long_lists_are_cut_in_the_text_only():
+    one = summarise(braking_cars("01", tracks=1))
+    many = DataSummary([dataclasses.replace(one, name=f"r{i}") for i in range(50)])
+    assert f"... and {50 - MOST_RECORDINGS} more" in many.to_text()
+    assert len(many.to_json()["recordings"]) == 50
+    assert "No defects found." in many.to_text()

@@ -1,0 +1,120 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Each kind of defect, put into good traffic at a known place."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from traffic import braking_cars
+
+from mtpgo_core.schema import AgentClass
+from mtpgo_training.data.summary.recording_defects import KINDS, find_defects
+
+TRACK = 1
+"""Track into which a defect is put; its number is 101."""
+
+
+def good():
+    """Three cars for 6 s at 10 Hz, without a defect."""
+    recording = braking_cars(tracks=3, seconds=6.0)
+    return recording.select_rows(recording.frame >= 15)
+
+
+def rows_of(recording):
+    return np.flatnonzero(recording.track == TRACK)
+
+
+def changed(**edits):
+    """The good recording with columns edited by functions of (values, rows of the track)."""
+    recording = good()
+    values = {name: getattr(recording, name).copy() for name in edits}
+    for name, edit in edits.items():
+        edit(values[name], rows_of(recording))
+    return dataclasses.replace(recording, **values)
+
+
+def without(select):
+    recording = good()
+    rows = np.ones(len(recording), dtype=bool)
+    rows[select(rows_of(recording))] = False
+    return recording.select_rows(rows)
+
+
+def shift(values, rows):
+    values[rows[20]] += [3.0, 0.0]
+
+
+def leap(values, rows):
+    values[rows[20] :] += [0.0, 0.0]
+    values[rows[20]] += [500.0, 0.0]
+
+
+def turn(values, rows):
+    values[rows] += np.pi
+
+
+def mirror(values, rows):
+    values[rows] *= -1.0
+
+
+def freeze(values, rows):
+    values[rows[5]] = values[rows[4]]
+
+
+def no_class(values, rows):
+    values[TRACK] = AgentClass.UNKNOWN
+
+
+def no_size(values, rows):
+    values[TRACK] = np.nan
+
+
+def at_odd_times(recording):
+    frame = np.round(recording.frame * 100.0 + 7 * (recording.frame % 3)).astype(np.int64)
+    return dataclasses.replace(recording, frame=frame, frame_rate=1000.0)
+
+
+CASES = {
+    "gap": (
+        lambda: without(lambda rows: rows[10:17]),
+        "recording 01, track 101, 0.90 s (frame 24): not observed for 0.80 s",
+    ),
+    "jump": (lambda: changed(position=shift), "track 101, 1.90 s (frame 34): 3.0 m off its cou"),
+    "too fast": (lambda: changed(position=leap), "track 101, 1.90 s (frame 34): 50"),
+    "velocity": (lambda: changed(velocity=mirror), "track 101: in 100 % of its steps"),
+    "heading": (lambda: changed(yaw=turn), "track 101: in 100 % of its steps"),
+    "repeated position": (
+        lambda: changed(position=freeze),
+        "track 101, 0.40 s (frame 19): the velocity says ",
+    ),
+    "short track": (lambda: without(lambda rows: rows[8:]), "track 101: 0.70 s"),
+    "empty time": (
+        lambda: good().select_rows((good().frame < 25) | (good().frame > 44)),
+        "recording 01, 0.90 s (frame 24): no road user for 2.10 s",
+    ),
+    "no rate": (lambda: at_odd_times(good()), "a row every 0.1"),
+    "no class": (lambda: changed(agent_class=no_class), "recording 01, track 101"),
+    "no size": (lambda: changed(size=no_size), "recording 01, track 101"),
+}
+
+
+def test_good_traffic_has_no_defect():
+    assert find_defects(good()) == []
+    assert find_defects(good().select_rows(np.zeros(len(good()), dtype=bool))) == []
+
+
+def test_every_kind_is_tested_here():
+    assert set(CASES) | {"unreadable"} == set(KINDS)
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_a_defect_is_found_with_its_place(kind):
+    make, text = CASES[kind]
+    found = {item.kind: item for item in find_defects(make())}
+    assert kind in found
+    assert text in str(found[kind].first[0])
+    if kind not in ("empty time",):
+        assert found[kind].count <= 2
+    others = set(found) - {kind}
+    assert others <= {"too fast": {"jump"}, "empty time": {"gap"}}.get(kind, set())

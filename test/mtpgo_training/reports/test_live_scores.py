@@ -1,0 +1,23 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The table of the node's scores."""
+
+from mtpgo_training.reports.live_scores import live_table
+from mtpgo_training.table_format import to_text
+
+
+def row(window_s, **values):
+    scores = {"ade": 0.5, "cv_ade": 0.75, "fde": 1.0, "miss_rate": 0.1, "nll": 1.5}
+    scores |= {"coverage_50": 0.4, "coverage_90": None}
+    return {"window_s": window_s, "group": "two_wheeler_moving", "time_s": 3} | (
+        {"agents": 12, "predictions": 300, "by_model": 300} | scores | values
+    )
+
+
+def test_the_longest_window_is_shown():
+    text = to_text(live_table([row(60), row(1800, ade=0.625)]))
+    assert len(text.splitlines()) == 2
+    name, scores = text.splitlines()[1].split(", 3 s")
+    assert name == "two wheeler moving"
+    expected = "12 300 0.625 0.750 1.000 0.100 1.500 0.400 -"
+    assert " ".join(scores.split()) == expected
