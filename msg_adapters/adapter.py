@@ -17,6 +17,12 @@ import numpy as np
 
 from msg_adapters.conversions import choose_twist_frame
 from msg_adapters.types import Types
+from msg_adapters.wire.input_limits import (
+    DEFAULT_LIMITS,
+    Content,
+    InputLimits,
+    check_serialized,
+)
 from mtpgo_core.class_map import OWN_NAMES, ClassMap
 from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import AgentClass, ClassArray, KeyArray, TrackedStates
@@ -65,6 +71,7 @@ class InputAdapter:
         message_type: ROS type, for instance ``autoware_perception_msgs/msg/TrackedObjects``.
         twist_frame: frame in which this message's publishers express velocities, ``object`` or
             ``header``; ``none`` where the message has no velocity.
+        content: where its objects are, to count them before they are read.
         decoder: the reading function.
         builder: the writing function, (states, types) -> message.
     """
@@ -72,6 +79,7 @@ class InputAdapter:
     name: str
     message_type: str
     twist_frame: str
+    content: Content
     decoder: MessageDecoder
     builder: Callable[[TrackedStates, Types], Any]
 
@@ -87,6 +95,7 @@ class InputAdapter:
         twist_frame: str = "default",
         fallback_stamp_ns: int | None = None,
         class_map: ClassMap = OWN_NAMES,
+        limits: InputLimits = DEFAULT_LIMITS,
     ) -> Decoded:
         """Return the content of a message.
 
@@ -96,13 +105,15 @@ class InputAdapter:
             fallback_stamp_ns: time of receipt (ns), used where the message has no time (a
                 MarkerArray without objects).
             class_map: our classes by the names in the message, where it has names.
+            limits: the most objects and fields that are read.
 
         Raises:
-            MessageError: the message is malformed (the topic is added by the caller).
+            MessageError: the message is malformed or too large (the topic is added by the caller).
             ConfigurationError: ``twist_frame`` is not one of the three.
         """
         frame = choose_twist_frame(twist_frame, self.twist_frame)
         try:
+            self._check(message, limits)
             decoded = self.decoder(message, twist_frame=frame, fallback_stamp_ns=fallback_stamp_ns)
         except (AttributeError, TypeError, ValueError, IndexError, OverflowError) as error:
             raise MessageError(
@@ -114,6 +125,21 @@ class InputAdapter:
         found = [class_map.find(*names) for names in decoded.class_names]
         states = replace(decoded.states, agent_class=np.array(found, dtype=np.uint8))
         return replace(decoded, states=states)
+
+    def check_serialized(self, data: bytes, limits: InputLimits) -> None:
+        """Check the bytes of a message before they are decoded, in constant time.
+
+        Raises:
+            MessageError: it is too large, cut off or contradicts itself.
+        """
+        check_serialized(data, self.content, limits)
+
+    def _check(self, message: Any, limits: InputLimits) -> None:
+        if self.content.name:
+            limits.check_objects(len(getattr(message, self.content.name)))
+        else:
+            limits.check_objects(int(message.height) * int(message.width))
+            limits.check_fields(len(message.fields))
 
     def to_states(
         self,

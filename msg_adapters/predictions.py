@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The canonical output: a PointCloud2 with one point per agent, mode and step, and its decoder.
 
-72 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
+80 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
 layout is described in docs/messages.md. The first 64 bytes stay fixed; fields are only appended.
 """
 
@@ -27,31 +27,41 @@ _FIELDS = (
     *((name, "<u4") for name in KEY_FIELDS),
     *((name, "<u1") for name in ("class", "mode", "step", "source")),
 )
-_LATER_FIELDS = (("sigma_factor_50", "<f4"), ("calibration", "<u1"))
+_LATER_FIELDS = (
+    ("sigma_factor_50", "<f4"),
+    ("calibration", "<u1"),
+    ("x_rest", "<f4"),
+    ("y_rest", "<f4"),
+)
 """Fields after those of the first 64 bytes; clouds recorded before they existed lack them."""
 
-_POINT_BYTES = 72
-"""Size of a point: a multiple of four, so that floats are aligned."""
+_PADDING = 3
+"""Bytes after ``calibration``, so that floats are aligned."""
 
 
 def _layout() -> np.dtype[Any]:
     names, formats = zip(*_FIELDS, *_LATER_FIELDS, strict=True)
-    offsets = np.cumsum([0, *(np.dtype(kind).itemsize for kind in formats)])[:-1].tolist()
+    sizes = [np.dtype(kind).itemsize for kind in formats]
+    sizes[names.index("calibration")] += _PADDING
+    offsets = np.cumsum([0, *sizes]).tolist()
     return np.dtype(
         {
             "names": list(names),
             "formats": list(formats),
-            "offsets": offsets,
-            "itemsize": _POINT_BYTES,
+            "offsets": offsets[:-1],
+            "itemsize": offsets[-1],
         }
     )
 
 
 POINT = _layout()
-"""One point. Lengths m, times s, angles rad; vectors along the axes of the header's frame."""
+"""One point. Lengths m, times s, angles rad; vectors along the axes of the header's frame.
+
+``x`` is float32 because RViz draws no other; ``x + x_rest``, added in float64, is exact to less
+than a micrometre also at UTM coordinates, where float32 alone has steps of 0.5 m.
+"""
 
 REQUIRED_FIELDS = tuple(name for name, _ in _FIELDS)
-_LATER_NAMES = tuple(name for name, _ in _LATER_FIELDS)
 
 _MAX_COUNT = 256
 """Most modes, and most steps: each is counted in a byte."""
@@ -82,7 +92,7 @@ def prediction_to_pointcloud2(
     columns = {
         "x": mean[..., 0],
         "y": mean[..., 1],
-        "z": _per_agent(np.where(np.isfinite(prediction.z), prediction.z, 0.0)),
+        "z": _per_agent(np.nan_to_num(prediction.z)),
         "t": prediction.time_s,
         "weight": weight[:, :, None],
         "vx": mean[..., 2],
@@ -101,6 +111,8 @@ def prediction_to_pointcloud2(
     columns |= {name: _per_agent(prediction.key[:, i]) for i, name in enumerate(KEY_FIELDS)}
     for name, values in columns.items():
         points[name] = values
+    for axis, name in enumerate(("x", "y")):
+        points[name + "_rest"] = mean[..., axis] - points[name]
     dense = bool(np.isfinite(mean).all() and np.isfinite(covariance).all())
     return records_to_cloud(
         points.reshape(-1),
@@ -137,6 +149,9 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         values[~present] = np.nan
         return values
 
+    mean = column("x", "y", "vx", "vy")
+    if {"x_rest", "y_rest"} <= set(records.dtype.names or ()):
+        mean[..., :2] += column("x_rest", "y_rest")
     xx, xy, yy = np.moveaxis(column("cov_xx", "cov_xy", "cov_yy"), -1, 0)
     weight = np.where(present, grid["weight"], 0.0).astype(np.float64).max(axis=2, initial=0.0)
     times = np.where(present, grid["t"], -np.inf).max(axis=(0, 1), initial=-np.inf)
@@ -151,7 +166,7 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         initial_yaw=np.full(n, np.nan),
         time_s=np.where(np.isfinite(times), times, np.nan).astype(np.float64),
         weight=weight,
-        mean=column("x", "y", "vx", "vy"),
+        mean=mean,
         yaw=column("yaw")[..., 0],
         covariance=np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2),
         source=np.ascontiguousarray(first["source"]),
@@ -162,7 +177,7 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
 def _later_fields(grid: NDArray[Any], first: NDArray[Any]) -> dict[str, NDArray[Any]]:
     """Return fields that older clouds lack; what those were served with is the default."""
     names = grid.dtype.names or ()
-    if not set(_LATER_NAMES) <= set(names) or not grid.size:
+    if not {"sigma_factor_50", "calibration"} <= set(names) or not grid.size:
         return {}
     factor = grid["sigma_factor_50"].max(axis=1).astype(np.float64)  # 0 where a point is missing
     return {

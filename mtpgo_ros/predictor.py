@@ -17,6 +17,7 @@ from mtpgo_ros.runtime.executable import (
     ArgumentParser,
     fail,
     leave,
+    share_interpreter,
     stop_on_signals,
     tune_allocator,
 )
@@ -36,6 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     """
     stopped = stop_on_signals()
     tune_allocator()
+    share_interpreter()
     arguments = list(sys.argv[1:] if argv is None else argv)
     import rclpy
 

@@ -31,6 +31,7 @@ from msg_adapters.conversions import (
     yaw_from_quaternions,
 )
 from msg_adapters.types import Types
+from msg_adapters.wire.input_limits import Content
 from mtpgo_core.identity import key_to_uuid_bytes, keys_from_uuid_bytes
 from mtpgo_core.schema import AgentClass, Float64Array, TrackedStates, tracked_states
 
@@ -203,6 +204,7 @@ AUTOWARE = InputAdapter(
     name="autoware",
     message_type=PACKAGE + "TrackedObjects",
     twist_frame="object",
+    content=Content("objects", 1000),
     decoder=decode_tracked_objects,
     builder=states_to_tracked_objects,
 )

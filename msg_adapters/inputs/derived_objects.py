@@ -26,6 +26,7 @@ from msg_adapters.conversions import (
     yaw_from_quaternions,
 )
 from msg_adapters.types import Types
+from msg_adapters.wire.input_limits import Content
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import AgentClass, TrackedStates, tracked_states
 
@@ -138,6 +139,7 @@ DERIVED = InputAdapter(
     name="derived",
     message_type=PACKAGE + "ObjectArray",
     twist_frame="header",
+    content=Content("objects", 150),
     decoder=decode_objects,
     builder=states_to_objects,
 )

@@ -29,6 +29,7 @@ from msg_adapters.conversions import (
     yaw_from_quaternions,
 )
 from msg_adapters.types import Types
+from msg_adapters.wire.input_limits import Content
 from mtpgo_core.class_map import OWN_NAMES
 from mtpgo_core.identity import key_to_int, keys_from_texts
 from mtpgo_core.schema import AgentClass, TrackedStates, tracked_states
@@ -121,6 +122,7 @@ VISION = InputAdapter(
     name="vision",
     message_type=PACKAGE + "Detection3DArray",
     twist_frame="none",
+    content=Content("detections", 100),
     decoder=decode_detections,
     builder=states_to_detections,
 )

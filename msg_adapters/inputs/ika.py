@@ -27,6 +27,7 @@ from msg_adapters.conversions import (
     to_header_frame,
 )
 from msg_adapters.types import Types
+from msg_adapters.wire.input_limits import Content
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import AgentClass, Float64Array, TrackedStates, tracked_states
 
@@ -253,6 +254,7 @@ IKA = InputAdapter(
     name="ika",
     message_type=PACKAGE + "ObjectList",
     twist_frame="object",
+    content=Content("objects", 80),
     decoder=decode_object_list,
     builder=states_to_object_list,
 )

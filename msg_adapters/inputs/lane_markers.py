@@ -18,6 +18,8 @@ from mtpgo_core.schema import Float64Array
 NAMESPACE = "lane_markings"
 _LINE_STRIP, _LINE_LIST = 4, 5
 _ADD = 0
+_MOST_POINTS = 200_000
+"""Most points of a site's lane markings; chosen: 200 km of lines with a point each metre."""
 
 
 @dataclass(frozen=True)
@@ -74,11 +76,17 @@ def lanes_from_markers(message: Any) -> LaneMarkings:
         message: ``visualization_msgs/MarkerArray``.
 
     Raises:
-        MessageError: the lines are in different frames, or the message is malformed.
+        MessageError: the lines are in different frames, or the message is malformed or too
+            large.
     """
     lines: list[Float64Array] = []
     frames: dict[str, None] = {}
     try:
+        number = sum(len(marker.points) for marker in message.markers)
+        if number > _MOST_POINTS:
+            raise MessageError(
+                f"lane markings have {number} points, expected at most {_MOST_POINTS}"
+            )
         for marker in message.markers:
             if int(marker.action) != _ADD or int(marker.type) not in (_LINE_STRIP, _LINE_LIST):
                 continue

@@ -18,6 +18,7 @@ from msg_adapters.adapter import Decoded, InputAdapter, known_classes
 from msg_adapters.conversions import finite, positive, stamp_to_ns, to_header_frame
 from msg_adapters.types import Types
 from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud
+from msg_adapters.wire.input_limits import Content
 from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import Float64Array, KeyArray, TrackedStates, tracked_states
 
@@ -156,6 +157,7 @@ POINTCLOUD2 = InputAdapter(
     name="pointcloud2",
     message_type="sensor_msgs/msg/PointCloud2",
     twist_frame="header",
+    content=Content("", 1),
     decoder=decode_cloud,
     builder=states_to_pointcloud2,
 )

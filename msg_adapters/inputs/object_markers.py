@@ -27,6 +27,7 @@ from msg_adapters.conversions import (
     yaw_from_quaternions,
 )
 from msg_adapters.types import Types
+from msg_adapters.wire.input_limits import Content
 from mtpgo_core.errors import MessageError
 from mtpgo_core.identity import keys_from_strings
 from mtpgo_core.schema import AgentClass, KeyArray, TrackedStates, tracked_states
@@ -175,6 +176,7 @@ MARKERS = InputAdapter(
     name="markers",
     message_type="visualization_msgs/msg/MarkerArray",
     twist_frame="none",
+    content=Content("markers", 200, has_header=False),
     decoder=decode_markers,
     builder=states_to_markers,
 )

@@ -15,6 +15,9 @@ ODD_INPUT: dict[str, str] = {
     "duplicates": "objects with a repeated stamp",
     "late": "objects older than what is known",
     "restarted": "tracks restarted after an impossible move",
+    "alternating": "objects that alternate between two places, as of two publishers with the same"
+    " identities",
+    "left_out": "objects left out, beyond the nearest max_tracks",
     "dropped": "tracks dropped for lack of room",
     "unstamped": "messages without a stamp",
     "future_stamp": "messages ahead of the clock",
@@ -24,6 +27,7 @@ ODD_INPUT: dict[str, str] = {
     "not_lifted": "messages that could not be lifted into the fixed frame",
     "qos_incompatible": "publishers with an incompatible QoS",
     "messages_lost": "messages lost by the middleware",
+    "input_overruns": "messages replaced by newer ones before they could be decoded",
     "delay_not_compensated": "delays too long to be compensated",
 }
 """Counters of unusual input and their descriptions."""

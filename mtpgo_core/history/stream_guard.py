@@ -23,11 +23,14 @@ class UpdateReport:
         accepted: observations that entered the history.
         new_tracks: of these, first observations of an agent.
         restarted: of these, tracks started again after an impossible move (reused identity).
+        alternating: of these, of tracks that alternate between two places, as if two publishers
+            used the same identity.
         duplicates: dropped, the track has an observation with this stamp.
         late: dropped, the track has a newer observation.
         duplicate_keys: dropped, the identity occurs earlier in the message.
         non_finite: dropped, no usable position.
         too_fast: dropped, faster than ``max_speed_mps``.
+        left_out: dropped, farther away than the nearest ``max_tracks`` of the message.
         dropped: new tracks dropped, and old ones evicted, for lack of room.
         wrong_frame: dropped with the message, see ``frame_changed``.
         forgotten: tracks forgotten because they were not seen for a whole window.
@@ -39,11 +42,13 @@ class UpdateReport:
     accepted: int = 0
     new_tracks: int = 0
     restarted: int = 0
+    alternating: int = 0
     duplicates: int = 0
     late: int = 0
     duplicate_keys: int = 0
     non_finite: int = 0
     too_fast: int = 0
+    left_out: int = 0
     dropped: int = 0
     wrong_frame: int = 0
     forgotten: int = 0

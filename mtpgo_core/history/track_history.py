@@ -12,6 +12,8 @@ position NaN, infinite or beyond 1e8 m       that agent's observation is rejecte
 velocity, acceleration, yaw not finite       treated as missing, estimated
 speed above ``max_speed_mps``                that agent's observation is rejected (``too_fast``)
 impossible move since the last sample        the track restarts there (``restarted``)
+to and fro between two places                used, and counted (``alternating``): two publishers
+                                             may share the identity
 same track twice in a message                the first usable one is used (``duplicate_keys``)
 same stamp as the track's newest             dropped (``duplicates``)
 older than the track's newest                dropped (``late``); other tracks are updated
@@ -21,8 +23,9 @@ newest by more than 0.5 s                    (``clock_reset``)
 another frame                                message rejected (``frame_changed``); the third in a
                                              row in one new frame starts a new history in it
 empty message                                only the time advances
-more tracks than ``max_tracks``              those unseen for longest are evicted, then the
-                                             surplus of the message is dropped (``dropped``)
+more objects than ``max_tracks``             the nearest to the ego or the middle are used
+                                             (``left_out``)
+more tracks than ``max_tracks``              those unseen for longest are evicted (``dropped``)
 not seen for the window plus one gap         forgotten (``forgotten``)
 ===========================================  ==================================================
 
@@ -34,6 +37,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.history.nearest_tracks import centre_of, nearest
 from mtpgo_core.history.observed_positions import ObservedPositions
 from mtpgo_core.history.resampling import NEVER_NS, Brackets, bracket, interpolate_linear
 from mtpgo_core.history.stream_guard import MessageStatus, StreamGuard, UpdateReport
@@ -100,8 +104,13 @@ class TrackHistory:
         """Frame of the history, empty before the first object."""
         return self._guard.frame_id or ""
 
-    def update(self, states: TrackedStates) -> UpdateReport:
-        """Add one message; the table of this module lists the outcomes."""
+    def update(self, states: TrackedStates, ego_key: KeyArray | None = None) -> UpdateReport:
+        """Add one message; the table of this module lists the outcomes.
+
+        Args:
+            states: the message.
+            ego_key: [4] identity of the ego, around which objects are kept if there are too many.
+        """
         stamp_ns = int(states.stamp_ns)
         # Without objects the frame is irrelevant; some messages then name none.
         self.observed = self.restarted = np.empty(0, dtype=np.int64)
@@ -111,9 +120,15 @@ class TrackHistory:
         if status is not MessageStatus.CONTINUES:
             self._forget_tracks()
         with np.errstate(invalid="ignore", over="ignore"):
-            return self._add(stamp_ns, states, status)
+            return self._add(stamp_ns, states, status, ego_key)
 
-    def _add(self, stamp_ns: int, states: TrackedStates, status: MessageStatus) -> UpdateReport:
+    def _add(
+        self,
+        stamp_ns: int,
+        states: TrackedStates,
+        status: MessageStatus,
+        ego_key: KeyArray | None,
+    ) -> UpdateReport:
         store, newest_ns = self._store, self._guard.newest_ns
         newest_ns = stamp_ns if newest_ns is None else newest_ns
         forgotten = store.forget_before(newest_ns - self._keep_ns)
@@ -123,6 +138,13 @@ class TrackHistory:
         keys, first = np.unique(sort_keys(states.key[rows]), return_index=True)
         row = rows[first]
         slot = store.index.find(keys)
+        unique = keys.shape[0]
+        if unique > self._max_tracks:
+            position = states.position[row]
+            centre = centre_of(position, keys, ego_key)
+            near = nearest(position, centre, self._max_tracks, slot >= 0)
+            keys, row, slot = keys[near], row[near], slot[near]
+        left_out = unique - keys.shape[0]
         last_ns = np.where(slot >= 0, store.rings.last_ns[slot], NEVER_NS)
         fresh = last_ns < stamp_ns
         keys, row, slot = keys[fresh], row[fresh], slot[fresh]
@@ -131,6 +153,14 @@ class TrackHistory:
         seen_again = slot[known]
         jumped = moved_impossibly(
             self.config, store, seen_again, stamp_ns, states.position[row[known]]
+        )
+        steady = seen_again[~jumped]
+        alternating = store.alternation.step(
+            steady,
+            stamp_ns,
+            states.position[row[known]][~jumped],
+            store.rings.last_ns[steady],
+            store.rings.last[steady, POSITION],
         )
         if jumped.any():
             self.restarted = store.number[seen_again[jumped]]
@@ -149,9 +179,11 @@ class TrackHistory:
             accepted=slot.shape[0],
             new_tracks=int((new >= 0).sum()),
             restarted=int(jumped.sum()),
+            alternating=int(alternating.sum()),
             duplicates=int((last_ns == stamp_ns).sum()),
             late=int((last_ns > stamp_ns).sum()),
-            duplicate_keys=rows.shape[0] - first.shape[0],
+            duplicate_keys=rows.shape[0] - unique,
+            left_out=left_out,
             non_finite=int((~finite).sum()),
             too_fast=int(too_fast.sum()),
             dropped=dropped,

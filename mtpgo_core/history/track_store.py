@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mtpgo_core.history.alternation import AlternationDetector
 from mtpgo_core.history.causal_slope import CausalSlope
 from mtpgo_core.history.resampling import NEVER_NS
 from mtpgo_core.history.sample_rings import SampleRings
@@ -18,6 +19,11 @@ _ACCELERATION_PRIOR_S2 = (0.1 / 2.2) ** 2
 about 2.2 m/s^2. Without it, the first estimates of a track are noise divided by a short time."""
 _FIRST_CAPACITY = 64
 """Slots of a new store; it doubles on demand."""
+
+FARTHEST_M = 1e8
+"""Coordinates beyond are invalid (m): UTM coordinates stay below 1e7 m."""
+_LONGEST_M = 1000.0
+"""Lengths and widths beyond are invalid (m); chosen above the longest trains."""
 
 SAMPLE_COLUMNS = 7
 POSITION, VELOCITY, ACCELERATION, YAW = slice(0, 2), slice(2, 4), slice(4, 6), 6
@@ -54,6 +60,7 @@ class TrackStore:
             identity that is used again is told from the road user who had it before.
         first_ns: [capacity] stamp of the track's first sample (ns).
         velocity, acceleration: the estimators.
+        alternation: detects tracks that two publishers share.
         position_velocity: [capacity, 2] velocity estimated from the positions alone (m/s).
         key, agent_class, z, size, covariance: [capacity, ...] as last observed.
     """
@@ -70,6 +77,7 @@ class TrackStore:
         self.acceleration = CausalSlope(
             capacity, config.acceleration_tau_s, _ACCELERATION_PRIOR_S2
         )
+        self.alternation = AlternationDetector(capacity)
         self.next_number = next_number
         self.number = np.full(capacity, -1, dtype=np.int64)
         self.first_ns = np.full(capacity, NEVER_NS, dtype=np.int64)
@@ -85,6 +93,7 @@ class TrackStore:
         self.rings.clear(slot)
         self.velocity.reset(slot)
         self.acceleration.reset(slot)
+        self.alternation.reset(slot)
         self.number[slot] = self.next_number + np.arange(slot.shape[0])
         self.next_number += slot.shape[0]
         self.agent_class[slot] = 0
@@ -121,13 +130,15 @@ class TrackStore:
     def update_attributes(self, slot: IndexArray, states: TrackedStates, row: IndexArray) -> None:
         """Store identity, class, height, size and covariance of the observations ``row``.
 
-        An unknown class, height or size keeps its last known value.
+        An unknown class, height or size keeps its last known value; an impossible height or size
+        is unknown.
         """
         self.key[slot] = states.key[row]
         agent_class, z, size = states.agent_class[row], states.z[row], states.size[row]
         self.agent_class[slot] = np.where(agent_class > 0, agent_class, self.agent_class[slot])
-        self.z[slot] = np.where(np.isfinite(z), z, self.z[slot])
-        self.size[slot] = np.where(np.isfinite(size), size, self.size[slot])
+        self.z[slot] = np.where(np.abs(z) <= FARTHEST_M, z, self.z[slot])
+        possible = (size > 0.0) & (size <= _LONGEST_M)
+        self.size[slot] = np.where(possible, size, self.size[slot])
         self.covariance[slot] = states.covariance[row]
 
     def _evict(self, surplus: int, others: IndexArray) -> int:
@@ -159,4 +170,5 @@ class TrackStore:
         self.rings.grow(capacity)
         self.velocity.grow(capacity)
         self.acceleration.grow(capacity)
+        self.alternation.grow(capacity)
         self._free = np.concatenate([np.arange(old, capacity, dtype=np.intp)[::-1], self._free])

@@ -22,6 +22,7 @@ from mtpgo_core.history.resampling import (
 )
 from mtpgo_core.history.track_store import (
     ACCELERATION,
+    FARTHEST_M,
     POSITION,
     SAMPLE_COLUMNS,
     VELOCITY,
@@ -31,8 +32,6 @@ from mtpgo_core.history.track_store import (
 from mtpgo_core.schema import MOVING_MPS, BoolArray, Float64Array, IndexArray, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
 
-_FARTHEST_M = 1e8
-"""Coordinates beyond are invalid (m): UTM coordinates stay below 1e7 m."""
 _JUMP_M = 5.0
 """A track may always move this far between two observations, however short the time (m); chosen:
 a vehicle's length, by which a tracker may shift its reference point."""
@@ -47,7 +46,7 @@ def usable_observations(
     config: HistoryConfig, states: TrackedStates
 ) -> tuple[BoolArray, BoolArray]:
     """Return two masks [n]: usable position, and usable position but too fast."""
-    finite = np.asarray((np.abs(states.position) <= _FARTHEST_M).all(axis=1))
+    finite = np.asarray((np.abs(states.position) <= FARTHEST_M).all(axis=1))
     speed_mps = np.hypot(states.velocity[:, 0], states.velocity[:, 1])
     given = np.isfinite(states.velocity).all(axis=1)
     return finite, finite & given & (speed_mps > config.max_speed_mps)

@@ -11,7 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtpgo_core.prediction.finite_output import definite_in_float32
 from mtpgo_core.schema import MOVING_MPS, Float64Array, HistoryWindow, Prediction, Source
+
+_LARGEST_STD = 1e4
+"""Largest standard deviation of a tracker that is believed (m, m/s); chosen, no site is larger."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +121,13 @@ def motion_yaw(mean: Float64Array, initial_yaw: Float64Array) -> Float64Array:
 
 
 def usable_covariances(covariance: Float64Array) -> Float64Array:
-    """Return symmetric covariances [n, S, S], NaN where not finite or not positive definite."""
-    usable = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
+    """Return symmetric covariances [n, S, S], NaN where they are no use.
+
+    They are none where they are not finite, not positive definite, or have a standard deviation
+    above :data:`_LARGEST_STD`, which says no more than an unknown one.
+    """
+    # False for NaN; the eigenvalues of numbers near the largest double would overflow.
+    usable = np.asarray((np.abs(covariance) <= _LARGEST_STD**2).all(axis=(1, 2)))
     result = np.full_like(covariance, np.nan)
     if usable.any():
         some = covariance[usable]
@@ -138,7 +147,22 @@ def _covariance(
     observed[:, [0, 1], [0, 1]] = noise.position_std_m**2
     observed[:, [2, 3], [2, 3]] = speed_std[:, None] ** 2
     tracked = usable_covariances(window.covariance)
-    observed = np.where(np.isfinite(tracked) & known[:, None, None], tracked, observed)
+    given = np.isfinite(tracked) & known[:, None, None]
+    grown = _grown(np.where(given, tracked, observed), time_s, course, noise)
+    # A covariance may be so close to singular that it is not definite after rounding.
+    unusable = given.all(axis=(1, 2)) & ~definite_in_float32(grown).all(axis=1)
+    if unusable.any():
+        grown[unusable] = _grown(observed[unusable], time_s, course[unusable], noise)
+    return grown
+
+
+def _grown(
+    observed: Float64Array,
+    time_s: Float64Array,
+    course: Float64Array,
+    noise: ConstantVelocityNoise,
+) -> Float64Array:
+    """Return [n, H, 2, 2] the position's covariance (m^2) that grows from [n, 4, 4] a state's."""
     time = time_s[:, None, None]
     cross = observed[:, None, :2, 2:]
     carried = observed[:, None, :2, :2] + time * (cross + np.swapaxes(cross, -1, -2))

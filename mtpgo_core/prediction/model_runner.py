@@ -11,6 +11,7 @@ N, M, H, S] and covariances [B, N, M, H, S, S] in the scene frames.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import warnings
 from pathlib import Path
@@ -23,11 +24,11 @@ from mtpgo_core.frames import rotate_covariance
 from mtpgo_core.prediction.calibrated_prediction import calibrate
 from mtpgo_core.prediction.constant_velocity import usable_covariances
 from mtpgo_core.prediction.forward_motion import without_reversing
-from mtpgo_core.prediction.output_assembly import ModelOutput, assemble
+from mtpgo_core.prediction.output_assembly import ModelOutput, assemble, spread
 from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.scene.trails.trail_context import COLUMNS
-from mtpgo_core.schema import Float32Array, HistoryWindow, Prediction, SceneBatch
+from mtpgo_core.schema import Float32Array, HistoryWindow, IndexArray, Prediction, SceneBatch
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_core.task.model_file import find_model, load_task
 from mtpgo_core.task.task_description import TaskDescription
@@ -146,6 +147,21 @@ class ModelRunner:
         initial_covariance: bool = False,
         smoother: PathSmoother | None = None,
     ) -> Prediction:
+        """Return the prediction of every agent of the window; arguments as :meth:`predict_served`.
+
+        Rows of agents that are primary in no graph, or whose output is not usable, are NaN; the
+        caller provides a fallback.
+        """
+        served, prediction = self.predict_served(window, batch, initial_covariance, smoother)
+        return spread(prediction, served, window)
+
+    def predict_served(
+        self,
+        window: HistoryWindow,
+        batch: SceneBatch,
+        initial_covariance: bool = False,
+        smoother: PathSmoother | None = None,
+    ) -> tuple[IndexArray, Prediction]:
         """Return the predictions of the primary agents of the scenes.
 
         Args:
@@ -156,10 +172,9 @@ class ModelRunner:
             smoother: of the paths from cycle to cycle, if any.
 
         Returns:
-            One row for each agent of the window, in the fixed frame, modes sorted by descending
-            weight, calibrated as ``calibration`` says; no moving vehicle reverses. Rows of agents
-            that are primary in no graph, or whose output is not usable, are NaN; the caller
-            provides a fallback.
+            Their positions in the window, ascending, and one row for each of them, in the fixed
+            frame, modes sorted by descending weight, calibrated as ``calibration`` says; no moving
+            vehicle reverses. Rows whose output is not usable are NaN.
         """
         covariance = self._tracked(window, batch) if initial_covariance else None
         pieces = [
@@ -173,10 +188,18 @@ class ModelRunner:
             np.zeros((0, modes, steps, 2, 2), np.float32),
         )
         joined = [np.concatenate(parts) for parts in zip(empty, *pieces, strict=True)]
-        dt_s = self.task.history.dt_s
-        prediction = assemble(window, batch, ModelOutput(*joined), dt_s, smoother)
-        calibrated = calibrate(prediction, self.calibration, window.velocity[:, -1])
-        return without_reversing(calibrated)
+        served = np.unique(batch.agent[batch.primary])
+        own = window.select(served)
+        place = np.searchsorted(served, batch.agent)
+        prediction = assemble(
+            own,
+            dataclasses.replace(batch, agent=place),
+            ModelOutput(*joined),
+            self.task.history.dt_s,
+            smoother,
+        )
+        calibrated = calibrate(prediction, self.calibration, own.velocity[:, -1])
+        return served, without_reversing(calibrated)
 
     def _piece(
         self, batch: SceneBatch, piece: slice, covariance: Float32Array | None

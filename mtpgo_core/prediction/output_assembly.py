@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.prediction.constant_velocity import initial_states, motion_yaw
+from mtpgo_core.prediction.finite_output import definite_in_float32, finite_in_float32
 from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.schema import (
     BoolArray,
@@ -114,6 +115,11 @@ def assemble(
 
 def merge(first: Prediction, other: Prediction, take_other: BoolArray) -> Prediction:
     """Return ``first`` with the rows where ``take_other`` [n] is true taken from ``other``."""
+    return replace_rows(first, np.flatnonzero(take_other), select(other, take_other))
+
+
+def replace_rows(first: Prediction, row: IndexArray, other: Prediction) -> Prediction:
+    """Return ``first`` with its rows ``row`` [k] taken from the k rows of ``other``."""
     fields = (
         "initial",
         "initial_yaw",
@@ -125,12 +131,65 @@ def merge(first: Prediction, other: Prediction, take_other: BoolArray) -> Predic
         "sigma_factor_50",
         "calibration",
     )
-    merged = {}
+    replaced = {}
     for name in fields:
         value = getattr(first, name).copy()
-        value[take_other] = getattr(other, name)[take_other]
-        merged[name] = value
-    return dataclasses.replace(first, **merged)
+        value[row] = getattr(other, name)
+        replaced[name] = value
+    return dataclasses.replace(first, **replaced)
+
+
+def spread(prediction: Prediction, row: IndexArray, window: HistoryWindow) -> Prediction:
+    """Return one row for each agent of the window, NaN except for its rows ``row`` [k].
+
+    Args:
+        prediction: of k agents of the window.
+        row: [k] their positions in it, ascending.
+        window: all agents.
+    """
+    if len(prediction) == len(window):
+        return prediction
+
+    def full(values: Float64Array) -> Float64Array:
+        out = np.full((len(window), *values.shape[1:]), np.nan)
+        out[row] = values
+        return out
+
+    initial, initial_yaw = initial_states(window)
+    factor = np.ones((len(window), prediction.mean.shape[2]))
+    factor[row] = prediction.sigma_factor_50
+    stage = np.zeros(len(window), dtype=np.uint8)
+    stage[row] = prediction.calibration
+    return dataclasses.replace(
+        prediction,
+        key=window.key,
+        agent_class=window.agent_class,
+        z=window.z,
+        size=window.size,
+        initial=initial,
+        initial_yaw=initial_yaw,
+        weight=full(prediction.weight),
+        mean=full(prediction.mean),
+        yaw=full(prediction.yaw),
+        covariance=full(prediction.covariance),
+        source=np.full(len(window), Source.MODEL, dtype=np.uint8),
+        sigma_factor_50=factor,
+        calibration=stage,
+    )
+
+
+def with_strongest_modes(prediction: Prediction, modes: int) -> Prediction:
+    """Return the first ``modes`` modes of each agent, with weights that sum to one."""
+    weight, kept = strongest_modes(prediction, modes)
+    if kept == prediction.weight.shape[1]:
+        return prediction
+    return dataclasses.replace(
+        prediction,
+        weight=weight,
+        mean=prediction.mean[:, :modes],
+        yaw=prediction.yaw[:, :modes],
+        covariance=prediction.covariance[:, :modes],
+    )
 
 
 def select(prediction: Prediction, index: IndexArray | BoolArray) -> Prediction:
@@ -193,8 +252,5 @@ def _weights(log_weight: Float64Array) -> Float64Array:
 
 def _usable(weight: Float64Array, mean: Float64Array, covariance: Float64Array) -> BoolArray:
     """Return [p] which predictions are finite and have positive definite covariances."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
-        definite = (xx > 0.0) & (yy > 0.0) & (xx * yy - xy * xy > 0.0)
-        finite = np.isfinite(xx + yy) & np.isfinite(mean).all(axis=3)
-        return np.asarray(np.isfinite(weight).all(axis=1) & (definite & finite).all(axis=(1, 2)))
+    finite = np.isfinite(weight).all(axis=1) & finite_in_float32(mean)
+    return np.asarray(finite & definite_in_float32(covariance).all(axis=(1, 2)))

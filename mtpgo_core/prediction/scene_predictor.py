@@ -11,15 +11,18 @@ velocity. Each prediction states its source.
 from __future__ import annotations
 
 import dataclasses
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtpgo_core.history.nearest_tracks import centre_of, nearest
 from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.options import check_options, option
+from mtpgo_core.prediction.agent_limit import AgentLimit
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
-from mtpgo_core.prediction.output_assembly import merge
+from mtpgo_core.prediction.output_assembly import replace_rows, select, with_strongest_modes
 from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.lane_map import LaneMap
@@ -32,10 +35,6 @@ from mtpgo_core.task.task_description import GRAPH_POLICIES, SceneConfig, TaskDe
 if TYPE_CHECKING:
     from mtpgo_core.prediction.model_runner import ModelRunner
 
-_KEEP = 0.8
-"""Distances of agents that the model predicted in the last cycle are scaled by this when
-``max_agents`` limits them, so that two agents at the limit do not alternate; chosen."""
-
 
 @dataclass(frozen=True)
 class PredictorOptions:
@@ -46,8 +45,10 @@ class PredictorOptions:
         max_neighbours: agents of a graph besides its centre, None for the task's.
         radius_m: radius of a graph (m), None for the task's.
         max_agents: most agents that the model predicts, those nearest to the ego or, without an
-            ego, to the mean position; the others are predicted at constant velocity and are seen
+            ego, to the median position; the others are predicted at constant velocity and are seen
             by the model as neighbours of those.
+        max_points: most agents x modes x steps of a prediction; with more, the strongest modes of
+            every agent are kept, at least one.
         use_tracker_covariance: start from the tracker's covariance where there is one.
         path_smoothing_s: memory of the farthest predicted points over the cycles (s), 0 for none.
     """
@@ -56,6 +57,7 @@ class PredictorOptions:
     max_neighbours: int | None = option(None, low=0)
     radius_m: float | None = option(None, above=0.0)
     max_agents: int = option(128, low=0)
+    max_points: int = option(1 << 40, low=1)
     use_tracker_covariance: bool = False
     path_smoothing_s: float = option(0.0, low=0.0, high=5.0)
 
@@ -70,7 +72,9 @@ class PredictionReport:
     Attributes:
         agents: agents predicted.
         by_model: of these, predicted by the model.
-        over_limit: predicted at constant velocity because of ``max_agents``.
+        over_limit: predicted at constant velocity because of ``max_agents`` or the time limit.
+        agent_limit: most agents that the model predicts in time, None for any number.
+        modes: modes of every agent, fewer than the model's because of ``max_points``.
         unusable: predicted at constant velocity because the model's output was not usable.
         graphs: graphs in the model's input.
         largest_graph: agents in the largest of them.
@@ -79,6 +83,8 @@ class PredictionReport:
     agents: int = 0
     by_model: int = 0
     over_limit: int = 0
+    agent_limit: int | None = None
+    modes: int = 0
     unusable: int = 0
     graphs: int = 0
     largest_graph: int = 0
@@ -101,6 +107,8 @@ class ScenePredictor:
     Attributes:
         options: may be replaced at any time; takes effect with the next prediction.
         lanes: may be replaced at any time; takes effect with the next prediction.
+        allowed_s: time for the model (s); if it takes longer, it gets fewer agents the next time.
+            None: it gets all, whatever time it takes.
         task: the task in effect.
         last_report: report on the last prediction.
     """
@@ -117,7 +125,9 @@ class ScenePredictor:
         self.task = runner.task if runner is not None else task or TaskDescription()
         self.options = options
         self.lanes = lanes
+        self.allowed_s: float | None = None
         self.last_report = PredictionReport()
+        self._limit = AgentLimit()
         self._graphs = GraphState()
         self._graphs_ns: int | None = None
         self._trails = TrailMemory()
@@ -125,7 +135,7 @@ class ScenePredictor:
 
     @property
     def modes(self) -> int:
-        """Number of modes M of every prediction: the model's, or 1 without a model."""
+        """Number of modes M of a prediction: the model's, or 1 without a model."""
         return self.task.modes if self._runner is not None else 1
 
     def reset(self) -> None:
@@ -140,6 +150,9 @@ class ScenePredictor:
     def predict(self, window: HistoryWindow, *, ego_key: KeyArray | None = None) -> Prediction:
         """Return the prediction of every agent present at the window's time.
 
+        Under load the model predicts fewer agents, the nearest to the ego or the middle first, and
+        fewer modes are returned; see ``allowed_s`` and ``PredictorOptions.max_points``.
+
         Args:
             window: see :meth:`~mtpgo_core.history.track_history.TrackHistory.window`.
             ego_key: [4] the ego's identity, for the policy ``ego`` and for ``max_agents``.
@@ -150,16 +163,20 @@ class ScenePredictor:
         Raises:
             ConfigurationError: the model's context is ``lanes`` and there are no lane lines.
         """
+        begun_s = time.perf_counter()
         trails = self._observe_trails(window)
         present = window.select(window.valid[:, -1])
         constant = self._constant(present)
-        if self._runner is None or len(present) == 0:
-            self.last_report = PredictionReport(agents=len(present))
+        n, modes = len(present), self._kept_modes(len(present))
+        if self._runner is None or n == 0:
+            self.last_report = PredictionReport(agents=n, modes=modes)
             return constant
         options, state = self.options, self._graph_state(present.stamp_ns)
-        selected = self._select_agents(present, options.max_agents, ego_key, state)
+        wanted = min(n, options.max_agents)
+        most = wanted if self._limit.agents is None else min(wanted, self._limit.agents)
+        selected = self._select_agents(present, most, ego_key, state)
         if not selected.any():
-            self.last_report = PredictionReport(agents=len(present), over_limit=len(present))
+            self.last_report = PredictionReport(agents=n, over_limit=n, modes=modes)
             return constant
         batch = build_scenes(
             present,
@@ -170,19 +187,27 @@ class ScenePredictor:
             lanes=self.lanes,
             trails=trails,
         )
-        modelled = self._runner.predict(
+        served, modelled = self._runner.predict_served(
             present, batch, options.use_tracker_covariance, self._path_smoother(options)
         )
-        usable = selected & np.isfinite(modelled.weight).all(axis=1)
+        usable = np.asarray(np.isfinite(modelled.weight).all(axis=1))
+        if self.allowed_s is not None:
+            took_s = time.perf_counter() - begun_s
+            self._limit.add(most, wanted, took_s, self.allowed_s)
         self.last_report = PredictionReport(
-            agents=len(present),
+            agents=n,
             by_model=int(usable.sum()),
-            over_limit=int((~selected).sum()),
-            unusable=int((selected & ~usable).sum()),
+            over_limit=n - most,
+            agent_limit=self._limit.agents,
+            modes=modes,
+            unusable=int((~usable).sum()),
             graphs=batch.valid.shape[0],
             largest_graph=int((batch.agent >= 0).sum(axis=1).max(initial=0)),
         )
-        return modelled if usable.all() else merge(constant, modelled, usable)
+        modelled = with_strongest_modes(modelled, modes)
+        if len(served) == n and usable.all():
+            return modelled
+        return replace_rows(constant, served[usable], select(modelled, usable))
 
     def _observe_trails(self, window: HistoryWindow) -> TrailContext | None:
         """Add a window, of all agents, to the memory of trails, if the task has one."""
@@ -230,24 +255,21 @@ class ScenePredictor:
             present,
             horizon_steps=self.task.horizon_steps,
             dt_s=self.task.history.dt_s,
-            modes=self.modes,
+            modes=self._kept_modes(len(present)),
         )
+
+    def _kept_modes(self, agents: int) -> int:
+        """Return the number of modes with which so many agents stay below ``max_points``."""
+        points = max(1, agents) * self.task.horizon_steps
+        return max(1, min(self.modes, self.options.max_points // points))
 
     @staticmethod
     def _select_agents(
         present: HistoryWindow, max_agents: int, ego_key: KeyArray | None, state: GraphState
     ) -> BoolArray:
         """Return [n] the agents that the model predicts: the nearest, with hysteresis."""
-        n = len(present)
-        if n <= max_agents:
-            return np.ones(n, dtype=bool)
+        if len(present) <= max_agents:
+            return np.ones(len(present), dtype=bool)
         position, keys = present.position[:, -1], sort_keys(present.key)
-        middle = position.mean(axis=0)
-        if ego_key is not None:
-            ego = np.flatnonzero(keys == sort_keys(ego_key.reshape(1, 4))[0])
-            middle = position[ego[0]] if ego.shape[0] else middle
-        distance = np.linalg.norm(position - middle, axis=1)
-        distance[find_sort_keys(state.agent, keys) >= 0] *= _KEEP
-        selected = np.zeros(n, dtype=bool)
-        selected[np.argsort(distance, kind="stable")[:max_agents]] = True
-        return selected
+        kept = find_sort_keys(state.agent, keys) >= 0
+        return nearest(position, centre_of(position, keys, ego_key), max_agents, kept)

@@ -35,6 +35,7 @@ class NodeStatus:
             if it was.
         degraded: why there is no model, empty if there is one.
         limitations: other reasons why the predictions are worse than they could be.
+        overload: what the last prediction lacks because there are many agents, empty if nothing.
         agents: agents of the last prediction.
         fallback_agents: those of them predicted at constant velocity.
         over_budget_in_a_row: consecutive cycles over budget.
@@ -57,6 +58,7 @@ class NodeStatus:
     frame_error: str = ""
     degraded: str = ""
     limitations: list[str] = field(default_factory=list)
+    overload: str = ""
     agents: int = 0
     fallback_agents: int = 0
     over_budget_in_a_row: int = 0
@@ -119,6 +121,8 @@ def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
         level, message = WARN, "constant velocity serves instead: " + ", ".join(failures)
     elif status.limitations:
         level, message = WARN, "; ".join(status.limitations)
+    elif status.overload:
+        level, message = WARN, status.overload
     elif status.fallback_agents:
         level = WARN
         message = f"constant velocity serves {status.fallback_agents} of {status.agents} agents"
@@ -128,6 +132,7 @@ def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
         **status.model,
         "agents": str(status.agents),
         "fallback_agents": str(status.fallback_agents),
+        "overload": status.overload,
         "degraded": status.degraded,
     }
     values |= _counted(events.counts(), [*BAD_MODEL, "agents_over_limit"])

@@ -34,6 +34,7 @@ BAD_TIMING = {
 
 BAD_MODEL = {
     "model_failures": "failures of the model",
+    "not_published": "agents left out because their prediction was not finite",
     "non_finite_output": "agents with a model output that was not finite",
 }
 """Counters of the model's failures and their descriptions."""

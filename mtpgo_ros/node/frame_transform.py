@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
 from typing import Any, Protocol
 
 from nav_msgs.msg import Odometry
@@ -60,6 +61,8 @@ class FixedFrameTransform:
         self._node = node
         self._fixed_frame = fixed_frame
         self._poses = PoseBuffer()
+        # Objects are transformed on the thread of their subscription.
+        self._lock = threading.Lock()
         self._odometry_frames = ("", "")
         self._subscription: Subscription = node.create_subscription(
             Odometry, "odometry", self.add_odometry, _ODOMETRY_QOS
@@ -69,10 +72,12 @@ class FixedFrameTransform:
     def add_odometry(self, message: Any) -> None:
         """Add the pose of a nav_msgs/Odometry."""
         frames = (message.header.frame_id, message.child_frame_id)
-        if frames != self._odometry_frames:
-            self._poses.clear()
-            self._odometry_frames = frames
-        self._poses.add(stamp_to_ns(message.header.stamp), pose_of(message))
+        pose = pose_of(message)
+        with self._lock:
+            if frames != self._odometry_frames:
+                self._poses.clear()
+                self._odometry_frames = frames
+            self._poses.add(stamp_to_ns(message.header.stamp), pose)
 
     def apply(self, states: TrackedStates) -> TrackedStates:
         """Return the states in the fixed frame.
@@ -87,8 +92,9 @@ class FixedFrameTransform:
         return to_fixed_frame(states, self._pose(states), self._fixed_frame)
 
     def _pose(self, states: TrackedStates) -> Pose2:
-        if self._odometry_frames == (self._fixed_frame, states.frame_id):
-            return self._poses.at(states.stamp_ns)
+        with self._lock:
+            if self._odometry_frames == (self._fixed_frame, states.frame_id):
+                return self._poses.at(states.stamp_ns)
         if self._tf is not None:
             return self._tf.pose(self._fixed_frame, states.frame_id, states.stamp_ns)
         parent, child = self._odometry_frames

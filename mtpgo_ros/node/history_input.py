@@ -14,7 +14,7 @@ import numpy as np
 
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
 from mtpgo_core.prediction.scene_predictor import ScenePredictor
-from mtpgo_core.schema import HistoryWindow, TrackedStates
+from mtpgo_core.schema import HistoryWindow, KeyArray, TrackedStates
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.rate_limiter import RateLimiter
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
@@ -89,12 +89,15 @@ class HistoryInput:
         self._newest_ns = None
         self._ahead = 0
 
-    def update(self, states: TrackedStates, now_ns: int) -> HistoryWindow | None:
+    def update(
+        self, states: TrackedStates, now_ns: int, ego_key: KeyArray | None = None
+    ) -> HistoryWindow | None:
         """Add an observation to the history.
 
         Args:
             states: in the fixed frame.
             now_ns: the node's time (ns), 0 while it has none.
+            ego_key: [4] identity of the ego.
 
         Returns:
             The window of the prediction that the observation starts, None if none is due.
@@ -105,7 +108,7 @@ class HistoryInput:
             return None
         if self._is_from_the_future(states.stamp_ns, now_ns):
             return None
-        report = self.report = self._history.update(states)
+        report = self.report = self._history.update(states, ego_key)
         for name in _COUNTED:
             self._events.count(name, int(getattr(report, name)))
         self._events.count("unknown_class", int(np.count_nonzero(states.agent_class == 0)))

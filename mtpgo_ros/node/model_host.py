@@ -64,6 +64,11 @@ class ModelHost:
         self.calibrator = LiveCalibrator(parameters, self.predictor.task)
 
     @property
+    def ego_key(self) -> KeyArray | None:
+        """[4] identity of the ego, None if none is known."""
+        return self._ego_key
+
+    @property
     def uses_lanes(self) -> bool:
         """Whether lane lines are an input of the model."""
         return self._runner is not None and self.predictor.task.scene.context == "lanes"
@@ -143,6 +148,7 @@ def _options(parameters: PredictorParameters) -> PredictorOptions:
         max_neighbours=parameters.max_neighbours or None,
         radius_m=parameters.radius or None,
         max_agents=parameters.max_agents,
+        max_points=parameters.max_points,
         use_tracker_covariance=parameters.use_tracker_covariance,
         path_smoothing_s=parameters.path_smoothing,
     )

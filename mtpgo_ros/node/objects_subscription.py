@@ -1,36 +1,58 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The subscription to the tracked objects, with the message type that is published."""
+"""The subscription to the tracked objects, with the message type that is published.
+
+The executor's thread takes only the bytes of a message. A thread of its own checks them, decodes
+them and calls the handler, so that a large message keeps nothing else from being served.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from typing import Any, cast
 
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from msg_adapters.adapter import InputAdapter
 from msg_adapters.registry import INPUTS, adapter_for_type, input_adapter
 from msg_adapters.types import message_class
+from msg_adapters.wire.input_limits import DEFAULT_LIMITS, InputLimits
 from mtpgo_core.errors import MessageError
 from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.node.reliability_choice import ReliabilityChoice
+from mtpgo_ros.runtime.work_queue import WorkQueue
 
 TOPIC = "objects"
 
-_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Best effort is compatible with reliable publishers; of a backlog only the newest five are
-kept."""
+_DEPTH = 5
+"""Messages that wait for the middleware to hand them over, and again to be decoded; chosen."""
 
 _POLL_S = 0.1
 """Time between two checks of the published type (s); chosen."""
 
+_OVERLAP_S = 1.0
+"""How long a subscription goes on after its successor was made (s); chosen above the time that
+discovery takes."""
+
+_PATIENCE_S = 0.1
+"""How long closing waits for a message that is being decoded (s); chosen: transitions are to be
+answered within 0.2 s."""
+
 Handler = Callable[[Any, InputAdapter, int], None]
-"""Takes a message, its adapter, and the time of its receipt (ns of the monotonic clock)."""
+"""Takes a message, its adapter, and the time of its receipt (ns of the monotonic clock).
+
+Instead of a message that was refused before it was decoded, it gets the MessageError that says
+why.
+"""
 
 
 class ObjectsSubscription:
@@ -39,31 +61,47 @@ class ObjectsSubscription:
     Args:
         node: the node.
         input_type: name of an adapter, or ``auto`` for the type of the topic's publisher.
-        handler: called with every message.
+        handler: called with every message, on the thread of this subscription.
         events: where lost messages and incompatible publishers are counted.
+        limits: the largest messages that are decoded.
 
     Attributes:
         topic: resolved name of the topic.
         status: what the subscription waits for, empty once it is subscribed.
+        limits: as above; may be replaced at any time.
 
     Raises:
         MessageError: the named type's message package is not installed.
     """
 
-    def __init__(self, node: Node, input_type: str, handler: Handler, events: EventLog) -> None:
+    def __init__(
+        self,
+        node: Node,
+        input_type: str,
+        handler: Handler,
+        events: EventLog,
+        limits: InputLimits = DEFAULT_LIMITS,
+    ) -> None:
         self._node = node
         self._handler = handler
         self._events = events
+        self.limits = limits
+        self._lost = LostMessages()
+        self._queue = WorkQueue(self._decode, _DEPTH, self._on_overrun, "objects")
         self._subscription: Subscription | None = None
         self._adapter: InputAdapter | None = None
         self.topic = node.resolve_topic_name(TOPIC)
         self.status = f"no publisher on {self.topic} yet"
-        self._timer = None
-        if input_type != "auto":
+        self._follows_type = input_type == "auto"
+        self._choice = ReliabilityChoice(time.monotonic())
+        # The last subscription, while its successor is discovered, and what both may receive.
+        self._leaving: Subscription | None = None
+        self._leaving_s = 0.0
+        self._sent_ns: deque[int] = deque(maxlen=2 * _DEPTH)
+        if not self._follows_type:
             self._subscribe(input_adapter(input_type))
-            return
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(_POLL_S, self._check_type, clock=steady)
+        self._timer = node.create_timer(_POLL_S, self._check_publishers, clock=steady)
 
     @property
     def message_type(self) -> str:
@@ -71,16 +109,32 @@ class ObjectsSubscription:
         return self._adapter.message_type if self._adapter is not None else ""
 
     def close(self) -> None:
-        """Destroy the subscription."""
-        if self._timer is not None:
-            self._node.destroy_timer(self._timer)
+        """Destroy the subscription and end its thread."""
+        # A message that is being decoded cannot be interrupted; it comes to nothing.
+        self._queue.stop(_PATIENCE_S)
+        self._node.destroy_timer(self._timer)
         self._unsubscribe()
 
-    def _check_type(self) -> None:
+    def _check_publishers(self) -> None:
+        """Subscribe to a published type, and as reliably as it is published."""
+        publishers = self._node.get_publishers_info_by_topic(self.topic)
+        changed = self._choice.update(
+            possible=all(
+                info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in publishers
+            ),
+            matched=self._subscription is not None and bool(publishers),
+            now_s=time.monotonic(),
+        )
+        if self._leaving is not None and time.monotonic() > self._leaving_s:
+            self._node.destroy_subscription(self._leaving)
+            self._leaving = None
+        if changed and self._adapter is not None:
+            self._subscribe_anew(self._adapter)
+        if self._follows_type:
+            self._check_type({info.topic_type for info in publishers})
+
+    def _check_type(self, published: set[str]) -> None:
         """Subscribe to a published type; types with an adapter are preferred."""
-        published = {
-            info.topic_type for info in self._node.get_publishers_info_by_topic(self.topic)
-        }
         if not published or self.message_type in published:
             return
         errors = []
@@ -104,7 +158,15 @@ class ObjectsSubscription:
             kind,
             self.topic,
             cast(Callable[[Any], None], self._on_message),  # rclpy counts the arguments
-            _QOS,
+            QoSProfile(
+                depth=_DEPTH,  # Of a backlog only the newest are kept.
+                reliability=(
+                    ReliabilityPolicy.RELIABLE
+                    if self._choice.reliable
+                    else ReliabilityPolicy.BEST_EFFORT
+                ),
+            ),
+            raw=True,
             event_callbacks=SubscriptionEventCallbacks(
                 incompatible_qos=self._on_incompatible_qos,
                 matched=self._on_matched,
@@ -112,18 +174,53 @@ class ObjectsSubscription:
             ),
         )
         self.status = ""
+        how = ", reliably" if self._choice.reliable else ""
         self._node.get_logger().info(
-            f"subscribed to {self.topic} as {adapter.message_type} (input_type {adapter.name})"
+            f"subscribed to {self.topic} as {adapter.message_type}"
+            f" (input_type {adapter.name}){how}"
         )
 
-    def _unsubscribe(self) -> None:
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-        self._subscription, self._adapter = None, None
+    def _subscribe_anew(self, adapter: InputAdapter) -> None:
+        """Subscribe with the present choice; the last subscription goes on until it is heard."""
+        if self._leaving is not None:
+            self._node.destroy_subscription(self._leaving)
+            self._leaving = None
+        last, self._subscription = self._subscription, None
+        self._subscribe(adapter)
+        self._leaving, self._leaving_s = last, time.monotonic() + _OVERLAP_S
 
-    def _on_message(self, message: Any, info: dict[str, Any]) -> None:
+    def _unsubscribe(self) -> None:
+        for subscription in (self._subscription, self._leaving):
+            if subscription is not None:
+                self._node.destroy_subscription(subscription)
+        self._subscription = self._leaving = self._adapter = None
+
+    def _on_message(self, data: bytes, info: dict[str, Any]) -> None:
+        sent_ns = int(info.get("source_timestamp", 0))
+        if self._leaving is not None and sent_ns in self._sent_ns:
+            return  # Both subscriptions have received it.
+        self._sent_ns.append(sent_ns)
         if self._adapter is not None:
-            self._handler(message, self._adapter, _received_ns(info))
+            self._queue.submit((data, self._adapter, _received_ns(info)))
+            if self._choice.received(len(data), time.monotonic()):
+                self._subscribe_anew(self._adapter)
+
+    def _decode(self, item: tuple[bytes, InputAdapter, int]) -> None:
+        """Decode a message and call the handler; on the thread of the queue."""
+        data, adapter, received_ns = item
+        try:
+            adapter.check_serialized(data, self.limits)
+            with _without_garbage_collection():
+                message = deserialize_message(data, message_class(adapter.message_type))
+        except MessageError as error:
+            message = error
+        except Exception as error:  # rclpy's errors have no common base.
+            message = MessageError(f"message of {len(data)} bytes cannot be decoded: {error}")
+        if not self._queue.stopped:
+            self._handler(message, adapter, received_ns)
+
+    def _on_overrun(self) -> None:
+        self._events.count("input_overruns")
 
     def _on_matched(self, event: Any) -> None:
         # Discovery ends on the two sides at different times, and messages sent before it has ended
@@ -135,6 +232,8 @@ class ObjectsSubscription:
 
     def _on_incompatible_qos(self, event: Any) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
+        if policy == "RELIABILITY" and self._choice.reliable:
+            return  # The next check of the publishers changes the subscription.
         self._events.count(
             "qos_incompatible",
             event.total_count_change,
@@ -144,7 +243,41 @@ class ObjectsSubscription:
         )
 
     def _on_message_lost(self, event: Any) -> None:
-        self._events.count("messages_lost", event.total_count_change)
+        number = self._lost.add(event.total_count_change)
+        self._choice.lost(number)
+        self._events.count("messages_lost", number)
+
+
+class LostMessages:
+    """Counts lost messages from the middleware's reports of changes.
+
+    The middleware corrects a report when a message that it believed lost arrives after all. The
+    change is then negative, and comes as an unsigned number.
+    """
+
+    def __init__(self) -> None:
+        self._total = self._reported = 0
+
+    def add(self, change: int) -> int:
+        """Return how many messages were newly lost, after a change of the middleware's total."""
+        self._total += (change + (1 << 63)) % (1 << 64) - (1 << 63)
+        new = max(0, self._total - self._reported)
+        self._reported += new
+        return new
+
+
+@contextlib.contextmanager
+def _without_garbage_collection() -> Iterator[None]:
+    """Keep the collector from searching hundreds of thousands of new objects again and again.
+
+    It would keep every other thread waiting, 50 ms at a time (measured); no object of a message
+    refers to itself.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
 
 
 def _received_ns(info: dict[str, Any]) -> int:

@@ -8,6 +8,7 @@ history; when a prediction is due, it hands a window to the worker, which predic
 
 from __future__ import annotations
 
+import threading
 import time
 from typing import Any, cast
 
@@ -16,10 +17,11 @@ from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.adapter import InputAdapter
 from mtpgo_core.class_map import class_map
-from mtpgo_core.errors import FrameError, MtpgoError
+from mtpgo_core.errors import FrameError, MessageError, MtpgoError
 from mtpgo_core.frames import VEHICLE_FRAMES
 from mtpgo_core.history.track_history import TrackHistory
-from mtpgo_core.prediction.output_assembly import with_time_origin
+from mtpgo_core.prediction.finite_output import publishable
+from mtpgo_core.prediction.output_assembly import select, with_time_origin
 from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -28,6 +30,7 @@ from mtpgo_ros.node.frame_transform import FixedFrameTransform, FrameTransform, 
 from mtpgo_ros.node.history_input import HistoryInput
 from mtpgo_ros.node.inference.inference_worker import InferenceWorker
 from mtpgo_ros.node.inference.prediction_request import PredictionRequest
+from mtpgo_ros.node.load_control import LoadControl, overload
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.objects_subscription import ObjectsSubscription
 from mtpgo_ros.node.publishers import Publishers
@@ -72,16 +75,21 @@ class PredictionPipeline:
         self._parameters, self._events, self._status = parameters, events, status
         self._class_map = class_map(parameters.class_map)
         self.ego_topic = ""
+        # Observations come on the thread of their subscription, all else on the executor's.
+        self._history_lock = threading.Lock()
         self._received_s: float | None = None
         self._received_ros_ns = 0
         model.predictor.reset()
         model.calibrator.live.clear_stream("clock_reset")
         model.configure(parameters, self.ego_topic)
         status.frame_error = ""
-        self._tracks = TrackHistory(model.predictor.task.history)
+        self._tracks = TrackHistory(model.predictor.task.history, parameters.max_tracks)
         self.history = HistoryInput(self._tracks, model.predictor, events, parameters)
         self.quality = LiveQuality(model.predictor.task.history)
-        self.objects = ObjectsSubscription(node, parameters.input_type, self._on_objects, events)
+        self._load = LoadControl()
+        self.objects = ObjectsSubscription(
+            node, parameters.input_type, self._on_objects, events, parameters.input_limits
+        )
         self.transform: FrameTransform = NoTransform()
         if parameters.fixed_frame:
             self.transform = FixedFrameTransform(node, parameters.fixed_frame)
@@ -105,15 +113,18 @@ class PredictionPipeline:
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
         self._parameters = parameters
+        self.objects.limits = parameters.input_limits
+        with self._history_lock:
+            self.history.configure(parameters)
         self._quality_publisher.configure(parameters)
-        self.history.configure(parameters)
         self._model.configure(parameters, self.ego_topic)
 
     def clock_jumped_back(self) -> None:
         """Clear a history that is newer than the node's clock."""
-        if self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds):
-            self.quality.clear()
-            self._model.calibrator.live.clear_stream("clock_reset")
+        with self._history_lock:
+            if self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds):
+                self.quality.clear()
+                self._model.calibrator.live.clear_stream("clock_reset")
 
     def input_age_s(self) -> float | None:
         """Return the time since the last message (s), None before the first.
@@ -131,13 +142,14 @@ class PredictionPipeline:
         return age_s
 
     def _on_objects(self, message: Any, adapter: InputAdapter, received_ns: int) -> None:
+        """Handle a message; called by the subscription's thread."""
         dropped = f"message on {self.objects.topic} left out"
-        self._events.count("messages")
         self._received_s = time.monotonic()
         self._received_ros_ns = self._node.get_clock().now().nanoseconds
         try:
             states = self._read(message, adapter, self._received_ros_ns)
-            window = self.history.update(states, self._received_ros_ns)
+            with self._history_lock:
+                window = self.history.update(states, self._received_ros_ns, self._model.ego_key)
         except FrameError as error:
             self._status.frame_error = str(error)
             self._events.count("not_lifted", reason=f"{dropped}: {error}")
@@ -149,23 +161,29 @@ class PredictionPipeline:
             if window is not None:
                 self.worker.submit(self._request(window, states.stamp_ns, received_ns))
             self._score()
+        finally:
+            self._events.count("messages")
 
     def _score(self) -> None:
         """Score earlier predictions by the last observation, while the model is at work."""
         if self.history.report is None:
             return
         try:
-            self.quality.observed(self._tracks, self.history.report)
-            self._model.calibrator.observe(self._tracks, self.history.report)
+            with self._history_lock:
+                self.quality.observed(self._tracks, self.history.report)
+                self._model.calibrator.observe(self._tracks, self.history.report)
         except Exception as error:
             self._events.failure("earlier predictions could not be scored", error)
 
     def _read(self, message: Any, adapter: InputAdapter, now_ns: int) -> TrackedStates:
         """Return the states of a message in the fixed frame."""
+        if isinstance(message, MessageError):
+            raise message
         decoded = adapter.decode(
             message,
             twist_frame=self._parameters.twist_frame,
             fallback_stamp_ns=now_ns,
+            limits=self._parameters.input_limits,
             class_map=self._class_map,
         )
         self._events.count("skipped_objects", decoded.skipped_total)
@@ -187,13 +205,18 @@ class PredictionPipeline:
         self, window: HistoryWindow, stamp_ns: int, received_ns: int
     ) -> PredictionRequest:
         period_ns = round(self._parameters.period_s * 1e9)
-        budget_ns = round(self._parameters.budget * period_ns)
+        budget_ns = self._load.budget_ns(self._parameters.budget, period_ns)
         return PredictionRequest(window, stamp_ns, received_ns, budget_ns, deadline_ns=period_ns)
 
     def _predict(self, window: HistoryWindow) -> Prediction:
         """Return the prediction of a window; called by the worker."""
+        predictor = self._model.predictor
+        predictor.allowed_s = self._load.allowed_s(
+            self._parameters.budget, self._parameters.period_s
+        )
         prediction = self._model.predict(window)
-        report = self._model.predictor.last_report
+        report = predictor.last_report
+        self._status.overload = overload(report, predictor.modes)
         self._events.count("non_finite_output", report.unusable)
         self._events.count("agents_over_limit", report.over_limit)
         return prediction
@@ -202,8 +225,15 @@ class PredictionPipeline:
         """Publish a prediction; called by the worker and its watchdog."""
         prediction = with_time_origin(prediction, request.stamp_ns)
         prediction = self._model.calibrator.serve(prediction, request.window)
+        usable = publishable(prediction)
+        if not usable.all():
+            self._events.count("not_published", int((~usable).sum()))
+            prediction = select(prediction, usable)
+        begun_ns = time.monotonic_ns()
         self._publishers.publish(prediction)
-        latency_ns = time.monotonic_ns() - request.received_ns
+        published_ns = time.monotonic_ns()
+        self._load.published(published_ns - begun_ns)
+        latency_ns = published_ns - request.received_ns
         status = self._status
         self._events.count("predictions")
         self._events.count("deadline_misses", int(latency_ns > request.deadline_ns))

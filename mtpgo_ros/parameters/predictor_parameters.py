@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from msg_adapters.wire.input_limits import InputLimits
 from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.live_calibration.live_options import (
@@ -95,6 +96,21 @@ class PredictorParameters:
         low=1,
         high=4096,
     )
+    max_tracks: int = _field(
+        4096,
+        "Most road users that are followed and predicted, the nearest to the ego or the middle"
+        " first; others are left out.",
+        low=1,
+        high=65536,
+        change=Change.CONFIGURE,
+    )
+    max_points: int = _field(
+        250_000,
+        "Most points (road users x modes x steps) of a prediction; with more, fewer modes are"
+        " published, the most probable first.",
+        low=1000,
+        high=10_000_000,
+    )
     max_neighbours: int = _field(
         0,
         "Agents of a graph besides its centre, the nearest first; 0 uses the number that the model"
@@ -154,6 +170,18 @@ class PredictorParameters:
         False,
         "The horizon starts at the node's present time, at most 0.5 s after the observation,"
         " instead of at the observation; stamp and frame remain those of the observation.",
+    )
+    max_message_bytes: int = _field(
+        16 * 1024 * 1024,
+        "Largest message on objects that is decoded (bytes); larger ones are left out.",
+        low=1024,
+        high=1 << 30,
+    )
+    max_objects: int = _field(
+        32768, "Most objects of a message that is decoded.", low=1, high=1_000_000
+    )
+    max_fields: int = _field(
+        256, "Most fields of a point cloud of objects that is decoded.", low=3, high=4096
     )
     input_timeout: float = _field(
         1.0,
@@ -245,6 +273,11 @@ class PredictorParameters:
     autostart: bool = _field(
         True, "The node configures and activates itself at its start.", change=Change.START
     )
+
+    @property
+    def input_limits(self) -> InputLimits:
+        """The largest messages that are decoded."""
+        return InputLimits(self.max_message_bytes, self.max_objects, self.max_fields)
 
     @property
     def live_options(self) -> LiveOptions:

@@ -21,13 +21,17 @@ def cores() -> tuple[set[int], set[int]]:
     return {usable[-1]}, set(usable[:-1]) or {usable[-1]}
 
 
+_MOST_AGENTS = 4096
+"""Largest value of the parameter max_agents."""
+
+
 def parameters_of(case: NodeCase, model: Path) -> list[str]:
     """Return the node's parameters for a case, each ``name:=value``."""
     return [
         f"model:={model}",
         f"rate:={case.rate}",
         f"graph:={case.graph}",
-        f"max_agents:={case.agents}",
+        f"max_agents:={min(case.agents, _MOST_AGENTS)}",
         f"max_neighbours:={case.neighbours or 0}",
         f"input_timeout:={max(1.0, 1.0 / case.rate)}",
     ]

@@ -43,10 +43,10 @@ def test_rclpy_class_with_field_checks(prediction, online, typestore):
 def test_documented_bytes_of_one_point(prediction, offline):
     """The layout of docs/messages.md, read with struct: agent 2, mode 1, step 3."""
     message = prediction_to_pointcloud2(prediction, offline)
-    assert message.point_step == 72
+    assert message.point_step == 80
     assert (message.width, message.height) == (3 * 4 * 5, 1)
     a, m, h = 2, 1, 3
-    values = struct.unpack_from("<11f4I4BfB", bytes(message.data), 72 * ((a * 4 + m) * 5 + h))
+    values = struct.unpack_from("<11f4I4BfB", bytes(message.data), 80 * ((a * 4 + m) * 5 + h))
     wanted = [
         *prediction.mean[a, m, h, :2],
         prediction.z[a],
@@ -65,9 +65,9 @@ def test_documented_bytes_of_one_point(prediction, offline):
 
 def test_clouds_from_before_the_calibration_was_published_are_read(prediction, offline):
     message = prediction_to_pointcloud2(prediction, offline)
-    points = np.frombuffer(bytes(message.data), dtype=np.uint8).reshape(-1, 72)
+    points = np.frombuffer(bytes(message.data), dtype=np.uint8).reshape(-1, 80)
     message.data = np.ascontiguousarray(points[:, :64]).reshape(-1)
-    message.fields = message.fields[:-2]
+    message.fields = message.fields[:-4]
     message.point_step, message.row_step = 64, 64 * len(points)
     found = prediction_from_pointcloud2(message)
     np.testing.assert_allclose(found.mean, prediction.mean, rtol=1e-6)
@@ -86,7 +86,7 @@ def test_max_modes_keeps_the_strongest_and_renormalises(prediction, offline):
 
 def test_shuffled_points_give_the_same_and_missing_ones_are_nan(prediction, offline):
     message = prediction_to_pointcloud2(prediction, offline)
-    points = np.frombuffer(bytes(message.data), dtype="V72").copy()
+    points = np.frombuffer(bytes(message.data), dtype="V80").copy()
     # Agent 0 stays first, so the order of the agents does not change.
     order = np.concatenate([[0], 1 + np.random.default_rng(1).permutation(len(points) - 1)])
     message.data = points[order].view(np.uint8)
@@ -129,3 +129,18 @@ def test_non_finite_output_is_not_marked_dense(prediction, offline):
 def test_other_clouds_are_refused(states, offline):
     with pytest.raises(MessageError, match=r"lacks the field t, weight, .*no predictions"):
         prediction_from_pointcloud2(INPUTS["pointcloud2"].from_states(states, offline))
+
+
+def test_positions_at_utm_coordinates_are_exact(prediction, offline, decoded):
+    mean = prediction.mean.copy()
+    mean[..., :2] += (691_000.123, 5_334_000.456)
+    far = dataclasses.replace(prediction, mean=mean)
+    for again in decoded(prediction_to_pointcloud2(far, offline), TYPE, with_rclpy=True).values():
+        found = prediction_from_pointcloud2(again)
+        np.testing.assert_allclose(found.mean[..., :2], mean[..., :2], rtol=0.0, atol=1e-6)
+
+
+def test_a_recording_without_the_rest_of_the_positions_is_read(prediction, offline):
+    message = prediction_to_pointcloud2(prediction, offline)
+    message.fields = [field for field in message.fields if not field.name.endswith("_rest")]
+    assert_equal(prediction_from_pointcloud2(message), prediction)

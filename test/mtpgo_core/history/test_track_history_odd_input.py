@@ -9,7 +9,7 @@ import pytest
 from core_helpers import states_of
 
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
-from mtpgo_core.identity import key_to_int
+from mtpgo_core.identity import key_to_int, keys_from_integers
 from mtpgo_core.task.task_description import HistoryConfig
 
 INF, NAN = np.inf, np.nan
@@ -294,7 +294,7 @@ def test_a_thousand_objects_are_all_kept():
     assert window.valid[:, -6:].all()
 
 
-def test_beyond_the_bound_the_longest_unseen_go_and_then_the_surplus():
+def test_beyond_the_bound_the_longest_unseen_go_and_then_the_farthest():
     history = TrackHistory(HistoryConfig(), max_tracks=10)
     for i in range(10):
         history.update(drive(0.01 * i, ids=(i,)))
@@ -302,8 +302,25 @@ def test_beyond_the_bound_the_longest_unseen_go_and_then_the_surplus():
     assert (report.accepted, report.new_tracks, report.dropped) == (4, 3, 3)
     assert ids_of(history.window()) == [0, 4, 5, 6, 7, 8, 9, 20, 21, 22]
     report = history.update(drive(0.3, ids=range(30, 45)))
-    assert (report.accepted, report.dropped) == (10, 15)
-    assert ids_of(history.window()) == list(range(30, 40))
+    # The nearest to the middle are kept, whatever their order; the ten before are evicted.
+    assert (report.accepted, report.left_out, report.dropped) == (10, 5, 10)
+    assert ids_of(history.window()) == list(range(32, 42))
+
+
+def test_too_many_objects_are_kept_by_distance_to_the_ego():
+    history = TrackHistory(HistoryConfig(), max_tracks=10)
+    ego = keys_from_integers([3])[0]
+    order = np.random.default_rng(0).permutation(100)
+    report = history.update(drive(0.0, ids=order), ego)
+    assert (report.accepted, report.left_out) == (10, 90)
+    assert ids_of(history.window()) == list(range(10))
+
+
+def test_one_position_far_away_does_not_move_the_middle():
+    history = TrackHistory(HistoryConfig(), max_tracks=3)
+    states = states_of(0.0, range(6), [[0.0, 10.0 * i] for i in (0, 1, 2, 3, 4)] + [[9e7, 9e7]])
+    history.update(states)
+    assert ids_of(history.window()) == [1, 2, 3]
 
 
 def test_slots_are_used_again_without_a_trace_of_their_last_owner():

@@ -9,7 +9,7 @@ from core_helpers import window_of
 from mtpgo_core.prediction.output_assembly import (
     ModelOutput,
     assemble,
-    merge,
+    replace_rows,
     select,
     with_time_origin,
 )
@@ -135,9 +135,9 @@ def simple_prediction(x):
     return assemble(window(), scenes, output(mean, [[1.0]] * 3, np.eye(2)), DT_S)
 
 
-def test_merge_takes_the_rows_of_the_mask_from_the_other():
+def test_rows_are_replaced_by_those_of_another_prediction():
     first, other = simple_prediction(0.0), simple_prediction(50.0)
-    merged = merge(first, other, np.array([False, True, False]))
+    merged = replace_rows(first, np.array([1]), select(other, np.array([1])))
     assert merged.mean[:, 0, 0, 0].tolist() == [0.0, 51.0, 2.0]
     assert first.mean[:, 0, 0, 0].tolist() == [0.0, 1.0, 2.0]  # unchanged
 

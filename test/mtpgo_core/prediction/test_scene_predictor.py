@@ -138,9 +138,9 @@ def test_beyond_max_agents_the_nearest_keep_the_model(runner):
 class Watched(ModelRunner):
     """A runner that keeps its last window and scenes."""
 
-    def predict(self, window, batch, initial_covariance=False, smoother=None):
+    def predict_served(self, window, batch, initial_covariance=False, smoother=None):
         self.window, self.batch = window, batch
-        return super().predict(window, batch, initial_covariance, smoother)
+        return super().predict_served(window, batch, initial_covariance, smoother)
 
 
 def watched_stream(tmp_path, context, **options):

@@ -9,13 +9,14 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from ros_helpers import message_of, spin_until, traffic
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from mtpgo_core.errors import MessageError
 from mtpgo_ros.diagnostics.event_log import EventLog
-from mtpgo_ros.node.objects_subscription import ObjectsSubscription, _received_ns
+from mtpgo_ros.node.objects_subscription import LostMessages, ObjectsSubscription, _received_ns
 
 RELIABLE = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 _namespaces = itertools.count()
@@ -102,3 +103,37 @@ def test_the_time_in_the_queue_counts_unless_the_system_clock_was_set(waited_ns,
     found_ns = time.monotonic_ns() - _received_ns(info)
     # The two clocks are read one after the other: on a busy machine some time passes between.
     assert counted_ns - 1_000_000 <= found_ns < counted_ns + 5_000_000_000
+
+
+def test_corrections_of_lost_messages_are_not_counted():
+    lost = LostMessages()
+    wrapped = 2**64 - 3  # minus three
+    assert [lost.add(change) for change in (5, wrapped, 2, 4, wrapped)] == [5, 0, 0, 3, 0]
+
+
+def test_a_message_that_cannot_be_decoded_is_passed_as_its_error(make):
+    setup = make()
+    publisher = setup.peer.create_publisher(PointCloud2, "objects", RELIABLE)
+    setup.until(lambda: publisher.get_subscription_count() == 1)
+    setup.until(lambda: setup.objects._subscription.get_publisher_count() == 1)
+    publisher.publish(serialize_message(message_of(traffic(0.0)))[:-40])
+    setup.until(lambda: setup.received)
+    error, _, _ = setup.received[0]
+    assert isinstance(error, MessageError)
+    assert "cannot be decoded" in str(error)
+
+
+def test_a_best_effort_publisher_is_heard_beside_a_reliable_one(make):
+    setup = make()
+    setup.objects._choice.reliable = True
+    first = setup.peer.create_publisher(PointCloud2, "objects", RELIABLE)
+    setup.until(lambda: first.get_subscription_count() == 1)
+    other = setup.peer.create_publisher(
+        PointCloud2, "objects", QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+    )
+    setup.until(lambda: other.get_subscription_count() == 1)
+    setup.until(lambda: setup.objects._subscription.get_publisher_count() == 2)
+    other.publish(message_of(traffic(0.0)))
+    first.publish(message_of(traffic(0.2)))
+    setup.until(lambda: len(setup.received) == 2)
+    assert setup.events.counts() == {}

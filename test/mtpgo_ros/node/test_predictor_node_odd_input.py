@@ -108,7 +108,7 @@ def test_a_thousand_objects_are_all_predicted(bench):
     assert np.isfinite(prediction.mean).all()
     assert (prediction.source == Source.MODEL).sum() == 100
     assert b.count("agents_over_limit") == 900
-    b.status("model", WARN, "900 of 1000")
+    b.status("model", WARN, "nearest 100 of 1000")
     # The same with all modes: 12.5 MB in one message.
     b.node.set_parameters_atomically([_parameter("max_modes", 8)])
     assert len(b.predict(traffic(0.2, agents=1000))) == 1000

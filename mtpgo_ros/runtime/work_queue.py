@@ -1,0 +1,75 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A thread that handles items in order, with a queue of bounded length."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+Item = TypeVar("Item")
+
+
+class WorkQueue(Generic[Item]):
+    """Handles items on a thread of its own, in their order; a full queue loses its oldest item.
+
+    It keeps the executor's thread free while a message is decoded, so that services, diagnostics
+    and the clock are served in the meantime: the interpreter changes between threads every few
+    milliseconds.
+
+    Args:
+        handle: called with each item; must not raise.
+        depth: most items that wait.
+        dropped: called for each item that was lost.
+        name: of the thread.
+
+    Attributes:
+        stopped: no more items are handled.
+    """
+
+    def __init__(
+        self,
+        handle: Callable[[Item], None],
+        depth: int,
+        dropped: Callable[[], None],
+        name: str,
+    ) -> None:
+        self._handle, self._dropped, self._depth = handle, dropped, depth
+        self._condition = threading.Condition()
+        self._waiting: deque[Item] = deque()
+        self.stopped = False
+        self._thread = threading.Thread(target=self._work, name=name, daemon=True)
+        self._thread.start()
+
+    def submit(self, item: Item) -> None:
+        """Handle ``item`` after those that wait."""
+        with self._condition:
+            full = len(self._waiting) >= self._depth
+            if full:
+                self._waiting.popleft()
+            self._waiting.append(item)
+            self._condition.notify()
+        if full:
+            self._dropped()
+
+    def stop(self, timeout_s: float = 1.0) -> bool:
+        """Handle no more items; return true if the thread has ended within ``timeout_s``."""
+        with self._condition:
+            self.stopped = True
+            self._waiting.clear()
+            self._condition.notify()
+        if self._thread is not threading.current_thread():
+            self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _work(self) -> None:
+        while True:
+            with self._condition:
+                while not self._waiting and not self.stopped:
+                    self._condition.wait()
+                if self.stopped:
+                    return
+                item = self._waiting.popleft()
+            self._handle(item)

@@ -1,0 +1,53 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Items are handled in order on another thread; a full queue loses its oldest."""
+
+import threading
+
+from mtpgo_ros.runtime.work_queue import WorkQueue
+
+LIMIT_S = 30.0
+
+
+class Scene:
+    """A queue whose handler waits until it is released, item by item."""
+
+    def __init__(self, depth):
+        self.handled, self.dropped = [], 0
+        self.begun, self.go = threading.Semaphore(0), threading.Semaphore(0)
+        self.queue = WorkQueue(self.handle, depth, self.drop, "test")
+
+    def handle(self, item):
+        self.begun.release()
+        assert self.go.acquire(timeout=LIMIT_S)
+        self.handled.append((item, threading.current_thread().name))
+
+    def drop(self):
+        self.dropped += 1
+
+
+def test_order_and_loss_of_the_oldest():
+    scene = Scene(depth=2)
+    for item in range(5):
+        scene.queue.submit(item)
+        if item == 0:
+            assert scene.begun.acquire(timeout=LIMIT_S)
+    assert scene.dropped == 2
+    scene.go.release(3)
+    for _ in range(2):
+        assert scene.begun.acquire(timeout=LIMIT_S)
+    scene.queue.stop(LIMIT_S)
+    assert [item for item, _ in scene.handled][:2] == [0, 3]
+    assert {name for _, name in scene.handled} == {"test"}
+
+
+def test_stopping_says_whether_an_item_is_still_handled():
+    scene = Scene(depth=2)
+    scene.queue.submit("a")
+    assert scene.begun.acquire(timeout=LIMIT_S)
+    scene.queue.submit("b")
+    assert not scene.queue.stop(0.0)
+    assert scene.queue.stopped
+    scene.go.release(2)
+    assert scene.queue.stop(LIMIT_S)
+    assert [item for item, _ in scene.handled] == ["a"]
