@@ -14,7 +14,7 @@ from mtpgo_training.reports.honesty.honesty_tables import (
     paths_table,
     weights_table,
 )
-from mtpgo_training.reports.live_scores import live_table
+from mtpgo_training.reports.honesty.live_scores import live_table
 from mtpgo_training.reports.tables import (
     HEADINGS,
     INTERVAL_KEYS,

@@ -18,17 +18,17 @@ def test_a_failing_process_is_quoted(tmp_path):
 
 
 def test_a_process_is_stopped_at_the_end_and_killed_after_an_exception(tmp_path):
-    arguments = ["-o", str(tmp_path / "bag")]
-    with ChildProcess("record", arguments, tmp_path / "record.log", {}) as child:
+    arguments = ["--ros-args", "-p", "require_model:=false", "-p", "model:=none.pt"]
+    with ChildProcess("predictor", arguments, tmp_path / "predictor.log", {}) as child:
         child.wait_for("ready", 60.0)
         child.check()
         with pytest.raises(ProcessError, match="was not ready within 0 s"):
             child.wait_for("never said", 0.0)
     assert not child.running
-    assert "recorded" in child.text()
+    assert "constant velocity serves" in child.text()
     with (
         pytest.raises(KeyError),
-        ChildProcess("record", arguments, tmp_path / "again.log", {}) as child,
+        ChildProcess("predictor", arguments, tmp_path / "again.log", {}) as child,
     ):
         raise KeyError
     assert not child.running

@@ -19,7 +19,7 @@ from mtpgo_training.evaluation.bags.bag_evaluation import evaluate_bags
 from mtpgo_training.evaluation.bags.bag_predictions import read_predictions
 from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replayed_quality
 from mtpgo_training.evaluation.scorer import Scorer
-from mtpgo_training.reports.live_scores import live_table
+from mtpgo_training.reports.honesty.live_scores import live_table
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.table_format import to_text
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of the node's scores."""
 
-from mtpgo_training.reports.live_scores import live_table
+from mtpgo_training.reports.honesty.live_scores import live_table
 from mtpgo_training.table_format import to_text
 
 
