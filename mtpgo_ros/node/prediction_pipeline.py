@@ -255,13 +255,13 @@ class PredictionPipeline:
 
     def _publish(self, request: PredictionRequest, prediction: Prediction) -> None:
         """Publish a prediction; called by the worker and its watchdog."""
+        begun_ns = time.monotonic_ns()
         prediction = with_time_origin(prediction, request.stamp_ns)
         prediction = self._model.calibrator.serve(prediction, request.window)
         usable = publishable(prediction)
         if not usable.all():
             self._events.count("not_published", int((~usable).sum()))
             prediction = select(prediction, usable)
-        begun_ns = time.monotonic_ns()
         self._publishers.publish(prediction)
         published_ns = time.monotonic_ns()
         self._load.published(published_ns - begun_ns)
