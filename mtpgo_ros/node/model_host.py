@@ -18,8 +18,8 @@ from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredict
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import HistoryWindow, KeyArray, Prediction, tracked_states
 from mtpgo_core.task.model_file import find_model, load_task
-from mtpgo_ros.node.live_calibrator import LiveCalibrator
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.quality.live_calibrator import LiveCalibrator
 from mtpgo_ros.runtime.executable import return_free_memory
 
 if TYPE_CHECKING:
