@@ -26,8 +26,12 @@ PARAMETERS = {
     "ego_id": (str, "identity of the ego"),
     "fixed_frame": (str, "frame into which objects are transformed"),
     "use_sim_time": (bool, "use the time of /clock"),
+    "autostart": (bool, "false: a lifecycle manager configures and activates the node"),
 }
 """Arguments that are parameters of the node: type and description."""
+
+RESPAWN_DELAY_S = 2.0
+"""Time between the end of a process and the start of its successor; chosen."""
 
 TOPICS = ("objects", "odometry", "lane_markings", "ego_id")
 """Topics that may be remapped by an argument; ego_id by ego_topic."""
@@ -42,6 +46,9 @@ def generate_launch_description() -> LaunchDescription:
             description="parameter file",
         ),
         DeclareLaunchArgument("namespace", default_value="", description="of the node"),
+        DeclareLaunchArgument(
+            "respawn", default_value="false", description="start the node again when it ends"
+        ),
         DeclareLaunchArgument("rviz", default_value="false", description="start RViz"),
     ]
     for name, (_, description) in PARAMETERS.items():
@@ -88,6 +95,10 @@ def _predictor(context: object) -> list[Node]:
                 for topic in TOPICS
                 if given(_argument(topic)) != topic
             ],
+            # launch leaves its processes behind when it is ended by SIGTERM.
+            arguments=["--end-with-parent"],
+            respawn=_value(bool, "respawn", given("respawn")),
+            respawn_delay=RESPAWN_DELAY_S,
             output="screen",
         )
     ]
@@ -99,4 +110,7 @@ def _value(kind: type, name: str, text: str) -> str | float | bool:
         if text.lower() not in ("true", "false"):
             raise ValueError(f"argument {name} is {text!r}, expected true or false")
         return text.lower() == "true"
-    return kind(text)
+    try:
+        return kind(text)
+    except ValueError:
+        raise ValueError(f"argument {name} is {text!r}, expected a number") from None

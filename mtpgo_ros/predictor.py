@@ -21,6 +21,7 @@ from mtpgo_ros.runtime.executable import (
     stop_on_signals,
     tune_allocator,
 )
+from mtpgo_ros.runtime.supervision import ServiceNotifier, end_with_parent
 
 if TYPE_CHECKING:
     from mtpgo_ros.node.predictor_node import PredictorNode
@@ -44,16 +45,24 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     from mtpgo_ros.runtime.ros_start import own_arguments, start
 
     status, node = 0, None
+    notifier = ServiceNotifier.from_environment()
     try:
         parser = ArgumentParser(prog="predictor", description=__doc__)
-        parser.parse_args(own_arguments(arguments))
+        parser.add_argument(
+            "--end-with-parent",
+            action="store_true",
+            help="end when the parent process ends; the launch files set this",
+        )
+        if parser.parse_args(own_arguments(arguments)).end_with_parent:
+            end_with_parent()
         start(arguments)
         from mtpgo_ros.node.predictor_node import PredictorNode
 
-        node = PredictorNode()
-        _run(node, stopped)
+        node = PredictorNode(arguments=arguments)
+        _run(node, stopped, notifier)
     except MtpgoError as error:
         status = fail("predictor", error)
+    notifier.stopping()
     if node is not None:
         if not node.stop():
             leave(status)
@@ -62,12 +71,13 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     return status
 
 
-def _run(node: PredictorNode, stopped: Callable[[], bool]) -> None:
-    """Start the node and spin until a signal is received.
+def _run(node: PredictorNode, stopped: Callable[[], bool], notifier: ServiceNotifier) -> None:
+    """Start the node, report to the supervisor, and spin until a signal is received.
 
     Raises:
         MtpgoError: the node cannot be started.
     """
+    from rclpy.clock import Clock, ClockType
     from rclpy.lifecycle import TransitionCallbackReturn
 
     from mtpgo_ros.runtime.ros_start import spin
@@ -78,6 +88,12 @@ def _run(node: PredictorNode, stopped: Callable[[], bool]) -> None:
             if not stopped() and trigger() != TransitionCallbackReturn.SUCCESS:
                 raise MtpgoError(node.failure or "the node could not be started")
         node.starting = False
+    notifier.ready()
+    node.on_health(lambda verdict: notifier.status(verdict.sentence))
+    if notifier.watchdog_s:
+        # From the executor: one that hangs gives no sign of life.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(notifier.watchdog_s, notifier.alive, clock=steady)
     spin(node, stopped, node.events.failure)
 
 

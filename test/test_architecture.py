@@ -54,7 +54,7 @@ imports the standard library only."""
 
 OPTIONAL = {
     "mtpgo_core": {"yaml"},
-    "mtpgo_ros": {"tf2_ros"},
+    "mtpgo_ros": {"bondpy", "tf2_ros"},
     "msg_adapters": {"ament_index_python"},
     "mtpgo_training": {"google", "pyarrow"},
 }
@@ -99,7 +99,17 @@ ROOMS = {
         "registry",
         "ring_traffic",
     ),
-    "mtpgo_ros": ("runtime", "parameters", "diagnostics", "quality", "bags", "load", "node", ""),
+    "mtpgo_ros": (
+        "runtime",
+        "parameters",
+        "diagnostics",
+        "quality",
+        "lifecycle",
+        "bags",
+        "load",
+        "node",
+        "",
+    ),
     "mtpgo_training": (
         "atomic_files",
         "table_format",
@@ -321,6 +331,7 @@ KINDS = {
     ".pt",
     ".py",
     ".rviz",
+    ".service",
     ".toml",
     ".txt",
     ".xml",

@@ -143,6 +143,13 @@ class ScenePredictor:
         self._graphs, self._trails = GraphState(), TrailMemory()
         self._smoother = None
 
+    def continue_from(self, other: ScenePredictor) -> None:
+        """Take over options, lanes, graphs and trails of a predictor of the same history."""
+        self.options, self.lanes = other.options, other.lanes
+        self.last_report = other.last_report
+        self._graphs, self._graphs_ns = other._graphs, other._graphs_ns
+        self._trails = other._trails
+
     def fallback(self, window: HistoryWindow) -> Prediction:
         """Return constant velocity for every agent present at the window's time; any thread."""
         return self._constant(window.select(window.valid[:, -1]))

@@ -1,6 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The diagnostics of the node: statuses for input, model, timing, quality and calibration."""
+"""The diagnostics of the node: statuses for input, model, timing, quality and calibration.
+
+Each status has a list of causes. Every cause begins and ends by itself, hides no other, and has
+its own level; the status has the highest, and a sentence for each cause, the worst first.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +15,24 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mtpgo_core.quality.quality_report import QualityVerdict
 from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING, ODD_INPUT, EventLog
+from mtpgo_ros.diagnostics.input_watch import InputAge
 from mtpgo_ros.diagnostics.latency import LatencyStatistics
 
 NEVER_KEEPS_UP = 3
 """Consecutive cycles over budget after which the model counts as too slow for this machine;
 chosen: a single busy moment of the machine is shorter."""
 
+UNANSWERED_S = 1.0
+"""An observation that is due and has had no prediction for this long, or for three periods if they
+are longer, counts as unanswered (s); chosen."""
+
+ACTIVE = "active"
+
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+Cause = tuple[bytes, str]
+"""A level and the sentence that says why."""
 
 
 @dataclass
@@ -25,12 +40,15 @@ class NodeStatus:
     """The state of the node that is reported besides the counters; the node keeps it up to date.
 
     Attributes:
+        state: of the life cycle, as in lifecycle_msgs/State.
+        failure: why the last transition failed, empty if it did not.
+        namesake: what is known about another node of the same name, empty without one.
         topic: resolved name of the objects' topic.
         message_type: type subscribed to.
-        waiting: what the subscription waits for, empty once it is subscribed.
+        waiting: what is wrong with the topic's publishers, empty if nothing is.
         frame_id: frame of the last observation.
-        input_age_s: time since the last observation came (s), None before the first.
-        input_timeout_s: limit of ``input_age_s`` (s).
+        input: age of the input.
+        input_timeout_s: age from which on the input is stale (s).
         frame_error: why the last observation could not be transformed into the fixed frame, empty
             if it was.
         degraded: why there is no model, empty if there is one.
@@ -38,7 +56,10 @@ class NodeStatus:
         overload: what the last prediction lacks because there are many agents, empty if nothing.
         agents: agents of the last prediction.
         fallback_agents: those of them predicted at constant velocity.
+        without_model_in_a_row: consecutive predictions in time in which the model served no agent.
         over_budget_in_a_row: consecutive cycles over budget.
+        idle: no prediction is being made at present, so that those three describe the past.
+        unanswered_s: how long an observation that is due has waited for any prediction (s).
         period_ms: shortest time between two predictions (ms).
         latency: of the predictions.
         model: further values for the status of the model.
@@ -49,11 +70,14 @@ class NodeStatus:
         calibration: values for the status of the calibration.
     """
 
+    state: str = ACTIVE
+    failure: str = ""
+    namesake: str = ""
     topic: str = ""
     message_type: str = ""
     waiting: str = ""
     frame_id: str = ""
-    input_age_s: float | None = None
+    input: InputAge = field(default_factory=InputAge)
     input_timeout_s: float = 1.0
     frame_error: str = ""
     degraded: str = ""
@@ -61,7 +85,10 @@ class NodeStatus:
     overload: str = ""
     agents: int = 0
     fallback_agents: int = 0
+    without_model_in_a_row: int = 0
     over_budget_in_a_row: int = 0
+    idle: bool = False
+    unanswered_s: float = 0.0
     period_ms: float = 200.0
     latency: LatencyStatistics = field(default_factory=LatencyStatistics)
     model: dict[str, str] = field(default_factory=dict)
@@ -83,51 +110,99 @@ def diagnostic_statuses(name: str, status: NodeStatus, events: EventLog) -> list
     ]
 
 
+def not_active(status: NodeStatus) -> list[Cause]:
+    """Return the one cause of a node that is not active, none for an active one."""
+    if status.state == ACTIVE:
+        return []
+    failed = f"; the last transition failed: {status.failure}" if status.failure else ""
+    level = ERROR if failed or status.state == "finalized" else WARN
+    again = ", the process has to be started again" if status.state == "finalized" else ""
+    sentence = f"the node is not active ({status.state}): nothing is predicted{again}{failed}"
+    return [(level, sentence)]
+
+
+def worst_first(causes: list[Cause], otherwise: str) -> Cause:
+    """Return the highest level of the causes, and their sentences with the worst first.
+
+    Args:
+        causes: of one status.
+        otherwise: what to say if there is none.
+    """
+    if not causes:
+        return OK, otherwise
+    ordered = sorted(causes, key=lambda cause: cause[0], reverse=True)
+    return ordered[0][0], "; ".join(dict.fromkeys(sentence for _, sentence in ordered))
+
+
 def _input(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
-    counts = events.counts()
-    odd = events.recent(ODD_INPUT)
-    age_s, limit_s = status.input_age_s, status.input_timeout_s
-    if status.waiting:
-        level, message = WARN, status.waiting
-    elif age_s is None:
-        level, message = WARN, f"nothing has come on {status.topic} yet"
-    elif age_s > limit_s:
-        level = ERROR
-        message = (
-            f"input is stale: the last message on {status.topic} came {age_s:.1f} s ago, expected"
-            f" within {limit_s:g} s"
-        )
-    elif status.frame_error:
-        level, message = ERROR, status.frame_error
-    elif odd:
-        level, message = WARN, "odd input: " + ", ".join(odd)
-    else:
-        level, message = OK, "receiving"
+    age = status.input
+    level, message = worst_first(
+        not_active(status) or _input_causes(status, events),
+        "receiving",
+    )
     values = {
         "topic": status.topic,
         "type": status.message_type,
         "frame": status.frame_id,
-        "age_s": "" if age_s is None else f"{age_s:.3f}",
+        "state": status.state,
+        "age_s": f"{age.age_s:.3f}" if age.usable else "",
+        "rejected_in_a_row": str(age.rejected),
+        "clock_stands_s": f"{age.clock_stands_s:.1f}",
     }
-    values |= _counted(counts, ["messages", "empty_messages", "unknown_class", *ODD_INPUT])
+    counters = ["messages", "empty_messages", "unknown_class", *ODD_INPUT]
+    values |= _counted(events.counts(), counters)
     return make_status(f"{name}: input", level, message, values)
 
 
+def _input_causes(status: NodeStatus, events: EventLog) -> list[Cause]:
+    causes = [(WARN, text) for text in (status.namesake, status.waiting) if text]
+    causes += _silence(status) + _standing_clock(status)
+    if status.frame_error:
+        causes.append((ERROR, status.frame_error))
+    odd = events.recent(ODD_INPUT)
+    if odd:
+        causes.append((WARN, "odd input: " + ", ".join(odd)))
+    return causes
+
+
+def _silence(status: NodeStatus) -> list[Cause]:
+    """Return the cause of an input without usable observations."""
+    age, limit_s = status.input, status.input_timeout_s
+    rejected = f"{age.rejected} messages since were rejected, the last one because of {age.reason}"
+    if age.age_s > limit_s and age.usable:
+        sentence = (
+            f"input is stale: the last usable observation on {status.topic} came"
+            f" {age.age_s:.1f} s ago, expected within {limit_s:g} s"
+        )
+        return [(ERROR, f"{sentence}; {rejected}" if age.rejected else sentence)]
+    if age.age_s > limit_s and age.rejected:
+        sentence = f"no usable observation has come on {status.topic} for {age.age_s:.1f} s"
+        return [(ERROR, f"{sentence}: {rejected}")]
+    if not age.usable and not status.waiting:
+        what = "no usable observation" if age.rejected else "nothing"
+        return [(WARN, f"{what} has come on {status.topic} yet")]
+    return []
+
+
+def _standing_clock(status: NodeStatus) -> list[Cause]:
+    """Return the cause of a simulated clock that stands still."""
+    age = status.input
+    if age.clock_stands_s <= status.input_timeout_s:
+        return []
+    if not age.clock_seen:
+        return [(WARN, "use_sim_time is set, but no time has come on /clock")]
+    sentence = f"the simulated time on /clock has stood still for {age.clock_stands_s:.1f} s"
+    return [(WARN, sentence)]
+
+
 def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
-    failures = events.recent(BAD_MODEL)
+    causes = not_active(status)
     if status.degraded:
-        level, message = ERROR, f"degraded, constant velocity serves: {status.degraded}"
-    elif failures:
-        level, message = WARN, "constant velocity serves instead: " + ", ".join(failures)
-    elif status.limitations:
-        level, message = WARN, "; ".join(status.limitations)
-    elif status.overload:
-        level, message = WARN, status.overload
-    elif status.fallback_agents:
-        level = WARN
-        message = f"constant velocity serves {status.fallback_agents} of {status.agents} agents"
-    else:
-        level, message = OK, "the model serves every agent"
+        causes.append((ERROR, f"degraded, constant velocity serves: {status.degraded}"))
+    if not causes:
+        causes = _model_causes(status, events)
+    some = "the model serves every agent" if status.agents else "no agent to be predicted"
+    level, message = worst_first(causes, "no prediction at present" if status.idle else some)
     values = {
         **status.model,
         "agents": str(status.agents),
@@ -139,31 +214,29 @@ def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
     return make_status(f"{name}: model", level, message, values)
 
 
-def _calibration(name: str, status: NodeStatus) -> DiagnosticStatus:
-    kind = status.calibration.get("calibration", "")
-    reasons = [status.calibration_problem] if status.calibration_problem else []
-    if status.preferred:
-        reasons.append(
-            "constant velocity has been better than the model and serves "
-            + ", ".join(status.preferred)
-        )
-    level, message = (WARN, "; ".join(reasons)) if reasons else (OK, kind or "the node has none")
-    return make_status(f"{name}: calibration", level, message, status.calibration)
+def _model_causes(status: NodeStatus, events: EventLog) -> list[Cause]:
+    causes: list[Cause] = []
+    failures = events.recent(BAD_MODEL)
+    if status.without_model_in_a_row >= NEVER_KEEPS_UP and not status.idle:
+        sentence = f"the model served no agent in {status.without_model_in_a_row} cycles in a row"
+        causes.append((ERROR, sentence))
+    if failures:
+        causes.append((WARN, "constant velocity serves instead: " + ", ".join(failures)))
+    causes += [(WARN, limitation) for limitation in status.limitations]
+    if status.overload and not status.idle:
+        causes.append((WARN, status.overload))
+    if status.fallback_agents and not causes and not status.idle:
+        sentence = f"constant velocity serves {status.fallback_agents} of {status.agents} agents"
+        causes.append((WARN, sentence))
+    return causes
 
 
 def _timing(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
     latency = status.latency.summary()
-    bad = events.recent(BAD_TIMING)
-    if status.over_budget_in_a_row >= NEVER_KEEPS_UP:
-        level = ERROR
-        message = (
-            f"the model does not keep up: {status.over_budget_in_a_row} cycles in a row were over"
-            " budget; lower max_agents or rate"
-        )
-    elif bad:
-        level, message = WARN, ", ".join(bad)
-    else:
-        level, message = OK, "on time"
+    level, message = worst_first(
+        not_active(status) or _timing_causes(status, events),
+        "no prediction at present" if status.idle else "on time",
+    )
     values = {
         "period_ms": f"{status.period_ms:.1f}",
         "latency_ms_p50": f"{latency.p50:.3f}",
@@ -175,11 +248,44 @@ def _timing(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus
     return make_status(f"{name}: timing", level, message, values)
 
 
+def _timing_causes(status: NodeStatus, events: EventLog) -> list[Cause]:
+    causes: list[Cause] = []
+    if status.unanswered_s > max(UNANSWERED_S, 3e-3 * status.period_ms):
+        sentence = f"an observation has had no prediction for {status.unanswered_s:.1f} s"
+        causes.append((ERROR, sentence))
+    if status.over_budget_in_a_row >= NEVER_KEEPS_UP and not status.idle:
+        sentence = (
+            f"the model does not keep up: {status.over_budget_in_a_row} cycles in a row were over"
+            " budget; lower max_agents or rate"
+        )
+        causes.append((ERROR, sentence))
+    bad = events.recent(BAD_TIMING)
+    if bad:
+        causes.append((WARN, ", ".join(bad)))
+    return causes
+
+
 def _quality(name: str, status: NodeStatus) -> DiagnosticStatus:
-    level, message = OK, "nothing is scored yet"
+    causes = not_active(status)
+    otherwise = "nothing is scored yet"
     if status.quality is not None:
-        level, message = bytes([status.quality.level]), status.quality.message
+        otherwise = status.quality.message
+        if status.quality.level and not causes:
+            causes = [(bytes([status.quality.level]), otherwise)]
+    level, message = worst_first(causes, otherwise)
     return make_status(f"{name}: quality", level, message, status.quality_values)
+
+
+def _calibration(name: str, status: NodeStatus) -> DiagnosticStatus:
+    causes = not_active(status)
+    if status.calibration_problem:
+        causes.append((WARN, status.calibration_problem))
+    if status.preferred:
+        served = ", ".join(status.preferred)
+        sentence = f"constant velocity has been better than the model and serves {served}"
+        causes.append((WARN, sentence))
+    level, message = worst_first(causes, status.calibration.get("calibration", ""))
+    return make_status(f"{name}: calibration", level, message, status.calibration)
 
 
 def _counted(counts: Mapping[str, int], names: list[str]) -> dict[str, str]:

@@ -3,7 +3,9 @@
 """Counts and logs everything that does not go as it should. No ROS in here.
 
 Every odd message, late cycle and failure takes this one route: a counter, which the diagnostics
-show, and a log line with the reason, at most one per kind in a few seconds.
+show, and a log line with the reason, at most one per kind in a few seconds. A line says how many
+occurrences were not logged since the last one of its kind, and the last of them are reported, too,
+so that the numbers in the log add up to the counters.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -52,6 +55,23 @@ class Logger(Protocol):
         """Log an error."""
 
 
+@dataclass
+class _LogLine:
+    """The lines of one kind.
+
+    Attributes:
+        logged_s: time of the last one that was logged (s).
+        swallowed: occurrences since then that were not logged.
+        text: last line that was not logged.
+        is_error: whether that is an error.
+    """
+
+    logged_s: float = -np.inf
+    swallowed: int = 0
+    text: str = ""
+    is_error: bool = False
+
+
 class EventLog:
     """Counters with the time of their last increment, and throttled log lines; thread-safe.
 
@@ -68,7 +88,7 @@ class EventLog:
         self._lock = threading.Lock()
         self._counts: Counter[str] = Counter()
         self._last_counted_s: dict[str, float] = {}
-        self._last_logged_s: dict[str, float] = {}
+        self._lines: dict[str, _LogLine] = {}
 
     def count(
         self, name: str, number: int = 1, reason: str = "", *, is_error: bool = False
@@ -87,9 +107,9 @@ class EventLog:
             self._counts[name] += number
             self._last_counted_s[name] = self._clock()
         if reason:
-            self.log(name, reason, is_error=is_error)
+            self.log(name, reason, number=number, is_error=is_error)
         elif name in _DESCRIPTIONS:
-            self.log(name, f"{_DESCRIPTIONS[name]} ({number} more)", is_error=is_error)
+            self.log(name, _DESCRIPTIONS[name], number=number, is_error=is_error)
 
     def failure(self, what: str, error: Exception, counter: str = "") -> None:
         """Log an exception that the node survived, and count it.
@@ -106,13 +126,38 @@ class EventLog:
         else:
             self.log(what, line)
 
-    def log(self, kind: str, line: str, *, is_error: bool = False) -> None:
-        """Log ``line`` unless one of its ``kind`` was logged within :data:`REPEAT_S`."""
+    def log(self, kind: str, line: str, *, number: int = 1, is_error: bool = False) -> None:
+        """Log a line unless one of its kind was logged within :data:`REPEAT_S`.
+
+        Args:
+            kind: lines of one kind share the limit; the name of a counter, or any text.
+            line: the line; a counter's own description is followed by the number.
+            number: how many occurrences it stands for.
+            is_error: log an error instead of a warning.
+        """
         now_s = self._clock()
         with self._lock:
-            if now_s - self._last_logged_s.get(kind, -np.inf) < REPEAT_S:
+            known = self._lines.setdefault(kind, _LogLine())
+            if now_s - known.logged_s < REPEAT_S:
+                known.swallowed += number
+                known.text, known.is_error = line, is_error
                 return
-            self._last_logged_s[kind] = now_s
+            swallowed, known.swallowed, known.logged_s = known.swallowed, 0, now_s
+        self._write(_with_number(kind, line, number, swallowed), is_error=is_error)
+
+    def flush(self) -> None:
+        """Log how often lines were swallowed after the last one of their kind; call regularly."""
+        now_s, due = self._clock(), []
+        with self._lock:
+            for kind, known in self._lines.items():
+                if known.swallowed and now_s - known.logged_s >= REPEAT_S:
+                    line = _with_number(kind, known.text, 0, known.swallowed)
+                    due.append((line, known.is_error))
+                    known.swallowed, known.logged_s = 0, now_s
+        for line, is_error in due:
+            self._write(line, is_error=is_error)
+
+    def _write(self, line: str, *, is_error: bool) -> None:
         if self._logger is None:
             return
         if is_error:
@@ -147,3 +192,10 @@ class EventLog:
                 for name, description in descriptions.items()
                 if self._last_counted_s.get(name, -np.inf) >= since_s
             ]
+
+
+def _with_number(kind: str, line: str, number: int, swallowed: int) -> str:
+    """Return a line with the number of its occurrences since the last line of its kind."""
+    if _DESCRIPTIONS.get(kind) == line:
+        return f"{line} ({number + swallowed} more)"
+    return f"{line} ({swallowed} more since)" if swallowed else line

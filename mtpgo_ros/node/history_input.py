@@ -9,13 +9,13 @@ so the worker needs no lock.
 from __future__ import annotations
 
 import dataclasses
+from typing import Protocol
 
 import numpy as np
 
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
-from mtpgo_core.prediction.scene_predictor import ScenePredictor
 from mtpgo_core.schema import HistoryWindow, KeyArray, TrackedStates
-from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.event_log import ODD_INPUT, EventLog
 from mtpgo_ros.node.rate_limiter import RateLimiter
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
@@ -33,8 +33,19 @@ _COUNTED = tuple(
 )
 
 
+class Resettable(Protocol):
+    """What has to forget the past together with the history."""
+
+    def reset(self) -> None:
+        """Forget the past; any thread."""
+
+
 class HistoryInput:
     """Updates the history and decides which observations start a prediction.
+
+    An observation is usable if it enters the history: if at least one of its objects does, or if
+    it has none, as on an empty road. One whose objects were all rejected starts no prediction
+    unless earlier ones are still carried on: an empty prediction would look like an empty road.
 
     Args:
         history: the tracks.
@@ -44,12 +55,13 @@ class HistoryInput:
 
     Attributes:
         report: on the last observation; None where it did not reach the history.
+        rejection: why the last observation was not usable, empty if it was.
     """
 
     def __init__(
         self,
         history: TrackHistory,
-        predictor: ScenePredictor,
+        predictor: Resettable,
         events: EventLog,
         parameters: PredictorParameters,
     ) -> None:
@@ -61,6 +73,7 @@ class HistoryInput:
         self._rate_limiter = RateLimiter(parameters.rate)
         self._ahead = 0
         self._newest_ns: int | None = None
+        self.rejection = ""
 
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
@@ -71,9 +84,13 @@ class HistoryInput:
     def clock_jumped_back(self, now_ns: int) -> bool:
         """Clear the history if it is newer than ``now_ns``, to which the clock was set back.
 
+        A clock at zero shows no time: with simulated time, before the first message on /clock.
+
         Returns:
             Whether it was cleared.
         """
+        if now_ns == 0:
+            return False
         tolerance_ns = round(self._parameters.stamp_tolerance * 1e9)
         if self._newest_ns is None or self._newest_ns <= now_ns + tolerance_ns:
             return False
@@ -90,7 +107,11 @@ class HistoryInput:
         self._ahead = 0
 
     def update(
-        self, states: TrackedStates, now_ns: int, ego_key: KeyArray | None = None
+        self,
+        states: TrackedStates,
+        now_ns: int,
+        ego_key: KeyArray | None = None,
+        skipped_objects: int = 0,
     ) -> HistoryWindow | None:
         """Add an observation to the history.
 
@@ -98,22 +119,26 @@ class HistoryInput:
             states: in the fixed frame.
             now_ns: the node's time (ns), 0 while it has none.
             ego_key: [4] identity of the ego.
+            skipped_objects: objects of the message that could not be read.
 
         Returns:
             The window of the prediction that the observation starts, None if none is due.
         """
         self.report = None
-        if states.stamp_ns == 0:
-            self._events.count("unstamped")
+        if states.stamp_ns <= 0:  # before 1970: no clock of a robot shows that
+            self._reject("unstamped")
             return None
         if self._is_from_the_future(states.stamp_ns, now_ns):
+            self._reject("future_stamp")
             return None
         report = self.report = self._history.update(states, ego_key)
         for name in _COUNTED:
             self._events.count(name, int(getattr(report, name)))
         self._events.count("unknown_class", int(np.count_nonzero(states.agent_class == 0)))
         if report.frame_changed and not report.accepted:
+            self.rejection = ODD_INPUT["frame_changed"]
             return None
+        self.rejection = _rejection(report, len(states), skipped_objects)
         if report.clock_reset or report.frame_changed:
             self._predictor.reset()
             self._rate_limiter.reset()
@@ -121,7 +146,14 @@ class HistoryInput:
         self._newest_ns = max(states.stamp_ns, self._newest_ns or 0)
         if not self._rate_limiter.due(states.stamp_ns):
             return None
-        return self._history.window(states.stamp_ns + self._delay_ns(states.stamp_ns, now_ns))
+        delay_ns = self._delay_ns(states.stamp_ns, now_ns)
+        window = self._history.window(states.stamp_ns + delay_ns)
+        return None if self.rejection and not window.valid[:, -1].any() else window
+
+    def _reject(self, counter: str) -> None:
+        """Count an observation that does not enter the history."""
+        self._events.count(counter)
+        self.rejection = ODD_INPUT[counter]
 
     def _is_from_the_future(self, stamp_ns: int, now_ns: int) -> bool:
         """Return whether to drop an observation because its stamp is ahead of the clock.
@@ -133,9 +165,11 @@ class HistoryInput:
         if now_ns == 0 or stamp_ns <= now_ns + tolerance_ns:
             self._ahead = 0
             return False
-        self._events.count("future_stamp")
         self._ahead += 1
-        return self._ahead < _CONFIRMATIONS
+        if self._ahead < _CONFIRMATIONS:
+            return True
+        self._events.count("future_stamp")
+        return False
 
     def _delay_ns(self, stamp_ns: int, now_ns: int) -> int:
         """Return how long after the observation the horizon starts (ns)."""
@@ -146,3 +180,13 @@ class HistoryInput:
             self._events.count("delay_not_compensated")
             return 0
         return max(0, delay_ns)
+
+
+def _rejection(report: UpdateReport, objects: int, skipped_objects: int) -> str:
+    """Return why no object of an observation entered the history, empty if one did."""
+    if report.accepted or objects + skipped_objects == 0:
+        return ""
+    numbers = {name: int(getattr(report, name)) for name in _COUNTED if name in ODD_INPUT}
+    numbers["skipped_objects"] = skipped_objects
+    most = max(numbers, key=lambda name: numbers[name])
+    return ODD_INPUT[most]

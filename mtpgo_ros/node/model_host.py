@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import gc
+import threading
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +22,15 @@ from mtpgo_ros.node.live_calibrator import LiveCalibrator
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.runtime.executable import return_free_memory
 
+if TYPE_CHECKING:
+    from mtpgo_core.prediction.model_runner import ModelRunner
+
 _WARM_UP_AGENTS = (1, 2, 16, 32)
 """Scene sizes of the warm-up: torch prepares itself for each kind of size (measured)."""
+
+_LONGEST_CYCLE_S = 5.0
+"""A model that is to be replaced is waited for at most this long (s); chosen: far longer than a
+prediction that is in time at the usual rates."""
 
 
 class ModelHost:
@@ -43,13 +52,7 @@ class ModelHost:
         self.degraded = ""
         runner = None
         try:
-            path = find_model(parameters.model)
-            load_task(path)
-            # The runner imports torch, which takes seconds: only for a file that is usable.
-            from mtpgo_core.prediction.model_runner import ModelRunner
-
-            runner = ModelRunner.load(path, parameters.num_threads)
-            return_free_memory()
+            runner = _load(parameters)
         except ModelFileError as error:
             if parameters.require_model:
                 raise
@@ -57,6 +60,8 @@ class ModelHost:
         if runner is not None and parameters.calibration == OFF:
             runner = runner.uncalibrated()
         self._runner = runner
+        self._predicting = threading.Lock()  # held while a prediction runs or the model changes
+        self._settings = threading.Lock()  # held while options or lanes change
         self._lanes_received = False
         self._ego_key: KeyArray | None = None
         # Without lines the model runs as on a road without markings, which is better than none.
@@ -80,19 +85,60 @@ class ModelHost:
             parameters: the options; their ``ego_id`` has priority over the topic's.
             ego_topic: text from the topic ``ego_id``, empty if none came.
         """
-        self.predictor.options = _options(parameters)
+        with self._settings:
+            self.predictor.options = _options(parameters)
         self.calibrator.configure(parameters)
         text = parameters.ego_id.strip() or ego_topic.strip()
         self._ego_key = keys_from_texts([text])[0] if text else None
 
     def set_lanes(self, lanes: LaneMap) -> None:
         """Use these lane lines from the next prediction on."""
-        self.predictor.lanes = lanes
+        with self._settings:
+            self.predictor.lanes = lanes
         self._lanes_received = True
+
+    def reset(self) -> None:
+        """Forget graphs and trails; any thread."""
+        self.predictor.reset()
+
+    def replace_by(self, loaded: ModelHost) -> None:
+        """Predict with another model from the next prediction on; any thread.
+
+        Options, ego, lanes, graphs and trails stay. The online calibration begins with what the
+        other host has: nothing, or the calibration file if it is of that model.
+
+        Args:
+            loaded: a host whose model is loaded and warm; not to be used afterwards.
+
+        Raises:
+            ModelFileError: the other model needs another history, or the present one does not end
+                its prediction.
+        """
+        if loaded.predictor.task.history != self.predictor.task.history:
+            raise ModelFileError(
+                f"model {loaded.predictor.task.name} takes another history than the present one:"
+                f" {loaded.predictor.task.history}, expected {self.predictor.task.history};"
+                " clean the node up and configure it with this model"
+            )
+        if not self._predicting.acquire(timeout=_LONGEST_CYCLE_S):
+            raise ModelFileError(
+                f"the present model has been predicting for more than {_LONGEST_CYCLE_S:g} s"
+            )
+        try:
+            with self._settings:
+                loaded.predictor.continue_from(self.predictor)
+                self._runner, self.predictor = loaded._runner, loaded.predictor
+                self.degraded = loaded.degraded
+                # What was learned about the other model's errors does not hold for this one.
+                self.calibrator.close()
+                self.calibrator = loaded.calibrator
+        finally:
+            self._predicting.release()
 
     def predict(self, window: HistoryWindow) -> Prediction:
         """Return the model's prediction, constant velocity where its output is not usable."""
-        return self.predictor.predict(window, ego_key=self._ego_key)
+        with self._predicting:
+            return self.predictor.predict(window, ego_key=self._ego_key)
 
     def fallback(self, window: HistoryWindow) -> Prediction:
         """Return constant velocity for all agents; any thread."""
@@ -122,8 +168,13 @@ class ModelHost:
             "modes": str(self.predictor.modes),
         }
 
-    def warm_up(self) -> None:
-        """Predict synthetic agents a few times, so that the first real prediction is not slow."""
+    def warm_up(self, *, permanent: bool = True) -> None:
+        """Predict synthetic agents a few times, so that the first real prediction is not slow.
+
+        Args:
+            permanent: all objects of the process made so far are permanent: the garbage collector
+                need not visit them. Looking for garbage first stops all threads for a while.
+        """
         task = self.predictor.task
         for agents in _WARM_UP_AGENTS:
             trial = ScenePredictor(
@@ -137,9 +188,25 @@ class ModelHost:
                 key = keys_from_integers(range(agents))
                 history.update(tracked_states(round(time_s * 1e9) + 1, "map", key, position))
             trial.predict(history.window())
-        # All objects made so far are permanent: the garbage collector need not visit them.
-        gc.collect()
-        gc.freeze()
+        if permanent:
+            gc.collect()
+            gc.freeze()
+
+
+def _load(parameters: PredictorParameters) -> ModelRunner:
+    """Return the model that the parameters name.
+
+    Raises:
+        ModelFileError: it cannot be loaded.
+    """
+    path = find_model(parameters.model)
+    load_task(path)
+    # The runner imports torch, which takes seconds: only for a file that is usable.
+    from mtpgo_core.prediction.model_runner import ModelRunner
+
+    runner = ModelRunner.load(path, parameters.num_threads)
+    return_free_memory()
+    return runner
 
 
 def _options(parameters: PredictorParameters) -> PredictorOptions:

@@ -67,7 +67,7 @@ class ObjectsSubscription:
 
     Attributes:
         topic: resolved name of the topic.
-        status: what the subscription waits for, empty once it is subscribed.
+        status: what is wrong with the topic's publishers, empty if nothing is.
         limits: as above; may be replaced at any time.
 
     Raises:
@@ -130,19 +130,35 @@ class ObjectsSubscription:
             self._leaving = None
         if changed and self._adapter is not None:
             self._subscribe_anew(self._adapter)
-        if self._follows_type:
-            self._check_type({info.topic_type for info in publishers})
+        self._check_type({info.topic_type for info in publishers})
 
     def _check_type(self, published: set[str]) -> None:
-        """Subscribe to a published type; types with an adapter are preferred."""
-        if not published or self.message_type in published:
-            return
+        """Subscribe to a published type; types with an adapter are preferred.
+
+        The status is made anew each time, so that it ends with its cause.
+        """
+        others = published - {self.message_type}
+        if not published:
+            subscribed = self._subscription is not None
+            self.status = "" if subscribed else f"no publisher on {self.topic} yet"
+        elif not others:
+            self.status = ""
+        elif others != published or not self._follows_type:
+            self.status = (
+                f"topic {self.topic}: a publisher of {', '.join(sorted(others))} is not heard, the"
+                f" node takes {self.message_type}"
+            )
+            self._events.log("objects type", self.status)
+        else:
+            self._subscribe_to_one_of(published)
+
+    def _subscribe_to_one_of(self, published: set[str]) -> None:
+        """Subscribe to the first of these types that has an adapter and is installed."""
         errors = []
         known = {adapter.message_type for adapter in INPUTS.values()}
-        for name in sorted(published, key=lambda name: name not in known):
+        for name in sorted(published, key=lambda name: (name not in known, name)):
             try:
-                adapter = adapter_for_type(name)
-                self._subscribe(adapter)
+                self._subscribe(adapter_for_type(name))
             except MessageError as error:
                 errors.append(str(error))
             else:

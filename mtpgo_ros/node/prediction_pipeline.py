@@ -8,11 +8,12 @@ history; when a prediction is due, it hands a window to the worker, which predic
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
-from typing import Any, cast
+from collections.abc import Iterator
+from typing import Any
 
-from rclpy.clock import ROSClock
 from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.adapter import InputAdapter
@@ -24,7 +25,8 @@ from mtpgo_core.prediction.finite_output import publishable
 from mtpgo_core.prediction.output_assembly import select, with_time_origin
 from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
-from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.event_log import ODD_INPUT, EventLog
+from mtpgo_ros.diagnostics.input_watch import InputWatch
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
 from mtpgo_ros.node.frame_transform import FixedFrameTransform, FrameTransform, NoTransform
 from mtpgo_ros.node.history_input import HistoryInput
@@ -37,6 +39,9 @@ from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.quality.live_quality import LiveQuality
 from mtpgo_ros.quality.quality_publisher import QualityPublisher
+
+_LONGEST_WAIT_S = 1.0
+"""The end of a cycle is waited for at most this long (s); chosen."""
 
 
 class PredictionPipeline:
@@ -52,6 +57,7 @@ class PredictionPipeline:
 
     Attributes:
         objects: the subscription to the objects.
+        watch: the age of the input.
         transform: into the fixed frame.
         history: the history and its rate limit.
         quality: scores of the predictions.
@@ -77,14 +83,16 @@ class PredictionPipeline:
         self.ego_topic = ""
         # Observations come on the thread of their subscription, all else on the executor's.
         self._history_lock = threading.Lock()
-        self._received_s: float | None = None
-        self._received_ros_ns = 0
-        model.predictor.reset()
+        self.watch = InputWatch()
+        self._published_s: float | None = None
+        self._unanswered_since_s: float | None = None
+        self._cycle_ended = threading.Event()
+        model.reset()
         model.calibrator.live.clear_stream("clock_reset")
         model.configure(parameters, self.ego_topic)
         status.frame_error = ""
         self._tracks = TrackHistory(model.predictor.task.history, parameters.max_tracks)
-        self.history = HistoryInput(self._tracks, model.predictor, events, parameters)
+        self.history = HistoryInput(self._tracks, model, events, parameters)
         self.quality = LiveQuality(model.predictor.task.history)
         self._load = LoadControl()
         self.objects = ObjectsSubscription(
@@ -94,7 +102,7 @@ class PredictionPipeline:
         if parameters.fixed_frame:
             self.transform = FixedFrameTransform(node, parameters.fixed_frame)
         self._context = ContextSubscriptions(
-            node, self._on_ego, model.set_lanes if model.uses_lanes else None
+            node, self._on_ego, model.set_lanes if model.uses_lanes else None, events
         )
         self._quality_publisher = QualityPublisher(node, self.quality, parameters, status)
         self.worker = InferenceWorker(self._predict, model.fallback, self._publish, events)
@@ -126,39 +134,62 @@ class PredictionPipeline:
                 self.quality.clear()
                 self._model.calibrator.live.clear_stream("clock_reset")
 
-    def input_age_s(self) -> float | None:
-        """Return the time since the last message (s), None before the first.
+    def unanswered_s(self) -> float:
+        """Return how long an observation that is due has waited for any prediction (s)."""
+        since_s = self._unanswered_since_s
+        return 0.0 if since_s is None else time.monotonic() - since_s
 
-        A simulation that is paused or slow does not make the input stale: the smaller of the times
-        on the machine's and the node's clock is returned.
+    def idle_s(self) -> float:
+        """Return the time since the last prediction, infinite before the first (s)."""
+        published_s = self._published_s
+        return float("inf") if published_s is None else time.monotonic() - published_s
+
+    @contextlib.contextmanager
+    def no_cycle_skipped(self) -> Iterator[None]:
+        """Skip no cycle within the block, which begins right after one; any thread.
+
+        For work that keeps all other threads waiting: observations that come meanwhile are
+        handled afterwards, at once, and each of them is answered.
         """
-        if self._received_s is None:
-            return None
-        age_s = time.monotonic() - self._received_s
-        clock = cast(ROSClock, self._node.get_clock())
-        if clock.ros_time_is_active:
-            passed_ns = clock.now().nanoseconds - self._received_ros_ns
-            age_s = min(age_s, max(0.0, passed_ns * 1e-9))
-        return age_s
+        self._cycle_ended.clear()
+        self._cycle_ended.wait(min(_LONGEST_WAIT_S, 2.0 * self._parameters.period_s))
+        self.worker.skips = False
+        try:
+            yield
+        finally:
+            self.worker.skips = True
+
+    def model_changed(self) -> None:
+        """Use another model's inputs after a swap, which keeps the history, and score it anew."""
+        self.quality.start_anew()
+        self._context.use_lanes(self._model.set_lanes if self._model.uses_lanes else None)
 
     def _on_objects(self, message: Any, adapter: InputAdapter, received_ns: int) -> None:
         """Handle a message; called by the subscription's thread."""
         dropped = f"message on {self.objects.topic} left out"
-        self._received_s = time.monotonic()
-        self._received_ros_ns = self._node.get_clock().now().nanoseconds
+        now_ns = self._node.get_clock().now().nanoseconds
         try:
-            states = self._read(message, adapter, self._received_ros_ns)
+            states, skipped = self._read(message, adapter, now_ns)
             with self._history_lock:
-                window = self.history.update(states, self._received_ros_ns, self._model.ego_key)
+                window = self.history.update(states, now_ns, self._model.ego_key, skipped)
         except FrameError as error:
             self._status.frame_error = str(error)
             self._events.count("not_lifted", reason=f"{dropped}: {error}")
+            self.watch.reject(ODD_INPUT["not_lifted"])
         except MtpgoError as error:
             self._events.count("malformed", reason=f"{dropped}: {error}")
+            self.watch.reject(ODD_INPUT["malformed"])
         except Exception as error:  # Whatever a message contains, the node keeps running.
             self._events.failure(dropped, error, "malformed")
+            self.watch.reject(ODD_INPUT["malformed"])
         else:
+            if self.history.rejection:
+                self.watch.reject(self.history.rejection)
+            else:
+                self.watch.accept()
             if window is not None:
+                if self._unanswered_since_s is None:
+                    self._unanswered_since_s = time.monotonic()
                 self.worker.submit(self._request(window, states.stamp_ns, received_ns))
             self._score()
         finally:
@@ -175,8 +206,8 @@ class PredictionPipeline:
         except Exception as error:
             self._events.failure("earlier predictions could not be scored", error)
 
-    def _read(self, message: Any, adapter: InputAdapter, now_ns: int) -> TrackedStates:
-        """Return the states of a message in the fixed frame."""
+    def _read(self, message: Any, adapter: InputAdapter, now_ns: int) -> tuple[TrackedStates, int]:
+        """Return the states in the fixed frame, and how many objects could not be read."""
         if isinstance(message, MessageError):
             raise message
         decoded = adapter.decode(
@@ -187,11 +218,12 @@ class PredictionPipeline:
             class_map=self._class_map,
         )
         self._events.count("skipped_objects", decoded.skipped_total)
-        self._events.count("empty_messages", int(len(decoded.states) == 0))
+        objects = len(decoded.states) + decoded.skipped_total
+        self._events.count("empty_messages", int(objects == 0))
         self._warn_of_moving_frame(decoded.states)
         states = self.transform.apply(decoded.states)
         self._status.frame_error, self._status.frame_id = "", states.frame_id
-        return states
+        return states, decoded.skipped_total
 
     def _warn_of_moving_frame(self, states: TrackedStates) -> None:
         if not self._parameters.fixed_frame and states.frame_id in VEHICLE_FRAMES:
@@ -223,30 +255,36 @@ class PredictionPipeline:
 
     def _publish(self, request: PredictionRequest, prediction: Prediction) -> None:
         """Publish a prediction; called by the worker and its watchdog."""
+        begun_ns = time.monotonic_ns()
         prediction = with_time_origin(prediction, request.stamp_ns)
         prediction = self._model.calibrator.serve(prediction, request.window)
         usable = publishable(prediction)
         if not usable.all():
             self._events.count("not_published", int((~usable).sum()))
             prediction = select(prediction, usable)
-        begun_ns = time.monotonic_ns()
         self._publishers.publish(prediction)
         published_ns = time.monotonic_ns()
         self._load.published(published_ns - begun_ns)
         latency_ns = published_ns - request.received_ns
         status = self._status
+        self._published_s, self._unanswered_since_s = time.monotonic(), None
         self._events.count("predictions")
         self._events.count("deadline_misses", int(latency_ns > request.deadline_ns))
         status.latency.add(latency_ns * 1e-6)
         status.over_budget_in_a_row = status.over_budget_in_a_row + 1 if request.over_budget else 0
         status.agents = len(prediction)
-        status.fallback_agents = int((prediction.source == Source.CONSTANT_VELOCITY).sum())
+        constant = prediction.source == Source.CONSTANT_VELOCITY
+        status.fallback_agents = int(constant.sum())
+        if not request.over_budget:
+            unserved = 0 < status.agents == status.fallback_agents
+            status.without_model_in_a_row = status.without_model_in_a_row + 1 if unserved else 0
         self._publishers.publish_secondary(prediction, latency_ns * 1e-6)
         self.quality.published(prediction, request.window, self._parameters.max_modes)
+        self._cycle_ended.set()
 
     def _on_ego(self, text: str) -> None:
-        self.ego_topic = text
+        changed, self.ego_topic = text != self.ego_topic, text
         self._model.configure(self._parameters, text)
-        if not self._parameters.ego_id:
+        if changed and not self._parameters.ego_id:
             line = f"ego is {text!r}" if text else "no ego is chosen any more"
             self._node.get_logger().info(line)

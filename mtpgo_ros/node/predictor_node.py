@@ -9,23 +9,33 @@ the opposite transition, so that a new configuration starts from nothing.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from typing import Any
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, cast
 
-from rclpy.clock import JumpThreshold
+from rclpy.clock import JumpThreshold, ROSClock
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from mtpgo_core.errors import MtpgoError
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
-from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.event_log import RECENT_S, EventLog
+from mtpgo_ros.diagnostics.health import Verdict
+from mtpgo_ros.diagnostics.input_watch import InputAge
 from mtpgo_ros.diagnostics.latency import LatencyStatistics
+from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions, state_of
+from mtpgo_ros.lifecycle.manager_bond import ManagerBond, NoBond, form_bond
 from mtpgo_ros.node.model_host import ModelHost
+from mtpgo_ros.node.model_swap import ModelSwap
 from mtpgo_ros.node.prediction_pipeline import PredictionPipeline
 from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.parameter_server import ParameterServer
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+
+_NAMES_PERIOD_S = 1.0
+"""Time between two searches for another node of the same name (s); chosen."""
 
 Transition = Callable[["PredictorNode", LifecycleState], TransitionCallbackReturn]
 
@@ -55,6 +65,7 @@ class PredictorNode(LifecycleNode):
     """Predicts the objects on ``objects`` and publishes the predictions under its own name.
 
     Args:
+        arguments: of the process, for warnings about parameters.
         node_options: of :class:`rclpy.node.Node`.
 
     Attributes:
@@ -66,31 +77,46 @@ class PredictorNode(LifecycleNode):
         ConfigurationError: a parameter has a value that is not allowed.
     """
 
-    def __init__(self, **node_options: Any) -> None:
+    def __init__(self, *, arguments: Sequence[str] = (), **node_options: Any) -> None:
         super().__init__("predictor", **node_options)
         self.failure = ""
         self.starting = False
         self._model: ModelHost | None = None
         self._outputs: Publishers | None = None
         self._pipeline: PredictionPipeline | None = None
+        self._bond: ManagerBond = NoBond()
         self.events = EventLog(self.get_logger())
         self._server = ParameterServer(
             self,
             may_reconfigure=lambda: self._model is None,
             on_change=self._on_parameters,
+            arguments=arguments,
         )
         self._status = NodeStatus()
+        self._names_checked_s = float("-inf")
         self._diagnostics = DiagnosticsPublisher(self, self.events, self._current_status)
         self._diagnostics.set_period(self.parameters.diagnostic_period)
         self._jumps = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1)),
             post_callback=lambda _jump: self._on_clock_jump(),
         )
+        answer_invalid_transitions(self)
+        self._swap = ModelSwap(
+            self,
+            self._server,
+            current=lambda: self._model,
+            no_cycle_skipped=self._no_cycle_skipped,
+            on_swapped=self._on_swapped,
+        )
 
     @property
     def parameters(self) -> PredictorParameters:
         """The current parameters."""
         return self._server.value
+
+    def on_health(self, handler: Callable[[Verdict], None]) -> None:
+        """Call ``handler`` with every verdict that is published on ``~/health``."""
+        self._diagnostics.on_health = handler
 
     @_record_failure
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -118,6 +144,7 @@ class PredictorNode(LifecycleNode):
             self, self._model, self._outputs, self.parameters, self.events, self._status
         )
         done = super().on_activate(state)
+        self._bond = form_bond(self)
         about = self._model.describe()
         self.get_logger().info(
             f"ready: {about['model']} predicts {about['horizon_s']} s ahead at"
@@ -156,9 +183,11 @@ class PredictorNode(LifecycleNode):
         """End all threads before the process ends; return false if the model is still running."""
         idle = self._close_pipeline()
         self._release()
-        return idle
+        return idle and not self._swap.busy
 
     def _close_pipeline(self) -> bool:
+        bond, self._bond = self._bond, NoBond()
+        bond.close()
         pipeline, self._pipeline = self._pipeline, None
         return pipeline is None or pipeline.close()
 
@@ -179,23 +208,59 @@ class PredictorNode(LifecycleNode):
         if self._pipeline is not None:
             self._pipeline.clock_jumped_back()
 
+    def _no_cycle_skipped(self) -> AbstractContextManager[None]:
+        return nullcontext() if self._pipeline is None else self._pipeline.no_cycle_skipped()
+
+    def _on_swapped(self) -> None:
+        if self._model is not None:
+            self._status.degraded = self._model.degraded
+        if self._pipeline is not None:
+            self._pipeline.model_changed()
+
     def _current_status(self) -> NodeStatus:
         """Return the node's status, brought up to date."""
         status, parameters = self._status, self.parameters
+        status.state, status.failure = state_of(self), self.failure
         status.period_ms = parameters.period_s * 1e3
         status.input_timeout_s = parameters.input_timeout
-        status.waiting, status.limitations = "the node is not active", []
+        status.namesake = self._namesake()
+        status.model = {} if self._model is None else self._model.describe()
+        if self._model is None:
+            status.degraded = ""
         status.calibration, status.calibration_problem, status.preferred = {}, "", []
         if self._model is not None:
-            status.model = self._model.describe()
             calibrator = self._model.calibrator
             status.calibration = calibrator.values()
             status.calibration_problem = calibrator.file_error
             status.preferred = calibrator.preferred
-        if self._model is not None and self._pipeline is not None:
-            objects = self._pipeline.objects
-            status.waiting = objects.status
-            status.topic, status.message_type = objects.topic, objects.message_type
+        status.limitations, status.waiting = [], ""
+        status.idle, status.unanswered_s, status.input = True, 0.0, InputAge()
+        pipeline = self._pipeline
+        if self._model is not None and pipeline is not None:
             status.limitations = self._model.limitations()
-            status.input_age_s = self._pipeline.input_age_s()
+            status.waiting = pipeline.objects.status
+            status.topic = pipeline.objects.topic
+            status.message_type = pipeline.objects.message_type
+            status.idle = pipeline.idle_s() > max(RECENT_S, 3.0 * parameters.period_s)
+            status.unanswered_s = pipeline.unanswered_s()
+            clock = cast(ROSClock, self.get_clock())
+            simulated = clock.ros_time_is_active
+            pipeline.watch.set_simulated_time(clock.now().nanoseconds if simulated else None)
+            status.input = pipeline.watch.age(parameters.input_timeout)
         return status
+
+    def _namesake(self) -> str:
+        """Return what is known about another node of the same name, empty without one."""
+        now_s = time.monotonic()
+        if now_s - self._names_checked_s < _NAMES_PERIOD_S:
+            return self._status.namesake
+        self._names_checked_s = now_s
+        own = (self.get_name(), self.get_namespace())
+        if self.get_node_names_and_namespaces().count(own) < 2:
+            return ""
+        sentence = (
+            f"another node is called {self.get_fully_qualified_name()}, and its predictions go to"
+            " the same topics; one that was killed is still known for 20 s"
+        )
+        self.events.log("namesake", sentence)
+        return sentence

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -21,6 +21,7 @@ from rclpy.parameter import Parameter
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import Limits, listed
 from mtpgo_ros.parameters.predictor_parameters import Change, PredictorParameters, updated
+from mtpgo_ros.parameters.unknown_parameters import report_unknown_parameters
 
 _TYPE_NAMES = {
     bool: "true or false",
@@ -48,6 +49,7 @@ class ParameterServer:
         *,
         may_reconfigure: Callable[[], bool],
         on_change: Callable[[PredictorParameters], None],
+        arguments: Sequence[str] = (),
     ) -> None:
         """Declare all parameters on ``node``, with the values of the command line.
 
@@ -55,12 +57,15 @@ class ParameterServer:
             node: the node.
             may_reconfigure: returns whether parameters of the configuration may change.
             on_change: called after a change was accepted.
+            arguments: of the process, to find out where unknown parameters come from.
 
         Raises:
             ConfigurationError: a given value is of the wrong type or not allowed.
         """
         self._may_reconfigure = may_reconfigure
         self._on_change = on_change
+        self._node = node
+        self._committing = False
         fields = dataclasses.fields(PredictorParameters)
         given = {field.name: _converted(field, _given(node, field)) for field in fields}
         self.value = updated(PredictorParameters(), given)
@@ -68,9 +73,30 @@ class ParameterServer:
             node.declare_parameter(
                 field.name, given[field.name], descriptor(field), ignore_override=True
             )
+        report_unknown_parameters(node, arguments)
         node.add_pre_set_parameters_callback(_convert)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
+
+    def checked(self, values: Mapping[str, Any]) -> PredictorParameters:
+        """Return the present parameters with these values, which do not take effect.
+
+        Raises:
+            ConfigurationError: they are of the wrong type or not allowed together.
+        """
+        fields = {field.name: field for field in dataclasses.fields(PredictorParameters)}
+        given = {name: _converted(fields[name], value) for name, value in values.items()}
+        return updated(self.value, given)
+
+    def commit(self, values: Mapping[str, Any]) -> None:
+        """Set parameters to values that have already taken effect, at whatever moment."""
+        self._committing = True
+        try:
+            self._node.set_parameters_atomically(
+                [Parameter(name, value=value) for name, value in values.items()]
+            )
+        finally:
+            self._committing = False
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         values = {p.name: p.value for p in parameters}
@@ -85,6 +111,8 @@ class ParameterServer:
 
     def _check_moment(self, field: dataclasses.Field[Any], value: Any) -> None:
         if field.metadata["change"] is not Change.CONFIGURE or self._may_reconfigure():
+            return
+        if self._committing:
             return
         if value != getattr(self.value, field.name):
             raise ConfigurationError(

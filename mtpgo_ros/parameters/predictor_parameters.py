@@ -105,7 +105,7 @@ class PredictorParameters:
         change=Change.CONFIGURE,
     )
     max_points: int = _field(
-        250_000,
+        200_000,
         "Most points (road users x modes x steps) of a prediction; with more, fewer modes are"
         " published, the most probable first.",
         low=1000,

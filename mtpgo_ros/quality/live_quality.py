@@ -30,11 +30,17 @@ class LiveQuality:
     """
 
     def __init__(self, config: HistoryConfig) -> None:
-        self._matcher = OutcomeMatcher(config)
-        self._scores = RollingScores(config.dt_s)
+        self._config = config
         self._lock = threading.Lock()
+        self.start_anew()
         self.frame_id = ""
         self.place = (0.0, 0.0)
+
+    def start_anew(self) -> None:
+        """Forget all predictions and scores: another model predicts from now on."""
+        with self._lock:
+            self._matcher = OutcomeMatcher(self._config)
+            self._scores = RollingScores(self._config.dt_s)
 
     def published(
         self, prediction: Prediction, window: HistoryWindow, max_modes: int | None

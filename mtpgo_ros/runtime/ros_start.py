@@ -8,8 +8,10 @@ node is being created or still has a bag to close.
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -18,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_ros.runtime.log_folder import choose_log_folder
 
 _CHECK_PERIOD_S = 0.1
 """A request to stop is noticed after at most this time (s); chosen."""
@@ -39,13 +42,14 @@ def own_arguments(arguments: Sequence[str]) -> list[str]:
 
 
 def start(arguments: Sequence[str]) -> None:
-    """Start rclpy without its signal handlers.
+    """Start rclpy without its signal handlers, and with log files only where they can be written.
 
     Raises:
         ConfigurationError: the ROS arguments or the middleware are not usable.
     """
+    arguments = [*arguments, *choose_log_folder(Path(sys.argv[0]).stem)]
     try:
-        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         raise ConfigurationError(f"ROS cannot start: {_first_sentence(error)}") from error
 

@@ -7,6 +7,8 @@ import dataclasses
 import importlib.util
 import json
 import re
+import sys
+import unittest.mock
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +46,39 @@ def test_launch_files_are_what_ros2_launch_expects(path):
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
         assert module.generate_launch_description().entities
+
+
+@pytest.fixture
+def predictor_launch(monkeypatch):
+    """The launch file as a module; ROS' launch is not on pip, a stub stands for it."""
+    if not importlib.util.find_spec("launch_ros"):
+        names = ("launch", "launch.actions", "launch.conditions", "launch.substitutions")
+        for name in (*names, "launch_ros", "launch_ros.actions"):
+            monkeypatch.setitem(sys.modules, name, unittest.mock.MagicMock())
+    path = ROOT / "launch" / "predictor.launch.py"
+    spec = importlib.util.spec_from_file_location("launch_file", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "text", "expected"),
+    [(float, "rate", "abc", "a number"), (bool, "respawn", "maybe", "true or false")],
+)
+def test_a_wrong_launch_argument_is_named(predictor_launch, kind, name, text, expected):
+    with pytest.raises(ValueError, match=f"argument {name} is '{text}', expected {expected}"):
+        predictor_launch._value(kind, name, text)
+    assert predictor_launch._value(float, "rate", "10") == 10.0
+    assert predictor_launch._value(bool, "respawn", "True") is True
+
+
+def test_the_service_unit_has_a_watchdog_and_starts_the_predictor():
+    lines = (ROOT / "config" / "systemd" / "mtpgo-predictor.service").read_text().splitlines()
+    assert {"Type=notify", "WatchdogSec=5", "Restart=on-failure"} <= set(lines)
+    (command,) = [line for line in lines if line.startswith("ExecStart=")]
+    assert "exec" in command  # the process that systemd knows is the node
+    assert "lib/mtpgo_ros/predictor" in command
 
 
 def test_the_launch_arguments_are_parameters_of_the_node():

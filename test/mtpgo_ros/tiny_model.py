@@ -12,7 +12,12 @@ from pathlib import Path
 
 import torch
 
-from mtpgo_core.task.task_description import TASK_FILE, SceneConfig, TaskDescription
+from mtpgo_core.task.task_description import (
+    TASK_FILE,
+    HistoryConfig,
+    SceneConfig,
+    TaskDescription,
+)
 
 MODES, STEPS, DT_S = 3, 25, 0.2
 POISON_MPS = 80.0
@@ -64,10 +69,13 @@ def write_tiny_model(
     poison: bool = False,
     context: str = "none",
     drift_mps: float = 0.0,
+    name: str = "tiny",
+    history: HistoryConfig | None = None,
 ) -> Path:
     """Script and save the model with its task description."""
     task = TaskDescription(
-        name="tiny",
+        name=name,
+        history=history or HistoryConfig(),
         horizon_steps=STEPS,
         modes=MODES,
         scene=SceneConfig(context=context),

@@ -3,7 +3,8 @@
 """Inference on its own thread: the newest request first, and an answer within the budget.
 
 The worker runs the model on the newest request; a request that still waits when a newer one comes
-is skipped, never queued. The watchdog answers a request whose budget is used up with the fallback.
+is skipped, not queued, except for a moment in which the process itself is held up. The watchdog
+answers a request whose budget is used up with the fallback.
 Both claim a request before they answer it (see ``prediction_request``), so each is answered once,
 and a result that comes too late is dropped.
 """
@@ -12,12 +13,16 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 
 from mtpgo_core.schema import HistoryWindow, Prediction
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.inference.deadline_watchdog import DeadlineWatchdog
 from mtpgo_ros.node.inference.prediction_request import PredictionRequest
+
+_LONGEST_QUEUE = 64
+"""Most requests that wait while none is to be skipped; chosen: a second at the highest rate."""
 
 
 class InferenceWorker:
@@ -29,6 +34,9 @@ class InferenceWorker:
             called on either thread.
         publish: publishes an answer; called on either thread.
         events: where skipped, late and failed cycles are counted.
+
+    Attributes:
+        skips: a newer request replaces those that wait; false: they are answered in their order.
     """
 
     def __init__(
@@ -42,7 +50,8 @@ class InferenceWorker:
         self._events = events
         self._watchdog = DeadlineWatchdog(self._answer_overdue)
         self._condition = threading.Condition()
-        self._waiting: PredictionRequest | None = None
+        self.skips = True
+        self._waiting: deque[PredictionRequest] = deque()
         self._running: PredictionRequest | None = None
         self._stopped = False
         # A daemon: a model that never returns must not keep the process alive.
@@ -54,12 +63,16 @@ class InferenceWorker:
         self._thread.start()
 
     def submit(self, request: PredictionRequest) -> None:
-        """Make ``request`` the next one to run, instead of one that still waits."""
+        """Make ``request`` the next one to run, instead of those that still wait."""
+        longest = 0 if self.skips else _LONGEST_QUEUE - 1
         with self._condition:
-            replaced, self._waiting = self._waiting, request
+            surplus = max(0, len(self._waiting) - longest)
+            replaced = [self._waiting.popleft() for _ in range(surplus)]
+            self._waiting.append(request)
             self._condition.notify()
-        if replaced is not None and replaced.claim():
-            self._events.count("cycles_skipped")
+        for one in replaced:
+            if one.claim():
+                self._events.count("cycles_skipped")
         self._watchdog.watch(request)
 
     def stop(self, timeout_s: float = 1.0) -> bool:
@@ -67,10 +80,10 @@ class InferenceWorker:
         end_s = time.monotonic() + timeout_s
         with self._condition:
             self._stopped = True
-            for request in (self._waiting, self._running):
+            for request in (*self._waiting, self._running):
                 if request is not None:
                     request.claim()
-            self._waiting = None
+            self._waiting.clear()
             self._condition.notify()
         watchdog_ended = self._watchdog.stop(timeout_s)
         self._thread.join(max(0.0, end_s - time.monotonic()))
@@ -85,12 +98,13 @@ class InferenceWorker:
         with self._condition:
             self._running = None
             while not self._stopped:
-                request, self._waiting = self._waiting, None
-                if request is not None and not request.claimed:
+                if not self._waiting:
+                    self._condition.wait()
+                    continue
+                request = self._waiting.popleft()
+                if not request.claimed:
                     self._running = request
                     return request
-                if request is None:
-                    self._condition.wait()
         return None
 
     def _answer(self, request: PredictionRequest) -> None:

@@ -8,18 +8,20 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_helpers import spin_until
 
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.input_watch import InputAge
 
 
 @pytest.fixture
 def setup():
     """The publisher of a node, and a list in which its messages are collected."""
     node, published = Node("diagnosed", namespace="/robot"), []
-    status, events = NodeStatus(input_age_s=0.0), EventLog()
+    status, events = NodeStatus(input=InputAge(usable=True)), EventLog()
     publisher = DiagnosticsPublisher(node, events, lambda: status)
     publisher._publisher.publish = published.append
     yield node, publisher, status, published
@@ -58,3 +60,20 @@ def test_a_change_of_level_is_published_before_the_period_ends(setup):
     status.degraded = "no file"
     spin(node, lambda: len(published) == 2)
     assert published[1].status[1].level == DiagnosticStatus.ERROR
+
+
+def test_health_is_latched_and_published_when_it_changes(setup):
+    node, publisher, status, published = setup
+    publisher.set_period(3600.0)
+    spin(node, lambda: published)
+    verdicts, heard = [], []
+    publisher.on_health = verdicts.append
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(DiagnosticStatus, "~/health", heard.append, latched)
+    spin(node, lambda: heard)  # published before the subscription
+    assert (heard[0].name, heard[0].level) == ("robot/diagnosed: health", DiagnosticStatus.OK)
+    assert not verdicts
+    status.degraded = "no file"
+    spin(node, lambda: len(heard) == 2)
+    assert heard[1].level == DiagnosticStatus.ERROR
+    assert [verdict.cause for verdict in verdicts] == ["model"]

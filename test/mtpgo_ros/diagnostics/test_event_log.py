@@ -94,4 +94,32 @@ def test_lines_of_a_kind_are_logged_once_in_a_while(logger, clock):
     events.log("b", "three")
     clock.now += REPEAT_S
     events.log("a", "four")
-    assert logger.warnings == ["one", "three", "four"]
+    assert logger.warnings == ["one", "three", "four (1 more since)"]
+
+
+def test_the_numbers_in_the_log_add_up_to_the_counter(logger, clock):
+    events = EventLog(logger, clock)
+    for _ in range(39):
+        events.count("late")
+    clock.now += REPEAT_S
+    events.count("late", 2)
+    events.count("late", 3)
+    assert logger.warnings == [
+        "objects older than what is known (1 more)",
+        "objects older than what is known (40 more)",
+    ]
+    events.flush()  # too early
+    clock.now += REPEAT_S
+    events.flush()
+    events.flush()  # nothing is left
+    assert logger.warnings[2:] == ["objects older than what is known (3 more)"]
+    assert events.counts() == {"late": 44}
+
+
+def test_swallowed_reasons_are_reported_when_the_fault_has_ended(logger, clock):
+    events = EventLog(logger, clock)
+    for number in range(39):
+        events.count("malformed", reason=f"message {number} left out", is_error=True)
+    clock.now += REPEAT_S
+    events.flush()
+    assert logger.errors == ["message 0 left out", "message 38 left out (38 more since)"]

@@ -15,7 +15,7 @@ import contextlib
 import itertools
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,6 +72,7 @@ class FaultHarness:
         kind: input type of the first publisher, for instance ``markers``.
         qos: of the first publisher.
         wait: wait until the node has heard the publisher and the subscriber.
+        arguments: further ROS arguments.
         **parameters: of the node.
 
     Attributes:
@@ -92,11 +93,12 @@ class FaultHarness:
         kind: str = "pointcloud2",
         qos: QoSProfile = RELIABLE,
         wait: bool = True,
+        arguments: Sequence[str] = (),
         **parameters: Any,
     ) -> None:
         self.namespace = f"/faults{next(_numbers)}"
         given = {"model": model, "diagnostic_period": 0.1, **parameters}
-        arguments = ["--ros-args", "-r", f"__ns:={self.namespace}"]
+        arguments = ["--ros-args", "-r", f"__ns:={self.namespace}", *arguments]
         for name, value in given.items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             arguments += ["-p", f"{name}:={text}"]

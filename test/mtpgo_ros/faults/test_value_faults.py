@@ -152,7 +152,8 @@ def test_a_scene_of_bad_values_only(node):
     with node.counts(non_finite=4):
         states = node.states()
         node.send(spoilt(states, slice(None), position=np.nan))
-        assert len(node.answer(states.stamp_ns).prediction) == 0
+    # An empty prediction would look like an empty road.
+    assert all(answer.prediction.stamp_ns != states.stamp_ns for answer in node.answers)
 
 
 def test_utm_coordinates(node):

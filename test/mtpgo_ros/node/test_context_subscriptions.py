@@ -14,6 +14,7 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.types import RclpyTypes
+from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
 
 _namespaces = itertools.count()
@@ -40,7 +41,7 @@ def test_messages_published_before_the_subscription_are_received(node):
         lanes_to_markers(lines, RclpyTypes(), stamp_ns=0, frame_id="map")
     )
     egos, lanes = [], []
-    context = ContextSubscriptions(node, egos.append, lanes.append)
+    context = ContextSubscriptions(node, egos.append, lanes.append, EventLog())
     spin(node, lambda: egos and lanes)
     assert egos == ["7"]
     assert len(lanes[0]) == 4  # two lines of two segments
@@ -49,7 +50,7 @@ def test_messages_published_before_the_subscription_are_received(node):
 
 
 def test_a_model_without_lanes_does_not_subscribe_to_them(node):
-    context = ContextSubscriptions(node, print, None)
+    context = ContextSubscriptions(node, print, None, EventLog())
     assert node.count_subscribers("ego_id") == 1
     assert node.count_subscribers("lane_markings") == 0
     context.close()

@@ -87,7 +87,8 @@ def make():
 
 def test_an_observation_becomes_a_prediction_and_the_status_of_the_node(make):
     setup = make()
-    assert setup.pipeline.input_age_s() is None
+    assert not setup.pipeline.watch.age(1.0).usable
+    assert setup.pipeline.idle_s() == float("inf")
     setup.receive(message_of(traffic(0.0, agents=3)))
     prediction = setup.prediction()
     assert (prediction.stamp_ns, prediction.frame_id, len(prediction)) == (START_NS, "map", 3)
@@ -95,7 +96,11 @@ def test_an_observation_becomes_a_prediction_and_the_status_of_the_node(make):
     status = setup.status
     assert (status.frame_id, status.agents, status.fallback_agents) == ("map", 3, 3)
     assert status.latency.summary().maximum > 0.0
-    assert 0.0 <= setup.pipeline.input_age_s() < LIMIT_S
+    age = setup.pipeline.watch.age(1.0)
+    assert age.usable
+    assert 0.0 <= age.age_s < LIMIT_S
+    assert 0.0 <= setup.pipeline.idle_s() < LIMIT_S
+    assert setup.pipeline.unanswered_s() == 0.0
 
 
 def test_what_cannot_be_read_is_counted_and_logged_with_the_reason(make):
@@ -104,6 +109,8 @@ def test_what_cannot_be_read_is_counted_and_logged_with_the_reason(make):
     message.data = message.data[:100]
     setup.receive(message)
     setup.receive("not a message")  # the second line of this kind is not logged yet
+    age = setup.pipeline.watch.age(1.0)
+    assert (age.usable, age.rejected, age.reason) == (False, 2, "messages that could not be read")
     assert setup.events.counts() == {"messages": 2, "malformed": 2}
     (line,) = setup.logger.warnings
     assert line.startswith(f"message on {setup.pipeline.objects.topic} left out: ")

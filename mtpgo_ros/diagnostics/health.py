@@ -1,0 +1,113 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""One verdict on the node for supervisors: one level, one sentence, since when.
+
+The verdict is the worst of the diagnostic statuses. It becomes worse immediately and better only
+after the worse level has not been seen for a while, so that a fault that comes and goes is one
+fault. What a change of the life cycle's state has ended is forgotten immediately.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+HOLD_S = 3.0
+"""How long a level stays after it was last seen (s); chosen: with the two seconds for which an odd
+event raises a status, one that comes every few seconds does not flicker."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The health of the node.
+
+    Attributes:
+        level: OK, WARN or ERROR of diagnostic_msgs/DiagnosticStatus.
+        sentence: why.
+        cause: last word of the name of the status that it comes from, empty if all is well.
+        state: of the life cycle.
+        since: time at which the level began, of the machine's clock.
+        for_s: how long ago that was (s).
+    """
+
+    level: bytes
+    sentence: str
+    cause: str
+    state: str
+    since: datetime
+    for_s: float
+
+    def message(self, name: str) -> DiagnosticStatus:
+        """Return the message of the node ``name``."""
+        values = {
+            "state": self.state,
+            "cause": self.cause,
+            "since": self.since.isoformat(timespec="milliseconds"),
+            "for_s": f"{self.for_s:.1f}",
+        }
+        return DiagnosticStatus(
+            level=self.level,
+            name=f"{name}: health",
+            message=self.sentence,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+
+
+@dataclass
+class _Seen:
+    """A level of a status: its sentence, and when it was last seen (s)."""
+
+    sentence: str
+    seen_s: float
+
+
+class HealthMonitor:
+    """Makes the verdict of the statuses that it is shown.
+
+    Args:
+        clock: monotonic time (s).
+        wall_clock: the machine's time.
+    """
+
+    def __init__(
+        self,
+        clock: Callable[[], float] = time.monotonic,
+        wall_clock: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        self._clock, self._wall_clock = clock, wall_clock
+        self._state = ""
+        self._held: dict[tuple[str, bytes], _Seen] = {}
+        self._level: bytes | None = None
+        self._began_s, self._since = clock(), wall_clock()
+
+    def verdict(self, statuses: Sequence[DiagnosticStatus], state: str) -> Verdict:
+        """Return the verdict; call it regularly.
+
+        Args:
+            statuses: of the node, at present.
+            state: of the life cycle.
+        """
+        now_s = self._clock()
+        if state != self._state:
+            self._state = state
+            self._held.clear()
+        for status in statuses:
+            if status.level != DiagnosticStatus.OK:
+                seen = self._held.setdefault((status.name, status.level), _Seen("", now_s))
+                seen.sentence, seen.seen_s = status.message, now_s
+        self._held = {k: v for k, v in self._held.items() if now_s - v.seen_s <= HOLD_S}
+        level, sentence, cause = DiagnosticStatus.OK, "", ""
+        if self._held:
+            # Of equal levels the one that began first, so that the sentence does not alternate.
+            name, level = max(self._held, key=lambda key: key[1])
+            sentence, cause = self._held[name, level].sentence, name.split()[-1]
+        else:
+            sentence = "; ".join(status.message for status in statuses)
+        if level != self._level:
+            self._level, self._began_s, self._since = level, now_s, self._wall_clock()
+        for_s = now_s - self._began_s
+        return Verdict(level, sentence, cause, state, self._since, for_s)

@@ -1,0 +1,73 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""One line for each given parameter that the node does not have: it would be without effect.
+
+A parameter given to this node is a mistake, and gets a warning. A file may also hold parameters
+for all nodes (under ``/**``), most of which other nodes have: those get a line of information.
+"""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+from collections.abc import Sequence
+
+from rclpy.node import Node
+from rclpy.parameter import parameter_dict_from_yaml_file
+
+_SHARED_KEYS = ("/**", "/*", "**", "*")
+"""Keys of a parameter file that address nodes of any name."""
+
+_FOREIGN_PREFIXES = ("qos_overrides.", "bond_disable_heartbeat_timeout")
+"""Parameters that rclpy and other libraries read without declaring them at the start."""
+
+
+def report_unknown_parameters(node: Node, arguments: Sequence[str]) -> None:
+    """Log every given parameter that is not declared, with the nearest name.
+
+    Args:
+        node: all of its parameters are declared.
+        arguments: of the process.
+    """
+    given = [
+        name
+        for name in node._parameter_overrides
+        if not node.has_parameter(name) and not name.startswith(_FOREIGN_PREFIXES)
+    ]
+    if not given:
+        return
+    known = list(node._parameters)
+    shared = _shared_names(node, arguments)
+    for name in given:
+        near = difflib.get_close_matches(name, known, n=1)
+        hint = f", did you mean {near[0]}?" if near else "; 'ros2 param list' shows its parameters"
+        sentence = f"parameter {name} has no effect: the node has no such parameter"
+        if name in shared:
+            node.get_logger().info(f"{sentence} (given for all nodes){hint if near else ''}")
+        else:
+            node.get_logger().warning(f"{sentence}{hint}")
+
+
+def _shared_names(node: Node, arguments: Sequence[str]) -> set[str]:
+    """Return the parameters that only parameter files give, under keys for nodes of any name."""
+    name, path = node.get_name(), node.get_fully_qualified_name()
+    own_keys = (path, path.lstrip("/"), name, f"/{name}", f"/**/{name}", f"/*/{name}")
+    shared, own = set(), set()
+    for option, value in itertools.pairwise(arguments):
+        if option == "--params-file":
+            shared |= _names_in_file(value, _SHARED_KEYS)
+            own |= _names_in_file(value, own_keys)
+        elif option in ("-p", "--param"):
+            own.add(value.partition(":=")[0].rpartition(":")[2])
+    return shared - own
+
+
+def _names_in_file(path: str, keys: Sequence[str]) -> set[str]:
+    """Return the parameters that a file gives under any of these keys."""
+    names: set[str] = set()
+    for key in dict.fromkeys(keys):
+        try:
+            names |= set(parameter_dict_from_yaml_file(path, target_nodes=[key]))
+        except Exception:  # The key is not there; rcl has read and checked the file itself.
+            continue
+    return names

@@ -1,0 +1,218 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Stamps, rates and clocks as no tracker should have them, over real DDS."""
+
+import dataclasses
+import time
+
+import pytest
+from fault_harness import ERROR, OK, WARN
+from fault_tools import (
+    HealthListener,
+    Resources,
+    SimulatedClock,
+    set_parameters,
+    sources,
+)
+from ros_helpers import START_NS, message_of, traffic
+
+
+@pytest.fixture(scope="module")
+def node(start_predictor):
+    """The predictor of this module, which must have the same threads and memory at its end."""
+    node = start_predictor()
+    node.healthy(steps=3)
+    before = Resources(node)
+    yield node
+    node.healthy()
+    before.check()
+
+
+@pytest.fixture(scope="module")
+def simulated(start_predictor):
+    """A predictor with simulated time and a short patience."""
+    return start_predictor(use_sim_time=True, input_timeout=0.3)
+
+
+def stamped(states, stamp_ns):
+    """Return the states with another stamp (ns)."""
+    return dataclasses.replace(states, stamp_ns=stamp_ns)
+
+
+def test_a_tenth_of_a_hertz(node):
+    for _ in range(3):
+        node.fresh().healthy()
+
+
+def test_200_hertz(node):
+    node.fresh().healthy()
+    first, begin_s = len(node.answers), node.time_s
+    for step in range(1, 201):
+        node.send(traffic(begin_s + 0.005 * step))
+        node.spin()
+        time.sleep(0.003)
+    node.time_s = begin_s + 1.0
+    node.healthy()
+    stamps = [a.prediction.stamp_ns for a in node.answers[first:]]
+    assert stamps == sorted(stamps)
+    assert 4 <= len(stamps) <= 8  # five a second, whatever comes
+    sources(node, first)
+
+
+def test_jitter(node):
+    node.fresh().healthy()
+    for offset_s in (0.07, -0.06, 0.05, -0.07, 0.0):
+        steady_s = node.time_s + 0.2
+        node.time_s = steady_s + offset_s - 0.2
+        states = node.states()
+        node.send(states)
+        node.time_s = steady_s
+    node.healthy()
+    for answer in node.answers[-3:]:
+        reached = traffic((answer.prediction.stamp_ns - START_NS) * 1e-9)
+        node.check(answer.prediction, reached)
+
+
+def test_a_burst_of_200(node):
+    node.fresh().healthy()
+    first = len(node.answers)
+    for step in range(1, 201):
+        node.send(traffic(node.time_s + 0.02 * step))
+    node.time_s += 4.0
+    node.healthy(steps=2)
+    stamps = [a.prediction.stamp_ns for a in node.answers[first:]]
+    assert stamps == sorted(set(stamps))
+    sources(node, first)
+
+
+def test_a_stamp_of_zero(node):
+    node.fresh().healthy()
+    with node.counts(unstamped=1):
+        node.send(stamped(node.states(), 0))
+    node.healthy()
+    assert node.said("input", WARN, "without a stamp")
+
+
+def test_a_negative_stamp(node):
+    node.fresh().healthy(steps=3)
+    message = message_of(node.states())
+    message.header.stamp.sec = -5
+    with node.counts(unstamped=1, clock_reset=0):
+        node.send(message)
+    node.healthy()
+
+
+def test_the_largest_stamp(node):
+    node.fresh().healthy()
+    message = message_of(node.states())
+    message.header.stamp.sec, message.header.stamp.nanosec = 2**31 - 1, 999_999_999
+    with node.counts(future_stamp=1, clock_reset=0):
+        node.send(message)
+    node.healthy()
+
+
+def test_a_stamp_from_the_future(node):
+    node.fresh().healthy()
+    with node.counts(future_stamp=1, clock_reset=0):
+        node.send(stamped(node.states(), time.time_ns() + 3600 * 10**9))
+    node.healthy()
+    assert node.said("input", WARN, "ahead of the clock")
+
+
+def test_a_stamp_twice(node):
+    node.fresh().healthy()
+    with node.counts(duplicates=4):
+        node.send(traffic(node.time_s))
+    node.healthy()
+    assert node.said("input", WARN, "repeated stamp")
+
+
+def test_an_older_stamp(node):
+    node.fresh().healthy(steps=2)
+    with node.counts(late=4, clock_reset=0):
+        node.send(traffic(node.time_s - 0.2 - 0.1))
+    node.healthy()
+
+
+def test_stamps_out_of_order(node):
+    node.fresh().healthy()
+    begin_s = node.time_s
+    with node.counts(late=8, clock_reset=0):
+        for step in (2, 1, 4, 3):
+            node.send(traffic(begin_s + 0.2 * step))
+    node.time_s = begin_s + 0.8
+    node.healthy()
+    assert node.said("input", WARN, "older than what is known")
+
+
+def test_a_clock_that_jumps_back(node):
+    node.fresh().healthy(steps=2)
+    node.time_s -= 8.0
+    with node.counts(clock_reset=1):
+        node.healthy()
+    node.time_s += 8.0
+    assert node.said("input", WARN, "backwards")
+
+
+def test_a_clock_that_jumps_forward(node):
+    node.fresh().healthy()
+    node.time_s += 3600.0
+    with node.counts(clock_reset=0, restarted=0):
+        node.healthy(steps=2)
+
+
+def test_use_sim_time_switched_while_running(node):
+    node.fresh().healthy(steps=2)
+    with node.counts(clock_reset=0):
+        assert set_parameters(node, use_sim_time=True)[0].successful
+        node.healthy(steps=2)
+        node.level("input", WARN, "no time has come on /clock")
+        assert set_parameters(node, use_sim_time=False)[0].successful
+        node.healthy(steps=2)
+    node.level_while_healthy("input", OK)
+
+
+def test_simulated_time_without_a_clock(simulated):
+    node = simulated
+    node.healthy(steps=2)  # stamps are used as they are
+    node.level("input", WARN, "no time has come on /clock")
+    node.level("input", ERROR, "stale")  # on the machine's clock, since there is no other
+    node.healthy()
+    node.level("input", WARN)
+
+
+def test_simulated_time_that_is_paused(simulated):
+    node, health = simulated, HealthListener(simulated)
+    clock = SimulatedClock(node)
+    node.fresh().healthy()
+    clock.set(node.time_s)
+    node.level("input", WARN, "stood still")
+    node.level("input", ERROR, "stale")
+    health.becomes(ERROR, "stale")
+
+    def runs_on():
+        clock.show(node.time_s)
+        node.healthy()
+        return node.statuses["input"].level == OK
+
+    node.until(runs_on)
+    node.until(lambda: runs_on() and health.heard[-1].level == OK)
+
+
+def test_a_slow_clock(simulated):
+    node, clock = simulated, SimulatedClock(simulated)
+    begin_s = node.fresh().time_s
+    clock.set(begin_s)
+    node.healthy()
+    end_s = time.monotonic() + 1.5
+    seen = []
+
+    def slowly():
+        clock.show(begin_s + 0.1 * (1.5 - (end_s - time.monotonic())))
+        seen.append(node.statuses["input"].level)
+        return time.monotonic() > end_s
+
+    node.level("input", OK)
+    node.until(slowly)  # five timeouts of the machine's time, half a one of the simulation's
+    assert ERROR not in seen
+    node.healthy()
