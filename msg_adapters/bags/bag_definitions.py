@@ -152,10 +152,17 @@ def _registered(name: str, types: dict[str, Any], own: Typestore) -> Typestore:
             raise MessageError(f"it does not define {wanted}")
         needed[wanted] = found
         waiting += types_of_fields(found[1])
+    if all(_fields(own, part) == fields for part, (_, fields) in needed.items()):
+        return own  # whose code is made once
     store = get_typestore(Stores.EMPTY)
     store.register(needed)
     store.get_msgdef(name)
     return store
+
+
+def _fields(store: Typestore, name: str) -> Any:
+    """Return the fields of a type, None if the store does not have it."""
+    return store.fielddefs[name][1] if name in store.fielddefs else None
 
 
 def _short(error: Exception) -> str:

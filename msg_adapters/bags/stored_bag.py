@@ -336,7 +336,10 @@ class StoredBag:
         keys: list[dict[int, Any]] = []
         for storage in self._storages:
             keys.append({})
-            for number, own in storage.connections.items():
+            for number, damaged in storage.connections.items():
+                # A damaged name may have line breaks, and stands in sentences.
+                name, kind = (" ".join(s.split()) for s in (damaged.topic, damaged.msgtype))
+                own = damaged._replace(topic=name, msgtype=kind)
                 topic = (own.topic, own.msgtype)
                 encoding, own_profiles = cast(ConnectionExtRosbag2, own.ext)
                 key = (*topic, encoding, own.msgdef)

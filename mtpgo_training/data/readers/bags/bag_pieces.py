@@ -141,7 +141,8 @@ class PieceReader:
             self._count("malformed", str(error))
             return None
         states = decoded.states
-        counts["skipped_objects"] += decoded.skipped_total
+        if decoded.skipped:
+            counts["skipped_objects"] += decoded.skipped_total
         if states.stamp_ns == 0 and self._log_stamps:
             states = dataclasses.replace(states, stamp_ns=received_ns)
         if states.stamp_ns == 0:
@@ -161,18 +162,16 @@ class PieceReader:
         status = self._guard.classify(states.stamp_ns, states.frame_id if len(states) else None)
         if states.stamp_ns == self._guard.newest_ns:
             self._clock = (states.stamp_ns, received_ns)
-        self._piece.counts["frame_changed"] += status in (
-            MessageStatus.UNEXPECTED_FRAME,
-            MessageStatus.NEW_FRAME,
-        )
+        counts, done = self._piece.counts, None
         if status is MessageStatus.UNEXPECTED_FRAME:
-            self._piece.counts["wrong_frame"] += len(states)
+            counts["frame_changed"] += 1
+            counts["wrong_frame"] += len(states)
             return None
-        self._piece.counts["clock_reset"] += status is MessageStatus.CLOCK_RESET
-        done = None
-        if status is not MessageStatus.CONTINUES or (
-            newest_ns is not None and states.stamp_ns - newest_ns > PIECE_GAP_S * 1e9
-        ):
+        if status is not MessageStatus.CONTINUES:
+            name = "clock_reset" if status is MessageStatus.CLOCK_RESET else "frame_changed"
+            counts[name] += 1
+            done = self._next_piece()
+        elif newest_ns is not None and states.stamp_ns - newest_ns > PIECE_GAP_S * 1e9:
             done = self._next_piece()
         if len(states):
             self._warn_of_moving_frame(states.frame_id)
@@ -223,11 +222,13 @@ class PieceReader:
         self._problem = self._problem or problem
 
     def _warn_of_moving_frame(self, frame: str) -> None:
+        if frame not in VEHICLE_FRAMES:
+            return
         sentence = (
             f"{self._where}: objects come in frame {frame!r}, which usually moves with the"
             " vehicle, expected odometry or transforms of it in the bag"
         )
-        if frame in VEHICLE_FRAMES and sentence not in self.remarks:
+        if sentence not in self.remarks:
             self.remarks.append(sentence)
 
     def _nothing(self, counts: Counter[str]) -> str:
