@@ -33,7 +33,9 @@ RUNS ?= runs
 SIMULATED := $(RUNS)/simulated
 TRAIN_ARGS ?=
 
-.PHONY: help demo test numerics benchmark default data-given check lint types format environment clean distclean
+FUZZ_ARGS ?=
+
+.PHONY: help demo test numerics fuzz benchmark default data-given check lint types format environment clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -54,6 +56,11 @@ NUMERICAL_TESTS := test/models test/mtpgo_training/training test/mtpgo_training/
 numerics: $(STAMP) ## run the numerical tests as on a CPU without AVX
 	@echo "== pytest, ATEN_CPU_CAPABILITY=default"
 	@ATEN_CPU_CAPABILITY=default $(BIN)/python -m pytest $(NUMERICAL_TESTS)
+
+fuzz: $(STAMP) ## feed damaged messages, streams and files to every reader; SECONDS=N of all targets together (600)
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -r requirements/fuzz.txt \
+	  || echo "atheris is not available here: the inputs are mutated without looking at coverage"
+	@$(BIN)/python test/fuzz/run_fuzz.py --seconds $(or $(SECONDS),600) $(FUZZ_ARGS)
 
 # Prints the tables of docs/performance.md, each with its command and the machine, then tests the
 # speed ratios.
