@@ -184,8 +184,8 @@ class ModelRunner:
                 )
             if not finite:
                 raise ModelFileError(
-                    f"model file {self.path} gives an output for {agents} standing agents that is "
-                    "not finite, expected numbers"
+                    f"model file {self.path} gives an output that is not finite for a scene of "
+                    f"standing agents ({agents}), expected numbers"
                 )
 
     def predict(

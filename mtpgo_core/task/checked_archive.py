@@ -129,20 +129,22 @@ def _content(
 ) -> bytes:
     """Return the bytes of a regular file of limited size."""
     try:
-        mode = path.stat().st_mode
-        if stat.S_ISDIR(mode):
+        about = path.stat()
+        if stat.S_ISDIR(about.st_mode):
             raise refuse(f"is a directory, expected a {expected} file")
-        if not stat.S_ISREG(mode):  # reading a pipe or a device may never end
+        if not stat.S_ISREG(about.st_mode):  # reading a pipe or a device may never end
             raise refuse(f"is no regular file, expected a {expected} file")
+        if about.st_size > largest_mb << 20:
+            raise refuse(
+                f"has {about.st_size / _MB:.0f} MB, expected a {expected} file of at most"
+                f" {largest_mb} MB"
+            )
         with path.open("rb") as file:
-            data = file.read((largest_mb << 20) + 1)
+            return file.read(about.st_size)
     except FileNotFoundError as error:
         raise refuse("does not exist") from error
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise refuse(f"cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    if len(data) > largest_mb << 20:
-        raise refuse(f"has more than {largest_mb} MB, expected a {expected} file of at most that")
-    return data
 
 
 def _checked_names(data: bytes, limits: ArchiveLimits) -> dict[str, str]:

@@ -6,11 +6,11 @@ A model can compute for ever or ask for any amount of memory, and torch can cras
 file. Nothing in this process could stop that: the interpreter of TorchScript runs without looking
 at signals or at the clock, and a thread cannot be ended from outside. So a file that is not one of
 the package's own is loaded and run in another process first. The kernel ends that process at its
-limit of processor time or memory, and this process at a signal or after a minute. What passes is
-loaded here from the same bytes.
+limit of processor time or memory, this process ends it at a signal or after two minutes. What
+passes is loaded here from the same bytes.
 
-The process is started once and kept for the next file until :func:`end_trials`; it ends with this
-process, too. A file that passed is not tried a second time.
+The process waits for the next file for some seconds, then it is ended; it ends with this process,
+too. A file that passed is not tried a second time.
 """
 
 from __future__ import annotations
@@ -37,17 +37,21 @@ PROCESSOR_TIME_S = 10
 """Most processor time of a trial (s); chosen: the largest shipped model needs 0.6 s (measured on a
 desktop core), a small embedded core ten times that."""
 
-WALL_TIME_S = 60.0
+WALL_TIME_S = 120.0
 """Most time of a trial (s), which a busy machine needs; chosen."""
 
 MEMORY_MB = 2048
 """Most memory that loading and running a model may add (MB); chosen: the shipped one adds 150."""
+
+IDLE_S = 10.0
+"""How long the process waits for the next file (s); chosen: it takes as much memory as torch."""
 
 _POLL_S = 0.1
 """How often a request to stop is looked for (s)."""
 
 _passed: set[str] = set()
 _worker: subprocess.Popen[bytes] | None = None
+_idle: threading.Timer | None = None
 _one_at_a_time = threading.RLock()
 
 
@@ -56,6 +60,7 @@ def start_trials() -> None:
     global _worker
     with _one_at_a_time:
         if _worker is not None and _worker.poll() is None:
+            _end_when_idle()
             return
         end_trials()
         environment = {
@@ -72,12 +77,14 @@ def start_trials() -> None:
             env=environment,
             start_new_session=True,  # Ctrl-C is for this process, which then ends the other
         )
+        _end_when_idle()
 
 
 def end_trials() -> None:
     """End the process, if there is one."""
     global _worker
     with _one_at_a_time:
+        _stay()
         worker, _worker = _worker, None
         if worker is None:
             return
@@ -87,6 +94,23 @@ def end_trials() -> None:
             if pipe is not None:
                 with contextlib.suppress(OSError):
                     pipe.close()
+
+
+def _end_when_idle() -> None:
+    """End the process later, unless another file comes."""
+    global _idle
+    _stay()
+    _idle = threading.Timer(IDLE_S, end_trials)
+    _idle.daemon = True
+    _idle.start()
+
+
+def _stay() -> None:
+    """Take back :func:`_end_when_idle`."""
+    global _idle
+    if _idle is not None:
+        _idle.cancel()
+        _idle = None
 
 
 def try_out(data: bytes, path: Path, stopped: Callable[[], bool] | None = None) -> None:
@@ -106,8 +130,10 @@ def try_out(data: bytes, path: Path, stopped: Callable[[], bool] | None = None) 
         if known in _passed:
             return
         start_trials()
+        _stay()
         try:
             reason = _answer(data, path, stopped or (lambda: False))
+            _end_when_idle()
         except BaseException:  # also a KeyboardInterrupt: the process would answer too late
             end_trials()
             raise
