@@ -34,8 +34,9 @@ SIMULATED := $(RUNS)/simulated
 TRAIN_ARGS ?=
 
 FUZZ_ARGS ?=
+SOAK_ARGS ?=
 
-.PHONY: help demo test numerics fuzz benchmark default data-given check lint types format environment clean distclean
+.PHONY: help demo test numerics fuzz soak benchmark default data-given check lint types format environment clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -61,6 +62,9 @@ fuzz: $(STAMP) ## feed damaged messages, streams and files to every reader; SECO
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check -r requirements/fuzz.txt \
 	  || echo "atheris is not available here: the inputs are mutated without looking at coverage"
 	@$(BIN)/python test/fuzz/run_fuzz.py --seconds $(or $(SECONDS),600) $(FUZZ_ARGS)
+
+soak: $(STAMP) ## run the node for a long time and measure what it keeps; SECONDS=N of predicting (1800)
+	@$(BIN)/python test/soak/run_soak.py --seconds $(or $(SECONDS),1800) $(SOAK_ARGS)
 
 # Prints the tables of docs/performance.md, each with its command and the machine, then tests the
 # speed ratios.

@@ -14,8 +14,8 @@ from mtpgo_core.identity import keys_from_integers, keys_from_texts
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import HistoryWindow, KeyArray, Prediction, tracked_states
-from mtpgo_ros.node.model_loading import load_model
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.runtime.model_loading import load_model
 
 _WARM_UP_AGENTS = (1, 2, 16, 32)
 """Scene sizes of the warm-up: torch prepares itself for each kind of size (measured)."""
@@ -39,7 +39,7 @@ class ModelHost:
         self.degraded = ""
         runner = None
         try:
-            runner = load_model(parameters)
+            runner = load_model(parameters.model, parameters.num_threads, parameters.model_sha256)
         except ModelFileError as error:
             if parameters.require_model:
                 raise
@@ -119,7 +119,9 @@ class ModelHost:
                 key = keys_from_integers(range(agents))
                 history.update(tracked_states(round(time_s * 1e9) + 1, "map", key, position))
             trial.predict(history.window())
-        # All objects made so far are permanent: the garbage collector need not visit them.
+        # All objects made so far are permanent: the garbage collector need not visit them. What an
+        # earlier configuration left in circles is looked at once more, or it would stay for ever.
+        gc.unfreeze()
         gc.collect()
         gc.freeze()
 

@@ -80,13 +80,17 @@ def stop_on_signals() -> Callable[[], bool]:
     """
     _received.clear()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _frame: _received.append(received))
+        signal.signal(number, _remember)
     return stop_requested
 
 
 def stop_requested() -> bool:
-    """Return whether a signal was received since :func:`stop_on_signals`; any thread."""
-    return bool(_received)
+    """Return whether :func:`stop_on_signals` is in force and a signal came since; any thread."""
+    return bool(_received) and signal.getsignal(signal.SIGTERM) is _remember
+
+
+def _remember(received: int, _frame: object) -> None:
+    _received.append(received)
 
 
 class ArgumentParser(argparse.ArgumentParser):
