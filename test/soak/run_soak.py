@@ -5,8 +5,8 @@
 First the node predicts 64 road users at 25 Hz that come and go. Then a second one is configured,
 activated, deactivated and cleaned up 500 times. Measured from outside, every ten seconds or cycle:
 resident memory, threads and open files of the process. The exit status is 1 if the memory grows by
-1 MB or more in ten minutes (after the first five), if threads or open files grow, or if a cycle was
-missed.
+1 MB or more in ten minutes (after the first five), if threads or open files grow, or if a cycle
+was missed.
 
     python test/soak/run_soak.py --seconds 1800 --cycles 500
 """
@@ -84,6 +84,7 @@ def start(model: str, *parameters: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
         [sys.executable, "-m", "mtpgo_ros.predictor", "--ros-args", *options],
         stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
     )
 
 
