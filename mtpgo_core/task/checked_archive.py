@@ -99,7 +99,8 @@ def read_archive(
         MtpgoError: made by ``refuse``: the file is missing, unreadable, no regular file, damaged,
             or beyond the limits.
     """
-    return check_archive(path, _content(path, refuse, expected, limits.file_mb), refuse, expected)
+    data = _content(path, refuse, expected, limits.file_mb)
+    return check_archive(path, data, refuse, expected, limits)
 
 
 def check_archive(

@@ -21,8 +21,8 @@ STEPS, DT_NS, START_NS = 20, 200_000_000, 1_700_000_000_000_000_000
 
 GOLDEN = {"messages": 20, "agents": 238, "model": 238, "modes": 3, "steps": 25}
 GOLDEN_REACH_M = 20_601.6
-"""Distance from the first to the last mean position, summed over all agents (m): that of 238 agents
-in 4.8 s at the ring's mean speed of 18 m/s, which the model ``quick`` keeps."""
+"""Distance from the first to the last mean position, summed over all agents (m): 238 of them for
+4.8 s at the ring's mean speed of 18 m/s, which the model ``quick`` keeps."""
 
 
 @pytest.fixture(scope="module")
