@@ -32,7 +32,6 @@ unexport $(ROS_VARIABLES) PYTHONHOME
 RUNS ?= runs
 SIMULATED := $(RUNS)/simulated
 TRAIN_ARGS ?=
-
 FUZZ_ARGS ?=
 SOAK_ARGS ?=
 

@@ -180,14 +180,14 @@ def check(parameters: PredictorParameters) -> None:
         raise ConfigurationError(
             f"parameter output is empty, expected at least one of {listed(OUTPUT_KINDS)}"
         )
-    if not parameters.model.strip():
-        raise ConfigurationError(
-            "parameter model is empty, expected the name of an installed model or a file"
-        )
     if not re.fullmatch(r"|[0-9a-fA-F]{64}", parameters.model_sha256.strip()):
         raise ConfigurationError(
             f"parameter model_sha256 is {parameters.model_sha256!r}, expected the 64 digits that"
             " sha256sum prints, or nothing"
+        )
+    if not parameters.model.strip():
+        raise ConfigurationError(
+            "parameter model is empty, expected the name of an installed model or a file"
         )
     if parameters.input_timeout < parameters.period_s:
         raise ConfigurationError(

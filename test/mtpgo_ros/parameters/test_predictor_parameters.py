@@ -46,6 +46,7 @@ def test_the_choices_are_those_that_the_adapters_offer():
         ({"output": ("pointcloud2", "pigeon")}, ["output", "'pigeon'", "'markers'"]),
         ({"output": ()}, ["output", "empty"]),
         ({"model": " "}, ["model", "empty"]),
+        ({"model_sha256": "abc"}, ["model_sha256", "'abc'", "64 digits"]),
         ({"rate": 0.5}, ["input_timeout", "rate", "2 s"]),
     ],
 )
