@@ -32,8 +32,10 @@ unexport $(ROS_VARIABLES) PYTHONHOME
 RUNS ?= runs
 SIMULATED := $(RUNS)/simulated
 TRAIN_ARGS ?=
+FUZZ_ARGS ?=
+SOAK_ARGS ?=
 
-.PHONY: help demo test numerics interruption benchmark default data-given check lint types format environment clean distclean
+.PHONY: help demo test numerics interruption fuzz soak benchmark default data-given check lint types format environment clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -57,6 +59,14 @@ numerics: $(STAMP) ## run the numerical tests as on a CPU without AVX
 
 interruption: $(STAMP) ## kill training, conversion, cache, export and record at random moments; KILLS=N times each (20)
 	@MTPGO_KILLS=$(or $(KILLS),20) $(BIN)/python -m pytest test/interruption $(PYTEST_ARGS)
+
+fuzz: $(STAMP) ## feed damaged messages, streams and files to every reader; SECONDS=N of all targets together (600)
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -r requirements/fuzz.txt \
+	  || echo "atheris is not available here: the inputs are mutated without looking at coverage"
+	@$(BIN)/python test/fuzz/run_fuzz.py --seconds $(or $(SECONDS),600) $(FUZZ_ARGS)
+
+soak: $(STAMP) ## run the node for a long time and measure what it keeps; SECONDS=N of predicting (1800)
+	@$(BIN)/python test/soak/run_soak.py --seconds $(or $(SECONDS),1800) $(SOAK_ARGS)
 
 # Prints the tables of docs/performance.md, each with its command and the machine, then tests the
 # speed ratios.

@@ -64,6 +64,7 @@ EXTRAS = {
     "simulation": ["eclipse-sumo>=1.20"],
     "development": [
         "colcon-common-extensions>=0.3",
+        "hypothesis>=6.100",
         "mcap-ros2-support>=0.5",
         "mypy>=1.11",
         "pytest>=8.0",

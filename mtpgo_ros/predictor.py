@@ -85,7 +85,9 @@ def _run(node: PredictorNode, stopped: Callable[[], bool], notifier: ServiceNoti
     if node.parameters.autostart:
         node.starting = True
         for trigger in (node.trigger_configure, node.trigger_activate):
-            if not stopped() and trigger() != TransitionCallbackReturn.SUCCESS:
+            if stopped():
+                break
+            if trigger() != TransitionCallbackReturn.SUCCESS and not stopped():
                 raise MtpgoError(node.failure or "the node could not be started")
         node.starting = False
     notifier.ready()

@@ -12,8 +12,10 @@ N, M, H, S] and covariances [B, N, M, H, S, S] in the scene frames.
 from __future__ import annotations
 
 import dataclasses
+import io
 import itertools
 import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +26,15 @@ from mtpgo_core.frames import rotate_covariance
 from mtpgo_core.prediction.calibrated_prediction import calibrate
 from mtpgo_core.prediction.constant_velocity import usable_covariances
 from mtpgo_core.prediction.forward_motion import without_reversing
+from mtpgo_core.prediction.graph_check import faults
 from mtpgo_core.prediction.output_assembly import ModelOutput, assemble, spread
 from mtpgo_core.prediction.path_smoothing import PathSmoother
 from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.scene.trails.trail_context import COLUMNS
 from mtpgo_core.schema import Float32Array, HistoryWindow, IndexArray, Prediction, SceneBatch
 from mtpgo_core.task.calibration import Calibration
-from mtpgo_core.task.model_file import find_model, load_task
+from mtpgo_core.task.model_file import ModelFile, find_model, is_shipped, load_task, read_model
+from mtpgo_core.task.model_trial import try_out
 from mtpgo_core.task.task_description import TaskDescription
 
 __all__ = ["ModelRunner", "find_model", "load_task"]
@@ -50,59 +54,107 @@ class ModelRunner:
         module: the TorchScript module.
         task: its task description.
         path: its file, for error messages.
+        sha256: SHA-256 of the bytes that were loaded.
 
     Attributes:
         task: as above.
         path: as above.
         calibration: what is applied to the output, by default the task's; may be replaced.
+        sha256: as above.
     """
 
-    def __init__(self, module: torch.jit.ScriptModule, task: TaskDescription, path: Path) -> None:
+    def __init__(
+        self,
+        module: torch.jit.ScriptModule,
+        task: TaskDescription,
+        path: Path,
+        sha256: str = "",
+    ) -> None:
         self._module = module
         self.task = task
         self.path = path
         self.calibration = task.calibration
+        self.sha256 = sha256
 
     @classmethod
-    def load(cls, path: str | Path, num_threads: int | None = 1) -> ModelRunner:
+    def load(
+        cls,
+        path: str | Path,
+        num_threads: int | None = 1,
+        *,
+        sha256: str = "",
+        trusted: bool = False,
+        stopped: Callable[[], bool] | None = None,
+    ) -> ModelRunner:
         """Load a model file and warm it up.
+
+        A file is checked before torch sees it, tried in another process unless it is one of the
+        package's own, and then loaded from the bytes that were checked.
 
         Args:
             path: the file.
             num_threads: threads of torch in this process; None keeps the present number.
+            sha256: SHA-256 that the file must have, empty for any.
+            trusted: the file need not be tried: this program wrote it, or tried it already.
+            stopped: whether this process shall end, which interrupts the trial.
 
         Raises:
-            ModelFileError: see :func:`mtpgo_core.task.model_file.load_task`, or the model does not
-                compute what its task description says.
+            ModelFileError: see :func:`mtpgo_core.task.model_file.read_model` and
+                :func:`mtpgo_core.task.model_trial.try_out`, or the model does not compute what its
+                task description says.
         """
         path = Path(path)
-        task = load_task(path)
+        file = read_model(path, sha256)
+        if not trusted and not is_shipped(path):
+            try_out(file.archive.data, path, stopped)
         if num_threads is not None and torch.get_num_threads() != num_threads:
             torch.set_num_threads(num_threads)
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit as a whole
-                module = torch.jit.load(str(path), map_location="cpu").eval()
-        except (RuntimeError, ValueError, OSError) as error:
-            raise ModelFileError(
-                f"model file {path} is truncated or no TorchScript file: {_first_line(error)}"
-            ) from error
-        runner = cls(module, task, path)
+        runner = cls.of(file)
         runner.warm_up()
         return runner
 
     def uncalibrated(self) -> ModelRunner:
         """Return the same model without its calibration."""
-        runner = ModelRunner(self._module, self.task, self.path)
+        runner = ModelRunner(self._module, self.task, self.path, self.sha256)
         runner.calibration = Calibration()
         return runner
 
-    def warm_up(self, agents: int = 8) -> None:
-        """Run the model on standing agents, so that the first real call is as fast as later ones.
+    @classmethod
+    def of(cls, file: ModelFile) -> ModelRunner:
+        """Load a model file that was read and check its graph; nothing of ``forward`` runs.
 
         Raises:
-            ModelFileError: it fails, or the shapes of its output differ from the task description.
+            ModelFileError: torch cannot load it, or the graph does what a model may not do.
         """
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit as a whole
+                module = torch.jit.load(io.BytesIO(file.archive.data), map_location="cpu").eval()
+            fault = next(faults(module), None)
+        except Exception as error:  # torch raises whatever it likes on a foreign file
+            raise ModelFileError(
+                f"model file {file.path} is damaged, no TorchScript or of another version than"
+                f" torch {torch.__version__}: {_first_line(error)}"
+            ) from error
+        if fault is not None:
+            raise ModelFileError(f"model file {file.path} {fault}")
+        return cls(module, file.task, file.path, file.archive.sha256)
+
+    def warm_up(self, scenes: Sequence[int] = (8,)) -> None:
+        """Run the model on standing agents, so that the first real call is as fast as later ones.
+
+        Args:
+            scenes: numbers of agents.
+
+        Raises:
+            ModelFileError: it fails, or its output has other shapes than the task description
+                says, or numbers that are not finite.
+        """
+        for agents in scenes:
+            self._try(agents)
+
+    def _try(self, agents: int) -> None:
+        """Run the model on standing agents and check its output."""
         task = self.task
         steps, modes, states = task.horizon_steps, task.modes, len(task.states)
         features = np.zeros((1, agents, task.history.steps, len(task.scene.features)), np.float32)
@@ -123,13 +175,9 @@ class ModelRunner:
             try:
                 output = self._forward(features, valid, static, covariance, trails)
                 given = tuple(tuple(tensor.shape) for tensor in output)
-            except (
-                torch.jit.Error,  # an error that the module raises itself
-                RuntimeError,
-                TypeError,
-                ValueError,
-                AttributeError,
-            ) as error:
+                kinds = {tensor.dtype for tensor in output}
+                finite = all(bool(torch.isfinite(tensor).all()) for tensor in output)
+            except Exception as error:  # a model raises what it likes
                 raise ModelFileError(
                     f"model file {self.path} does not run on the input that its task description "
                     f"asks for: {_first_line(error)}"
@@ -138,6 +186,16 @@ class ModelRunner:
                 raise ModelFileError(
                     f"model file {self.path} gives an output of shapes {given}, its task "
                     f"description says {expected}"
+                )
+            if kinds != {torch.float32}:
+                raise ModelFileError(
+                    f"model file {self.path} gives an output of {sorted(map(str, kinds))}, "
+                    "expected float32"
+                )
+            if not finite:
+                raise ModelFileError(
+                    f"model file {self.path} gives an output that is not finite for a scene of "
+                    f"standing agents ({agents}), expected numbers"
                 )
 
     def predict(

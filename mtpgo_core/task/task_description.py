@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.options import check_options, from_dict, option, require
+from mtpgo_core.options import check_options, from_dict, listed, option, require
 from mtpgo_core.task.calibration import Calibration
 
 SCHEMA_VERSION = 1
@@ -22,6 +22,15 @@ SCHEMA_VERSION = 1
 
 TASK_FILE = "task.json"
 """Name of the extra file inside the TorchScript archive."""
+
+LARGEST_STEPS = 1000
+"""Largest number of steps of history or horizon; chosen: the memory of the node grows with it."""
+
+LARGEST_S = 3600.0
+"""Largest time in a task description (s); chosen: far beyond any prediction of traffic."""
+
+STATES = (("x", "y"), ("x", "y", "vx", "vy"))
+"""States that a model can have."""
 
 GRAPH_POLICIES = ("ego", "cover", "each", "scene")
 FRAME_POLICIES = ("centre_heading", "driving_direction", "site_origin")
@@ -69,15 +78,15 @@ class HistoryConfig:
             observation starts a new track (m/s).
     """
 
-    dt_s: float = option(0.2, low=1e-3)
-    steps: int = option(16, low=1)
-    max_gap_s: float = option(0.5, low=0.0)
-    max_extrapolation_s: float = option(0.5, low=0.0)
+    dt_s: float = option(0.2, low=1e-3, high=LARGEST_S)
+    steps: int = option(16, low=1, high=LARGEST_STEPS)
+    max_gap_s: float = option(0.5, low=0.0, high=LARGEST_S)
+    max_extrapolation_s: float = option(0.5, low=0.0, high=LARGEST_S)
     velocity_source: str = option("message", choices=DERIVATIVE_SOURCES)
     acceleration_source: str = option("estimated", choices=DERIVATIVE_SOURCES)
-    velocity_tau_s: float = option(0.3, low=0.0)
-    acceleration_tau_s: float = option(0.5, low=0.0)
-    max_speed_mps: float = option(100.0, low=1.0)
+    velocity_tau_s: float = option(0.3, low=0.0, high=LARGEST_S)
+    acceleration_tau_s: float = option(0.5, low=0.0, high=LARGEST_S)
+    max_speed_mps: float = option(100.0, low=1.0, high=1e4)
 
     def __post_init__(self) -> None:
         check_options(self, "history.")
@@ -126,9 +135,9 @@ class SceneConfig:
     max_neighbours: int = option(31, low=0)
     radius_m: float = option(100.0, low=0.0)
     frame: str = option("centre_heading", choices=FRAME_POLICIES)
-    site_origin: tuple[float, float] = (0.0, 0.0)
+    site_origin: tuple[float, float] = option((0.0, 0.0), low=-1e9, high=1e9)
     context: str = option("none", choices=CONTEXTS)
-    leader_reach_m: float = option(80.0, low=1.0)
+    leader_reach_m: float = option(80.0, low=1.0, high=1e4)
     classes: tuple[str, ...] = (
         "car",
         "van",
@@ -172,14 +181,16 @@ class TaskDescription:
         model: the network's configuration, for information.
         training: data (names, hashes), licence and attribution, splits, schedule, seed.
         metrics: measured results, by data set.
-        weights_sha256: hash over the parameters and buffers.
+        weights_sha256: hash over the parameters and buffers of the checkpoint that was exported.
+        content_sha256: hash over the exported file, see
+            :func:`mtpgo_core.task.model_file.content_sha256`; empty in files of earlier versions.
     """
 
     name: str = "unnamed"
     version: str = ""
     states: tuple[str, ...] = ("x", "y", "vx", "vy")
-    horizon_steps: int = 25
-    modes: int = 8
+    horizon_steps: int = option(25, low=1, high=LARGEST_STEPS)
+    modes: int = option(8, low=1, high=64)
     history: HistoryConfig = HistoryConfig()
     scene: SceneConfig = SceneConfig()
     calibration: Calibration = Calibration()  # noqa: RUF009  frozen
@@ -187,7 +198,12 @@ class TaskDescription:
     training: dict[str, Any] = field(default_factory=dict)
     metrics: dict[str, Any] = field(default_factory=dict)
     weights_sha256: str = ""
+    content_sha256: str = ""
     schema_version: int = SCHEMA_VERSION
+
+    def __post_init__(self) -> None:
+        check_options(self, "task.")
+        require("task.states", self.states, self.states in STATES, f"one of {listed(STATES)}")
 
     def to_json(self) -> str:
         """Return the JSON text that is stored in the exported file."""

@@ -17,13 +17,12 @@ from mtpgo_core.live_calibration.live_options import OFF
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import HistoryWindow, KeyArray, Prediction, tracked_states
-from mtpgo_core.task.model_file import find_model, load_task
-from mtpgo_ros.node.live_calibrator import LiveCalibrator
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
-from mtpgo_ros.runtime.executable import return_free_memory
+from mtpgo_ros.quality.live_calibrator import LiveCalibrator
+from mtpgo_ros.runtime.model_loading import load_model
 
 if TYPE_CHECKING:
-    from mtpgo_core.prediction.model_runner import ModelRunner
+    pass
 
 _WARM_UP_AGENTS = (1, 2, 16, 32)
 """Scene sizes of the warm-up: torch prepares itself for each kind of size (measured)."""
@@ -52,7 +51,7 @@ class ModelHost:
         self.degraded = ""
         runner = None
         try:
-            runner = _load(parameters)
+            runner = load_model(parameters.model, parameters.num_threads, parameters.model_sha256)
         except ModelFileError as error:
             if parameters.require_model:
                 raise
@@ -155,11 +154,12 @@ class ModelHost:
         return found
 
     def describe(self) -> dict[str, str]:
-        """Return name and hash of the model and its settings, for the diagnostics."""
+        """Return name and hashes of the model and its settings, for the diagnostics."""
         task, options = self.predictor.task, self.predictor.options
         return {
             "model": task.name if self._runner is not None else "constant velocity",
             "file": str(self._runner.path) if self._runner is not None else "",
+            "model_sha256": self._runner.sha256 if self._runner is not None else "",
             "weights_sha256": task.weights_sha256 if self._runner is not None else "",
             "graph": options.policy or task.scene.policy,
             "max_neighbours": str(options.max_neighbours or task.scene.max_neighbours),
@@ -189,24 +189,11 @@ class ModelHost:
                 history.update(tracked_states(round(time_s * 1e9) + 1, "map", key, position))
             trial.predict(history.window())
         if permanent:
+            # What an earlier configuration left in circles is looked at once more, or it would
+            # stay for ever.
+            gc.unfreeze()
             gc.collect()
             gc.freeze()
-
-
-def _load(parameters: PredictorParameters) -> ModelRunner:
-    """Return the model that the parameters name.
-
-    Raises:
-        ModelFileError: it cannot be loaded.
-    """
-    path = find_model(parameters.model)
-    load_task(path)
-    # The runner imports torch, which takes seconds: only for a file that is usable.
-    from mtpgo_core.prediction.model_runner import ModelRunner
-
-    runner = ModelRunner.load(path, parameters.num_threads)
-    return_free_memory()
-    return runner
 
 
 def _options(parameters: PredictorParameters) -> PredictorOptions:

@@ -9,6 +9,7 @@ each default is written once and a configuration can be checked without a node.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -62,6 +63,11 @@ class PredictorParameters:
     model: str = _field(
         "default",
         "Name of an installed model or path of an exported one (.pt).",
+        change=Change.CONFIGURE,
+    )
+    model_sha256: str = _field(
+        "",
+        "SHA-256 that the model file must have, as sha256sum prints it; empty accepts any file.",
         change=Change.CONFIGURE,
     )
     require_model: bool = _field(
@@ -316,6 +322,11 @@ def check(parameters: PredictorParameters) -> None:
     if not parameters.output:
         raise ConfigurationError(
             f"parameter output is empty, expected at least one of {listed(OUTPUT_KINDS)}"
+        )
+    if not re.fullmatch(r"|[0-9a-fA-F]{64}", parameters.model_sha256.strip()):
+        raise ConfigurationError(
+            f"parameter model_sha256 is {parameters.model_sha256!r}, expected the 64 digits that"
+            " sha256sum prints, or nothing"
         )
     if not parameters.model.strip():
         raise ConfigurationError(

@@ -16,6 +16,9 @@ from typing import NoReturn
 BAD_INPUT = 2
 """Exit status for bad input: a file, an argument or a parameter."""
 
+_received: list[int] = []
+"""Signals since :func:`stop_on_signals`."""
+
 # From glibc's malloc.h.
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3
 
@@ -84,10 +87,19 @@ def stop_on_signals() -> Callable[[], bool]:
     Returns:
         A function that returns whether a signal was received.
     """
-    stopped: list[int] = []
+    _received.clear()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _frame: stopped.append(received))
-    return lambda: bool(stopped)
+        signal.signal(number, _remember)
+    return stop_requested
+
+
+def stop_requested() -> bool:
+    """Return whether :func:`stop_on_signals` is in force and a signal came since; any thread."""
+    return bool(_received) and signal.getsignal(signal.SIGTERM) is _remember
+
+
+def _remember(received: int, _frame: object) -> None:
+    _received.append(received)
 
 
 class ArgumentParser(argparse.ArgumentParser):

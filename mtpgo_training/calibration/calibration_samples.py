@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import dataclasses
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -189,7 +188,9 @@ class CalibrationSamples:
                 )
         except FileNotFoundError as error:
             raise ConfigurationError(f"the file of samples {path} does not exist") from error
-        except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile, EOFError) as error:
+        except ConfigurationError:
+            raise
+        except Exception as error:  # whatever numpy and zipfile raise on a damaged file
             reason = " ".join(str(error).split())[:120]
             raise ConfigurationError(
                 f"{path} holds no samples for a calibration ({reason}), expected "

@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import argparse
 
-from mtpgo_core.task.model_file import find_model, load_task, model_card
+from mtpgo_core.errors import ModelFileError
+from mtpgo_core.task.model_file import find_model, model_card, read_model
+from mtpgo_core.task.task_description import TASK_FILE
 from mtpgo_training.export.model_info import model_text
 
 
@@ -20,7 +22,15 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo info``."""
     path = find_model(args.model)
-    print(model_text(load_task(path)))
+    model = read_model(path)
+    try:
+        print(model_text(model.task))
+    except (AttributeError, TypeError, KeyError, ValueError) as error:
+        raise ModelFileError(
+            f"model file {path} has a {TASK_FILE} whose training or metrics cannot be printed: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    print(f"file       sha256 {model.archive.sha256}")
     card = model_card(path)
     if card is not None:
         print(f"\n{path.with_suffix('.md')}:\n\n{card.rstrip()}")

@@ -89,7 +89,7 @@ def run_fold(job: FoldJob) -> bool:
     # A model that was trained for a few minutes may have ellipses that an export refuses.
     export_runs([files.run], files.model, name=_name(job.config, job.fold), force=True)
     start = time.monotonic()
-    runner = ModelRunner.load(files.model)
+    runner = ModelRunner.load(files.model, trusted=True)
     scores, samples = {}, []
     for site in job.fold.sites:
         left_out = [item for item in recordings if item.name in site.recordings]

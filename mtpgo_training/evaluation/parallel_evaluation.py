@@ -106,9 +106,9 @@ def evaluate_in_processes(
 
 
 def _start(models: dict[str, Path]) -> None:
-    """Load the models; leave interrupts to the parent process."""
+    """Load the models, which the parent process has tried; leave interrupts to it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _runners.update({name: ModelRunner.load(path) for name, path in models.items()})
+    _runners.update({name: ModelRunner.load(path, trusted=True) for name, path in models.items()})
 
 
 def _one(name: str, recording: Recording, settings: Settings, draw: Sequence[str]) -> Evaluation:

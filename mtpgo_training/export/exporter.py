@@ -22,6 +22,7 @@ from mtpgo_core.errors import ConfigurationError, ModelFileError
 from mtpgo_core.options import from_dict
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.calibration import Calibration
+from mtpgo_core.task.model_file import content_sha256, read_model
 from mtpgo_core.task.task_description import TASK_FILE, TaskDescription
 from mtpgo_training.atomic_files import replacing
 from mtpgo_training.calibration.calibration_fit import fit_calibration
@@ -132,8 +133,8 @@ def export_model(model: TrajectoryPredictor, task: TaskDescription, path: Path) 
 
     Args:
         model: the network.
-        task: description of its task; the hash of the weights and what the network determines
-            (states, horizon, modes) are filled in.
+        task: description of its task; the hashes and what the network determines (states, horizon,
+            modes) are filled in.
         path: model file, written atomically.
 
     Returns:
@@ -146,6 +147,7 @@ def export_model(model: TrajectoryPredictor, task: TaskDescription, path: Path) 
     model, name = model.eval(), name_of(model)
     task = dataclasses.replace(
         task,
+        content_sha256="",
         states=STATE_NAMES[: model.config.state_size],
         horizon_steps=model.config.horizon_steps,
         modes=model.config.modes,
@@ -155,6 +157,10 @@ def export_model(model: TrajectoryPredictor, task: TaskDescription, path: Path) 
     with warnings.catch_warnings(), replacing(path) as temporary:
         warnings.simplefilter("ignore", DeprecationWarning)  # all of torch.jit, since 2.13
         frozen = torch.jit.freeze(torch.jit.script(NETWORKS[name].deployed(model)))
+        torch.jit.save(frozen, str(temporary), _extra_files={TASK_FILE: task.to_json()})
+        # The hash of the content is known once it has been written.
+        content = content_sha256(read_model(temporary).archive.records())
+        task = dataclasses.replace(task, content_sha256=content)
         torch.jit.save(frozen, str(temporary), _extra_files={TASK_FILE: task.to_json()})
         _check(model, temporary)
     return task
@@ -235,7 +241,7 @@ def _require_same_output(samples: CalibrationSamples, checkpoint: Checkpoint) ->
 
 def _check(model: TrajectoryPredictor, path: Path) -> None:
     """Check the file against the eager model, on agents with gaps and padding."""
-    ModelRunner.load(path, num_threads=None)  # the schema and the shapes, as the node checks them
+    ModelRunner.load(path, num_threads=None, trusted=True)  # as the node checks it
     loaded = torch.jit.load(str(path))
     example = _example(model.config)
     with torch.inference_mode():

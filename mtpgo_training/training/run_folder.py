@@ -15,7 +15,7 @@ import csv
 import dataclasses
 import io
 import json
-import pickle
+import pickletools
 import platform
 import warnings
 from pathlib import Path
@@ -25,6 +25,7 @@ import numpy as np
 import torch
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task.checked_archive import read_archive
 from mtpgo_training.atomic_files import new_folder, replacing, write_text
 from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
 
@@ -34,6 +35,14 @@ VALIDATION_SAMPLES = "validation.npz"
 """Name of the samples for a calibration, of the validation of ``best.pt``."""
 
 Checkpoint = dict[str, Any]
+
+_PICKLED = {
+    ("collections", "OrderedDict"),
+    ("torch", "Size"),
+    ("torch._utils", "_rebuild_parameter"),
+    ("torch._utils", "_rebuild_tensor_v2"),
+}
+"""What a checkpoint may name besides storages of tensors."""
 
 
 class RunFolder:
@@ -162,11 +171,19 @@ def load_checkpoint(path: Path) -> Checkpoint:
         path = path / "best.pt"
     if not path.is_file():
         raise ConfigurationError(f"the checkpoint {path} does not exist")
+    archive = read_archive(
+        path,
+        lambda reason: ConfigurationError(f"{path} is no readable checkpoint: it {reason}"),
+        "checkpoint",
+    )
     try:
+        _check_pickle(archive.record("data.pkl"))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a TorchScript file
-            checkpoint = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, EOFError, ValueError, pickle.UnpicklingError) as error:
+            checkpoint = torch.load(
+                io.BytesIO(archive.data), map_location="cpu", weights_only=True
+            )
+    except Exception as error:  # torch raises whatever it likes on damaged bytes
         reason = str(error).split("\n", 1)[0][:120]
         raise ConfigurationError(f"{path} is no readable checkpoint: {reason}") from error
     if not isinstance(checkpoint, dict) or checkpoint.get("format") != CHECKPOINT_FORMAT:
@@ -174,6 +191,26 @@ def load_checkpoint(path: Path) -> Checkpoint:
             f"{path} is no checkpoint of `mtpgo train`, expected format {CHECKPOINT_FORMAT}"
         )
     return checkpoint
+
+
+def _check_pickle(content: bytes) -> None:
+    """Check that a pickle names nothing but what weights and plain data consist of.
+
+    torch lets some more names through, among them ``bytearray``, of which a few bytes make
+    gigabytes.
+
+    Raises:
+        ValueError: it names something else.
+    """
+    for operation, argument, _ in pickletools.genops(content):
+        if operation.name in ("INST", "STACK_GLOBAL", "EXT1", "EXT2", "EXT4"):
+            raise ValueError(f"it uses the pickle operation {operation.name}")
+        if operation.name != "GLOBAL":
+            continue
+        module, _, name = str(argument).partition(" ")
+        storage = module == "torch" and name.endswith("Storage")
+        if (module, name) not in _PICKLED and not storage:
+            raise ValueError(f"it contains {module}.{name}, expected tensors and plain data")
 
 
 def first_difference(stored: TrainingConfig, given: TrainingConfig) -> str:

@@ -204,5 +204,5 @@ def test_a_class_map_reads_the_names_in_the_messages(make):
     for marker in message.markers:
         marker.text = "human.pedestrian.adult"
     for name, expected in (("", AgentClass.UNKNOWN), ("nuscenes", AgentClass.PEDESTRIAN)):
-        states = make(class_map=name).pipeline._read(message, INPUTS["markers"], START_NS)
+        states, _ = make(class_map=name).pipeline._read(message, INPUTS["markers"], START_NS)
         assert set(states.agent_class.tolist()) == {expected}

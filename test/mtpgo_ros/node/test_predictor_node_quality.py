@@ -90,7 +90,7 @@ def played(models, tmp_path_factory):
             message = message_of(states)
             bench.send(message)
             bag.write_bytes("/objects", states.stamp_ns, serialize_message(message))
-            bench.until(lambda: worker._waiting is None and worker._running is None)
+            bench.until(lambda: not worker._waiting and worker._running is None)
         bench.until(lambda: len(clouds) == bench.count("predictions"))
         for cloud in clouds:
             stamp_ns = cloud.header.stamp.sec * 10**9 + cloud.header.stamp.nanosec

@@ -47,6 +47,7 @@ def test_the_choices_are_those_that_the_adapters_offer():
         ({"output": ()}, ["output", "empty"]),
         ({"model": " "}, ["model", "empty"]),
         ({"class_map": "kitty"}, ["parameter class_map: ", "'kitty'", "'nuscenes'", "YAML file"]),
+        ({"model_sha256": "abc"}, ["model_sha256", "'abc'", "64 digits"]),
         ({"rate": 0.5}, ["input_timeout", "rate", "2 s"]),
     ],
 )

@@ -4,6 +4,7 @@
 
 import argparse
 import dataclasses
+import zipfile
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from mtpgo_core.errors import ConfigurationError, ModelFileError
 from mtpgo_core.prediction.model_runner import ModelRunner, load_task
 from mtpgo_core.scene.scene_builder import build_scenes
 from mtpgo_core.scene.trails.trail_context import TrailContext
+from mtpgo_core.task.model_file import content_sha256, read_model
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig, TaskDescription
 from mtpgo_training import cli
 from mtpgo_training.commands import evaluate as evaluation
@@ -88,6 +90,28 @@ def test_the_file_contains_the_task_description(model_file, model):
     assert task.model["hidden"] == 12
     assert task.weights_sha256 == export.weights_hash(model)
     assert len(task.weights_sha256) == 64
+    assert task.content_sha256 == content_sha256(read_model(model_file).archive.records())
+
+
+@pytest.mark.parametrize(
+    ("ending", "change"),
+    [
+        ("task.json", lambda text: text.replace(b'"weights_sha256": "', b'"weights_sha256": "0')),
+        ("task.json", lambda text: text.replace(b"free", b"mine")),
+        ("constants/3", lambda values: bytes([values[0] ^ 1]) + values[1:]),
+        (".py", lambda code: code.replace(b"torch.mul", b"torch.add", 1)),
+    ],
+    ids=["hash", "licence", "weights", "code"],
+)
+def test_a_file_that_was_changed_after_the_export_is_refused(model_file, tmp_path, ending, change):
+    path = tmp_path / "forged.pt"
+    with zipfile.ZipFile(model_file) as old, zipfile.ZipFile(path, "w") as new:
+        for info in old.infolist():
+            content = old.read(info)
+            changed = change(content) if info.filename.endswith(ending) else content
+            new.writestr(info, changed)
+    with pytest.raises(ModelFileError, match=r"forged\.pt is not what was exported"):
+        load_task(path)
 
 
 def test_the_runner_computes_what_the_eager_model_computes(model_file, model):

@@ -5,6 +5,7 @@
 import csv
 import dataclasses
 import json
+import zipfile
 
 import pytest
 import torch
@@ -113,3 +114,34 @@ def test_a_missing_checkpoint_and_one_of_another_format_are_named(tmp_path):
         torch.save(content, tmp_path / "best.pt")
         with pytest.raises(ConfigurationError, match=r"best\.pt is no checkpoint of .*format 1"):
             load_checkpoint(tmp_path)
+
+
+class Large:
+    """Becomes a hundred gigabytes when it is unpickled."""
+
+    def __reduce__(self):
+        return (bytearray, (10**11,))
+
+
+def test_a_checkpoint_contains_tensors_and_plain_data_only(tmp_path):
+    path = tmp_path / "last.pt"
+    torch.save({"format": 1, "average": Large()}, path)
+    with pytest.raises(
+        ConfigurationError, match=r"last.pt is no readable checkpoint: it contains \S+bytearray"
+    ):
+        load_checkpoint(path)
+
+
+def test_a_checkpoint_that_unpacks_to_too_much_is_not_read(tmp_path):
+    torch.save({"format": 1}, tmp_path / "small.pt")
+    with (
+        zipfile.ZipFile(tmp_path / "small.pt") as small,
+        zipfile.ZipFile(tmp_path / "last.pt", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as bomb,
+    ):
+        for name in small.namelist():
+            bomb.writestr(name, small.read(name))
+        with bomb.open(f"{small.namelist()[0].partition('/')[0]}/data/0", "w") as record:
+            for _ in range(80):
+                record.write(bytes(1 << 20))
+    with pytest.raises(ConfigurationError, match="it has compressed records that unpack to 80 MB"):
+        load_checkpoint(tmp_path / "last.pt")

@@ -1,0 +1,114 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Every input adapter, odometry and lane lines, from the CDR bytes of a message."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from fuzz_target import FuzzTarget
+
+from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.inputs.lane_markers import lanes_from_markers, lanes_to_markers
+from msg_adapters.inputs.odometry import pose_of
+from msg_adapters.registry import INPUTS
+from msg_adapters.types import TypestoreTypes
+from mtpgo_core.identity import keys_from_integers
+from mtpgo_core.scene.lane_map import LaneMap
+from mtpgo_core.schema import AgentClass, tracked_states
+
+NOW_NS = 1_700_000_000_000_000_000
+ODOMETRY, MARKERS = "nav_msgs/msg/Odometry", "visualization_msgs/msg/MarkerArray"
+
+
+@functools.cache
+def typestore():
+    """Return the one typestore, which takes a second to make."""
+    return bag_typestore()
+
+
+def deserialised(data, message_type):
+    """Return the message, None if the middleware would not have delivered these bytes."""
+    try:
+        return typestore().deserialize_cdr(data, message_type)
+    except Exception:
+        return None
+
+
+def states(count):
+    """Return tracked states as they come from a tracker."""
+    draw = np.random.default_rng(0)
+    return tracked_states(
+        NOW_NS,
+        "map",
+        keys_from_integers(range(count)),
+        draw.uniform(-50, 50, (count, 2)),
+        velocity=draw.uniform(-9, 9, (count, 2)),
+        yaw=draw.uniform(-3, 3, count),
+        size=draw.uniform(1, 5, (count, 2)),
+        agent_class=np.full(count, AgentClass.CAR, dtype=np.uint8),
+        covariance=np.tile(0.1 * np.eye(4), (count, 1, 1)),
+    )
+
+
+def adapter_target(adapter):
+    """Return the target of one input adapter."""
+
+    def run(data):
+        message = deserialised(data, adapter.message_type)
+        if message is None:
+            return
+        out = adapter.decode(message, fallback_stamp_ns=NOW_NS).states
+        assert out.position.shape == (len(out.key), 2)
+
+    def seeds():
+        types = TypestoreTypes(typestore())
+        return [
+            bytes(
+                typestore().serialize_cdr(
+                    adapter.from_states(states(count), types), adapter.message_type
+                )
+            )
+            for count in (0, 1, 3)
+        ]
+
+    return FuzzTarget(f"cdr_{adapter.name}", run, seeds)
+
+
+def odometry_target():
+    """Return the target of the ego's pose."""
+
+    def run(data):
+        message = deserialised(data, ODOMETRY)
+        if message is not None:
+            pose_of(message)
+
+    def seeds():
+        message = TypestoreTypes(typestore()).make(ODOMETRY)
+        message.header.frame_id = "map"
+        return [bytes(typestore().serialize_cdr(message, ODOMETRY))]
+
+    return FuzzTarget("cdr_odometry", run, seeds)
+
+
+def lanes_target():
+    """Return the target of lane lines."""
+
+    def run(data):
+        message = deserialised(data, MARKERS)
+        if message is not None:
+            LaneMap(lanes_from_markers(message).polylines)
+
+    def seeds():
+        lines = [np.array([[0.0, 0.0], [50.0, 1.0], [90.0, 3.0]]), np.array([[0, 4], [90, 6.0]])]
+        types = TypestoreTypes(typestore())
+        message = lanes_to_markers(lines, types, stamp_ns=NOW_NS, frame_id="map")
+        return [bytes(typestore().serialize_cdr(message, MARKERS))]
+
+    return FuzzTarget("cdr_lanes", run, seeds)
+
+
+def targets():
+    """Return the targets of this file."""
+    return [*map(adapter_target, INPUTS.values()), odometry_target(), lanes_target()]

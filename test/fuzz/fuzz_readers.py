@@ -1,0 +1,129 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The readers of recordings as CSV files, and the files of calibration samples."""
+
+from __future__ import annotations
+
+import atexit
+import functools
+import shutil
+import tempfile
+import warnings
+from pathlib import Path
+
+import numpy as np
+from fuzz_target import FuzzTarget
+
+from mtpgo_core.task.calibration import GROUPS, Calibration, GroupCalibration
+from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples
+from mtpgo_training.data.readers import load_recordings
+
+_BETWEEN = b"\n====\n"
+"""Separates the files of a recording in an input."""
+
+
+@functools.cache
+def place(name: str) -> Path:
+    """Return a folder for the files of a target, removed at the end."""
+    folder = Path(tempfile.mkdtemp(prefix=f"fuzz_{name}_"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+def read_files(layout: str, names: tuple[str, ...], data: bytes) -> None:
+    """Write the files of a recording and read it."""
+    parts = data.split(_BETWEEN)
+    for name, part in zip(names, parts + [b""] * len(names), strict=False):
+        (place(layout) / name).write_bytes(part)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for recording in load_recordings(place(layout), layout):
+            assert np.isfinite(recording.position).all(), "a position that is not finite"
+
+
+DRONE = ("01_tracks.csv", "01_tracksMeta.csv", "01_recordingMeta.csv")
+IND = (
+    b"recordingId,trackId,frame,xCenter,yCenter,heading,width,length,"
+    b"xVelocity,yVelocity,xAcceleration,yAcceleration\n"
+    + b"".join(b"1,7,%d,%d.5,-3.25,90,1.8,4.5,10,0.5,0,0\n" % (k, k) for k in range(6)),
+    b"recordingId,trackId,width,length,class\n1,7,1.8,4.5,car\n",
+    b"recordingId,frameRate,locationId\n1,25,2\n",
+)
+HIGHD = (
+    b"frame,id,x,y,width,height,xVelocity,yVelocity,xAcceleration,yAcceleration\n"
+    + b"".join(b"%d,7,%d.5,13.2,4.5,1.8,25,0.1,0,0\n" % (k, k) for k in range(6)),
+    b"id,width,height,class,drivingDirection\n7,4.5,1.8,Car,2\n",
+    b"id,frameRate,locationId,upperLaneMarkings,lowerLaneMarkings\n1,25,1,3;7,12;16\n",
+)
+NGSIM = (
+    b"Vehicle_ID,Global_Time,v_Class,Local_X,Local_Y,v_length,v_Width,v_Vel\n"
+    + b"".join(b"7,%d,2,16.5,%d,14.5,6,40\n" % (1_118_846_979_700 + 100 * k, 4 * k)
+               for k in range(6)),
+)  # fmt: skip
+
+
+def csv_target(layout: str, names: tuple[str, ...], seed: tuple[bytes, ...]) -> FuzzTarget:
+    """Return the target of one layout."""
+    return FuzzTarget(
+        f"reader_{layout}",
+        functools.partial(read_files, layout, names),
+        lambda: [_BETWEEN.join(seed)],
+    )
+
+
+def samples_target() -> FuzzTarget:
+    """Return the target of files of calibration samples."""
+
+    def run(data: bytes) -> None:
+        path = place("samples") / "calibration.npz"
+        path.write_bytes(data)
+        CalibrationSamples.load(path)
+
+    def seeds() -> list[bytes]:
+        path = place("samples") / "seed.npz"
+        agents, steps, modes = 3, 4, 2
+        CalibrationSamples(
+            step_s=0.2,
+            sites=("north",),
+            site=np.zeros(agents, np.int32),
+            group=np.zeros(agents, np.uint8),
+            distance=np.ones((agents, steps), np.float32),
+            log_determinant=np.zeros((agents, steps), np.float32),
+            log_weight=np.full((agents, modes), -0.7, np.float32),
+            mode_error=np.ones((agents, modes), np.float32),
+        ).save(path)
+        return [path.read_bytes()]
+
+    return FuzzTarget("calibration_samples", run, seeds)
+
+
+def task_target() -> FuzzTarget:
+    """Return the target of the task description, which contains the calibration."""
+
+    def run(data: bytes) -> None:
+        try:
+            text = data.decode()
+        except UnicodeDecodeError:
+            return
+        task = TaskDescription.from_json(text)
+        assert TaskDescription.from_json(task.to_json()) == task
+
+    def seeds() -> list[bytes]:
+        factors = tuple(1.0 + 0.01 * k for k in range(25))
+        groups = tuple(GroupCalibration(name, factors, 1.1, 50, 1) for name in GROUPS)
+        calibrated = TaskDescription(calibration=Calibration(groups))
+        return [task.to_json().encode() for task in (TaskDescription(), calibrated)]
+
+    return FuzzTarget("task_description", run, seeds)
+
+
+def targets() -> list[FuzzTarget]:
+    """Return the targets of this file."""
+    return [
+        csv_target("ind", DRONE, IND),
+        csv_target("highd", DRONE, HIGHD),
+        csv_target("ngsim", ("trajectories.csv",), NGSIM),
+        samples_target(),
+        task_target(),
+    ]
