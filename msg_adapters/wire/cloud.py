@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -100,29 +101,36 @@ def _octets(data: Any) -> memoryview:
 
 
 def _record_type(message: Any) -> np.dtype[Any]:
-    step = int(message.point_step)
-    order = ">" if message.is_bigendian else "<"
+    fields = tuple(
+        (field.name, int(field.offset), int(field.datatype), int(field.count))
+        for field in message.fields
+    )
+    return _layout(fields, int(message.point_step), ">" if message.is_bigendian else "<")
+
+
+@functools.lru_cache(maxsize=8)  # all clouds of a publisher have the same layout
+def _layout(fields: tuple[tuple[str, int, int, int], ...], step: int, order: str) -> np.dtype[Any]:
     names: dict[str, None] = {}
     formats, offsets = [], []
-    for field in message.fields:
-        if int(field.count) not in (0, 1):
+    for name, offset, datatype, count in fields:
+        if count not in (0, 1):
             continue
-        code = _DATATYPES.get(int(field.datatype))
+        code = _DATATYPES.get(datatype)
         if code is None:
             raise MessageError(
-                f"point cloud field {field.name!r} has datatype {field.datatype}, expected 1 to 8"
+                f"point cloud field {name!r} has datatype {datatype}, expected 1 to 8"
             )
         kind = np.dtype(order + code)
-        if int(field.offset) + kind.itemsize > step:
+        if offset + kind.itemsize > step:
             raise MessageError(
-                f"point cloud field {field.name!r} ends at byte "
-                f"{int(field.offset) + kind.itemsize}, expected at most point_step = {step}"
+                f"point cloud field {name!r} ends at byte "
+                f"{offset + kind.itemsize}, expected at most point_step = {step}"
             )
-        if field.name in names:
-            raise MessageError(f"point cloud has two fields of the name {field.name!r}")
-        names[field.name] = None
+        if name in names:
+            raise MessageError(f"point cloud has two fields of the name {name!r}")
+        names[name] = None
         formats.append(kind)
-        offsets.append(int(field.offset))
+        offsets.append(offset)
     return np.dtype(
         {"names": list(names), "formats": formats, "offsets": offsets, "itemsize": step}
     )
