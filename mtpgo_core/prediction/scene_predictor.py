@@ -130,7 +130,7 @@ class ScenePredictor:
         self._limit = AgentLimit()
         self._graphs = GraphState()
         self._graphs_ns: int | None = None
-        self._trails = TrailMemory()
+        self._trails = self._no_trails()
         self._smoother: PathSmoother | None = None
 
     @property
@@ -140,8 +140,12 @@ class ScenePredictor:
 
     def reset(self) -> None:
         """Forget graphs, trails and paths, for example after a jump of the clock; any thread."""
-        self._graphs, self._trails = GraphState(), TrailMemory()
+        self._graphs, self._trails = GraphState(), self._no_trails()
         self._smoother = None
+
+    def _no_trails(self) -> TrailMemory:
+        """Return an empty memory, which takes its space now if the model looks at it."""
+        return TrailMemory(reserved=self._runner is not None and self.task.scene.trails)
 
     def continue_from(self, other: ScenePredictor) -> None:
         """Take over options, lanes, graphs and trails of a predictor of the same history."""

@@ -36,11 +36,20 @@ LARGEST_NUMBER = (1 << _NUMBER_BITS) - 1
 """Largest number of a point that the index can hold."""
 
 
-class TrailIndex:
-    """From a cell and heading bin to the points in it."""
+_NOTHING = np.iinfo(np.int64).max
+"""Fills the long array up to its reserved length; greater than every code, and no point's."""
 
-    def __init__(self) -> None:
-        self._long = np.empty(0, dtype=np.int64)
+
+class TrailIndex:
+    """From a cell and heading bin to the points in it.
+
+    Args:
+        reserved: number of points for which memory is taken now, so that it does not grow later.
+    """
+
+    def __init__(self, reserved: int = 0) -> None:
+        self._length = reserved + 2 * _RECENT if reserved else 0
+        self._long = np.full(self._length, _NOTHING, dtype=np.int64)
         self._short = np.empty(0, dtype=np.int64)
 
     @property
@@ -64,7 +73,8 @@ class TrailIndex:
         self._short = np.sort(np.concatenate([self._short, code]))
         if self._short.shape[0] > _RECENT:
             long = self._long[(self._long & LARGEST_NUMBER) >= oldest]
-            self._long = np.insert(long, np.searchsorted(long, self._short), self._short)
+            long = np.insert(long, np.searchsorted(long, self._short), self._short)
+            self._long = long[: self._length] if self._length else long
             self._short = np.empty(0, dtype=np.int64)
 
     def find(

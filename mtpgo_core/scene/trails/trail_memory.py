@@ -63,6 +63,7 @@ class TrailMemory:
 
     Args:
         capacity: points that are kept; the oldest are overwritten.
+        reserved: take the memory of all of them now, as a node does that runs for hours.
 
     Attributes:
         points: the points.
@@ -70,14 +71,14 @@ class TrailMemory:
         origin: [2] from which the offsets of the points are counted (m), in the fixed frame.
     """
 
-    def __init__(self, capacity: int = CAPACITY) -> None:
-        self._capacity = capacity
+    def __init__(self, capacity: int = CAPACITY, *, reserved: bool = False) -> None:
+        self._capacity, self._reserved = capacity, reserved
         self.clear()
 
     def clear(self) -> None:
         """Forget everything."""
-        self.points = TrailPoints(self._capacity)
-        self.index = TrailIndex()
+        self.points = TrailPoints(self._capacity, reserved=self._reserved)
+        self.index = TrailIndex(self._capacity if self._reserved else 0)
         self.origin: Float64Array = np.zeros(2)
         self._tracks = np.empty(0, dtype=_TRACK)
         self._trails = 0

@@ -68,14 +68,18 @@ class TrailPoints:
 
     Args:
         capacity: limit of the memory (points).
+        reserved: take all memory now, so that it does not grow later.
 
     Attributes:
         count: points ever stored; the number of the next one.
     """
 
-    def __init__(self, capacity: int) -> None:
+    def __init__(self, capacity: int, *, reserved: bool = False) -> None:
         self._capacity = capacity
-        self._columns = PointColumns.empty(min(_FIRST_SIZE, capacity))
+        self._columns = PointColumns.empty(capacity if reserved else min(_FIRST_SIZE, capacity))
+        if reserved:
+            for column in vars(self._columns).values():
+                column.fill(0)  # the system gives memory when it is written to
         self.count = 0
 
     @property

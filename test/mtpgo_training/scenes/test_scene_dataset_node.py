@@ -48,10 +48,13 @@ class Recorder:
         self.task = TaskDescription(scene=scene, history=HISTORY, horizon_steps=H)
         self.batches = []
 
-    def predict(self, window, batch, initial_covariance=False, smoother=None):
+    def predict_served(self, window, batch, initial_covariance=False, smoother=None):
         self.batches.append((window, batch))
-        modes = self.task.modes
-        return predict_constant_velocity(window, horizon_steps=H, dt_s=HISTORY.dt_s, modes=modes)
+        served, modes = np.unique(batch.agent[batch.primary]), self.task.modes
+        own = window.select(served)
+        return served, predict_constant_velocity(
+            own, horizon_steps=H, dt_s=HISTORY.dt_s, modes=modes
+        )
 
 
 def node_scenes(recording, scene, stamps_ns, policy=None):

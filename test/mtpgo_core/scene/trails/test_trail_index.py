@@ -7,7 +7,7 @@ import pytest
 
 from mtpgo_core.frames import wrap
 from mtpgo_core.scene.trails import trail_index
-from mtpgo_core.scene.trails.trail_index import CELL_M, PER_CELL, TrailIndex
+from mtpgo_core.scene.trails.trail_index import _RECENT, CELL_M, PER_CELL, TrailIndex
 
 TOLERANCE_RAD, REACH_M = 0.35, 1.9
 
@@ -58,3 +58,19 @@ def test_points_that_are_overwritten_leave_the_index(monkeypatch):
         number = np.arange(begin, begin + 20)
         index.add(np.zeros((20, 2)), np.zeros(20), number, max(0, begin - 100))
     assert index.nbytes <= 8 * 120
+
+
+def test_a_reserved_index_finds_the_same_and_keeps_its_size():
+    draw = np.random.default_rng(3)
+    plain, reserved = TrailIndex(), TrailIndex(reserved=3 * _RECENT)
+    size = reserved._long.nbytes
+    for number in range(0, 8 * _RECENT, 512):
+        place, heading = draw.uniform(-20, 20, (512, 2)), draw.uniform(-3, 3, 512)
+        numbers = number + np.arange(512)
+        oldest = max(0, number - 3 * _RECENT)
+        for index in (plain, reserved):
+            index.add(place, heading, numbers, oldest)
+        wanted = (place[:20], heading[:20], 1.2, 0.35, oldest, number + 512)
+        for given, expected in zip(reserved.find(*wanted), plain.find(*wanted), strict=True):
+            np.testing.assert_array_equal(given, expected)
+        assert size - 8 * _RECENT * 2 <= reserved._long.nbytes <= size

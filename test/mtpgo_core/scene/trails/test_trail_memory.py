@@ -156,3 +156,14 @@ def test_a_road_user_without_heading_leaves_no_trail_until_it_has_one():
     place = points_of(memory)[0]
     assert 30.0 < place[0, 0] < 36.0
     assert trails_in(memory) == 1
+
+
+def test_a_reserved_memory_holds_the_same_in_the_space_taken_at_first():
+    plain, reserved = TrailMemory(500), TrailMemory(500, reserved=True)
+    space = reserved.points.nbytes
+    for memory in (plain, reserved):
+        for ident in range(1, 9):
+            drive(memory, bend(1), ident=ident, speed=6.3, kind=AgentClass.CAR)
+    for given, expected in zip(points_of(reserved), points_of(plain), strict=True):
+        np.testing.assert_array_equal(given, expected)
+    assert reserved.points.nbytes == space
