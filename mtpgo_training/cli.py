@@ -41,6 +41,9 @@ EXTRA_MODULES = {
         ),
         "training",
     ),
+    "cryptography": "fleet",
+    "dask": "fleet",
+    "distributed": "fleet",
     "google": "datasets",
     "pyarrow": "datasets",
 }
