@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -26,6 +27,9 @@ TIMEOUT_S = 10.0
 TRIES = 2
 """Tries of an item whose process ends, as when the memory is full; chosen: once may be another's
 fault."""
+
+LOOK_S = 2.0
+"""Time between two looks at the number of processes (s); chosen: a look takes milliseconds."""
 
 MOST_EARLY = 64
 """Results that wait for one of an earlier item, per process; chosen, bounds the memory."""
@@ -81,8 +85,11 @@ def _elsewhere(
     early: dict[int, R | Failure] = {}
     running = as_completed()
     begun = given = 0
+    processes, next_look_s = 1, 0.0
     while given < len(items):
-        processes = max(1, sum(client.nthreads().values()))
+        if time.monotonic() >= next_look_s:  # processes come and go
+            processes = max(1, sum(client.nthreads().values()))
+            next_look_s = time.monotonic() + LOOK_S
         # No more than the processes can begin: of a process that ends, its item is then known.
         while begun < len(items) and len(numbers) < processes:
             if numbers and len(early) >= MOST_EARLY * processes:
