@@ -41,6 +41,7 @@ EXTRA_MODULES = {
         ),
         "training",
     ),
+    "cloudpickle": "fleet",
     "cryptography": "fleet",
     "dask": "fleet",
     "distributed": "fleet",

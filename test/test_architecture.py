@@ -56,7 +56,7 @@ OPTIONAL = {
     "mtpgo_core": {"yaml"},
     "mtpgo_ros": {"bondpy", "tf2_ros"},
     "msg_adapters": {"ament_index_python"},
-    "mtpgo_training": {"dask", "distributed", "google", "pyarrow"},
+    "mtpgo_training": {"cloudpickle", "dask", "distributed", "google", "pyarrow"},
 }
 """What a package may import inside a function only: it must do without. A class map is YAML; the
 google and pyarrow read the files of some data sets; Dask runs several processes."""

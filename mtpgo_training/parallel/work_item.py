@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import logging
+import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -67,8 +68,14 @@ def attempt(function: Callable[[Any], Any], item: WorkItem) -> Any:
         return Failure(item.name, f"unexpected {type(error).__name__}: {error}")
 
 
-def attempt_elsewhere(function: Callable[[Any], Any], item: WorkItem) -> Outcome:
-    """Return the outcome for an item, with the warnings that would be lost in another process."""
+def attempt_elsewhere(pickled: bytes) -> Outcome:
+    """Return the outcome for an item, with the warnings that would be lost in another process.
+
+    Args:
+        pickled: function and item. They are read here, where a module that is missing is an
+            error of this call and not of the connection.
+    """
+    function, item = pickle.loads(pickled)
     kept = _Remarks()
     LOG.addHandler(kept)
     propagate, LOG.propagate = LOG.propagate, False

@@ -79,6 +79,7 @@ def _elsewhere(
     client: Client, function: Callable[[I], R], items: Sequence[I]
 ) -> Iterator[R | Failure]:
     """Yield the results from the processes of a cluster, in the order of the items."""
+    import cloudpickle  # a part of Dask; readers of some layouts are lambdas
     from distributed import CancelledError, KilledWorker, as_completed
 
     numbers: dict[Any, int] = {}  # of the items that are worked on
@@ -94,7 +95,8 @@ def _elsewhere(
         while begun < len(items) and len(numbers) < processes:
             if numbers and len(early) >= MOST_EARLY * processes:
                 break
-            future = client.submit(attempt_elsewhere, function, items[begun], pure=False)
+            pickled = cloudpickle.dumps((function, items[begun]))
+            future = client.submit(attempt_elsewhere, pickled, pure=False)
             numbers[future.key] = begun
             running.add(future)
             begun += 1

@@ -44,5 +44,5 @@ def test_a_result_is_made_once_and_read_back(tmp_path):
 
 
 def test_what_is_no_result_is_not_run(tmp_path):
-    with pytest.raises(ConfigurationError, match="posix.getcwd, which is none of ours"):
+    with pytest.raises(ConfigurationError, match=r"posix\.getcwd, which is none of ours"):
         kept_or_made(tmp_path, {}, Odd, (Kept,), made)

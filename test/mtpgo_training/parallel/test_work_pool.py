@@ -2,46 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Items through one function: order, failures, processes that end, faults of every item."""
 
-import logging
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
 
 import pytest
+from numbered_work import Number, refuse, work
 
-from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.parallel.pool_options import HERE, PoolOptions
 from mtpgo_training.parallel.work_item import Failure
 from mtpgo_training.parallel.work_pool import work_through
-
-
-@dataclass(frozen=True)
-class Number:
-    """An item."""
-
-    value: int
-
-    @property
-    def name(self) -> str:
-        return f"n{self.value}"
-
-
-def work(item):
-    """Square a number; some fail, each in a way of its own."""
-    if item.value == 3:
-        raise RecordingError("n3.csv ends within line 7")
-    if item.value == 5:
-        raise ZeroDivisionError("no such thing")
-    if item.value == 6 and os.environ.get("DASK_PARENT") != str(os.getpid()):
-        os._exit(9)
-    if item.value == 7:
-        logging.getLogger("mtpgo").warning("seven is odd")
-    return item.value**2
-
-
-def refuse(item):
-    raise ConfigurationError("the class map is unknown")
 
 
 def test_results_come_in_order_and_failures_in_their_places():
