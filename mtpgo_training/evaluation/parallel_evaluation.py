@@ -54,7 +54,7 @@ def evaluate_sources(
     """
     if resume is not None and draw:
         raise ConfigurationError("the scenes of a picture cannot be kept for --resume")
-    files = tuple((name, r.path.resolve(), r.task.weights_sha256) for name, r in runners.items())
+    files = tuple((name, r.path.resolve(), r.sha256) for name, r in runners.items())
     if pool.here:
         _loaded[files] = dict(runners)
     scoring = _Scoring(files, settings, cache, resume, tuple(draw), progress and pool.here)
@@ -77,10 +77,11 @@ def evaluate_sources(
 
 
 _Files = tuple[tuple[str, Path, str], ...]
-"""Models by name, each with its file and the hash of its weights."""
+"""Models by name, each with its file and the hash of its bytes."""
 
 _loaded: dict[_Files, dict[str, ModelRunner]] = {}
-"""The models of this process: loaded once, since a process scores many recordings."""
+"""The models of this process: loaded once, since a process scores many recordings. The
+process that was called has tried them."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,10 @@ class _Scoring:
     def _score(self, item: SourceJob) -> Evaluation:
         if self.models not in _loaded:
             _loaded.clear()
-            _loaded[self.models] = {name: ModelRunner.load(path) for name, path, _ in self.models}
+            _loaded[self.models] = {
+                name: ModelRunner.load(path, sha256=sha256, trusted=True)
+                for name, path, sha256 in self.models
+            }
         runners = _loaded[self.models]
         result = Evaluation(scenes={name: ExtremeScenes() for name in self.draw})
         for name, recording in item.read(self.cache):
