@@ -126,3 +126,13 @@ class TrajectoryPredictor(nn.Module):
     def fit_statistics(self, features: Tensor, valid: Tensor) -> None:
         """Fill the scaling buffers from sample scenes: [B, N, T, F] and presence [B, N, T]."""
         self.condition.fit_statistics(features, valid)
+
+    def fit_futures(self, features: Tensor, valid: Tensor, target: Tensor, mask: Tensor) -> None:
+        """Set what depends on the futures of sample scenes; most networks have nothing to set.
+
+        Args:
+            features: [B, N, T, F].
+            valid: [B, N, T].
+            target: [B, N, H, S'] true states in the scene frame; any value where not observed.
+            mask: [B, N, H] weight of each step, 0 where not observed.
+        """

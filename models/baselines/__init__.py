@@ -1,8 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Published recurrent predictors to compare MTP-GO with, on its inputs and with its outputs.
+"""Published predictors to compare MTP-GO with, on its inputs and with its outputs.
 
-All four share one structure (:mod:`models.baselines.recurrent_predictor`): an LSTM encodes each
+Four share one structure (:mod:`models.baselines.recurrent_predictor`): an LSTM encodes each
 agent's history, another decodes its future, and heads give a mixture of Gaussian trajectories.
 They differ in what an agent receives from its neighbours:
 
@@ -13,20 +13,33 @@ They differ in what an agent receives from its neighbours:
   Trivedi, "Convolutional Social Pooling for Vehicle Trajectory Prediction", CVPR Workshops 2018).
 * ``GraphRNN``: a graph network over the encoded histories (Mo, Xing and Lv, "Graph and Recurrent
   Neural Network-based Vehicle Trajectory Prediction For Highway Driving", ITSC 2021).
+
+Two have their own structure and their own training objective:
+
+* ``MMTransformer``: stacked transformers with fixed proposals (Liu et al., CVPR 2021).
+* ``TrajectronPlusPlus``: a discrete latent and integrated dynamics (Salzmann et al., ECCV 2020).
 """
 
 from models.baselines.baseline_config import GraphConfig, GridConfig, RecurrentConfig
 from models.baselines.cs_lstm import ConvolutionalSocialLSTM
 from models.baselines.gnn_rnn import GraphRNN
+from models.baselines.latent.trajectron_config import TrajectronConfig
+from models.baselines.latent.trajectron_plus_plus import TrajectronPlusPlus
 from models.baselines.s_lstm import SocialLSTM
 from models.baselines.seq2seq import Seq2Seq
+from models.baselines.transformers.mm_transformer import MMTransformer
+from models.baselines.transformers.transformer_config import TransformerConfig
 
 __all__ = [
     "ConvolutionalSocialLSTM",
     "GraphConfig",
     "GraphRNN",
     "GridConfig",
+    "MMTransformer",
     "RecurrentConfig",
     "Seq2Seq",
     "SocialLSTM",
+    "TrajectronConfig",
+    "TrajectronPlusPlus",
+    "TransformerConfig",
 ]

@@ -9,16 +9,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from torch import nn
+from torch import Tensor, nn
 
 from models.baselines import (
     ConvolutionalSocialLSTM,
     GraphConfig,
     GraphRNN,
     GridConfig,
+    MMTransformer,
     RecurrentConfig,
     Seq2Seq,
     SocialLSTM,
+    TrajectronConfig,
+    TrajectronPlusPlus,
+    TransformerConfig,
 )
 from models.inference import deployable
 from models.mtp_go import MTPGO
@@ -28,10 +32,30 @@ from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_training.training.losses.latent_loss import latent_loss
+from mtpgo_training.training.losses.region_loss import region_loss
+
+WHEELED = ("car", "van", "truck", "bus", "trailer", "motorcycle", "bicycle")
+"""Classes that move as unicycles in Trajectron++."""
 
 
 def _unchanged(model: nn.Module) -> nn.Module:
     return model
+
+
+@dataclass(frozen=True)
+class OwnObjective:
+    """A published training objective that replaces the schedule of EWTA and likelihood.
+
+    Attributes:
+        name: in the log.
+        loss: of a dense batch, a scalar averaged over its observed agent-steps; called with the
+            network, the batch, and by name ``huber_delta`` and ``progress``, the share of the
+            epochs that are done.
+    """
+
+    name: str
+    loss: Callable[..., Tensor]
 
 
 @dataclass(frozen=True)
@@ -42,11 +66,13 @@ class NetworkFamily:
         config: its options.
         network: creates one from its options.
         deployed: converts one into the form that is exported.
+        objective: its own, if it is not trained by the common schedule.
     """
 
     config: type[NetworkConfig]
     network: Callable[[Any], TrajectoryPredictor]
     deployed: Callable[[Any], nn.Module] = _unchanged
+    objective: OwnObjective | None = None
 
 
 MTP_GO = "mtp-go"
@@ -57,6 +83,12 @@ NETWORKS: dict[str, NetworkFamily] = {
     "s-lstm": NetworkFamily(GridConfig, SocialLSTM),
     "cs-lstm": NetworkFamily(GridConfig, ConvolutionalSocialLSTM),
     "gnn-rnn": NetworkFamily(GraphConfig, GraphRNN),
+    "mmtransformer": NetworkFamily(
+        TransformerConfig, MMTransformer, objective=OwnObjective("regions", region_loss)
+    ),
+    "trajectron++": NetworkFamily(
+        TrajectronConfig, TrajectronPlusPlus, objective=OwnObjective("ELBO", latent_loss)
+    ),
 }
 """MTP-GO, and the baselines of :mod:`models.baselines`."""
 
@@ -90,7 +122,7 @@ def network_config(
             value.
     """
     kind = family(name)
-    sizes = {
+    sizes: dict[str, Any] = {
         "feature_size": len(scene.features),
         "static_size": len(scene.static_features),
         "history_steps": history.steps,
@@ -98,6 +130,10 @@ def network_config(
     }
     if "trail_branches" in kind.config.names():
         sizes["trail_branches"] = BRANCHES if scene.trails else 0
+    if "wheeled_columns" in kind.config.names():
+        sizes["wheeled_columns"] = tuple(
+            column for column, name in enumerate(scene.classes) if name in WHEELED
+        )
     return kind.config.from_dict({**options, **sizes})
 
 

@@ -14,6 +14,7 @@ import torch
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 from mtpgo_training.training.losses.schedules import LossWeights, loss_weights
+from mtpgo_training.training.networks import family
 from mtpgo_training.training.training_config import TrainingConfig
 
 Row = dict[str, Any]
@@ -121,6 +122,9 @@ class TrainingRun:
         """Return the weights of the losses in an epoch, by default the current one."""
         epoch = self.state.epoch if epoch is None else epoch
         options = self.config.optimisation
+        own = family(self.config.network).objective
+        if own is not None and epoch < options.main_epochs:
+            return LossWeights(winners=1, ewta=0.0, nll=1.0, objective=own.name)
         total, modes = options.main_epochs, self.model.config.modes
         return loss_weights(epoch, total, modes, options.warm_up_share)
 

@@ -34,13 +34,14 @@ from mtpgo_training.training.console import epoch_line, setting_text, title_line
 from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes
 from mtpgo_training.training.interruption import Interruption
 from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
+from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
 from mtpgo_training.training.losses.likelihood_loss import (
     mode_likelihood_loss,
     negative_log_likelihood,
     trajectory_likelihood_loss,
 )
 from mtpgo_training.training.losses.schedules import learning_rate
-from mtpgo_training.training.networks import build_network, weights_hash
+from mtpgo_training.training.networks import build_network, family, weights_hash
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
@@ -299,6 +300,15 @@ class BatchLoss(nn.Module):
         """Return the loss of a batch with the weights of the run's present epoch."""
         options = self.run.config.optimisation
         calibrates = self.run.calibrates
+        own = family(self.run.config.network).objective
+        if own is not None and not calibrates:
+            loss = functools.partial(
+                own.loss,
+                self.model,
+                huber_delta=options.huber_delta,
+                progress=self.run.state.epoch / options.main_epochs,
+            )
+            return accumulated_loss(self.model, micro_batches(batch), loss)
         return batch_loss(
             self.model,
             batch,
@@ -414,6 +424,7 @@ def _fit_statistics(run: TrainingRun, scenes: Scenes) -> None:
     loader = DataLoader(scenes.training, STATISTICS_SCENES, shuffle=True, generator=order)
     fields = dense(next(iter(loader)))
     run.model.fit_statistics(fields["x"], fields["valid"])
+    run.model.fit_futures(fields["x"], fields["valid"], fields["target"], fields["weight"])
     run.average.load_state_dict(run.model.state_dict())
 
 

@@ -23,15 +23,19 @@ class LossWeights:
         winners: K, number of components that the EWTA loss pulls towards the truth.
         ewta: weight of the EWTA loss: 1, then beta, then 0.
         nll: weight of the negative log-likelihood: 0, then 1 - beta, then 1.
+        objective: name of the network's own objective, which takes the place of both.
     """
 
     winners: int
     ewta: float
     nll: float
+    objective: str = ""
 
     @property
     def name(self) -> str:
         """Short text for the log."""
+        if self.objective:
+            return self.objective
         if self.nll == 0.0:
             return f"EWTA({self.winners})"
         if self.ewta == 0.0:

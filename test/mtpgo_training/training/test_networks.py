@@ -81,7 +81,8 @@ def test_an_unknown_network_is_answered_by_the_known_ones():
     with pytest.raises(ConfigurationError) as error:
         build_network("lstm", {}, HISTORY, SCENE)
     assert str(error.value) == (
-        "network is 'lstm', expected one of 'mtp-go', 'seq2seq', 's-lstm', 'cs-lstm', 'gnn-rnn'"
+        "network is 'lstm', expected one of 'mtp-go', 'seq2seq', 's-lstm', 'cs-lstm', "
+        "'gnn-rnn', 'mmtransformer', 'trajectron++'"
     )
 
 

@@ -1,0 +1,80 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The objective of Trajectron++ (Salzmann et al., ECCV 2020, eq. 3), with its annealed weight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from models.baselines.latent.trajectron_plus_plus import TrajectronPlusPlus
+from models.mixture_likelihood import mode_log_prob
+
+
+def latent_loss(
+    model: TrajectronPlusPlus, fields: Mapping[str, Tensor], *, huber_delta: float, progress: float
+) -> Tensor:
+    """Return -(E_q[log p(y | x, z)] - beta KL(q(z | x, y) || p(z | x)) + alpha I(x; z)), a scalar.
+
+    z has few values, so the expectation is a sum over all of them and nothing is drawn. An average
+    over the observed agent-steps, as the other losses.
+
+    Args:
+        model: the network.
+        fields: a batch from :func:`mtpgo_training.scenes.scene_dataset.dense`.
+        huber_delta: not used.
+        progress: share of the training that is done, which determines beta.
+    """
+    target, mask = fields["target"][..., :2], fields["weight"]
+    known = mask > 0.0
+    context, start = model.encode(fields["x"], fields["valid"], fields["static"])
+    wheeled = model.is_wheeled(fields["static"])
+    mean, covariance = model.decode(context, start, wheeled, True)
+    log_prior = model.mixture(context)
+    log_posterior = model.log_posterior(context, start, target, known)
+    log_prob = mode_log_prob(mean, covariance, target, known)  # [B, N, M, H]
+    log_prob = torch.where(known.unsqueeze(2), log_prob, 0.0).sum(dim=-1)
+    expected = (log_posterior.exp() * log_prob).sum(dim=-1)
+    config = model.config
+    beta = annealed(config.kl_weight, progress, config.kl_centre, config.kl_width)
+    weight = mask.amax(dim=-1)
+    bound = (expected - beta * divergence(log_posterior, log_prior)) * weight
+    information = mutual_information(log_prior, weight) * weight.sum()
+    gain = bound.sum() + config.information_weight * information
+    return -gain / mask.sum().clamp(min=1e-6)
+
+
+def divergence(log_q: Tensor, log_p: Tensor) -> Tensor:
+    """Return [...] the Kullback-Leibler divergence KL(q || p) of categorical [..., M] (nats)."""
+    return (log_q.exp() * (log_q - log_p)).sum(dim=-1)
+
+
+def mutual_information(log_p: Tensor, weight: Tensor) -> Tensor:
+    """Return the mutual information of agent and z, a scalar (nats).
+
+    The entropy of the average distribution less the average entropy: large where each agent is
+    sure of its z and all values of z are used.
+
+    Args:
+        log_p: [B, N, M] log p(z | x).
+        weight: [B, N] of the agents.
+    """
+    share = (weight / weight.sum().clamp(min=1e-6)).unsqueeze(-1)
+    average = (share * log_p.exp()).sum(dim=(0, 1))
+    entropy = -(average * average.clamp(min=1e-12).log()).sum()
+    return entropy + (share * log_p.exp() * log_p).sum()
+
+
+def annealed(final: float, progress: float, centre: float, width: float) -> float:
+    """Return a weight that rises to ``final`` along a sigmoid.
+
+    Args:
+        final: its last value.
+        progress: share of the training, 0 to 1.
+        centre: share at which it is half of ``final``.
+        width: share in which the sigmoid's argument grows by one.
+    """
+    return final / (1.0 + math.exp(-(progress - centre) / width))
