@@ -111,6 +111,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="best: constant velocity predicts groups of road users in which it has been better, "
         "as the node does (model)",
     )
+    add(
+        "--kde-samples",
+        type=int,
+        default=0,
+        metavar="N",
+        help="also the likelihood by a kernel density estimate from N samples of each prediction, "
+        "as Trajectron++ is scored (0: not; published: 2000)",
+    )
     add("--no-centre", action="store_true", help="score only all agents")
     add(
         "--seeds",
@@ -160,6 +168,7 @@ def run(args: argparse.Namespace) -> int:
         (args.tracker_seed or 0) if args.tracker == SIMULATED else None,
         args.calibration or SHIPPED,
         args.prefer or PREFER_MODEL,
+        args.kde_samples,
     )
     if args.predictions:
         result = _from_bags(args, runners, topic)
@@ -226,6 +235,14 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigurationError(f"--stride is {args.stride}, expected more than 0")
     if not args.min_future >= 0:
         raise ConfigurationError(f"--min-future is {args.min_future}, expected at least 0")
+    if args.kde_samples and not 10 <= args.kde_samples <= 100_000:
+        raise ConfigurationError(
+            f"--kde-samples is {args.kde_samples}, expected 0, or 10 to 100000 samples"
+        )
+    if args.kde_samples and args.predictions:
+        raise ConfigurationError(
+            "--kde-samples is given with --predictions, expected models that are run here"
+        )
     if args.policy == "ego":
         raise ConfigurationError("--policy is 'ego' but a recording has no ego, expected another")
     if args.predictions and args.policy is not None:

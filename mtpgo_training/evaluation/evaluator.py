@@ -64,6 +64,7 @@ class Settings:
         calibration: what is applied to the models' output; ``online`` starts from the shipped
             calibration with each recording.
         prefer: who predicts, see :data:`~mtpgo_core.live_calibration.live_options.PREFERENCES`.
+        kde_samples: see :func:`~.scores.agent_scores.score_agents`.
     """
 
     policy: str | None = None
@@ -74,6 +75,7 @@ class Settings:
     tracker_seed: int | None = None
     calibration: str = SHIPPED
     prefer: str = PREFER_MODEL
+    kde_samples: int = 0
 
     @property
     def live(self) -> LiveOptions:
@@ -254,7 +256,11 @@ def evaluate_recording(
     for group in _same_history(runners):
         history = runners[group[0]].task.history
         scorer = Scorer(
-            recording, max_gap_s=history.max_gap_s, min_future_s=settings.min_future_s, name=name
+            recording,
+            max_gap_s=history.max_gap_s,
+            min_future_s=settings.min_future_s,
+            name=name,
+            kde_samples=settings.kde_samples,
         )
         predictors = {
             (model, protocol): make_predictor(runners[model], recording, policy)

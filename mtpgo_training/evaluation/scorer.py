@@ -104,6 +104,7 @@ class Scorer:
         max_gap_s: longest gap within a track that is bridged (s).
         min_future_s: agents observed for a shorter time afterwards are left out (s).
         name: of the recording in the table, its own by default.
+        kde_samples: see :func:`.scores.agent_scores.score_agents`.
     """
 
     def __init__(
@@ -113,7 +114,9 @@ class Scorer:
         max_gap_s: float = 0.5,
         min_future_s: float = 0.0,
         name: str | None = None,
+        kde_samples: int = 0,
     ) -> None:
+        self._kde_samples = kde_samples
         self.recording = recording
         self.name = recording.name if name is None else name
         self._future = FutureTable(recording, max_gap_s=max_gap_s)
@@ -168,6 +171,7 @@ class Scorer:
             truth.position,
             truth.mask,
             prediction.sigma_factor_50[rows],
+            self._kde_samples,
         )
         return ScoredPrediction(rows, truth, scores)
 

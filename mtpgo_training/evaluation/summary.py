@@ -76,6 +76,7 @@ def summarise(
         "prefer": None if from_bags else settings.prefer,
         "tracker": RECORDED if settings.tracker_seed is None else SIMULATED,
         "tracker_seed": settings.tracker_seed,
+        "kde_samples": settings.kde_samples,
         "baselines": list(BASELINES),
         "tasks": {name: dataclasses.asdict(r.task.scene) for name, r in runners.items()},
         "weights": {name: r.task.weights_sha256 for name, r in runners.items()},

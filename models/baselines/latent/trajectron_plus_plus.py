@@ -47,6 +47,7 @@ class TrajectronPlusPlus(TrajectoryPredictor):
     def __init__(self, config: TrajectronConfig):
         super().__init__(config)
         hidden, modes = config.hidden, config.modes
+        self.options = config
         self.dt_s = config.dt_s
         self.static_features = config.static_features
         inputs = self.condition.input_size + config.static_size * config.static_features

@@ -14,6 +14,7 @@ from mtpgo_core.quality import metrics
 from mtpgo_core.quality.metrics import Array, Mask
 from mtpgo_core.schema import BoolArray, ClassArray
 from mtpgo_training.data.manoeuvres import LabelArray
+from mtpgo_training.evaluation.scores.kernel_density import kernel_nll
 
 KEYS = (
     "ade",
@@ -22,6 +23,8 @@ KEYS = (
     "apde",
     "anll",
     "fnll",
+    "anll_kde",
+    "fnll_kde",
     "min_ade",
     "min_fde",
     "coverage_50",
@@ -112,6 +115,7 @@ def score_agents(
     truth: Array,
     mask: Mask,
     sigma_factor_50: Array | float = 1.0,
+    kde_samples: int = 0,
 ) -> AgentScores:
     """Compute every metric of n agents.
 
@@ -122,6 +126,8 @@ def score_agents(
         truth: [n, H, 2] (m).
         mask: [n, H] observed.
         sigma_factor_50: [n, H] of the 50 % ellipses, see :class:`~mtpgo_core.schema.Prediction`.
+        kde_samples: samples of each agent for the likelihood by a kernel density estimate, which
+            is NaN with 0.
     """
     n, horizon = mask.shape
     unknown, no_steps = np.full(n, np.nan), np.full((n, horizon), np.nan)
@@ -142,6 +148,11 @@ def score_agents(
     nees = metrics.nees(mean, weight, covariance, truth)
     values["anll"] = metrics.over_steps(nll, mask)
     values["fnll"] = np.where(mask[:, -1], nll[:, -1], np.nan)
+    values["anll_kde"] = values["fnll_kde"] = unknown
+    if kde_samples:
+        values["anll_kde"], values["fnll_kde"] = kernel_nll(
+            mean, weight, covariance, truth, mask, kde_samples
+        )
     steps |= {
         "nll": nll,
         "nees": nees,

@@ -48,6 +48,9 @@ TITLES = {
 }
 """Heads of the columns of tables."""
 
+KDE_TITLES = {"anll_kde": "ANLL kde", "fnll_kde": "FNLL kde"}
+"""Heads of the likelihoods by kernel density estimates, which are computed only if asked for."""
+
 POOLED_TITLES = {"coverage_50": "in 50%", "coverage_90": "in 90%", "coverage_95": "in 95%"}
 """Heads of the coverages over all steps and agents."""
 
@@ -190,9 +193,10 @@ def averages_table(averages: Averages, protocol: str = "all") -> Table:
         protocol: ``all`` or ``centre``.
     """
     given = {name: row[protocol] for name, row in averages.items() if protocol in row}
-    keys = [key for key in TITLES if any(row.get(key) is not None for row in given.values())]
+    titles = TITLES | KDE_TITLES
+    keys = [key for key in titles if any(row.get(key) is not None for row in given.values())]
     rows = [Row(name, [value_text(row.get(key)) for key in keys]) for name, row in given.items()]
-    return Table(["", *(TITLES[key] for key in keys)], rows)
+    return Table(["", *(titles[key] for key in keys)], rows)
 
 
 def value_text(value: float | None, digits: int = 3) -> str:

@@ -38,7 +38,7 @@ def latent_loss(
     log_prob = mode_log_prob(mean, covariance, target, known)  # [B, N, M, H]
     log_prob = torch.where(known.unsqueeze(2), log_prob, 0.0).sum(dim=-1)
     expected = (log_posterior.exp() * log_prob).sum(dim=-1)
-    config = model.config
+    config = model.options
     beta = annealed(config.kl_weight, progress, config.kl_centre, config.kl_width)
     weight = mask.amax(dim=-1)
     bound = (expected - beta * divergence(log_posterior, log_prior)) * weight
