@@ -261,6 +261,10 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
             "nothing could be scored",
         ),
         (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--kde-samples", "1"],
+            "--kde-samples is 1, expected 0, or 10 to 100000 samples",
+        ),
+        (
             ["--model", "default", "--data", "DATA", "--layout", "ind", "--min-future", "-1"],
             "--min-future is -1.0",
         ),
