@@ -21,7 +21,8 @@ class TrajectronConfig(NetworkConfig):
             unicycles; every other agent, one of unknown class included, is a single integrator.
             Follows from the task's classes.
         kl_weight: beta of eq. 3 at the end of the annealing.
-        kl_centre: share of the training after which beta is half of that.
+        kl_centre: share of the training after which beta is half of that (chosen: until then the
+            prior does not learn, and a short training had its heaviest mode wrong for longer).
         kl_width: share of the training that sets how slowly it rises around ``kl_centre``.
         information_weight: alpha of eq. 3, weight of the mutual information of x and z.
     """
@@ -31,6 +32,6 @@ class TrajectronConfig(NetworkConfig):
     bandwidth_m: float = option(30.0, above=0.0, below=math.inf)
     wheeled_columns: tuple[int, ...] = option((), low=0)
     kl_weight: float = option(1.0, low=0.0, below=math.inf)
-    kl_centre: float = option(0.2, low=0.0, high=1.0)
-    kl_width: float = option(0.05, above=0.0, below=math.inf)
+    kl_centre: float = option(0.05, low=0.0, high=1.0)
+    kl_width: float = option(0.02, above=0.0, below=math.inf)
     information_weight: float = option(1.0, low=0.0, below=math.inf)
