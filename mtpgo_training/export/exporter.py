@@ -265,7 +265,7 @@ def _check(model: TrajectoryPredictor, path: Path) -> None:
 def _example(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor, None, Tensor | None]:
     """Return inputs for two scenes of five agents at driving speeds, some late, some absent."""
     draw = torch.Generator().manual_seed(0)
-    shape = (2, 5, config.history_steps)
+    shape, size = (2, 5, config.history_steps), config.feature_size
     time = torch.arange(1 - config.history_steps, 1) * config.dt_s
     velocity = torch.randn(2, 5, 1, 2, generator=draw) * 8.0
     start = torch.randn(2, 5, 1, 2, generator=draw) * 20.0
@@ -273,7 +273,7 @@ def _example(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor, None, Tenso
     features[..., 0:2] = start + velocity * time[:, None]
     features[..., 2:4] = velocity.expand(*shape, 2)
     course = torch.atan2(velocity[..., 1], velocity[..., 0]).expand(*shape)
-    features[..., 6], features[..., 7] = course.cos(), course.sin()
+    features[..., 6:8] = torch.stack((course.cos(), course.sin()), -1)[..., : size - 6]
     valid = torch.ones(shape, dtype=torch.bool)
     valid[0, 1, : config.history_steps - 1] = False
     valid[1, 3:] = False
