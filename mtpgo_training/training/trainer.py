@@ -34,9 +34,11 @@ from mtpgo_training.training.console import epoch_line, setting_text, title_line
 from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes
 from mtpgo_training.training.interruption import Interruption
 from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
+from mtpgo_training.training.losses.ewta_loss import observed_agents
 from mtpgo_training.training.losses.likelihood_loss import (
     mode_likelihood_loss,
     negative_log_likelihood,
+    summed_negative_log_likelihood,
     trajectory_likelihood_loss,
 )
 from mtpgo_training.training.losses.schedules import learning_rate
@@ -223,7 +225,9 @@ def _fit(
 
             batch = fabric.to_device(batch)
             loss = loss_module(batch, teacher_forcing)
-            loss, mean_loss, agents, run.stopping = _share(fabric, loss, batch, stop)
+            loss, mean_loss, agents, run.stopping = _share(
+                fabric, loss, batch, stop, by_agent=options.reduction == "sum"
+            )
             optimiser.zero_grad()
             fabric.backward(loss)
             norm = fabric.clip_gradients(
@@ -287,7 +291,10 @@ class BatchLoss(nn.Module):
         self.model = run.model
         self.run = run
         options = run.config.optimisation
+        self.summed = options.reduction == "sum"
         self.likelihood: Likelihood = negative_log_likelihood
+        if self.summed:
+            self.likelihood = summed_negative_log_likelihood
         if options.likelihood == "trajectory":
             self.likelihood = functools.partial(
                 trajectory_likelihood_loss, correlated_steps=options.correlated_steps
@@ -309,22 +316,25 @@ class BatchLoss(nn.Module):
             heaviest_weight=0.0 if calibrates else options.heaviest_weight,
             likelihood=mode_likelihood_loss if calibrates else self.likelihood,
             teacher_forcing=teacher_forcing,
+            summed=self.summed,
         )
 
 
 def _share(
-    fabric: Fabric, loss: Tensor, batch: Batch, stop: bool
+    fabric: Fabric, loss: Tensor, batch: Batch, stop: bool, *, by_agent: bool
 ) -> tuple[Tensor, float, float, bool]:
     """Weight a process's loss so that the average over the processes is that of the whole batch.
 
-    A loss is an average over agent-steps, of which each process has a different number. The same
+    A loss is an average over agent-steps or, ``by_agent``, over observed agents, of which each
+    process has a different number. The same
     message distributes the request to stop, so that all processes end after the same step.
 
     Returns:
         The weighted loss; the loss and the number of agents of the whole batch; whether any
         process asks to stop.
     """
-    weight, agents = batch.weight.sum(), batch.valid[:, -1].sum()
+    weight = observed_agents(batch.weight) if by_agent else batch.weight.sum()
+    agents = batch.valid[:, -1].sum()
     if fabric.world_size == 1:
         return loss, float(loss.detach()), float(agents), stop
     total = fabric.all_reduce(

@@ -27,6 +27,12 @@ PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 LIKELIHOODS = ("step", "trajectory", "mode")
 """What the mixture is a distribution of."""
 
+REDUCTIONS = ("mean", "sum")
+"""How a loss is made of the steps of a trajectory."""
+
+TEACHER_FORCING_SCHEDULES = ("warm_up", "constant")
+"""When teacher forcing is used."""
+
 KEEP = ("best", "last")
 """Which epoch's weights are exported."""
 
@@ -57,15 +63,21 @@ class OptimisationConfig:
             :func:`mtpgo_training.training.losses.likelihood_loss.trajectory_likelihood_loss`;
             ``mode``: each mode on its own, see
             :func:`mtpgo_training.training.losses.likelihood_loss.mode_likelihood_loss`.
+        reduction: ``mean``: losses are averages over winners and observed agent-steps; ``sum``:
+            sums over them for each agent, averaged over the agents, as in the paper (eqs. 27 and
+            28). Only with the likelihood ``step`` and without the losses that are not the paper's.
+        calibrated: fit a calibration of the output to the validation; false as in the paper.
         train_only: prefixes of the names of the parameters that are trained, for instance
             ``noise``, ``initial_covariance`` and ``mixture``; empty for all.
         calibration_epochs: the last epochs, in which only the covariances are trained, on the
             likelihood ``mode``; the network after them is exported.
         calibration_learning_rate: peak of the learning rate in these epochs.
         correlated_steps: steps that count as one in the likelihood of a trajectory.
-        teacher_forcing: probability at the start that a roll-out is fed the observed states; it
-            falls linearly to zero at the end of the warm-up (total / 4). The default is none: the
-            roll-out starts at the observed state, and a predictor has to cope with its own errors.
+        teacher_forcing: probability at the start that a roll-out is fed the observed states. The
+            default is none: the roll-out starts at the observed state, and a predictor has to cope
+            with its own errors. The paper has 1 throughout.
+        teacher_forcing_schedule: ``warm_up``: the probability falls linearly to zero at the end of
+            the warm-up (total / 4); ``constant``: it stays, as in the paper.
         average_decay: decay of the exponential moving average of the weights that is validated
             and exported; 0 for none.
         keep: which epoch is exported, one of ``KEEP``: the ``best`` by validation ADE, or the
@@ -86,10 +98,13 @@ class OptimisationConfig:
     heaviest_weight: float = option(0.0, low=0.0)
     likelihood: str = option("step", choices=LIKELIHOODS)
     correlated_steps: float = option(5.0, low=1.0)
+    reduction: str = option("mean", choices=REDUCTIONS)
+    calibrated: bool = True
     train_only: tuple[str, ...] = ()
     calibration_epochs: int = option(0, low=0)
     calibration_learning_rate: float = option(3e-3, above=0)
     teacher_forcing: float = option(0.0, low=0.0, high=1.0)
+    teacher_forcing_schedule: str = option("warm_up", choices=TEACHER_FORCING_SCHEDULES)
     average_decay: float = option(0.0, low=0.0, high=1.0)
     keep: str = option("best", choices=KEEP)
 
@@ -100,6 +115,15 @@ class OptimisationConfig:
             self.calibration_epochs,
             self.calibration_epochs < self.epochs,
             f"below optimisation.epochs, {self.epochs}",
+        )
+        paper = self.likelihood == "step" and self.calibration_epochs == 0
+        paper = paper and self.mean_weight == 0.0 and self.heaviest_weight == 0.0
+        require(
+            "optimisation.reduction",
+            self.reduction,
+            paper or self.reduction == "mean",
+            "'mean' with mean_weight, heaviest_weight, calibration_epochs or another likelihood "
+            "than 'step'",
         )
 
     @property
