@@ -8,6 +8,7 @@ and takes seconds to load.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import logging
 import time
@@ -15,6 +16,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 from lightning_fabric import Fabric
@@ -26,6 +28,7 @@ from torch_geometric.loader import DataLoader
 from tqdm import tqdm
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import write_text
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.scenes.scene_dataset import dense
@@ -43,11 +46,18 @@ from mtpgo_training.training.losses.likelihood_loss import (
 )
 from mtpgo_training.training.losses.schedules import learning_rate
 from mtpgo_training.training.networks import build_network, weights_hash
+from mtpgo_training.training.recipes.configured_origins import with_site_origins
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
-from mtpgo_training.training.training_config import TrainingConfig
+from mtpgo_training.training.training_config import TrainingConfig, load_config
 from mtpgo_training.training.validation import validate_epoch
+
+if TYPE_CHECKING:
+    from mtpgo_training.training.trial.learning_rate_range import RangeTest
+
+RANGE_TEST_FILE = "learning_rate_test.csv"
+"""Points of the range test, in the run folder."""
 
 STATISTICS_SCENES = 512
 """Scenes from which the scales of the network's inputs are taken (chosen)."""
@@ -67,6 +77,7 @@ def train(
     *,
     resume: bool = False,
     init_from: Path | None = None,
+    find_rate: bool = False,
     max_minutes: float | None = None,
     cache: RecordingCache | None = None,
     scenes: Scenes | None = None,
@@ -81,6 +92,8 @@ def train(
         folder: the run's folder, new unless ``resume``.
         resume: continue the run in the folder; its configuration and data must be the same.
         init_from: checkpoint of the same architecture whose weights to start from.
+        find_rate: take the learning rate from a range test before the first epoch, see
+            :mod:`mtpgo_training.training.trial.learning_rate_range`; a resumed run has its own.
         max_minutes: time limit of the training (min); the current step is completed.
         cache: keeps what is expensive to compute from the recordings.
         scenes: the scenes of these recordings with this configuration, if they were prepared.
@@ -95,6 +108,10 @@ def train(
             cannot be used.
     """
     prepare_process(_threads(config))
+    if find_rate and resume and (folder.path / "config.yaml").is_file():
+        stored = load_config(folder.path / "config.yaml")
+        config = _with_rate(config, stored.optimisation.learning_rate)
+    config = with_site_origins(config, recordings)
     torch.manual_seed(config.seed)
     model = build_network(config.network, config.model, config.history, config.scene)
     _freeze(model, config.optimisation.train_only)
@@ -122,12 +139,24 @@ def train(
     if not (checkpoint or initial):
         _fit_statistics(run, scenes)
     _require_shares(fabric.world_size, config, len(scenes.training))
+    range_test: RangeTest | None = None
+    if find_rate and not resume:
+        range_test = _range_test(run, scenes, fabric)
+        config = run.config = _with_rate(config, range_test.suggestion)
     if creates_folder:
         start_hash = weights_hash(run.average) if initial else ""
         folder.start(config, splits.describe(), start_hash)
+        if range_test is not None:
+            write_text(folder.path / RANGE_TEST_FILE, range_test.to_csv())
     if verbose:
         device, processes = fabric.device, fabric.world_size
         print(setting_text(run, scenes, splits, folder.path, device, processes), flush=True)
+        if range_test is not None:
+            print(
+                f"rate       {config.optimisation.learning_rate:.3g} from a range test of "
+                f"{len(range_test.rates)} steps, see {folder.path / RANGE_TEST_FILE}",
+                flush=True,
+            )
     if not run.finished:
         with _quiet():
             fabric.launch()
@@ -145,6 +174,29 @@ def train(
                 progress,
             )
     return run
+
+
+def _range_test(run: TrainingRun, scenes: Scenes, fabric: Fabric) -> RangeTest:
+    """Return the range test of a run.
+
+    Raises:
+        ConfigurationError: there are several processes, which could find different rates.
+    """
+    # Imported here: it imports the loss from this module.
+    from mtpgo_training.training.trial.learning_rate_range import learning_rate_range_test
+
+    if fabric.world_size > 1:
+        raise ConfigurationError(
+            f"--find-lr is given with {fabric.world_size} processes, expected one: find the rate "
+            "with --devices 1 and give it as optimisation.learning_rate"
+        )
+    return learning_rate_range_test(run, scenes, fabric.device)
+
+
+def _with_rate(config: TrainingConfig, rate: float) -> TrainingConfig:
+    """Return the configuration with another learning rate."""
+    options = dataclasses.replace(config.optimisation, learning_rate=rate)
+    return dataclasses.replace(config, optimisation=options)
 
 
 def _fit(

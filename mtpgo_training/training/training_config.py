@@ -230,13 +230,29 @@ class TrainingConfig:
 def load_config(path: Path, settings: Sequence[str] = ()) -> TrainingConfig:
     """Read a configuration from a YAML file.
 
+    The file's ``base`` may list other files, whose values it takes where it has none of its own.
+
     Args:
-        path: the file.
+        path: the file, see :func:`mtpgo_training.training.recipes.named_configs.find_config`.
         settings: ``KEY=VALUE`` each, a dotted path and a YAML value, which override the file.
 
     Raises:
         ConfigurationError: the file cannot be read, is not a YAML mapping, or has an unknown
             field or a value of the wrong type; the message names the file and the field.
+    """
+    data = _read(path)
+    for setting in settings:
+        data = _with_setting(data, setting)
+    if isinstance(data, dict) and "data" in data:
+        data = {**data, "data": with_preset(data["data"])}
+    return from_dict(TrainingConfig, data, f"{path} with --set" if settings else str(path))
+
+
+def _read(path: Path, inside: tuple[Path, ...] = ()) -> Any:
+    """Return the plain data of a file, on top of those of the files in its ``base``.
+
+    Raises:
+        ConfigurationError: a file cannot be read, or is its own base.
     """
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -247,12 +263,26 @@ def load_config(path: Path, settings: Sequence[str] = ()) -> TrainingConfig:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"the configuration {path} is no YAML: {reason}") from error
-    data = {} if data is None else data
-    for setting in settings:
-        data = _with_setting(data, setting)
-    if isinstance(data, dict) and "data" in data:
-        data = {**data, "data": with_preset(data["data"])}
-    return from_dict(TrainingConfig, data, f"{path} with --set" if settings else str(path))
+    if not isinstance(data, dict) or "base" not in data:
+        return {} if data is None else data
+    names, inside = data.pop("base"), (*inside, path.resolve())
+    texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
+    require(f"base in {path}", names, texts, "a list of files, without .yaml, seen from this one")
+    merged: Any = {}
+    for name in names:
+        other = path.parent / f"{name}.yaml"
+        if other.resolve() in inside:
+            raise ConfigurationError(f"base in {path} names {name!r}, which is based on this file")
+        merged = _merged(merged, _read(other, inside))
+    return _merged(merged, data)
+
+
+def _merged(first: Any, other: Any) -> Any:
+    """Return plain data with those of ``other`` put over them, mapping by mapping."""
+    if not (isinstance(first, dict) and isinstance(other, dict)):
+        return other
+    both = {key: _merged(first[key], other[key]) for key in first.keys() & other.keys()}
+    return {**first, **other, **both}
 
 
 def _with_setting(data: Any, setting: str) -> Any:
