@@ -57,7 +57,7 @@ class Conditioning(nn.Module):
         base = (FEATURE_STD + context)[: config.feature_size]
         std = base + (OWN_STD if config.agent_frame else ())
         # In the agent's frame the decoder sees the deviation from uniform motion.
-        state = DEVIATION_STD if config.agent_frame else STATE_STD
+        state: tuple[float, ...] = DEVIATION_STD if config.agent_frame else STATE_STD
         if not self.scaled:
             std, state = (1.0,) * len(std), (1.0,) * len(state)
         self.register_buffer("input_mean", torch.zeros(len(std)))

@@ -85,7 +85,7 @@ class Augmentation:
         for name, sign in _ANGLES.items():
             if name in at:
                 angle = -features[..., at[name]] if self.mirror else features[..., at[name]]
-                out[..., at[name]] = wrap(angle + sign * self.turn_rad)
+                out[..., at[name]] = wrap(np.asarray(angle + sign * self.turn_rad, np.float64))
         for name in _LENGTHS:
             if name in at:
                 out[..., at[name]] *= self.scale
