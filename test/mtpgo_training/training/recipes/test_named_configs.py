@@ -35,7 +35,8 @@ def test_the_papers_configurations(name, monkeypatch, tmp_path):
     assert isinstance(model, ModelConfig)
     assert model.order == int(name[6])
     assert model.static_features == ("-s-" in name)
-    assert not (model.conditioned or model.agent_frame or model.tied or model.hold_standing)
+    switches = ("conditioned", "agent_frame", "tied", "hold_standing")
+    assert not any(getattr(model, switch) for switch in switches)
     assert (model.motion_input, model.noise_input) == ("network", "velocity")
     assert (model.covariance_inflation, model.noise_floor, model.observation_std_m) == (0, 0, 0)
     assert (config.scene.angles, config.scene.departed_agents) == ("radians", True)
@@ -64,5 +65,5 @@ def test_a_file_stands_on_others(tmp_path):
     with pytest.raises(ConfigurationError, match="names 'b', which is based on this file"):
         load_config(tmp_path / "b.yaml")
     (tmp_path / "b.yaml").write_text("base: a", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match="base in .* expected a list of files"):
+    with pytest.raises(ConfigurationError, match=r"base in .* expected a list of files"):
         load_config(tmp_path / "b.yaml")
