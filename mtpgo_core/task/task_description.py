@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -171,7 +170,7 @@ class SceneConfig:
         for location, origin in self.site_origins.items():
             numbers = isinstance(origin, list | tuple) and len(origin) == 2
             numbers = numbers and all(
-                isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v)
+                isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= 1e9
                 for v in origin
             )
             require(f"scene.site_origins.{location}", origin, numbers, "two numbers, x and y (m)")

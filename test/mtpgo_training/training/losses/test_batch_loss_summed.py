@@ -60,7 +60,7 @@ def test_micro_batches_count_agents():
     ids=lambda other: next(iter(other)),
 )
 def test_sums_are_the_papers_losses_only(other):
-    with pytest.raises(ConfigurationError, match="optimisation.reduction is 'sum', expected"):
+    with pytest.raises(ConfigurationError, match=r"optimisation.reduction is 'sum', expected"):
         OptimisationConfig(reduction="sum", **other)
 
 
