@@ -18,7 +18,8 @@ class Decoder(nn.Module):
     def __init__(self, config: ModelConfig):
         super().__init__()
         hidden = config.hidden
-        self.initial = nn.Parameter(torch.zeros(hidden))
+        # Not in the paper, where the decoder continues from the encoder's last state.
+        self.initial = nn.Parameter(torch.zeros(hidden), requires_grad=config.conditioned)
         self.embed = nn.Linear(config.modes * config.state_size, hidden)  # W_x, b_x
         self.attention = TemporalAttention(hidden, config.history_steps)
         self.combine = nn.Linear(2 * hidden, hidden)  # W_f, b_f

@@ -8,15 +8,6 @@ from torch import Tensor, nn
 from models.kernels.block_product import block_product, symmetric
 from models.mtp_go_config import ModelConfig
 
-INFLATION = 1e-5
-"""Share of each variance that is added to it in every step.
-
-Float32 keeps a matrix definite only down to relative eigenvalues of some 1e-6; a P_0 of
-millimetres under a motion of a hundred metres is beyond that. The share widens a standard
-deviation by 0.013 % over 25 steps, and covariances stay positive definite (docs/design.md,
-decision 9).
-"""
-
 
 class EkfCovariance(nn.Module):
     r"""P' = F P F^T + G Q G^T over the whole horizon (EKF time update, eq. 21b).
@@ -35,7 +26,8 @@ class EkfCovariance(nn.Module):
     First order has the position alone: P' = D P D^T + dt^2 Q.
 
     The blocks are laid out [2, 2, ...] with the batch last, so that a product is a few long vector
-    operations. After each step every variance grows by :data:`INFLATION`.
+    operations. After each step every variance grows by
+    ``covariance_inflation``, 0 in the paper.
     """
 
     inflation: Tensor
@@ -46,7 +38,8 @@ class EkfCovariance(nn.Module):
         dt = config.dt_s
         self.to_q = dt  # G's gain on the highest-order states
         self.to_position = 0.5 * dt * dt if config.noise_input == "integrated" else 0.0  # g
-        inflation = INFLATION * torch.eye(2).view(2, 2, 1, 1, 1)
+        self.share = config.covariance_inflation
+        inflation = config.covariance_inflation * torch.eye(2).view(2, 2, 1, 1, 1)
         self.register_buffer("inflation", inflation, persistent=False)
 
     def forward(

@@ -10,7 +10,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-from models.mtp_go_config import ModelConfig
+from models.mtp_go_config import RHO_LIMIT, SIGMA_FLOOR, ModelConfig
 from models.own_frame.small_linear import small_linear
 
 SPREAD = 0.1
@@ -19,15 +19,6 @@ SPREAD = 0.1
 Chosen: large enough for the winner-takes-all loss to separate the modes.
 """
 
-SIGMA_FLOOR = 0.01
-"""Least process noise (m/s or m/s^2) and least initial deviation (m, m/s).
-
-Chosen: far below any tracker's accuracy, and not zero, so that covariances stay definite.
-"""
-
-RHO_LIMIT = 0.999
-"""Factor on softsign (chosen: keeps Q definite in float32)."""
-
 FIRST_MODE = 0.2
 """Initial log weight of the first mode; the others have 0 (chosen: barely the likeliest)."""
 
@@ -35,6 +26,11 @@ FIRST_MODE = 0.2
 def inverse_softplus(value: float) -> float:
     """Return the number whose softplus is ``value``."""
     return value + math.log(-math.expm1(-value))
+
+
+def head_linear(size_in: int, size_out: int, conditioned: bool, bias: float = 0.0) -> nn.Linear:
+    """Return a head's last layer: :func:`small_linear`, or torch's usual one (unconditioned)."""
+    return small_linear(size_in, size_out, bias) if conditioned else nn.Linear(size_in, size_out)
 
 
 class ControlHead(nn.Module):
@@ -47,14 +43,17 @@ class ControlHead(nn.Module):
         hidden: D.
         modes: M.
         controls: numbers per mode; the first two are initially on the circle.
+        conditioned: false for torch's usual initial weights.
     """
 
-    def __init__(self, hidden: int, modes: int, controls: int):
+    def __init__(self, hidden: int, modes: int, controls: int, conditioned: bool = True):
         super().__init__()
         self.modes = modes
         self.controls = controls
         self.body = nn.Linear(hidden, hidden)
-        self.out = small_linear(hidden, modes * controls)
+        self.out = head_linear(hidden, modes * controls, conditioned)
+        if not conditioned:
+            return
         angle = torch.arange(modes - 1) * (2.0 * math.pi / max(modes - 1, 1))
         circle = SPREAD * torch.stack((angle.cos(), angle.sin()), dim=-1)
         with torch.no_grad():
@@ -67,17 +66,32 @@ class ControlHead(nn.Module):
 
 
 class NoiseHead(nn.Module):
-    """Process noise Q (eq. 23) from three heads: softplus, softplus, softsign."""
+    """Process noise Q (eq. 23) from three heads: softplus, softplus, softsign.
 
-    def __init__(self, hidden: int, modes: int):
+    Args:
+        hidden: D.
+        modes: M.
+        floor: added to both deviations (m/s or m/s^2); 0 in the paper.
+        limit: factor on softsign; 1 in the paper.
+        conditioned: false for torch's usual initial weights.
+    """
+
+    def __init__(
+        self,
+        hidden: int,
+        modes: int,
+        floor: float = SIGMA_FLOOR,
+        limit: float = RHO_LIMIT,
+        conditioned: bool = True,
+    ):
         super().__init__()
-        self.floor = SIGMA_FLOOR
-        self.limit = RHO_LIMIT
+        self.floor = floor
+        self.limit = limit
         self.body = nn.Linear(hidden, hidden)
-        start = inverse_softplus(1.0 - SIGMA_FLOOR)
-        self.sigma_1 = small_linear(hidden, modes, start)
-        self.sigma_2 = small_linear(hidden, modes, start)
-        self.rho = small_linear(hidden, modes)
+        start = inverse_softplus(max(1.0 - floor, 1e-4))  # above zero
+        self.sigma_1 = head_linear(hidden, modes, conditioned, start)
+        self.sigma_2 = head_linear(hidden, modes, conditioned, start)
+        self.rho = head_linear(hidden, modes, conditioned)
 
     def forward(self, h: Tensor) -> Tensor:
         """Return Q [2, 2, H, B, N, M] of the decoder's states [H, B, N, D]."""
@@ -100,16 +114,17 @@ class InitialCovariance(nn.Module):
         super().__init__()
         std = [config.initial_std_m] * 2 + [config.initial_std_mps] * 2
         std = std[: config.state_size]
-        self.floor = SIGMA_FLOOR
+        self.floor = config.noise_floor
         self.register_buffer("std", torch.tensor(std))
         # Without a Kalman filter there is no P_0 to learn.
         self.learned = config.initial_covariance == "learned" and config.ekf
         self.head: nn.Module = nn.Identity()
         if self.learned:
-            head = small_linear(config.hidden, config.state_size)
-            first = [inverse_softplus(max(s - SIGMA_FLOOR, 1e-4)) for s in std]  # above zero
-            with torch.no_grad():
-                head.bias.copy_(torch.tensor(first))
+            head = head_linear(config.hidden, config.state_size, config.conditioned)
+            if config.conditioned:
+                first = [inverse_softplus(max(s - self.floor, 1e-4)) for s in std]  # above zero
+                with torch.no_grad():
+                    head.bias.copy_(torch.tensor(first))
             self.head = head
 
     def forward(self, h: Tensor) -> Tensor:
@@ -128,11 +143,12 @@ class MixtureHead(nn.Module):
     decisions 10 and 16).
     """
 
-    def __init__(self, hidden: int, modes: int):
+    def __init__(self, hidden: int, modes: int, conditioned: bool = True):
         super().__init__()
-        self.out = small_linear(hidden, modes)
-        with torch.no_grad():
-            self.out.bias[0] = FIRST_MODE
+        self.out = head_linear(hidden, modes, conditioned)
+        if conditioned:
+            with torch.no_grad():
+                self.out.bias[0] = FIRST_MODE
 
     def forward(self, h: Tensor) -> Tensor:
         """Return [B, N, M] of [B, N, D]."""

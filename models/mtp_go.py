@@ -21,7 +21,7 @@ from models.own_frame.agent_frames import (
     states_to_own,
     states_to_scene,
 )
-from models.own_frame.covariance_frames import initial_in_own_frame, rotate_blocks
+from models.own_frame.covariance_frames import FLOOR, initial_in_own_frame, rotate_blocks
 from models.own_frame.trail_input import TrailInput
 from models.temporal_attention import presence_bias
 from models.trajectory_predictor import TrajectoryPredictor
@@ -55,6 +55,7 @@ class MTPGO(TrajectoryPredictor):
         self.static_everywhere = config.static_features and config.static_inputs == "all"
         self.hold_standing = config.hold_standing
         self.sees_trails = config.trail_branches > 0
+        self.floor = FLOOR if config.covariance_inflation > 0.0 else 0.0
         static_size = config.static_size if self.static_everywhere else 0
         self.encoder = Encoder(config, self.condition.input_size + static_size)
         self.decoder = Decoder(config)
@@ -64,14 +65,17 @@ class MTPGO(TrajectoryPredictor):
         else:
             self.direct_states = DirectStates(config)
             controls = self.direct_states.controls
-        self.control = ControlHead(config.hidden, config.modes, controls)
-        self.noise = NoiseHead(config.hidden, config.modes)
+        usual = config.conditioned
+        self.control = ControlHead(config.hidden, config.modes, controls, usual)
+        self.noise = NoiseHead(
+            config.hidden, config.modes, config.noise_floor, config.correlation_limit, usual
+        )
         self.initial_covariance = InitialCovariance(config)
         if config.ekf:
             self.filter = EkfCovariance(config)
         else:
             self.direct_covariance = DirectCovariance(config)
-        self.mixture = MixtureHead(config.hidden, config.modes)
+        self.mixture = MixtureHead(config.hidden, config.modes, usual)
         if self.sees_trails:
             self.trail = TrailInput(config, config.trail_branches)
 
@@ -151,7 +155,7 @@ class MTPGO(TrajectoryPredictor):
             blocks = self.filter(first, of_q, of_position, noise)  # [2, 2, H, B, N, M] each
         else:
             blocks = self.direct_covariance(noise)
-        return log_weight, mean, self.observed(rotate_blocks(blocks, start.direction))
+        return log_weight, mean, self.observed(rotate_blocks(blocks, start.direction, self.floor))
 
     def first_state(self, start: Start) -> Tensor:
         """Return [B, N, M, S] the state at t, the same for all modes."""

@@ -15,6 +15,21 @@ INTEGRATORS = ("euler", "heun", "rk4")
 NOISE_INPUTS = ("velocity", "integrated")
 STATIC_INPUTS = ("motion", "all")
 INITIAL_COVARIANCES = ("learned", "configured")
+MOTION_INPUTS = ("added", "network")
+
+INFLATION = 1e-5
+"""Default of ``covariance_inflation``. Chosen: float32 keeps a matrix definite only down to
+relative eigenvalues of some 1e-6; a P_0 of millimetres under a motion of a hundred metres is
+beyond that. The share widens a standard deviation by 0.013 % over 25 steps."""
+
+SIGMA_FLOOR = 0.01
+"""Least process noise (m/s or m/s^2) and least initial deviation (m, m/s).
+
+Chosen: far below any tracker's accuracy, and not zero, so that covariances stay definite.
+"""
+
+RHO_LIMIT = 0.999
+"""Factor on softsign (chosen: keeps Q definite in float32)."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +46,9 @@ class ModelConfig(NetworkConfig):
         integrator: step of the neural ODE, one of ``INTEGRATORS``.
         ode_hidden: units of each hidden layer of f_1 and of f_2.
         ode_layers: hidden layers of f_1 and of f_2.
+        motion_input: how the input u enters the motion model: ``added``: dq/dt = u + f(q, u), and
+            u includes the velocity at t in first order; ``network``: dq/dt = f(q, u) with u as
+            the decoder gives it, as in the paper (eqs. 17 to 19).
         noise_input: how process noise enters a second-order state: ``velocity``: Ts [0; I] as in
             the paper (eq. 25); ``integrated``: [Ts^2/2; Ts], so that the position is uncertain
             from the first step on. A first-order model has Ts I in both cases.
@@ -38,6 +56,12 @@ class ModelConfig(NetworkConfig):
             ``configured``: the two values below for all agents.
         initial_std_m: configured, or first value of the learned, position deviation (m).
         initial_std_mps: configured, or first value of the learned, velocity deviation (m/s).
+        covariance_inflation: share of each variance that is added to it in every step, so that
+            covariances stay positive definite in float32; 0 as in the paper (eq. 21), which also
+            leaves out the floor of the rotation between frames.
+        noise_floor: least process noise (m/s or m/s^2) and least learned initial deviation (m,
+            m/s); the paper has 0.
+        correlation_limit: largest correlation of the process noise; the paper has 1.
         observation_std_mps: as ``observation_std_m``, of the velocity (m/s).
         encoder_gnn: false removes all edges from the encoder's graphs (ablation).
         decoder_gnn: false removes all edges from the decoder's graph (ablation).
@@ -46,6 +70,9 @@ class ModelConfig(NetworkConfig):
         static_inputs: what sees the static features, with ``static_features``: ``motion``: the
             neural ODE alone, as in the paper; ``all``: the encoder, too.
         trail_branches: R, paths of earlier road users that the decoder sees; 0 for none.
+        conditioned: inputs are scaled by statistics, and the untrained network moves every agent
+            at constant velocity. False: features as they are, torch's usual initial weights, and
+            nothing but the paper's layers; see docs/training.md for what that costs.
         hold_standing: the first mode of a standing agent is uniform motion (not in the paper), so
             that an agent that stays where it is can be predicted exactly.
     """
@@ -59,10 +86,14 @@ class ModelConfig(NetworkConfig):
     integrator: str = option("rk4", choices=INTEGRATORS)
     ode_hidden: int = option(16, low=1)
     ode_layers: int = option(1, low=1)
+    motion_input: str = option("added", choices=MOTION_INPUTS)
     noise_input: str = option("integrated", choices=NOISE_INPUTS)
     initial_covariance: str = option("learned", choices=INITIAL_COVARIANCES)
     initial_std_m: float = option(0.1, above=0.0, below=math.inf)
     initial_std_mps: float = option(0.3, above=0.0, below=math.inf)
+    covariance_inflation: float = option(INFLATION, low=0.0, below=1.0)
+    noise_floor: float = option(SIGMA_FLOOR, low=0.0, below=math.inf)
+    correlation_limit: float = option(RHO_LIMIT, above=0.0, high=1.0)
     observation_std_mps: float = option(0.0, low=0.0, below=math.inf)
     encoder_gnn: bool = True
     decoder_gnn: bool = True
@@ -70,6 +101,7 @@ class ModelConfig(NetworkConfig):
     ode: bool = True
     static_inputs: str = option("motion", choices=STATIC_INPUTS)
     trail_branches: int = option(0, low=0)
+    conditioned: bool = True
     hold_standing: bool = False
 
     def __post_init__(self) -> None:
@@ -83,6 +115,11 @@ class ModelConfig(NetworkConfig):
     def state_size(self) -> int:
         """S, 2 or 4."""
         return 2 * self.order
+
+    @property
+    def is_conditioned(self) -> bool:
+        """``conditioned``."""
+        return self.conditioned
 
     @property
     def observation_std(self) -> list[float]:

@@ -14,13 +14,17 @@ from mtpgo_core.options import check_options, check_types, from_dict, option
 BASE_FEATURES = 8
 """Columns that all inputs begin with: x, y, vx, vy, ax, ay, cos_yaw, sin_yaw."""
 
+LEAST_FEATURES = 7
+"""The same with the yaw as one angle, as in the paper; only without own frames."""
+
 
 @dataclass(frozen=True)
 class NetworkConfig:
     """Options that are fixed when the weights of a network are created.
 
     Attributes:
-        feature_size: F, the base columns x, y, vx, vy, ax, ay, cos_yaw, sin_yaw and context.
+        feature_size: F, the base columns x, y, vx, vy, ax, ay, cos_yaw, sin_yaw (or the yaw as
+            one angle) and context.
         static_size: C, number of static features: the one-hot agent class, and its size.
         history_steps: T, the present sample included (docs/design.md, decision 1).
         horizon_steps: H.
@@ -38,7 +42,7 @@ class NetworkConfig:
             decision 16).
     """
 
-    feature_size: int = option(BASE_FEATURES, low=BASE_FEATURES)
+    feature_size: int = option(BASE_FEATURES, low=LEAST_FEATURES)
     static_size: int = option(8, low=0)
     history_steps: int = option(16, low=1)
     horizon_steps: int = option(25, low=1)
@@ -57,11 +61,21 @@ class NetworkConfig:
             raise ConfigurationError(
                 "model.static_features is True and static_size 0, expected at least 1"
             )
+        if self.agent_frame and self.feature_size < BASE_FEATURES:
+            raise ConfigurationError(
+                f"model.feature_size is {self.feature_size}, expected at least {BASE_FEATURES} "
+                "with agent_frame, which needs the yaw as cosine and sine (scene.angles)"
+            )
 
     @property
     def state_size(self) -> int:
         """S, 2: x, y, unless a subclass predicts more."""
         return 2
+
+    @property
+    def is_conditioned(self) -> bool:
+        """Whether inputs are scaled and the untrained network moves agents uniformly."""
+        return True
 
     @property
     def observation_std(self) -> list[float]:

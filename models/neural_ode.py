@@ -33,8 +33,9 @@ class NeuralODE(nn.Module):
 
     The input u is what the decoder commands, in a first-order model added to the velocity at t;
     with the networks' last layer at zero and nothing commanded, agents move at constant velocity
-    in both orders (docs/design.md, decision 16). f_1 and f_2 run as one network with
-    block-diagonal weights.
+    in both orders (docs/design.md, decision 16). With ``motion_input="network"``
+    dq_i/dt = f_i(q, u_i[, class]) as in the paper, and u is what the decoder gives in both orders.
+    f_1 and f_2 run as one network with block-diagonal weights.
 
     Attributes:
         controls: numbers that the decoder gives per mode and step.
@@ -51,9 +52,11 @@ class NeuralODE(nn.Module):
         self.controls = 2
         nodes, weights = TABLEAUS[config.integrator]
         carried = [b * a for a, b in zip(nodes[1:], weights[1:], strict=True)] + [0.0]
-        self.method = RungeKutta(config.dt_s, list(nodes), list(weights), carried)
-        self.q_scale = Q_SCALES[config.order]
-        self.u_scale = U_SCALES[config.order]
+        self.added = config.motion_input == "added"
+        drive = 1.0 if self.added else 0.0
+        self.method = RungeKutta(config.dt_s, list(nodes), list(weights), carried, drive)
+        self.q_scale = Q_SCALES[config.order] if config.conditioned else 1.0
+        self.u_scale = U_SCALES[config.order] if config.conditioned else 1.0
         self.static_size = config.static_size if config.static_features else 0
         width = config.ode_hidden
         bound = (3 + self.static_size) ** -0.5
@@ -67,6 +70,9 @@ class NeuralODE(nn.Module):
         nn.init.uniform_(self.inner, -(width**-0.5), width**-0.5)
         self.last = nn.Parameter(torch.zeros(2, width))
         self.last_bias = nn.Parameter(torch.zeros(2))
+        if not (self.added and config.conditioned):
+            # Zeros would keep the decoder's inputs from having any effect, and any gradient.
+            nn.init.uniform_(self.last, -(width**-0.5), width**-0.5)
 
     def prepare(self, static: Tensor) -> OdeNetwork:
         """Return both networks as one, for agents with classes [B, N, C]."""
@@ -100,7 +106,7 @@ class NeuralODE(nn.Module):
             control: [B, N, M, 2] of the decoder (m/s or m/s^2).
             velocity: [B, N, 2] at t, in the agents' frames (m/s).
         """
-        if self.order == 1:
+        if self.order == 1 and self.added:
             return control + velocity.unsqueeze(2)
         return control.to(velocity.dtype)  # autocast may have narrowed it
 

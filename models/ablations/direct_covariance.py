@@ -15,13 +15,14 @@ class DirectCovariance(nn.Module):
     less certain of what is farther in the future. The paper predicts no more than that; to fill
     the state's S x S matrix, the velocity gets Q_k, the spread of velocities that alone would
     explain the position's, and no correlation with it. Such a model is trained by the position's
-    likelihood.
+    likelihood. An unconditioned network gives Q_k itself.
     """
 
     def __init__(self, config: NetworkConfig):
         super().__init__()
         self.order = config.state_size // 2
         self.dt_s = config.dt_s
+        self.grows = config.is_conditioned
 
     def forward(self, noise: Tensor) -> list[Tensor]:
         """Return the blocks [2, 2, H, B, N, M] of :class:`models.ekf.EkfCovariance`.
@@ -30,7 +31,9 @@ class DirectCovariance(nn.Module):
             noise: [2, 2, H, B, N, M] Q.
         """
         steps = torch.arange(1, noise.size(2) + 1, dtype=noise.dtype, device=noise.device)
-        position = noise * (self.dt_s * steps).square().view(1, 1, -1, 1, 1, 1)
+        position = noise
+        if self.grows:
+            position = noise * (self.dt_s * steps).square().view(1, 1, -1, 1, 1, 1)
         if self.order == 1:
             return [position]
         return [position, torch.zeros_like(noise), noise]

@@ -13,7 +13,7 @@ class DirectStates(nn.Module):
     """The decoder's own states (ablation ``ode=False``).
 
     They are given as differences from uniform motion at the velocity of t, so that this model
-    begins at constant velocity as well.
+    begins at constant velocity as well; an unconditioned network gives the states themselves.
 
     Attributes:
         controls: numbers that the decoder gives per mode and step, S.
@@ -23,6 +23,7 @@ class DirectStates(nn.Module):
         super().__init__()
         self.dt_s = config.dt_s
         self.order = config.order
+        self.relative = config.conditioned
         self.controls = config.state_size
 
     def forward(self, control: Tensor, start: Start, step: int) -> Tensor:
@@ -33,6 +34,8 @@ class DirectStates(nn.Module):
             start: positions and velocities at t.
             step: horizon step, counted from 1.
         """
+        if not self.relative:
+            return control
         expected = start.position + start.velocity * (step * self.dt_s)
         if self.order == 2:
             expected = torch.cat((expected, start.velocity), dim=-1)

@@ -5,7 +5,7 @@
 import torch
 from torch import Tensor, nn
 
-from models.ekf import INFLATION, EkfCovariance
+from models.ekf import EkfCovariance
 from models.kernels.block_product import symmetric
 
 
@@ -23,7 +23,7 @@ class FastCovariance(nn.Module):
         super().__init__()
         g = torch.tensor([covariance.to_position, covariance.to_q], dtype=torch.float64)
         self.register_buffer("spread", torch.outer(g, g).view(2, 1, 2, 1, 1, 1))
-        inflation = 1.0 + INFLATION * torch.eye(4, dtype=torch.float64)
+        inflation = 1.0 + covariance.share * torch.eye(4, dtype=torch.float64)
         self.register_buffer("inflation", inflation.unsqueeze(-1))
 
     def forward(

@@ -58,6 +58,7 @@ class FastMTPGO(nn.Module):
         self.modes = model.modes
         self.horizon_steps = model.horizon_steps
         self.covariance_scale = model.covariance_scale
+        self.floor = model.floor
         self.condition = model.condition
         self.mixture = model.mixture
         self.noise = model.noise
@@ -134,7 +135,7 @@ class FastMTPGO(nn.Module):
             first = initial_in_own_frame(initial_covariance, first, start.direction)
         of_q, of_position = self.motion.jacobian(torch.cat(units))
         blocks = self.covariance(first, of_q, of_position, noise)
-        spread = rotate_blocks(blocks, start.direction) + self.observation
+        spread = rotate_blocks(blocks, start.direction, self.floor) + self.observation
         return log_weight, mean, self.covariance_scale * spread
 
     def to_scene(self, deviations: Tensor, start: Start) -> Tensor:

@@ -59,7 +59,9 @@ class FastMotion(nn.Module):
         free = torch.eye(4, dtype=torch.float64)
         free[2:, :2] = dt * eye
         none = torch.zeros(4, width, dtype=torch.float64)
-        of_control = torch.cat((of_u, dt * of_q, moved * eye, dt * eye), dim=1)  # [2, columns]
+        drive = method.drive  # what dq/dt = drive u + f(q, u) has of u by itself
+        of_drive = torch.cat((dt * of_q, moved * eye, dt * eye), dim=1)
+        of_control = torch.cat((of_u, drive * of_drive), dim=1)  # [2, columns]
         of_state = torch.cat((none, none, free), dim=1)  # [4, columns]
         of_state[2:, :width] = of_q
         self.register_buffer("product", torch.cat((of_control, of_state)))

@@ -23,12 +23,14 @@ class RungeKutta(NamedTuple):
         weights: b_i: q' = q + dt sum_i b_i k_i.
         carried: b_{i+1} a_{i+1}: p' = p + dt q + dt^2 sum_i b_{i+1} a_{i+1} k_i, the position of a
             second-order model when the same method integrates the whole state.
+        drive: factor on u in dq/dt = drive u + f(q, u): 1, or 0 as in the paper.
     """
 
     dt_s: float
     nodes: list[float]
     weights: list[float]
     carried: list[float]
+    drive: float = 1.0
 
 
 class OdeNetwork(NamedTuple):
@@ -59,16 +61,16 @@ class OdeNetwork(NamedTuple):
 
 
 def rate(
-    q: Tensor, u: Tensor, of_input: Tensor, network: OdeNetwork, with_slope: bool
+    q: Tensor, drive: Tensor, of_input: Tensor, network: OdeNetwork, with_slope: bool
 ) -> tuple[Tensor, Tensor]:
-    """Return [..., 2] dq/dt = u + f(q, u) and, where asked for, its derivative by q, else nothing.
+    """Return [..., 2] dq/dt = drive + f(q, u) and its derivative by q, empty if not asked for.
 
     The derivative is [4, R] with R the number of states: of the first, of the second component,
     each by both. That of ELU is exp(min(a, 0)), which is min(elu(a), 0) + 1.
 
     Args:
         q: [..., 2].
-        u: [..., 2].
+        drive: [..., 2] what is added to f: u, or zero as in the paper.
         of_input: [..., W] the part of the first layer that does not depend on q.
         network: f.
         with_slope: whether the derivative is needed.
@@ -90,7 +92,7 @@ def rate(
         if with_slope:
             slope = torch.matmul(tangent, network.output_weight).view(-1, 2, 2)  # [R, by, of]
             slope = slope.permute(2, 1, 0).reshape(4, -1)
-    return u + torch.matmul(hidden, network.output_weight) + network.output_bias, slope
+    return drive + torch.matmul(hidden, network.output_weight) + network.output_bias, slope
 
 
 def plain_ode_step(
@@ -110,16 +112,17 @@ def plain_ode_step(
     """
     dt_s = method.dt_s
     of_input = torch.matmul(u, network.input_weight) + network.first_bias
+    drive = u * method.drive
     # Split, not indexed: the gradient of an index fills the whole array with zeros.
     parts = state.split(2, dim=-1)
     q = parts[-1]
-    k, slope = rate(q, u, of_input, network, with_slopes)
+    k, slope = rate(q, drive, of_input, network, with_slopes)
     slopes = [slope]
     total = method.weights[0] * k
     moved = method.carried[0] * k
     for i in range(1, len(method.nodes)):
         reached = q + (dt_s * method.nodes[i]) * k
-        k, slope = rate(reached, u, of_input, network, with_slopes)
+        k, slope = rate(reached, drive, of_input, network, with_slopes)
         slopes.append(slope)
         total = total + method.weights[i] * k
         moved = moved + method.carried[i] * k
@@ -133,7 +136,7 @@ def plain_ode_step(
 class OdeStep(torch.autograd.Function):
     """:func:`plain_ode_step` of networks with one hidden layer, with its gradient.
 
-    In columns, the rate is k = u + out^T elu(of_q^T q + of_u^T u + rest) + out_bias.
+    In columns, the rate is k = drive u + out^T elu(of_q^T q + of_u^T u + rest) + out_bias.
     """
 
     @staticmethod
@@ -171,7 +174,7 @@ class OdeStep(torch.autograd.Function):
         if rest.dim() > 1:
             bias = rest.flatten(0, -2).t().repeat_interleave(state.size(2), dim=1)
         base = torch.addmm(bias, of_u.t(), inputs)
-        command = inputs + out_bias.unsqueeze(1)
+        command = torch.add(out_bias.unsqueeze(1), inputs, alpha=scheme.drive)
         k = command
         total, moved = torch.zeros_like(q), torch.zeros_like(q)
         kept: list[Tensor] = []
@@ -239,7 +242,8 @@ class OdeStep(torch.autograd.Function):
             g_q += g_reach
             g_base += g_a
             g_of_q += torch.mm(reached[i], g_a.t())
-        g_bias = g_u.sum(1)  # the command is the input and the output's bias
+        g_bias = g_u.sum(1)  # the command is drive times the input and the output's bias
+        g_u.mul_(scheme.drive)
         g_of_u = torch.mm(inputs, g_base.t())
         g_u += torch.mm(of_u, g_base)
         if rest.dim() > 1:

@@ -53,9 +53,13 @@ class Conditioning(nn.Module):
         self.dt_s = config.dt_s
         self.order = config.state_size // 2
         context = (1.0,) * (config.feature_size - len(FEATURE_STD))
-        std = FEATURE_STD + context + (OWN_STD if config.agent_frame else ())
+        self.scaled = config.is_conditioned
+        base = (FEATURE_STD + context)[: config.feature_size]
+        std = base + (OWN_STD if config.agent_frame else ())
         # In the agent's frame the decoder sees the deviation from uniform motion.
-        state = DEVIATION_STD if config.agent_frame else STATE_STD
+        state: tuple[float, ...] = DEVIATION_STD if config.agent_frame else STATE_STD
+        if not self.scaled:
+            std, state = (1.0,) * len(std), (1.0,) * len(state)
         self.register_buffer("input_mean", torch.zeros(len(std)))
         self.register_buffer("input_std", torch.tensor(std))
         self.register_buffer("state_mean", torch.zeros(config.state_size))
@@ -138,7 +142,12 @@ class Conditioning(nn.Module):
         own_mean: Tensor | None = None,
         own_std: Tensor | None = None,
     ) -> None:
-        """Fill the scaling buffers: [F] of the features, [10] of the own-frame inputs."""
+        """Fill the scaling buffers: [F] of the features, [10] of the own-frame inputs.
+
+        Without effect on an unconditioned network, whose inputs are as they are.
+        """
+        if not self.scaled:
+            return
         count = feature_mean.numel()
         self.input_mean[:count] = feature_mean
         self.input_std[:count] = feature_std.clamp(min=LEAST_STD)

@@ -103,6 +103,10 @@ class ScenePredictor:
         options: deviations from the task.
         task: the task without a runner; with one, the runner's task is used.
         lanes: lane lines in the fixed frame, for models whose context is ``lanes``.
+        site: name of the site, for models with an origin for each of several sites.
+
+    Raises:
+        ConfigurationError: the model has origins by site, and none for this one.
 
     Attributes:
         options: may be replaced at any time; takes effect with the next prediction.
@@ -120,9 +124,11 @@ class ScenePredictor:
         options: PredictorOptions = PredictorOptions(),
         task: TaskDescription | None = None,
         lanes: LaneMap | None = None,
+        site: str | None = None,
     ) -> None:
         self._runner = runner
         self.task = runner.task if runner is not None else task or TaskDescription()
+        self.task = dataclasses.replace(self.task, scene=self.task.scene.at_site(site))
         self.options = options
         self.lanes = lanes
         self.allowed_s: float | None = None
@@ -189,18 +195,25 @@ class ScenePredictor:
         if not selected.any():
             self.last_report = PredictionReport(agents=n, over_limit=n, modes=modes)
             return constant
+        here = window.valid[:, -1]
+        seen, served = present, selected
+        if self.task.scene.departed_agents:
+            seen, served = window, here.copy()
+            served[here] = selected
         batch = build_scenes(
-            present,
+            seen,
             self._scene(options),
             ego_key=ego_key,
             previous=state,
-            served=selected,
+            served=served,
             lanes=self.lanes,
             trails=trails,
         )
-        served, modelled = self._runner.predict_served(
-            present, batch, options.use_tracker_covariance, self._path_smoother(options)
+        predicted, modelled = self._runner.predict_served(
+            seen, batch, options.use_tracker_covariance, self._path_smoother(options)
         )
+        if seen is window:
+            predicted = np.searchsorted(np.flatnonzero(here), predicted)
         usable = np.asarray(np.isfinite(modelled.weight).all(axis=1))
         if self.allowed_s is not None:
             took_s = time.perf_counter() - begun_s
@@ -216,9 +229,9 @@ class ScenePredictor:
             largest_graph=int((batch.agent >= 0).sum(axis=1).max(initial=0)),
         )
         modelled = with_strongest_modes(modelled, modes)
-        if len(served) == n and usable.all():
+        if len(predicted) == n and usable.all():
             return modelled
-        return replace_rows(constant, served[usable], select(modelled, usable))
+        return replace_rows(constant, predicted[usable], select(modelled, usable))
 
     def _observe_trails(self, window: HistoryWindow) -> TrailContext | None:
         """Add a window, of all agents, to the memory of trails, if the task has one."""

@@ -4,8 +4,8 @@
 
 Only agents present at the common time t are part of a scene: one that left before t can neither be
 predicted nor influence the others' future. :func:`build_scenes` leaves the others out before
-anything else, so that graphs and contexts are the same in training, evaluation and node. See
-docs/design.md, decisions 12 to 14.
+anything else, so that graphs and contexts are the same in training, evaluation and node. Only with
+``departed_agents`` they remain, in the graphs of the past. See docs/design.md, decisions 12 to 14.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.frames import rotate
+from mtpgo_core.frames import rotate, wrap
+from mtpgo_core.scene.departed_agents import with_departed
 from mtpgo_core.scene.graph_selection import GraphState, choose_graphs, graphs_around
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.leader_context import leader_features
@@ -99,7 +100,11 @@ def build_scenes(
                 "positions in the window where valid[:, -1] is true"
             )
         graphs = graphs_around(here, config, np.searchsorted(present, centres))
-    member = graphs.members
+    member, primary = graphs.members, graphs.primary
+    if config.departed_agents and here is not window:
+        member = np.where(member >= 0, present[member], -1)
+        member, primary = with_departed(window, member, primary, config)
+        here, present = window, np.arange(len(window))
     origin, rotation = scene_frames(here, config, member[:, 0])
     real = member >= 0
     valid = here.valid[member] & real[..., None]
@@ -110,8 +115,8 @@ def build_scenes(
         origin=origin,
         rotation=rotation,
         agent=np.where(real, present[member], -1).astype(np.int64),
-        primary=graphs.primary,
-        trails=_trails(here, config, member, trails),
+        primary=primary,
+        trails=_trails(here, config, np.where(valid[..., -1], member, -1), trails),
     )
 
 
@@ -183,7 +188,7 @@ def _features(
     The origin is subtracted in float64, so a distant map origin costs no precision. A velocity or
     acceleration that was never known is 0, a yaw that was never known is the scene's x axis.
     """
-    turn = -rotation[:, None, None]
+    turn, radians = -rotation[:, None, None], config.angles == "radians"
     position = rotate(window.position[agent] - origin[:, None, None], turn)
     yaw = window.yaw[agent] + turn
     yaw = np.where(np.isnan(yaw), 0.0, yaw)
@@ -191,10 +196,10 @@ def _features(
         position,
         rotate(window.velocity[agent], turn),
         rotate(window.acceleration[agent], turn),
-        np.stack([np.cos(yaw), np.sin(yaw)], axis=-1),
+        wrap(yaw)[..., None] if radians else np.stack([np.cos(yaw), np.sin(yaw)], axis=-1),
     ]
     if config.context == "polar":
-        columns.append(_polar(position))
+        columns.append(_polar(position, radians))
     elif config.context == "lanes":
         if lanes is None:
             raise ConfigurationError(
@@ -245,12 +250,16 @@ def _trails(
     return of_agent
 
 
-def _polar(position: Float64Array) -> Float64Array:
-    """Return distance and direction (cos, sin) from the scene's origin (polar context, eq. (4)).
+def _polar(position: Float64Array, radians: bool) -> Float64Array:
+    """Return distance and direction from the scene's origin (polar context, eq. (4)).
 
-    The angle is counter-clockwise from the scene's x axis; at the origin it is 0.
+    The direction is the cosine and sine of the angle, counter-clockwise from the scene's x axis;
+    at the origin it is 0. With ``radians`` it is the paper's theta = arctan2(y_0 - y, x - x_0),
+    which is clockwise.
     """
     r = np.hypot(position[..., 0], position[..., 1])
+    if radians:
+        return np.stack([r, np.arctan2(-position[..., 1], position[..., 0])], axis=-1)
     at_origin = r == 0.0
     divisor = np.where(at_origin, 1.0, r)
     cos = np.where(at_origin, 1.0, position[..., 0] / divisor)

@@ -35,6 +35,7 @@ STATES = (("x", "y"), ("x", "y", "vx", "vy"))
 GRAPH_POLICIES = ("ego", "cover", "each", "scene")
 FRAME_POLICIES = ("centre_heading", "driving_direction", "site_origin")
 CONTEXTS = ("none", "polar", "lanes", "leaders", "traffic")
+ANGLES = ("vector", "radians")
 DERIVATIVE_SOURCES = ("message", "estimated")
 BASE_FEATURES = ("x", "y", "vx", "vy", "ax", "ay", "cos_yaw", "sin_yaw")
 CONTEXT_FEATURES = {
@@ -55,6 +56,9 @@ CONTEXT_FEATURES = {
         ),
     ),
 }
+
+ANGLE_FEATURES = {("cos_yaw", "sin_yaw"): "yaw", ("cos_theta", "sin_theta"): "theta"}
+"""What ``scene.angles: radians`` has in place of two columns (paper, node features, eq. (4b))."""
 
 SIZE_FEATURES = ("length", "width", "size_known")
 """Static features after the classes, with ``scene.sizes``."""
@@ -123,6 +127,12 @@ class SceneConfig:
         radius_m: an agent farther than this from the centre is not its neighbour (m).
         frame: scene-frame policy, one of ``FRAME_POLICIES``.
         site_origin: origin for ``site_origin``, in the fixed frame (m).
+        site_origins: origins by the recording's location (highD, rounD, inD: ``locationId``), in
+            place of ``site_origin``; see :meth:`at_site`.
+        angles: ``vector``: yaw and polar angle as cosine and sine; ``radians``: as the angles psi
+            and theta themselves, as in the paper.
+        departed_agents: agents that left before t stay in the graphs of the past, as in the paper;
+            see :mod:`mtpgo_core.scene.departed_agents`.
         context: context features, one of ``CONTEXTS``.
         leader_reach_m: range of the contexts ``leaders`` and ``traffic`` (m).
         classes: class names of the one-hot static feature, in order.
@@ -136,6 +146,9 @@ class SceneConfig:
     radius_m: float = option(100.0, low=0.0)
     frame: str = option("centre_heading", choices=FRAME_POLICIES)
     site_origin: tuple[float, float] = option((0.0, 0.0), low=-1e9, high=1e9)
+    site_origins: dict[str, tuple[float, float]] = field(default_factory=dict)
+    angles: str = option("vector", choices=ANGLES)
+    departed_agents: bool = False
     context: str = option("none", choices=CONTEXTS)
     leader_reach_m: float = option(80.0, low=1.0, high=1e4)
     classes: tuple[str, ...] = (
@@ -153,11 +166,45 @@ class SceneConfig:
 
     def __post_init__(self) -> None:
         check_options(self, "scene.")
+        origins = {}
+        for location, origin in self.site_origins.items():
+            numbers = isinstance(origin, list | tuple) and len(origin) == 2
+            numbers = numbers and all(
+                isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= 1e9
+                for v in origin
+            )
+            require(f"scene.site_origins.{location}", origin, numbers, "two numbers, x and y (m)")
+            origins[str(location)] = (float(origin[0]), float(origin[1]))
+        object.__setattr__(self, "site_origins", origins)
+
+    def at_site(self, location: str | None) -> SceneConfig:
+        """Return the configuration with the origin of a site as its ``site_origin``.
+
+        Args:
+            location: the site's name, as the data set has it; None if it is not known.
+
+        Raises:
+            ConfigurationError: there are origins by site, and none for this one.
+        """
+        if self.frame != "site_origin" or not self.site_origins:
+            return self
+        if location is None or location not in self.site_origins:
+            given = "not given" if location is None else f"{location!r}"
+            raise ConfigurationError(
+                f"the site is {given}, expected one with an origin in scene.site_origins: "
+                + listed(self.site_origins)
+            )
+        return dataclasses.replace(self, site_origin=self.site_origins[location], site_origins={})
 
     @property
     def features(self) -> tuple[str, ...]:
         """Names of the F features, in the order of the model's input."""
-        return BASE_FEATURES + CONTEXT_FEATURES[self.context]
+        names = BASE_FEATURES + CONTEXT_FEATURES[self.context]
+        if self.angles == "vector":
+            return names
+        second = {pair[1] for pair in ANGLE_FEATURES}
+        angle = {pair[0]: name for pair, name in ANGLE_FEATURES.items()}
+        return tuple(angle.get(name, name) for name in names if name not in second)
 
     @property
     def static_features(self) -> tuple[str, ...]:

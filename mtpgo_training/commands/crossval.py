@@ -32,7 +32,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "docs/training.md explains the tables.",
     )
     add = parser.add_argument
-    add("config", type=Path, nargs="?", help="YAML configuration of the training")
+    add("config", nargs="?", help="YAML configuration of the training, or the name of one")
     add_data_arguments(parser)
     add("--out", type=Path, metavar="DIR", help="folder of the results and of all folds")
     add(
@@ -116,14 +116,17 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.data.data_sources import read_sources
     from mtpgo_training.training.interruption import Interruption
     from mtpgo_training.training.networks import build_network
+    from mtpgo_training.training.recipes.configured_origins import with_site_origins
+    from mtpgo_training.training.recipes.named_configs import find_config
     from mtpgo_training.training.training_config import load_config
 
-    config = load_config(args.config, args.set)
+    config = load_config(find_config(args.config), args.set)
     if args.seed is not None:
         config = dataclasses.replace(config, seed=args.seed)
     build_network(config.network, config.model, config.history, config.scene)
     sources, cache = tuple(data_sources(args.data_options)), cache_from(args)
     recordings = list(read_sources(sources, cache))
+    config = with_site_origins(config, recordings)
     sites = find_sites(recordings, config.crossval.sites)
     folds = find_folds(sites, config.crossval.folds)
     chosen = chosen_folds(folds, args.folds)

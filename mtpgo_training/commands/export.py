@@ -28,6 +28,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "exported",
     )
     export.add_argument("-o", "--output", type=Path, required=True, help="model file to write")
+    export.add_argument(
+        "--site",
+        metavar="LOCATION",
+        help="serve the model at this site: its origin of scene.site_origins becomes the model's",
+    )
     export.add_argument("--name", help="name of the model, the configuration's by default")
     calibration = export.add_mutually_exclusive_group()
     calibration.add_argument(
@@ -72,6 +77,7 @@ def run(args: argparse.Namespace) -> int:
         calibrated=not args.uncalibrated,
         samples=load_samples(args.calibration) if args.calibration else None,
         force=args.force,
+        site=args.site,
     )
     for sentence in exported.warnings:
         print(f"mtpgo: warning: {sentence}", file=sys.stderr)

@@ -20,13 +20,19 @@ from mtpgo_training.commands.arguments.data_arguments import (
     cache_from,
     data_sources,
 )
+from mtpgo_training.training.recipes.named_configs import find_config, named_configs
 from mtpgo_training.training.training_config import PRECISIONS, TrainingConfig, load_config
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add ``mtpgo train`` to the command line."""
     parser = subparsers.add_parser("train", help="train a model on recordings")
-    parser.add_argument("config", type=Path, help="YAML configuration of the training")
+    parser.add_argument(
+        "config", help="YAML configuration of the training, or the name of one (--list)"
+    )
+    parser.add_argument(
+        "--list", action=ListConfigs, nargs=0, help="list the configurations by name, and exit"
+    )
     add_data_arguments(parser, required=True)
     parser.add_argument("--out", type=Path, required=True, help="run folder")
     parser.add_argument("--resume", action="store_true", help="continue an interrupted run")
@@ -42,6 +48,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         default=[],
         metavar="KEY=VALUE",
         help="overrides any value of the configuration, for instance model.order=1; repeatable",
+    )
+    parser.add_argument(
+        "--find-lr",
+        action="store_true",
+        help="take the learning rate from a range test of 100 steps before the first epoch",
     )
     parser.add_argument("--name", help="name of the resulting model, overrides name")
     parser.add_argument(
@@ -66,11 +77,25 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.set_defaults(run=run)
 
 
+class ListConfigs(argparse.Action):
+    """``--list``: print the names, as ``--help`` prints the help."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: Any, values: Any, option: Any = None
+    ) -> None:
+        """Print the configurations and exit."""
+        configs = named_configs()
+        width = max(len(config.name) for config in configs)
+        for config in configs:
+            print(f"{config.name:<{width}}  {config.summary}")
+        parser.exit()
+
+
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo train``."""
     # Set before torch is loaded: DDP would warn that parameters are unused, which is intended.
     os.environ.setdefault("TORCH_CPP_LOG_LEVEL", "ERROR")
-    config = overridden(load_config(args.config, args.set), args)
+    config = overridden(load_config(find_config(args.config), args.set), args)
     if args.init_from is not None and args.resume:
         raise ConfigurationError(
             "--init-from is given with --resume, expected one: a resumed run has its weights"
@@ -90,6 +115,7 @@ def run(args: argparse.Namespace) -> int:
         RunFolder(args.out),
         resume=args.resume,
         init_from=init_from,
+        find_rate=args.find_lr,
         max_minutes=args.minutes,
         cache=cache,
         verbose=not args.quiet,

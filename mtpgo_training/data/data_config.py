@@ -12,6 +12,7 @@ from mtpgo_core.options import check_options, listed, option, require
 from mtpgo_core.schema import AgentClass
 
 SPLITS = ("recording", "time", "end")
+SITE_KINDS = ("", "roundabout", "junction")
 CLASSES = tuple(member.name.lower() for member in AgentClass)
 
 _PAPER: dict[str, Any] = {
@@ -102,6 +103,9 @@ class DataConfig:
             memory of trails is empty, as at the node's start.
         trails_partial_probability: share whose memory began at a random time since the
             recording's start; the others, like all of the validation, use the whole past.
+        find_site_origins: where ``scene.frame`` is ``site_origin``: kind of the sites whose
+            origins are found in the recordings if ``scene.site_origins`` does not name them, one
+            of ``SITE_KINDS``; see :mod:`mtpgo_training.scenes.site_origins`.
         source_weight: how often scenes are drawn, by directory (its last part) or recording
             (``DIRECTORY/NAME``, which has priority); 1 by default.
     """
@@ -134,6 +138,7 @@ class DataConfig:
     lane_change_copies: float = option(1.0, above=0.0)
     trails_none_probability: float = option(0.2, low=0.0, high=1.0)
     trails_partial_probability: float = option(0.4, low=0.0, high=1.0)
+    find_site_origins: str = option("", choices=SITE_KINDS)
     source_weight: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

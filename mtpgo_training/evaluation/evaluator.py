@@ -223,6 +223,7 @@ def make_predictor(
         runner,
         options=PredictorOptions(policy=policy, max_agents=MAX_AGENTS),
         lanes=LaneMap(recording.lanes) if recording.lanes else None,
+        site=recording.location,
     )
 
 

@@ -19,7 +19,7 @@ from torch import Tensor
 from models.network_config import NetworkConfig
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_core.errors import ConfigurationError, ModelFileError
-from mtpgo_core.options import from_dict
+from mtpgo_core.options import from_dict, require
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_core.task.model_file import content_sha256, read_model
@@ -87,6 +87,7 @@ def export_runs(
     calibrated: bool = True,
     samples: CalibrationSamples | None = None,
     force: bool = False,
+    site: str | None = None,
 ) -> Export:
     """Export the run with the smallest validation ADE.
 
@@ -98,11 +99,19 @@ def export_runs(
             recordings, or the one fitted to ``samples``.
         samples: predictions on sites that were left out of a training.
         force: export a model whose ellipses hold too few or too many road users.
+        site: location at which the model is to be served, for one with origins by site; None
+            keeps the origin of each, with which recordings can be evaluated.
 
     Raises:
         MtpgoError: a checkpoint is unusable, the ellipses are, or the file cannot be written.
     """
     best, candidates = select_run(paths)
+    described = describe(best.checkpoint, name)
+    if site is not None:
+        require(
+            "--site", site, bool(described.scene.site_origins), "none: the model has one origin"
+        )
+        described = dataclasses.replace(described, scene=described.scene.at_site(site))
     table, honest = None, {}
     if samples is None:
         calibration = own_calibration(best.checkpoint) if calibrated else Calibration()
@@ -116,7 +125,7 @@ def export_runs(
     validation = calibrated_metrics(best, calibration)
     warning = check_coverage(validation, force=force)
     task = dataclasses.replace(
-        describe(best.checkpoint, name),
+        described,
         calibration=calibration,
         metrics={"validation": validation, **honest},
     )
@@ -265,7 +274,7 @@ def _check(model: TrajectoryPredictor, path: Path) -> None:
 def _example(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor, None, Tensor | None]:
     """Return inputs for two scenes of five agents at driving speeds, some late, some absent."""
     draw = torch.Generator().manual_seed(0)
-    shape = (2, 5, config.history_steps)
+    shape, size = (2, 5, config.history_steps), config.feature_size
     time = torch.arange(1 - config.history_steps, 1) * config.dt_s
     velocity = torch.randn(2, 5, 1, 2, generator=draw) * 8.0
     start = torch.randn(2, 5, 1, 2, generator=draw) * 20.0
@@ -273,7 +282,7 @@ def _example(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor, None, Tenso
     features[..., 0:2] = start + velocity * time[:, None]
     features[..., 2:4] = velocity.expand(*shape, 2)
     course = torch.atan2(velocity[..., 1], velocity[..., 0]).expand(*shape)
-    features[..., 6], features[..., 7] = course.cos(), course.sin()
+    features[..., 6:8] = torch.stack((course.cos(), course.sin()), -1)[..., : size - 6]
     valid = torch.ones(shape, dtype=torch.bool)
     valid[0, 1, : config.history_steps - 1] = False
     valid[1, 3:] = False

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.frames import wrap
 from mtpgo_core.schema import Float32Array
 from mtpgo_core.task.task_description import CONTEXT_FEATURES
 
@@ -37,6 +38,8 @@ _SIDES = {
     name: name.replace("left_", "right_") for name in sorted(_OF_ROAD) if name[:5] == "left_"
 }
 _DIRECTIONS = ("cos_yaw", "cos_theta")
+_ANGLES = {"yaw": 1.0, "theta": -1.0}
+"""Angles in radians, and which way they turn: ``theta`` is clockwise, as in the paper."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class Augmentation:
         """
         at = {name: i for i, name in enumerate(names)}
         known = {name for pair in _PAIRS for name in pair}
-        known |= {*_LENGTHS, *_NEARNESS, *_SIDES, *_SIDES.values(), *_LATERAL}
+        known |= {*_LENGTHS, *_NEARNESS, *_SIDES, *_SIDES.values(), *_LATERAL, *_ANGLES}
         unknown = sorted(set(names) - known)
         if unknown:
             raise ConfigurationError(
@@ -79,6 +82,10 @@ class Augmentation:
                 columns = [at[first], at[second]]
                 change = self._directions if first in _DIRECTIONS else self.vectors
                 out[..., columns] = change(features[..., columns])
+        for name, sign in _ANGLES.items():
+            if name in at:
+                angle = -features[..., at[name]] if self.mirror else features[..., at[name]]
+                out[..., at[name]] = wrap(np.asarray(angle + sign * self.turn_rad, np.float64))
         for name in _LENGTHS:
             if name in at:
                 out[..., at[name]] *= self.scale

@@ -19,6 +19,7 @@ from torch.utils.data import Dataset
 from torch_geometric.data import Batch, Data
 from torch_geometric.utils import to_dense_batch
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.frames import rotate
 from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.scene_builder import build_scenes, class_one_hot
@@ -97,6 +98,7 @@ class SceneDataset(Dataset[Data]):
         self.horizon_steps = horizon_steps
         self.seed = seed
         self.items: list[Item] = []
+        self._at_site = [scene_at(source, scene) for source in self.sources]
         self._copies = None
         if data.lane_change_share > 0.0:
             found = [
@@ -167,7 +169,7 @@ class SceneDataset(Dataset[Data]):
         )
         batch = build_scenes(
             with_own_keys(tracked, source),
-            self.scene,
+            self._at_site[item.source],
             centres=np.array([item.centre]),
             lanes=source.lanes,
             trails=trails,
@@ -202,18 +204,31 @@ def validation_scenes(
     """
     scenes = []
     for source in sources:
+        own = scene_at(source, scene)
         for view in (source.views[RECORDED], *source.tracked):
             previous = GraphState()
             for tracked in view.windows:
                 trails = trail_context(source, view, tracked, horizon_steps, history.dt_s)
                 batch = build_scenes(
-                    tracked.window, scene, previous=previous, lanes=source.lanes, trails=trails
+                    tracked.window, own, previous=previous, lanes=source.lanes, trails=trails
                 )
                 for b in range(batch.features.shape[0]):
                     scenes.append(
                         _with_baselines(batch, b, tracked, source, scene, history, horizon_steps)
                     )
     return scenes
+
+
+def scene_at(source: PreparedRecording, scene: SceneConfig) -> SceneConfig:
+    """Return the scene configuration with the origin of a recording's site.
+
+    Raises:
+        ConfigurationError: there are origins by site, and none for this one.
+    """
+    try:
+        return scene.at_site(source.recording.location)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"recording {source.recording.name}: {error}") from error
 
 
 def _with_baselines(

@@ -79,9 +79,10 @@ def summary(run: TrainingRun, folder: Path) -> str:
     """Return the scores of the best epoch, and the next command."""
     state, options = run.state, run.config.optimisation
     lines = []
+    calibrated = ", calibrated" if options.calibrated else ""
     if state.metrics:
         lines += [
-            f"{options.keep} epoch {state.best_epoch}, validation, all agents, calibrated:",
+            f"{options.keep} epoch {state.best_epoch}, validation, all agents{calibrated}:",
             to_text(averages_table(state.metrics, "all")),
             moving_text(state.metrics["model"]["all"]),
         ]

@@ -122,6 +122,11 @@ def network_config(
             value.
     """
     kind = family(name)
+    if scene.angles == "radians" and options.get("agent_frame", True):
+        raise ConfigurationError(
+            "scene.angles is 'radians' and model.agent_frame True, expected 'vector' or "
+            "agent_frame=False: own frames need the yaw as cosine and sine"
+        )
     sizes: dict[str, Any] = {
         "feature_size": len(scene.features),
         "static_size": len(scene.static_features),

@@ -131,9 +131,11 @@ class TrainingRun:
     def teacher_forcing_probability(self) -> float:
         """Return the probability of teacher forcing in the current epoch.
 
-        It falls linearly to zero within the warm-up of Algorithm 1.
+        It falls linearly to zero within the warm-up of Algorithm 1, or is constant.
         """
         options = self.config.optimisation
+        if options.teacher_forcing_schedule == "constant":
+            return options.teacher_forcing
         warm_up_epochs = options.warm_up_share * options.main_epochs
         if self.state.epoch >= warm_up_epochs:
             return 0.0

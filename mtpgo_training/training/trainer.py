@@ -8,6 +8,7 @@ and takes seconds to load.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import logging
 import time
@@ -15,6 +16,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 from lightning_fabric import Fabric
@@ -26,6 +28,7 @@ from torch_geometric.loader import DataLoader
 from tqdm import tqdm
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import write_text
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.scenes.scene_dataset import dense
@@ -34,19 +37,28 @@ from mtpgo_training.training.console import epoch_line, setting_text, title_line
 from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes
 from mtpgo_training.training.interruption import Interruption
 from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
+from mtpgo_training.training.losses.ewta_loss import observed_agents
 from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
 from mtpgo_training.training.losses.likelihood_loss import (
     mode_likelihood_loss,
     negative_log_likelihood,
+    summed_negative_log_likelihood,
     trajectory_likelihood_loss,
 )
 from mtpgo_training.training.losses.schedules import learning_rate
 from mtpgo_training.training.networks import build_network, family, weights_hash
+from mtpgo_training.training.recipes.configured_origins import with_site_origins
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
-from mtpgo_training.training.training_config import TrainingConfig
+from mtpgo_training.training.training_config import TrainingConfig, load_config
 from mtpgo_training.training.validation import validate_epoch
+
+if TYPE_CHECKING:
+    from mtpgo_training.training.trial.learning_rate_range import RangeTest
+
+RANGE_TEST_FILE = "learning_rate_test.csv"
+"""Points of the range test, in the run folder."""
 
 STATISTICS_SCENES = 512
 """Scenes from which the scales of the network's inputs are taken (chosen)."""
@@ -66,6 +78,7 @@ def train(
     *,
     resume: bool = False,
     init_from: Path | None = None,
+    find_rate: bool = False,
     max_minutes: float | None = None,
     cache: RecordingCache | None = None,
     scenes: Scenes | None = None,
@@ -80,6 +93,8 @@ def train(
         folder: the run's folder, new unless ``resume``.
         resume: continue the run in the folder; its configuration and data must be the same.
         init_from: checkpoint of the same architecture whose weights to start from.
+        find_rate: take the learning rate from a range test before the first epoch, see
+            :mod:`mtpgo_training.training.trial.learning_rate_range`; a resumed run has its own.
         max_minutes: time limit of the training (min); the current step is completed.
         cache: keeps what is expensive to compute from the recordings.
         scenes: the scenes of these recordings with this configuration, if they were prepared.
@@ -94,6 +109,10 @@ def train(
             cannot be used.
     """
     prepare_process(_threads(config))
+    if find_rate and resume and (folder.path / "config.yaml").is_file():
+        stored = load_config(folder.path / "config.yaml")
+        config = _with_rate(config, stored.optimisation.learning_rate)
+    config = with_site_origins(config, recordings)
     torch.manual_seed(config.seed)
     model = build_network(config.network, config.model, config.history, config.scene)
     _freeze(model, config.optimisation.train_only)
@@ -121,12 +140,24 @@ def train(
     if not (checkpoint or initial):
         _fit_statistics(run, scenes)
     _require_shares(fabric.world_size, config, len(scenes.training))
+    range_test: RangeTest | None = None
+    if find_rate and not resume:
+        range_test = _range_test(run, scenes, fabric)
+        config = run.config = _with_rate(config, range_test.suggestion)
     if creates_folder:
         start_hash = weights_hash(run.average) if initial else ""
         folder.start(config, splits.describe(), start_hash)
+        if range_test is not None:
+            write_text(folder.path / RANGE_TEST_FILE, range_test.to_csv())
     if verbose:
         device, processes = fabric.device, fabric.world_size
         print(setting_text(run, scenes, splits, folder.path, device, processes), flush=True)
+        if range_test is not None:
+            print(
+                f"rate       {config.optimisation.learning_rate:.3g} from a range test of "
+                f"{len(range_test.rates)} steps, see {folder.path / RANGE_TEST_FILE}",
+                flush=True,
+            )
     if not run.finished:
         with _quiet():
             fabric.launch()
@@ -144,6 +175,29 @@ def train(
                 progress,
             )
     return run
+
+
+def _range_test(run: TrainingRun, scenes: Scenes, fabric: Fabric) -> RangeTest:
+    """Return the range test of a run.
+
+    Raises:
+        ConfigurationError: there are several processes, which could find different rates.
+    """
+    # Imported here: it imports the loss from this module.
+    from mtpgo_training.training.trial.learning_rate_range import learning_rate_range_test
+
+    if fabric.world_size > 1:
+        raise ConfigurationError(
+            f"--find-lr is given with {fabric.world_size} processes, expected one: find the rate "
+            "with --devices 1 and give it as optimisation.learning_rate"
+        )
+    return learning_rate_range_test(run, scenes, fabric.device)
+
+
+def _with_rate(config: TrainingConfig, rate: float) -> TrainingConfig:
+    """Return the configuration with another learning rate."""
+    options = dataclasses.replace(config.optimisation, learning_rate=rate)
+    return dataclasses.replace(config, optimisation=options)
 
 
 def _fit(
@@ -224,7 +278,9 @@ def _fit(
 
             batch = fabric.to_device(batch)
             loss = loss_module(batch, teacher_forcing)
-            loss, mean_loss, agents, run.stopping = _share(fabric, loss, batch, stop)
+            loss, mean_loss, agents, run.stopping = _share(
+                fabric, loss, batch, stop, by_agent=options.reduction == "sum"
+            )
             optimiser.zero_grad()
             fabric.backward(loss)
             norm = fabric.clip_gradients(
@@ -288,7 +344,10 @@ class BatchLoss(nn.Module):
         self.model = run.model
         self.run = run
         options = run.config.optimisation
+        self.summed = options.reduction == "sum"
         self.likelihood: Likelihood = negative_log_likelihood
+        if self.summed:
+            self.likelihood = summed_negative_log_likelihood
         if options.likelihood == "trajectory":
             self.likelihood = functools.partial(
                 trajectory_likelihood_loss, correlated_steps=options.correlated_steps
@@ -319,22 +378,25 @@ class BatchLoss(nn.Module):
             heaviest_weight=0.0 if calibrates else options.heaviest_weight,
             likelihood=mode_likelihood_loss if calibrates else self.likelihood,
             teacher_forcing=teacher_forcing,
+            summed=self.summed,
         )
 
 
 def _share(
-    fabric: Fabric, loss: Tensor, batch: Batch, stop: bool
+    fabric: Fabric, loss: Tensor, batch: Batch, stop: bool, *, by_agent: bool
 ) -> tuple[Tensor, float, float, bool]:
     """Weight a process's loss so that the average over the processes is that of the whole batch.
 
-    A loss is an average over agent-steps, of which each process has a different number. The same
+    A loss is an average over agent-steps or, ``by_agent``, over observed agents, of which each
+    process has a different number. The same
     message distributes the request to stop, so that all processes end after the same step.
 
     Returns:
         The weighted loss; the loss and the number of agents of the whole batch; whether any
         process asks to stop.
     """
-    weight, agents = batch.weight.sum(), batch.valid[:, -1].sum()
+    weight = observed_agents(batch.weight) if by_agent else batch.weight.sum()
+    agents = batch.valid[:, -1].sum()
     if fabric.world_size == 1:
         return loss, float(loss.detach()), float(agents), stop
     total = fabric.all_reduce(

@@ -27,6 +27,12 @@ PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 LIKELIHOODS = ("step", "trajectory", "mode")
 """What the mixture is a distribution of."""
 
+REDUCTIONS = ("mean", "sum")
+"""How a loss is made of the steps of a trajectory."""
+
+TEACHER_FORCING_SCHEDULES = ("warm_up", "constant")
+"""When teacher forcing is used."""
+
 KEEP = ("best", "last")
 """Which epoch's weights are exported."""
 
@@ -57,15 +63,21 @@ class OptimisationConfig:
             :func:`mtpgo_training.training.losses.likelihood_loss.trajectory_likelihood_loss`;
             ``mode``: each mode on its own, see
             :func:`mtpgo_training.training.losses.likelihood_loss.mode_likelihood_loss`.
+        reduction: ``mean``: losses are averages over winners and observed agent-steps; ``sum``:
+            sums over them for each agent, averaged over the agents, as in the paper (eqs. 27 and
+            28). Only with the likelihood ``step`` and without the losses that are not the paper's.
+        calibrated: fit a calibration of the output to the validation; false as in the paper.
         train_only: prefixes of the names of the parameters that are trained, for instance
             ``noise``, ``initial_covariance`` and ``mixture``; empty for all.
         calibration_epochs: the last epochs, in which only the covariances are trained, on the
             likelihood ``mode``; the network after them is exported.
         calibration_learning_rate: peak of the learning rate in these epochs.
         correlated_steps: steps that count as one in the likelihood of a trajectory.
-        teacher_forcing: probability at the start that a roll-out is fed the observed states; it
-            falls linearly to zero at the end of the warm-up (total / 4). The default is none: the
-            roll-out starts at the observed state, and a predictor has to cope with its own errors.
+        teacher_forcing: probability at the start that a roll-out is fed the observed states. The
+            default is none: the roll-out starts at the observed state, and a predictor has to cope
+            with its own errors. The paper has 1 throughout.
+        teacher_forcing_schedule: ``warm_up``: the probability falls linearly to zero at the end of
+            the warm-up (total / 4); ``constant``: it stays, as in the paper.
         average_decay: decay of the exponential moving average of the weights that is validated
             and exported; 0 for none.
         keep: which epoch is exported, one of ``KEEP``: the ``best`` by validation ADE, or the
@@ -86,10 +98,13 @@ class OptimisationConfig:
     heaviest_weight: float = option(0.0, low=0.0)
     likelihood: str = option("step", choices=LIKELIHOODS)
     correlated_steps: float = option(5.0, low=1.0)
+    reduction: str = option("mean", choices=REDUCTIONS)
+    calibrated: bool = True
     train_only: tuple[str, ...] = ()
     calibration_epochs: int = option(0, low=0)
     calibration_learning_rate: float = option(3e-3, above=0)
     teacher_forcing: float = option(0.0, low=0.0, high=1.0)
+    teacher_forcing_schedule: str = option("warm_up", choices=TEACHER_FORCING_SCHEDULES)
     average_decay: float = option(0.0, low=0.0, high=1.0)
     keep: str = option("best", choices=KEEP)
 
@@ -100,6 +115,15 @@ class OptimisationConfig:
             self.calibration_epochs,
             self.calibration_epochs < self.epochs,
             f"below optimisation.epochs, {self.epochs}",
+        )
+        paper = self.likelihood == "step" and self.calibration_epochs == 0
+        paper = paper and self.mean_weight == 0.0 and self.heaviest_weight == 0.0
+        require(
+            "optimisation.reduction",
+            self.reduction,
+            paper or self.reduction == "mean",
+            "'mean' with mean_weight, heaviest_weight, calibration_epochs or another likelihood "
+            "than 'step'",
         )
 
     @property
@@ -206,13 +230,29 @@ class TrainingConfig:
 def load_config(path: Path, settings: Sequence[str] = ()) -> TrainingConfig:
     """Read a configuration from a YAML file.
 
+    The file's ``base`` may list other files, whose values it takes where it has none of its own.
+
     Args:
-        path: the file.
+        path: the file, see :func:`mtpgo_training.training.recipes.named_configs.find_config`.
         settings: ``KEY=VALUE`` each, a dotted path and a YAML value, which override the file.
 
     Raises:
         ConfigurationError: the file cannot be read, is not a YAML mapping, or has an unknown
             field or a value of the wrong type; the message names the file and the field.
+    """
+    data = _read(path)
+    for setting in settings:
+        data = _with_setting(data, setting)
+    if isinstance(data, dict) and "data" in data:
+        data = {**data, "data": with_preset(data["data"])}
+    return from_dict(TrainingConfig, data, f"{path} with --set" if settings else str(path))
+
+
+def _read(path: Path, inside: tuple[Path, ...] = ()) -> Any:
+    """Return the plain data of a file, on top of those of the files in its ``base``.
+
+    Raises:
+        ConfigurationError: a file cannot be read, or is its own base.
     """
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -223,12 +263,26 @@ def load_config(path: Path, settings: Sequence[str] = ()) -> TrainingConfig:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"the configuration {path} is no YAML: {reason}") from error
-    data = {} if data is None else data
-    for setting in settings:
-        data = _with_setting(data, setting)
-    if isinstance(data, dict) and "data" in data:
-        data = {**data, "data": with_preset(data["data"])}
-    return from_dict(TrainingConfig, data, f"{path} with --set" if settings else str(path))
+    if not isinstance(data, dict) or "base" not in data:
+        return {} if data is None else data
+    names, inside = data.pop("base"), (*inside, path.resolve())
+    texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
+    require(f"base in {path}", names, texts, "a list of files, without .yaml, seen from this one")
+    merged: Any = {}
+    for name in names:
+        other = path.parent / f"{name}.yaml"
+        if other.resolve() in inside:
+            raise ConfigurationError(f"base in {path} names {name!r}, which is based on this file")
+        merged = _merged(merged, _read(other, inside))
+    return _merged(merged, data)
+
+
+def _merged(first: Any, other: Any) -> Any:
+    """Return plain data with those of ``other`` put over them, mapping by mapping."""
+    if not (isinstance(first, dict) and isinstance(other, dict)):
+        return other
+    both = {key: _merged(first[key], other[key]) for key in first.keys() & other.keys()}
+    return {**first, **other, **both}
 
 
 def _with_setting(data: Any, setting: str) -> Any:

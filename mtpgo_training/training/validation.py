@@ -138,7 +138,8 @@ def validate_epoch(
     better = criterion < state.best or keep_last
     if better:
         state.best, state.best_epoch = criterion, state.epoch + 1
-        calibration = fit_calibration(samples)
+        calibrated_output = run.config.optimisation.calibrated
+        calibration = fit_calibration(samples) if calibrated_output else Calibration()
         calibrated, _ = _validate_together(run, scenes, rank, processes, calibration)
         scores = calibrated["model"]
         scores["all"] = with_moving_scores(scores["all"], samples.calibrated(calibration))

@@ -11,7 +11,7 @@ from models.own_frame.agent_frames import Start
 H, B, N, M = 4, 2, 3, 5
 
 
-def make_ode(order, integrator="rk4", layers=1, static=False, wild=True):
+def make_ode(order, integrator="rk4", layers=1, static=False, wild=True, **options):
     config = ModelConfig(
         order=order,
         integrator=integrator,
@@ -19,6 +19,7 @@ def make_ode(order, integrator="rk4", layers=1, static=False, wild=True):
         ode_hidden=6,
         static_features=static,
         static_size=3,
+        **options,
     )
     ode = NeuralODE(config).double()
     if wild:

@@ -7,7 +7,8 @@ import torch
 from motion_samples import definite, matrices_last
 
 from models import ModelConfig
-from models.ekf import INFLATION, EkfCovariance
+from models.ekf import EkfCovariance
+from models.mtp_go_config import INFLATION
 from models.own_frame.covariance_frames import FLOOR, rotate_blocks
 
 H, B, N, M = 25, 2, 3, 4

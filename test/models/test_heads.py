@@ -10,8 +10,6 @@ import torch
 from models import ModelConfig
 from models.heads import (
     FIRST_MODE,
-    RHO_LIMIT,
-    SIGMA_FLOOR,
     SPREAD,
     ControlHead,
     InitialCovariance,
@@ -19,6 +17,7 @@ from models.heads import (
     NoiseHead,
     inverse_softplus,
 )
+from models.mtp_go_config import RHO_LIMIT, SIGMA_FLOOR
 
 B, N, D = 2, 3, 4
 

@@ -34,6 +34,7 @@ def training_loss(
     heaviest_weight: float = 0.0,
     likelihood: Likelihood = negative_log_likelihood,
     teacher_forcing: bool = False,
+    summed: bool = False,
 ) -> Tensor:
     """Return the loss of a dense batch, a scalar.
 
@@ -46,6 +47,8 @@ def training_loss(
         heaviest_weight: weight of :func:`.likelihood_loss.heaviest_huber_loss`, relative to NLL.
         likelihood: the negative log-likelihood, one of :mod:`.likelihood_loss`.
         teacher_forcing: feed the observed states to the roll-out.
+        summed: the EWTA loss is the paper's sum, see :func:`.ewta_loss.ewta_loss`; ``likelihood``
+            has to be summed, too.
     """
     states = model.config.state_size
     target, mask = fields["target"][..., :states], fields["weight"]
@@ -62,7 +65,9 @@ def training_loss(
     )
     loss = mean.new_zeros(())
     if weights.ewta > 0.0:
-        loss = loss + weights.ewta * ewta_loss(mean, target, mask, weights.winners, huber_delta)
+        loss = loss + weights.ewta * ewta_loss(
+            mean, target, mask, weights.winners, huber_delta, summed=summed
+        )
     if with_covariance:
         loss = loss + weights.nll * likelihood(log_weight, mean, covariance, target, mask)
         if mean_weight > 0.0:
@@ -86,8 +91,11 @@ def batch_loss(
     heaviest_weight: float = 0.0,
     likelihood: Likelihood = negative_log_likelihood,
     teacher_forcing: bool = False,
+    summed: bool = False,
 ) -> Tensor:
     """Return :func:`training_loss` of a PyG batch, averaged over all its observed agent-steps.
+
+    With ``summed``, averaged over its observed agents.
 
     Computed in micro-batches, see :mod:`mtpgo_training.training.losses.gradient_accumulation`.
 
@@ -100,6 +108,7 @@ def batch_loss(
         heaviest_weight: see :func:`training_loss`.
         likelihood: see :func:`training_loss`.
         teacher_forcing: see :func:`training_loss`.
+        summed: average over the agents instead of the agent-steps; see :func:`training_loss`.
     """
     loss = functools.partial(
         training_loss,
@@ -110,5 +119,6 @@ def batch_loss(
         heaviest_weight=heaviest_weight,
         likelihood=likelihood,
         teacher_forcing=teacher_forcing,
+        summed=summed,
     )
-    return accumulated_loss(model, micro_batches(batch), loss)
+    return accumulated_loss(model, micro_batches(batch, summed), loss)

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The evolving winner-takes-all (EWTA) loss, eqs. (28) and (29) of the paper.
 
-The paper sums over the horizon. Here the loss is an average over the observed agent-steps,
-weighted by ``mask``, so that its value does not depend on how many futures of a batch are known.
+The paper sums over the horizon. Here the loss is by default an average over the observed
+agent-steps, weighted by ``mask``, so that its value does not depend on how many futures of a batch
+are known; ``summed`` is the paper's sum, averaged over the agents.
 """
 
 from __future__ import annotations
@@ -14,13 +15,19 @@ from torch.nn.functional import huber_loss
 
 
 def ewta_loss(
-    mean: Tensor, target: Tensor, mask: Tensor, winners: int, huber_delta: float = 1.0
+    mean: Tensor,
+    target: Tensor,
+    mask: Tensor,
+    winners: int,
+    huber_delta: float = 1.0,
+    *,
+    summed: bool = False,
 ) -> Tensor:
     """Return the EWTA loss with the Huber loss as distance, a scalar.
 
     The K components with the smallest loss over an agent's observed horizon are its winners; only
     they receive a gradient. The mean over the winners is taken, so that shrinking K does not
-    change the scale of the loss.
+    change the scale of the loss; ``summed`` is the sum over winners and steps, eq. (28) itself.
 
     Args:
         mean: [B, N, M, H, S] predicted states.
@@ -28,10 +35,18 @@ def ewta_loss(
         mask: [B, N, H] weight of each step, 0 where not observed.
         winners: K, 1 to M.
         huber_delta: error at which the loss turns from quadratic to linear (m and m/s).
+        summed: sum over winners and steps, averaged over the observed agents.
     """
     loss = huber_per_mode(mean, target, mask, huber_delta)
     best = torch.topk(loss, winners, dim=-1, largest=False).values
+    if summed:
+        return best.sum() / observed_agents(mask).clamp(min=1.0)
     return best.mean(dim=-1).sum() / mask.sum().clamp(min=1e-6)
+
+
+def observed_agents(mask: Tensor) -> Tensor:
+    """Return the number of agents with an observed step, of weights [B, N, H]."""
+    return (mask > 0.0).any(dim=-1).sum().to(mask.dtype)
 
 
 def huber_per_mode(mean: Tensor, target: Tensor, mask: Tensor, huber_delta: float) -> Tensor:

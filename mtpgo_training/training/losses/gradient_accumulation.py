@@ -25,6 +25,7 @@ from torch import Tensor, nn
 from torch_geometric.data import Batch
 
 from mtpgo_training.scenes.scene_dataset import dense
+from mtpgo_training.training.losses.ewta_loss import observed_agents
 
 Fields = Mapping[str, Tensor]
 
@@ -99,35 +100,43 @@ def process_share(sizes: Sequence[int], rank: int, processes: int) -> list[int]:
     return list(range(rank, len(sizes), processes))
 
 
-def micro_batches(batch: Batch) -> list[MicroBatch]:
+def micro_batches(batch: Batch, by_agent: bool = False) -> list[MicroBatch]:
     """Return the micro-batches of a PyG batch; on an accelerator the whole batch is the only one.
 
     Large operators keep an accelerator busy.
+
+    Args:
+        batch: of graphs.
+        by_agent: see :func:`split_fields`.
     """
     fields = dense(batch)
     if fields["x"].device.type != "cpu":
         return [MicroBatch(fields, 1.0)]
     sizes = batch.ptr.diff().tolist()
-    return split_fields(fields, sizes, micro_batch_count(sizes, torch.get_num_threads()))
+    return split_fields(fields, sizes, micro_batch_count(sizes, torch.get_num_threads()), by_agent)
 
 
-def split_fields(fields: Fields, sizes: Sequence[int], count: int) -> list[MicroBatch]:
+def split_fields(
+    fields: Fields, sizes: Sequence[int], count: int, by_agent: bool = False
+) -> list[MicroBatch]:
     """Return the micro-batches of a dense batch.
 
     Args:
         fields: from :func:`mtpgo_training.scenes.scene_dataset.dense`.
         sizes: number of agents of each of its scenes.
         count: number of micro-batches, see :func:`split_by_size`.
+        by_agent: the loss is an average over observed agents instead of weighted agent-steps.
     """
     if count <= 1:
         return [MicroBatch(dict(fields), 1.0)]
-    total = float(fields["weight"].sum().clamp(min=1e-6))
+    of = observed_agents if by_agent else torch.sum
+    total = float(of(fields["weight"]).clamp(min=1e-6))
     result = []
     for scenes in split_by_size(sizes, count):
         widest = max(sizes[scenes[0]], 1)
         index = torch.tensor(scenes)
         some = {name: value[index, :widest] for name, value in fields.items()}
-        result.append(MicroBatch(some, float(some["weight"].sum()) / total))
+        result.append(MicroBatch(some, float(of(some["weight"])) / total))
     return result
 
 

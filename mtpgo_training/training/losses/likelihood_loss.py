@@ -3,7 +3,8 @@
 """The negative log-likelihood, eq. (27) of the paper, and an expected Huber loss to go with it.
 
 The paper sums over the horizon. Here the losses are averages over the observed agent-steps,
-weighted by ``mask``, so that their value does not depend on how many futures of a batch are known.
+weighted by ``mask``, so that their value does not depend on how many futures of a batch are known;
+:func:`summed_negative_log_likelihood` is the paper's sum, averaged over the agents.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import torch
 from torch import Tensor
 
 from models.mixture_likelihood import mixture_nll, mode_log_prob
-from mtpgo_training.training.losses.ewta_loss import huber_per_mode
+from mtpgo_training.training.losses.ewta_loss import huber_per_mode, observed_agents
 
 NEAREST_SCALE_M = 0.2
 """Difference of two modes' mean errors at which the nearer one is e times as likely to be taken
@@ -33,6 +34,22 @@ def negative_log_likelihood(
     """
     value = mixture_nll(log_weight, mean, covariance, target, mask > 0.0)  # [B, N, H]
     return (value * mask).sum() / mask.sum().clamp(min=1e-6)
+
+
+def summed_negative_log_likelihood(
+    log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
+) -> Tensor:
+    """Return the negative log-likelihood summed over the steps (eq. 27), averaged over the agents.
+
+    Args:
+        log_weight: see :func:`negative_log_likelihood`, like the others.
+        mean: [B, N, M, H, S].
+        covariance: [B, N, M, H, S, S].
+        target: [B, N, H, S].
+        mask: [B, N, H].
+    """
+    value = mixture_nll(log_weight, mean, covariance, target, mask > 0.0)
+    return (value * mask).sum() / observed_agents(mask).clamp(min=1.0)
 
 
 def trajectory_likelihood_loss(

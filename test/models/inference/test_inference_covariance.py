@@ -7,8 +7,9 @@ import torch
 from motion_samples import B, H, M, N, definite, matrices_last
 
 from models import ModelConfig
-from models.ekf import INFLATION, EkfCovariance
+from models.ekf import EkfCovariance
 from models.inference.inference_covariance import FastCovariance
+from models.mtp_go_config import INFLATION
 
 
 @pytest.mark.parametrize("noise_input", ["velocity", "integrated"])

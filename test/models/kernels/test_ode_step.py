@@ -43,9 +43,10 @@ def test_the_kernel_has_the_values_and_gradients_of_autograd(
         torch.testing.assert_close(mine, expected)
 
 
+@pytest.mark.parametrize("motion_input", ["added", "network"])
 @pytest.mark.parametrize("order", [1, 2])
-def test_gradient_is_the_numerical_one(order):
-    _, ode = make_ode(order)
+def test_gradient_is_the_numerical_one(order, motion_input):
+    _, ode = make_ode(order, motion_input=motion_input)
     network = ode.prepare(torch.zeros(1, 2, 3).double())
     given = [torch.randn(1, 2, 2, 2 * order).double(), torch.randn(1, 2, 2, 2).double()]
     given += [

@@ -7,7 +7,7 @@ import json
 import pytest
 import torch
 
-from models.ekf import INFLATION
+from models.mtp_go_config import INFLATION
 from mtpgo_training.benchmark import latency_benchmark as latency
 from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 from mtpgo_training.cli import main

@@ -194,3 +194,15 @@ def test_an_empty_place_ahead_stays_empty_at_any_scale():
     features = np.zeros((1, len(names)), dtype=np.float32)
     features[..., [names.index("lead1_gap"), names.index("lead2_gap")]] = 80.0
     np.testing.assert_array_equal(Augmentation(scale=0.7).features(features, names), features)
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_angles_in_radians_turn_as_their_vectors_do(mirror):
+    """yaw = atan2(sin, cos) and theta = -atan2(sin, cos) of the columns in the other form."""
+    change = Augmentation(mirror=mirror, turn_rad=2.0, scale=1.1)
+    angle = np.linspace(-3.1, 3.1, 9)
+    pair = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    turned = change.features(pair, ("cos_yaw", "sin_yaw"))
+    course = np.arctan2(turned[:, 1], turned[:, 0])
+    found = change.features(np.stack([angle, -angle], axis=-1), ("yaw", "theta"))
+    np.testing.assert_allclose(found, np.stack([course, -course], axis=-1), atol=1e-6)

@@ -1,0 +1,67 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Training configurations by name, from any directory and any kind of installation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.resources import find_resource
+
+PARTS = "parts"
+"""Folder of the files that configurations are made of (``base``), which have no name."""
+
+
+@dataclass(frozen=True)
+class NamedConfig:
+    """A configuration that ships with the package.
+
+    Attributes:
+        name: by which it is found.
+        path: its file.
+        summary: first sentence of the file, a comment.
+    """
+
+    name: str
+    path: Path
+    summary: str
+
+
+def named_configs() -> list[NamedConfig]:
+    """Return the configurations that ship with the package, by name.
+
+    Raises:
+        ConfigurationError: the package was installed without them.
+    """
+    folder = find_resource("config", "training")
+    found = []
+    for path in sorted(folder.rglob("*.yaml"), key=lambda path: path.stem):
+        if path.parent.name == PARTS:
+            continue
+        line = path.read_text(encoding="utf-8").split("\n", 1)[0]
+        summary = line.lstrip("# ").partition(". ")[0].rstrip(".")
+        found.append(NamedConfig(path.stem, path, summary))
+    return found
+
+
+def find_config(given: str | Path) -> Path:
+    """Return the file of a configuration.
+
+    Args:
+        given: a file, or the name of a configuration that ships with the package.
+
+    Raises:
+        ConfigurationError: it is neither.
+    """
+    path = Path(given)
+    if path.is_file() or path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
+        return path
+    known = {config.name: config.path for config in named_configs()}
+    if str(given) not in known:
+        raise ConfigurationError(
+            f"the configuration is {str(given)!r}, expected a YAML file or one of "
+            + ", ".join(known)
+        )
+    return known[str(given)]
