@@ -18,6 +18,7 @@ COMMANDS = {
     "simulate": "simulate traffic as recordings (Eclipse SUMO)",
     "train": "train a model on recordings",
     "crossval": "train without some sites and test on them, until each was left out",
+    "study": "the paper's tables by one command",
     "adapt": "adapt a model to recordings of your site",
     "curve": "draw the learning curves of runs",
     "export": "export a trained model for the node",

@@ -123,6 +123,7 @@ ROOMS = {
         "crossval",
         "adapt",
         "reports",
+        "study",
         "simulate",
         "demo",
         "benchmark",

@@ -1,0 +1,143 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The folder of a study.
+
+``study.json`` (study, data set, recordings with their hashes, split, budget, configurations of the
+rows) is written at the start. ``runs/ROW-seedN/`` has the schedule of a run, its run folder, the
+exported model, what it printed, and at last ``scores.json``: a run with that file is done. The
+tables are written again after each run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import write_text
+from mtpgo_training.crossval.fold_plan import Budget
+from mtpgo_training.study.study_data import StudyData
+from mtpgo_training.study.study_run import RunFiles
+from mtpgo_training.training.run_folder import first_difference, versions
+from mtpgo_training.training.training_config import (
+    TrainerConfig,
+    TrainingConfig,
+    dump_config,
+    load_config,
+)
+
+Json = dict[str, Any]
+
+
+class StudyFolder:
+    """The files of a study.
+
+    Args:
+        path: the folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._facts = path / "study.json"
+
+    def run(self, row: str, seed: int) -> RunFiles:
+        """Return the files of a run."""
+        return RunFiles(self.path / "runs" / f"{row}-seed{seed}")
+
+    def _config(self, row: str) -> Path:
+        return self.path / "configs" / f"{row}.yaml"
+
+    def start(
+        self,
+        facts: Json,
+        data: StudyData,
+        configs: Mapping[str, TrainingConfig],
+        budget: Budget,
+    ) -> None:
+        """Write what determines the results, or check that it is the same as before.
+
+        Rows and seeds may be added, and devices may differ.
+
+        Args:
+            facts: study, data set, and how it is scored.
+            data: its recordings.
+            configs: of the rows.
+            budget: of each run.
+
+        Raises:
+            ConfigurationError: the folder has something else in it, or it cannot be written.
+        """
+        facts = {
+            **facts,
+            "budget": dataclasses.asdict(budget),
+            "recordings": {item.name: item.recording.sha256 for item in data.recordings},
+            "split": {
+                use: [item.name for item in getattr(data.splits, use)]
+                for use in ("train", "validation", "test")
+            },
+        }
+        if self._facts.is_file():
+            self._check_same(facts)
+        elif self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
+            raise ConfigurationError(
+                f"--out is {self.path}, which holds no study, expected a new folder or one to "
+                "continue"
+            )
+        else:
+            write_text(self._facts, json.dumps({**facts, "versions": versions()}, indent=2) + "\n")
+        for row, config in configs.items():
+            self._start_row(row, config)
+
+    def _check_same(self, facts: Json) -> None:
+        try:
+            before = json.loads(self._facts.read_text(encoding="utf-8"))
+            different = next((key for key in facts if before.get(key) != facts[key]), None)
+        except (OSError, ValueError, AttributeError) as error:
+            raise ConfigurationError(f"{self._facts} cannot be read: {error}") from error
+        if different in ("recordings", "split"):
+            raise ConfigurationError(
+                f"the {different} differ from those in {self._facts}, expected the same or "
+                "another --out"
+            )
+        if different is not None:
+            raise ConfigurationError(
+                f"{different} is {facts[different]}, but {before.get(different)} in "
+                f"{self._facts}, expected the same or another --out"
+            )
+
+    def _start_row(self, row: str, config: TrainingConfig) -> None:
+        path = self._config(row)
+        config = dataclasses.replace(
+            config,
+            num_threads=1,
+            trainer=TrainerConfig(patience_epochs=config.trainer.patience_epochs),
+        )
+        if not path.is_file():
+            write_text(path, dump_config(config))
+            return
+        stored = load_config(path)
+        if stored != config:
+            raise ConfigurationError(
+                f"the configuration of the row {row} differs from {path} in "
+                f"{first_difference(stored, config)}, expected the same or another --out"
+            )
+
+    def scores(self, row: str, seed: int) -> Json | None:
+        """Return the scores of a run, None if it is not done."""
+        files = self.run(row, seed)
+        return json.loads(files.scores.read_text(encoding="utf-8")) if files.done else None
+
+    def failure(self, row: str, seed: int) -> str | None:
+        """Return why a run failed, None if it did not."""
+        files = self.run(row, seed)
+        if files.done or not files.failure.is_file():
+            return None
+        return str(json.loads(files.failure.read_text(encoding="utf-8"))["error"])
+
+    def write_failure(self, row: str, seed: int, error: Exception) -> None:
+        """Note why a run failed."""
+        text = json.dumps({"error": str(error)}, indent=1) + "\n"
+        write_text(self.run(row, seed).failure, text)

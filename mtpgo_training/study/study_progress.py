@@ -1,0 +1,88 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The progress of a study: a bar, lines, and an estimate of the time left."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+Json = dict[str, Any]
+
+
+class StudyProgress(AbstractContextManager["StudyProgress"]):
+    """Shows how far a study is.
+
+    Args:
+        runs: of the study.
+        done: runs that are done before.
+        at_once: runs at the same time.
+        quiet: print errors only.
+
+    Attributes:
+        last_error: what failed last.
+    """
+
+    def __init__(self, runs: int, done: int, at_once: int, *, quiet: bool) -> None:
+        self._runs, self._done, self._before = runs, done, done
+        self._at_once, self._quiet = at_once, quiet
+        self._start = time.monotonic()
+        self._bar = tqdm(
+            total=runs,
+            initial=done,
+            unit="run",
+            disable=quiet or not sys.stderr.isatty(),
+        )
+        self.last_error = ""
+        self._say(f"{runs} runs, {done} done before, {at_once} at the same time")
+
+    def __exit__(self, *exception: object) -> None:
+        """Close the bar."""
+        self._bar.close()
+
+    @property
+    def minutes_left(self) -> float:
+        """Estimate by the mean of the runs of this call (min), NaN before the first is done."""
+        ended = self._done - self._before
+        if not ended:
+            return float("nan")
+        elapsed = (time.monotonic() - self._start) / 60.0
+        return elapsed / ended * (self._runs - self._done)
+
+    def started(self, name: str, folder: Path) -> None:
+        """Say that a run is started."""
+        self._say(f"{name}: started, see {folder / 'fold.log'}")
+
+    def finished(self, name: str, scores: Json) -> None:
+        """Say how a run went, and how long the others will take."""
+        self._count()
+        values, training = scores["values"], scores["training"]
+        own, cv = values["model"].get("ade"), values.get("cv", {}).get("ade")
+        result = "nothing scored" if own is None else f"ADE {own:.3f} m"
+        if own is not None and cv is not None:
+            result += f" (CV {cv:.3f})"
+        self._say(
+            f"{name}: {result}, {training['minutes']:.1f} min; {self._done} of {self._runs} runs, "
+            f"about {self.minutes_left:.0f} min left"
+        )
+
+    def failed(self, name: str, error: str) -> None:
+        """Say that a run failed; it is a gap of the table."""
+        self.last_error = error
+        if "-seed" in name:
+            self._count()
+        tqdm.write(f"mtpgo: {name}: {error}", file=sys.stderr)
+
+    def _count(self) -> None:
+        self._done += 1
+        self._bar.update()
+
+    def _say(self, text: str) -> None:
+        if not self._quiet:
+            tqdm.write(text)
+            sys.stdout.flush()

@@ -1,0 +1,163 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The results of a study as plain data: means over seeds with intervals, gaps, the ranking."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mtpgo_training.evaluation.scores.bootstrap import over_seeds
+from mtpgo_training.evaluation.scores.score_table import none
+from mtpgo_training.study.paper_tables import BY_KERNELS, PAPER
+from mtpgo_training.study.study_folder import StudyFolder
+from mtpgo_training.study.study_rows import Study, StudyRow
+from mtpgo_training.study.study_run import MODEL
+
+Json = dict[str, Any]
+
+
+def results(
+    study: Study,
+    data_set: str,
+    folder: StudyFolder,
+    rows: Sequence[StudyRow],
+    seeds: Sequence[int],
+    refused: Mapping[str, str],
+) -> Json:
+    """Return what is known by now.
+
+    ``rows``: for each row its ``name``, ``title``, ``seeds`` that are done, ``values`` by column
+    (``mean``, ``low``, ``high``, ``seeds``), ``kernels`` (the same by kernel density estimates),
+    ``paper`` by column, ``gap`` (why it is not complete, None if it is), and the ``training`` of
+    each seed. ``ranking``: rows by their first column, ADE.
+
+    Args:
+        study: which one.
+        data_set: of the paper.
+        folder: of the study.
+        rows: of the table.
+        seeds: of each row.
+        refused: why a row cannot be trained, by its name.
+    """
+    done = {
+        row.name: [
+            scores
+            for seed in seeds
+            if row.is_trained and (scores := folder.scores(row.name, seed)) is not None
+        ]
+        for row in rows
+    }
+    any_run = next((scores[0] for scores in done.values() if scores), None)
+    found = []
+    for row in rows:
+        if row.is_trained:
+            own, series, missing = done[row.name], MODEL, _gap(folder, row, seeds, refused)
+        else:
+            own, series = [any_run] if any_run else [], row.name
+            missing = None if any_run else "no run has scored it yet"
+        paper = PAPER[study.name].get(data_set, {}).get(row.name, {})
+        found.append(
+            {
+                "name": row.name,
+                "title": row.title,
+                "removed": row.removed,
+                "trained": row.is_trained,
+                "seeds": [one["seed"] for one in own] if row.is_trained else [],
+                "values": {key: _mean(own, series, key) for key in study.columns},
+                "kernels": {key: _mean(own, series, f"{key}_kde") for key in ("anll", "fnll")}
+                if row.is_trained
+                else {},
+                "paper": {
+                    key: {"value": value.value, "half_width": value.half_width}
+                    for key, value in paper.items()
+                },
+                "paper_by_kernels": row.name in BY_KERNELS,
+                "gap": missing,
+                "training": [one["training"] for one in own] if row.is_trained else [],
+                "extrapolation": [one["extrapolation"] for one in own if "extrapolation" in one]
+                if row.is_trained
+                else [],
+            }
+        )
+    return {
+        "study": study.name,
+        "data_set": data_set,
+        "columns": list(study.columns),
+        "rows": found,
+        "ranking": ranking(found, study.columns[0]),
+    }
+
+
+def _gap(
+    folder: StudyFolder, row: StudyRow, seeds: Sequence[int], refused: Mapping[str, str]
+) -> str | None:
+    """Return why runs of a row are missing, None if none is."""
+    if row.name in refused:
+        return refused[row.name]
+    open_runs = [seed for seed in seeds if not folder.run(row.name, seed).done]
+    failures = {seed: folder.failure(row.name, seed) for seed in open_runs}
+    parts = [f"seed {seed} failed: {text}" for seed, text in failures.items() if text]
+    waiting = [str(seed) for seed, text in failures.items() if not text]
+    if waiting:
+        parts.append(f"not run yet: seed {', '.join(waiting)}")
+    return "; ".join(parts) or None
+
+
+def _value(scores: Json, series: str, key: str) -> float | None:
+    kind, _, value = key.rpartition(".")
+    if kind:
+        found = scores["by_class"].get(series, {}).get(kind, {}).get(value)
+    else:
+        found = scores["values"].get(series, {}).get(value)
+    return None if found is None else float(found)
+
+
+def _mean(runs: Sequence[Json], series: str, key: str) -> Json | None:
+    """Return mean and interval over the runs that have a value, None if none has."""
+    given = [v for one in runs if (v := _value(one, series, key)) is not None]
+    if not given:
+        return None
+    mean, low, high = over_seeds(given)
+    return {"mean": mean, "low": none(low), "high": none(high), "seeds": len(given)}
+
+
+def half_width(value: Json) -> float | None:
+    """Return half of the length of an interval, None if there is none."""
+    return None if value["high"] is None else value["high"] - value["mean"]
+
+
+def ranking(rows: Sequence[Json], column: str) -> list[Json]:
+    """Return the rows from the smallest value on.
+
+    ``value`` is that of the column; ``apart``: whether its interval and that of the row before do
+    not overlap, None where there is no interval; ``beats_cv``: whether its mean is below that of
+    constant velocity, None where that is not known.
+
+    Args:
+        rows: see :func:`results`.
+        column: by which they are ranked.
+    """
+    known = [row for row in rows if row["values"][column] is not None]
+    known.sort(key=lambda row: row["values"][column]["mean"])
+    cv = next((r["values"][column]["mean"] for r in known if r["name"] == "cv"), math.nan)
+    found: list[Json] = []
+    before: Json | None = None
+    for row in known:
+        value = row["values"][column]
+        apart = None
+        if before is not None and None not in (before["high"], value["low"]):
+            apart = bool(value["low"] > before["high"])
+        beats = None if math.isnan(cv) or row["name"] == "cv" else value["mean"] < cv
+        found.append(
+            {
+                "name": row["name"],
+                "title": row["title"],
+                "value": value,
+                "apart": apart,
+                "beats_cv": beats,
+            }
+        )
+        before = value
+    return found
