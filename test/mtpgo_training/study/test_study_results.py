@@ -1,0 +1,99 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Means over seeds with intervals, gaps and the ranking, from scores worked out by hand."""
+
+import json
+
+import pytest
+
+from mtpgo_training.atomic_files import write_text
+from mtpgo_training.study.study_folder import StudyFolder
+from mtpgo_training.study.study_output import write_results
+from mtpgo_training.study.study_results import half_width, results
+from mtpgo_training.study.study_rows import STUDIES
+from mtpgo_training.study.study_tables import gaps, main_table, to_csv, to_latex
+
+TRAINING = {
+    "parameters": 10,
+    "epochs": 2,
+    "epochs_done": 2,
+    "steps": 4,
+    "minutes": 1.0,
+    "steps_per_second": 0.1,
+}
+
+
+def write_scores(folder, row, seed, ade, cv=2.0):
+    values = {"model": {"ade": ade, "anll": -1.0, "anll_kde": -3.0}, "cv": {"ade": cv}}
+    content = {"row": row, "seed": seed, "training": TRAINING, "values": values, "by_class": {}}
+    write_text(folder.run(row, seed).scores, json.dumps(content))
+
+
+def rows_of(study, *names):
+    return study, study.chosen(names)
+
+
+@pytest.fixture
+def content(tmp_path):
+    """Three seeds of MTP-GO1, one of Seq2Seq, a failed run and a refused row."""
+    folder = StudyFolder(tmp_path)
+    for seed, ade in ((1, 0.9), (2, 1.0), (3, 1.1)):
+        write_scores(folder, "mtp-go1", seed, ade)
+    write_scores(folder, "seq2seq", 1, 2.5)
+    folder.write_failure("seq2seq", 2, ValueError("no GPU"))
+    study, rows = rows_of(
+        STUDIES["comparison"], "cv", "seq2seq", "mtp-go1", "gnn-rnn", "trajectron++"
+    )
+    return results(study, "highd", folder, rows, [1, 2, 3], {"trajectron++": "unknown network"})
+
+
+def test_interval_is_that_of_students_t(content):
+    """Mean 1, standard deviation 0.1, t = 4.3027 with two degrees of freedom."""
+    row = next(row for row in content["rows"] if row["name"] == "mtp-go1")
+    value = row["values"]["ade"]
+    assert value["mean"] == pytest.approx(1.0)
+    assert half_width(value) == pytest.approx(4.30265 * 0.1 / 3**0.5, rel=1e-4)
+    assert row["kernels"]["anll"]["mean"] == -3.0
+
+
+def test_gaps_are_named(content):
+    assert gaps(content) == [
+        "Seq2Seq: seed 2 failed: no GPU; not run yet: seed 3",
+        "GNN-RNN: not run yet: seed 1, 2, 3",
+        "Trajectron++: unknown network",
+    ]
+    cells = {row.name: [str(cell) for cell in row.cells] for row in main_table(content).rows}
+    assert cells["Trajectron++"][:2] == ["gap", "0.44"]
+    assert cells["Trajectron++"][8:12] == ["gap", "(-1.57)", "gap", "(1.63)"]
+
+
+def test_ranking_says_who_is_worse_than_constant_velocity(content):
+    assert [(row["name"], row["beats_cv"]) for row in content["ranking"]] == [
+        ("mtp-go1", True),
+        ("cv", None),
+        ("seq2seq", False),
+    ]
+
+
+def test_latex_and_csv_have_ours_and_the_papers(content):
+    latex = to_latex(content, "50 % of it")
+    assert "MTP-GO1 & $\\mathbf{1.000 \\pm 0.248}$" in latex
+    assert "50 \\% of it" in latex
+    assert "(\\textit{-1.57})" in latex
+    assert "% gap: Trajectron++: unknown network" in latex
+    assert "comparison,highd,seq2seq,ade,1,2.5,,,0.57,," in to_csv(content)
+
+
+def test_classes_have_columns_of_their_own(tmp_path):
+    folder = StudyFolder(tmp_path)
+    by_class = {"model": {"bicycle": {"ade": 1.5}}}
+    scores = {"row": "mtp-go1", "seed": 1, "training": TRAINING, "values": {}}
+    path = folder.run("mtp-go1", 1).scores
+    write_text(path, json.dumps({**scores, "by_class": by_class}))
+    study, rows = rows_of(STUDIES["static"], "mtp-go1")
+    content = results(study, "ind", folder, rows, [1], {})
+    (row,) = content["rows"]
+    assert row["values"]["bicycle.ade"]["mean"] == 1.5
+    assert row["paper"]["bicycle.fde"]["value"] == 3.38
+    write_results(tmp_path, content)
+    assert "bicycles ADE m" in (tmp_path / "result.md").read_text(encoding="utf-8")
