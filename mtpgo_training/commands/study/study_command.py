@@ -126,15 +126,15 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.crossval.fold_plan import Budget
     from mtpgo_training.crossval.fold_processes import run_folds
     from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.study.output.study_output import write_results
+    from mtpgo_training.study.output.study_page import write_page
+    from mtpgo_training.study.output.study_tables import gaps, main_table
     from mtpgo_training.study.study_data import study_data
     from mtpgo_training.study.study_folder import StudyFolder
-    from mtpgo_training.study.study_output import write_results
-    from mtpgo_training.study.study_page import write_page
     from mtpgo_training.study.study_progress import StudyProgress
     from mtpgo_training.study.study_results import results
     from mtpgo_training.study.study_rows import StudyError, find_study
     from mtpgo_training.study.study_run import StudyRun
-    from mtpgo_training.study.study_tables import gaps, main_table
     from mtpgo_training.table_format import to_text
     from mtpgo_training.training.interruption import Interruption
 

@@ -7,11 +7,11 @@ import json
 import pytest
 
 from mtpgo_training.atomic_files import write_text
+from mtpgo_training.study.output.study_output import write_results
+from mtpgo_training.study.output.study_tables import gaps, main_table, to_csv, to_latex
 from mtpgo_training.study.study_folder import StudyFolder
-from mtpgo_training.study.study_output import write_results
 from mtpgo_training.study.study_results import half_width, results
 from mtpgo_training.study.study_rows import STUDIES
-from mtpgo_training.study.study_tables import gaps, main_table, to_csv, to_latex
 
 TRAINING = {
     "parameters": 10,

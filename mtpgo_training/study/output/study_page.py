@@ -9,10 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.study.study_figures import as_image, extrapolation_curves, learning_curves
+from mtpgo_training.study.output.study_figures import (
+    as_image,
+    extrapolation_curves,
+    learning_curves,
+)
+from mtpgo_training.study.output.study_output import heading, sections
+from mtpgo_training.study.output.study_tables import gaps
 from mtpgo_training.study.study_folder import StudyFolder
-from mtpgo_training.study.study_output import heading, sections
-from mtpgo_training.study.study_tables import gaps
 from mtpgo_training.table_format import to_html
 
 Json = dict[str, Any]

@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.study.paper_tables import KERNEL_REMARK, PAPER_CAPTIONS
-from mtpgo_training.study.study_rows import find_study
-from mtpgo_training.study.study_tables import (
+from mtpgo_training.study.output.study_tables import (
     gaps,
     kernel_table,
     main_table,
@@ -20,6 +18,8 @@ from mtpgo_training.study.study_tables import (
     to_latex,
     training_table,
 )
+from mtpgo_training.study.paper_tables import KERNEL_REMARK, PAPER_CAPTIONS
+from mtpgo_training.study.study_rows import find_study
 from mtpgo_training.table_format import Table, to_markdown
 
 Json = dict[str, Any]
