@@ -217,11 +217,9 @@ def score(
         stride_s: time between two scored instants (s).
     """
     by_kernels = row.name in (*BY_KERNELS, "mtp-go2") and study.name == "comparison"
-    known = {field.name for field in dataclasses.fields(Settings)}
-    options: Json = {}
-    if by_kernels and "kde_samples" in known:
-        options = {"kde_samples": KERNEL_SAMPLES}
-    settings = Settings(study.policy, stride_s, centre=False, **options)
+    settings = Settings(
+        study.policy, stride_s, centre=False, kde_samples=KERNEL_SAMPLES if by_kernels else 0
+    )
     runner = ModelRunner.load(model, trusted=True)
     result: Evaluation = evaluate_all(
         {MODEL: runner}, [(item.name, item.recording) for item in test], settings
