@@ -61,6 +61,8 @@ EXTRAS = {
     ],
     # Parquet and Feather files, and Waymo's protocol buffers.
     "datasets": ["protobuf>=4.21", "pyarrow>=14.0"],
+    # Many recordings on several processes or machines; cryptography encrypts what they exchange.
+    "fleet": ["cryptography>=42.0", "distributed>=2024.8"],
     "simulation": ["eclipse-sumo>=1.20"],
     "development": [
         "colcon-common-extensions>=0.3",

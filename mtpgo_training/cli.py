@@ -41,6 +41,10 @@ EXTRA_MODULES = {
         ),
         "training",
     ),
+    "cloudpickle": "fleet",
+    "cryptography": "fleet",
+    "dask": "fleet",
+    "distributed": "fleet",
     "google": "datasets",
     "pyarrow": "datasets",
 }

@@ -56,10 +56,10 @@ OPTIONAL = {
     "mtpgo_core": {"yaml"},
     "mtpgo_ros": {"bondpy", "tf2_ros"},
     "msg_adapters": {"ament_index_python"},
-    "mtpgo_training": {"google", "pyarrow"},
+    "mtpgo_training": {"cloudpickle", "dask", "distributed", "google", "pyarrow"},
 }
 """What a package may import inside a function only: it must do without. A class map is YAML; the
-other two read the files of some data sets."""
+google and pyarrow read the files of some data sets; Dask runs several processes."""
 
 WITHOUT_TORCH = (
     "schema",
@@ -114,6 +114,7 @@ ROOMS = {
         "atomic_files",
         "table_format",
         "data",
+        "parallel",
         "scenes",
         "evaluation",
         "calibration",

@@ -7,8 +7,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -20,13 +20,18 @@ from mtpgo_training.commands.arguments.data_arguments import (
     cache_from,
     data_sources,
 )
-from mtpgo_training.data.data_sources import DataSource
-from mtpgo_training.data.readers import iter_recordings, recording_names
-from mtpgo_training.data.recording import Recording
-from mtpgo_training.data.recording_cache import RecordingCache
+from mtpgo_training.commands.arguments.pool_arguments import (
+    add_pool_arguments,
+    failures_text,
+    pool_from,
+)
+from mtpgo_training.data.data_sources import source_jobs
 from mtpgo_training.data.summary.data_summary import DataSummary
 from mtpgo_training.data.summary.recording_defects import Defect
-from mtpgo_training.data.summary.recording_summary import summarise
+from mtpgo_training.data.summary.recording_summary import RecordingSummary
+from mtpgo_training.parallel.work_item import Failure
+from mtpgo_training.parallel.work_pool import work_through
+from mtpgo_training.reports.recordings.description import Describing
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -49,6 +54,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--picture", type=Path, metavar="FILE", help="also draw a PNG: tracks, speeds, numbers"
     )
     add_cache_arguments(parser)
+    add_pool_arguments(parser)
     parser.set_defaults(run=run)
 
 
@@ -60,22 +66,25 @@ def run(args: argparse.Namespace) -> int:
     for path in (args.picture, Path(args.json) if args.json not in (None, "-") else None):
         if path is not None:
             require_writable(path)
-    cache = cache_from(args)
-    picture = None
-    if args.picture is not None:
-        from mtpgo_training.reports.data_picture import PictureData
-
-        picture = PictureData()
-    summaries, unreadable = [], []
-    for item in tqdm(
-        _each(sources, cache), unit="recording", disable=not sys.stderr.isatty(), leave=False
-    ):
-        if isinstance(item, RecordingError):
-            unreadable.append(Defect("unreadable", str(item)))
-        elif len(item):
-            summaries.append(summarise(item))
-            if picture is not None:
-                picture.add(item)
+    pool = pool_from(args)
+    describing = Describing(cache_from(args), args.resume, args.picture is not None)
+    items = source_jobs(sources)
+    picture: Any = None
+    summaries: list[RecordingSummary] = []
+    failures: list[Failure] = []
+    bar = tqdm(total=len(items), unit="file", disable=not sys.stderr.isatty(), leave=False)
+    with bar:
+        for found in work_through(describing, items, pool):
+            bar.update()
+            if isinstance(found, Failure):
+                failures.append(found)
+                continue
+            summaries += found.summaries
+            if picture is None:
+                picture = found.picture
+            elif found.picture is not None:
+                picture.merge(found.picture)
+    unreadable = [Defect("unreadable", failure.reason) for failure in failures]
     if not summaries:
         reason = f": {unreadable[0].place}" if unreadable else ""
         raise RecordingError(f"no recording has a road user{reason}")
@@ -88,21 +97,9 @@ def run(args: argparse.Namespace) -> int:
         if args.json is not None:
             write_text(Path(args.json), text + "\n")
     if args.picture is not None and picture is not None:
-        from mtpgo_training.reports.data_picture import draw_data
+        from mtpgo_training.reports.recordings.data_picture import draw_data
 
         draw_data(summary, picture, args.picture)
-    return 1 if unreadable else 0
-
-
-def _each(
-    sources: list[DataSource], cache: RecordingCache | None
-) -> Iterator[Recording | RecordingError]:
-    """Yield the recordings one after the other, or why one cannot be read."""
-    for source in sources:
-        for name in recording_names(*source):
-            try:
-                yield from iter_recordings(
-                    source.directory, source.layout, [name], source.options, cache=cache
-                )
-            except RecordingError as error:
-                yield error
+    if failures:
+        print(f"mtpgo: {failures_text(failures, len(items))}", file=sys.stderr)
+    return 1 if failures else 0

@@ -28,7 +28,12 @@ from mtpgo_training.commands.arguments.data_arguments import (
     cache_from,
     data_sources,
 )
-from mtpgo_training.data.data_sources import named_recordings
+from mtpgo_training.commands.arguments.pool_arguments import (
+    add_pool_arguments,
+    failures_text,
+    pool_from,
+)
+from mtpgo_training.data.data_sources import named_recordings, source_jobs
 from mtpgo_training.data.readers.reading_options import AS_USUAL
 from mtpgo_training.evaluation.bags.bag_evaluation import (
     BagResult,
@@ -36,7 +41,7 @@ from mtpgo_training.evaluation.bags.bag_evaluation import (
     observed_recordings,
 )
 from mtpgo_training.evaluation.evaluator import Settings, load_models
-from mtpgo_training.evaluation.parallel_evaluation import evaluate_recordings
+from mtpgo_training.evaluation.parallel_evaluation import evaluate_sources
 from mtpgo_training.evaluation.summary import summarise
 from mtpgo_training.reports.markdown import markdown_table, read_results
 from mtpgo_training.reports.terminal import print_result
@@ -123,7 +128,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="JSON",
         help="do not evaluate: print the table of a model card from earlier --json files",
     )
-    add("--jobs", type=int, default=1, metavar="N", help="processes, each with a recording (1)")
+    add_pool_arguments(parser)
     add("--quiet", action="store_true", help="no progress bar")
     parser.set_defaults(run=run)
 
@@ -137,6 +142,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     topic = _predictions_topic(args)
     _check(args)
+    pool = pool_from(args)
     if args.report is not None:
         # Only here: pictures need matplotlib and jinja2, and the folder must be writable.
         from mtpgo_training.reports.page import prepare_folder, write_report
@@ -158,16 +164,20 @@ def run(args: argparse.Namespace) -> int:
     if args.predictions:
         result = _from_bags(args, runners, topic)
     else:
-        result = BagResult(
-            evaluate_recordings(
-                runners,
-                named_recordings(data_sources(args.data_options), cache_from(args)),
-                settings,
-                jobs=args.jobs,
-                draw=list(runners) if args.report is not None else [],
-                progress=not args.quiet and sys.stderr.isatty(),
-            )
+        jobs = source_jobs(data_sources(args.data_options))
+        evaluation, failures = evaluate_sources(
+            runners,
+            jobs,
+            settings,
+            pool=pool,
+            cache=cache_from(args),
+            resume=args.resume,
+            draw=list(runners) if args.report is not None else [],
+            progress=not args.quiet and sys.stderr.isatty(),
         )
+        if len(failures) == len(jobs):
+            raise RecordingError(failures[0].reason)
+        result = BagResult(evaluation, failures=failures)
     if not result.evaluation.scores:
         raise RecordingError(
             "nothing could be scored: no agent of the recordings is predicted and observed "
@@ -196,6 +206,9 @@ def run(args: argparse.Namespace) -> int:
     if args.report is not None:
         page = write_report(args.report, content, result.evaluation.scenes)
         print(f"Report written to {page}.")
+    if result.failures:
+        print(f"mtpgo: {failures_text(result.failures, len(jobs))}", file=sys.stderr)
+        return 1
     return 0
 
 
@@ -209,8 +222,6 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigurationError("neither --model nor --predictions is given, expected one")
     if args.model and not args.predictions and not args.data_options:
         raise ConfigurationError("--model is given without --data, expected recordings")
-    if args.jobs < 1:
-        raise ConfigurationError(f"--jobs is {args.jobs}, expected at least 1")
     if not args.stride > 0:
         raise ConfigurationError(f"--stride is {args.stride}, expected more than 0")
     if not args.min_future >= 0:
@@ -236,6 +247,14 @@ def _check(args: argparse.Namespace) -> None:
     if args.predictions and args.tracker == SIMULATED:
         raise ConfigurationError(
             "--tracker simulated is given with --predictions, whose observations were recorded"
+        )
+    if args.resume is not None and args.report is not None:
+        raise ConfigurationError(
+            "--resume is given with --report, whose pictures need all recordings, expected one"
+        )
+    if args.predictions and (args.jobs > 1 or args.cluster or args.resume is not None):
+        raise ConfigurationError(
+            "--jobs, --cluster or --resume is given with --predictions, which one process scores"
         )
     if args.tracker_seed is not None and args.tracker != SIMULATED:
         raise ConfigurationError("--tracker-seed is given without --tracker simulated")

@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.data.readers import iter_recordings, recording_names
+from mtpgo_training.data.readers import iter_recordings, reading_jobs, recording_names
+from mtpgo_training.data.readers.reading_job import ReadingJob
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
@@ -62,6 +64,57 @@ def read_sources(
             item = NamedRecording(source.folder, recording)
             _take(taken, item.name)
             yield item
+
+
+@dataclass(frozen=True)
+class SourceJob:
+    """Files of one of several directories that are read independently of all others.
+
+    Attributes:
+        source: last part of the directory's name.
+        job: the files.
+        several: there are several directories, so that names begin with the directory's.
+    """
+
+    source: str
+    job: ReadingJob
+    several: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the files, after that of their directory where there are several."""
+        return f"{self.source}/{self.job.name}" if self.several else self.job.name
+
+    def read(self, cache: RecordingCache | None = None) -> Iterator[tuple[str, Recording]]:
+        """Yield the names and recordings, without empty recordings.
+
+        Arguments and errors are those of :meth:`ReadingJob.read`.
+        """
+        for recording in self.job.read(cache):
+            if len(recording):
+                name = recording.name
+                yield (f"{self.source}/{name}" if self.several else name), recording
+
+
+def source_jobs(sources: Sequence[DataSource]) -> list[SourceJob]:
+    """Return what of several directories can be read one independently of the other.
+
+    Raises:
+        RecordingError: a directory or layout is not as it should be.
+        ConfigurationError: two recordings have the same name, directory included.
+    """
+    several = len(sources) > 1
+    jobs = [
+        SourceJob(source.folder, job, several)
+        for source in sources
+        for job in reading_jobs(*source)
+    ]
+    if several:
+        taken: set[str] = set()
+        for one in jobs:
+            for name in one.job.names:
+                _take(taken, f"{one.source}/{name}")
+    return jobs
 
 
 def named_recordings(

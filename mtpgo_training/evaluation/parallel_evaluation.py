@@ -1,115 +1,143 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Evaluation with progress bars, in one process or in several with the same results."""
+"""Evaluation of many recordings, in one process or in several with the same results."""
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+import dataclasses
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from tqdm import tqdm
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.data_sources import SourceJob
+from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.evaluation.evaluator import Evaluation, Settings, evaluate_all
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
+from mtpgo_training.evaluation.honesty.honesty_table import HonestyTable
+from mtpgo_training.evaluation.scores.score_table import GroupSums, ScoreTable
+from mtpgo_training.parallel.kept_results import kept_or_made
+from mtpgo_training.parallel.pool_options import HERE, PoolOptions
+from mtpgo_training.parallel.work_item import Failure
+from mtpgo_training.parallel.work_pool import work_through
 
-_runners: dict[str, ModelRunner] = {}
-"""Models of a worker process, loaded when it starts."""
 
-
-def evaluate_recordings(
+def evaluate_sources(
     runners: Mapping[str, ModelRunner],
-    recordings: Iterable[tuple[str, Recording]],
+    jobs: Sequence[SourceJob],
     settings: Settings,
     *,
-    jobs: int = 1,
+    pool: PoolOptions = HERE,
+    cache: RecordingCache | None = None,
+    resume: Path | None = None,
     draw: Sequence[str] = (),
     progress: bool = False,
-) -> Evaluation:
-    """Evaluate models on recordings.
+) -> tuple[Evaluation, list[Failure]]:
+    """Evaluate models on recordings; return the results, and what could not be read or scored.
 
     Args:
         runners: models by name.
-        recordings: names and recordings, taken one after the other.
+        jobs: the files of the recordings.
         settings: see :class:`Settings`.
-        jobs: number of processes, each with a recording.
+        pool: where they are read and scored, with one torch thread in each process.
+        cache: cache of recordings that were read before.
+        resume: folder that keeps the results of each job, None keeps none.
         draw: models whose best and worst scenes are kept for a picture.
         progress: show progress bars.
+
+    Raises:
+        ConfigurationError: two recordings have the same name, or scenes are to be kept.
     """
-    if jobs > 1:
-        files = {name: runner.path for name, runner in runners.items()}
-        with tqdm(desc="evaluating", unit="recording", disable=not progress, leave=False) as whole:
-            return evaluate_in_processes(
-                files, recordings, settings, jobs, draw=draw, done=lambda _: whole.update()
-            )
-    bars: list[tqdm] = []
-
-    def start_bar(name: str, frames: int) -> Callable[[], object]:
-        for bar in bars:
-            bar.close()
-        bars[:] = [tqdm(total=frames, desc=name, unit="frame", disable=not progress, leave=False)]
-        return bars[0].update
-
-    try:
-        return evaluate_all(runners, recordings, settings, draw=draw, progress=start_bar)
-    finally:
-        for bar in bars:
-            bar.close()
-
-
-def evaluate_in_processes(
-    models: Mapping[str, Path],
-    recordings: Iterable[tuple[str, Recording]],
-    settings: Settings,
-    jobs: int,
-    *,
-    draw: Sequence[str] = (),
-    done: Callable[[str], object] = lambda name: None,
-) -> Evaluation:
-    """Evaluate as :func:`evaluate_all` does, with one torch thread in each process.
-
-    Args:
-        models: files by name.
-        recordings: names and recordings, taken one after the other as processes become free.
-        settings: see :class:`Settings`.
-        jobs: number of processes.
-        draw: models whose best and worst scenes are kept for a picture.
-        done: called with the name of each recording that is done.
-    """
+    if resume is not None and draw:
+        raise ConfigurationError("the scenes of a picture cannot be kept for --resume")
+    files = tuple((name, r.path.resolve(), r.sha256) for name, r in runners.items())
+    if pool.here:
+        _loaded[files] = dict(runners)
+    scoring = _Scoring(files, settings, cache, resume, tuple(draw), progress and pool.here)
     result = Evaluation(scenes={name: ExtremeScenes() for name in draw})
-    # A forked process may hang on locks that torch's threads held, which it does not have.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, _start, (dict(models),)) as pool:
-        waiting: deque[tuple[str, Future[Evaluation]]] = deque()
-
-        def take() -> None:
-            name, future = waiting.popleft()
-            result.merge(future.result())
-            done(name)
-
-        try:
-            for name, recording in recordings:
-                waiting.append((name, pool.submit(_one, name, recording, settings, tuple(draw))))
-                if len(waiting) > 2 * jobs:
-                    take()
-            while waiting:
-                take()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return result
+    failures = []
+    bar = tqdm(total=len(jobs), desc="evaluating", unit="file", disable=not progress, leave=False)
+    with bar:
+        for found in work_through(scoring, jobs, pool):
+            bar.update()
+            if isinstance(found, Failure):
+                failures.append(found)
+                continue
+            again = result.recordings.keys() & found.recordings.keys()
+            if again:
+                raise ConfigurationError(
+                    f"the recording {min(again)} is given twice, expected different names"
+                )
+            result.merge(found)
+    return result, failures
 
 
-def _start(models: dict[str, Path]) -> None:
-    """Load the models, which the parent process has tried; leave interrupts to it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _runners.update({name: ModelRunner.load(path, trusted=True) for name, path in models.items()})
+_Files = tuple[tuple[str, Path, str], ...]
+"""Models by name, each with its file and the hash of its bytes."""
+
+_loaded: dict[_Files, dict[str, ModelRunner]] = {}
+"""The models of this process: loaded once, since a process scores many recordings. The
+process that was called has tried them."""
 
 
-def _one(name: str, recording: Recording, settings: Settings, draw: Sequence[str]) -> Evaluation:
-    return evaluate_all(_runners, [(name, recording)], settings, draw=draw)
+@dataclass(frozen=True)
+class _Scoring:
+    """Scores the models on the recordings of some files, in any process.
+
+    Attributes:
+        models: their names and files.
+        settings: see :class:`Settings`.
+        cache: cache of recordings.
+        resume: folder of the results, if they are kept.
+        draw: models whose best and worst scenes are kept.
+        progress: show a bar for each recording.
+    """
+
+    models: _Files
+    settings: Settings
+    cache: RecordingCache | None
+    resume: Path | None
+    draw: tuple[str, ...]
+    progress: bool
+
+    def __call__(self, item: SourceJob) -> Evaluation:
+        """Return the results on the recordings of some files."""
+        if self.resume is None:
+            return self._score(item)
+        facts = {
+            "what": "evaluation",
+            "name": item.name,
+            "recordings": item.job.facts(),
+            "models": [[name, sha256] for name, _, sha256 in self.models],
+            "settings": dataclasses.asdict(self.settings),
+        }
+        classes = (Evaluation, ScoreTable, HonestyTable, GroupSums)
+        make = functools.partial(self._score, item)
+        return kept_or_made(self.resume, facts, make, classes, evaluate_all)
+
+    def _score(self, item: SourceJob) -> Evaluation:
+        if self.models not in _loaded:
+            _loaded.clear()
+            _loaded[self.models] = {
+                name: ModelRunner.load(path, sha256=sha256, trusted=True)
+                for name, path, sha256 in self.models
+            }
+        runners = _loaded[self.models]
+        result = Evaluation(scenes={name: ExtremeScenes() for name in self.draw})
+        for name, recording in item.read(self.cache):
+            bar = tqdm(desc=name, unit="frame", disable=not self.progress, leave=False)
+            with bar:
+
+                def begin(name: str, frames: int, bar: tqdm = bar) -> Callable[[], object]:
+                    bar.total = frames
+                    return bar.update
+
+                named = [(name, recording)]
+                result.merge(
+                    evaluate_all(runners, named, self.settings, draw=self.draw, progress=begin)
+                )
+        return result

@@ -63,6 +63,7 @@ def summarise(
         },
         "live": result.live,
         "recordings": evaluation.recordings,
+        "failed": {failure.name: failure.reason for failure in result.failures},
         "seen": overlaps,
         "warnings": [*overlap_warnings(overlaps), *result.warnings],
         "notes": [ONE_RECORDING] if len(evaluation.recordings) < 2 else [],

@@ -119,7 +119,7 @@ def agreement_table(content: Json) -> Table | None:
         Row(
             f"{bag} and {model}",
             [
-                *(value_text(row[k]) for k in ("largest_mm", "median_mm", "resolution_mm")),
+                *(value_text(row[k]) for k in ("largest_mm", "median_mm")),
                 *(str(row[k]) for k in ("predictions", "unpaired")),
                 row["where"] or "-",
             ],
@@ -127,7 +127,7 @@ def agreement_table(content: Json) -> Table | None:
         for bag, found in content["agreement"].items()
         for model, row in found.items()
     ]
-    heads = ["", "largest mm", "median mm", "float32 mm", "compared", "not in both", "largest of"]
+    heads = ["", "largest mm", "median mm", "compared", "not in both", "largest of"]
     return Table(heads, rows) if rows else None
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import functools
 import io
-import logging
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -37,7 +36,6 @@ _LOG = ReadingOptions(bags=BagOptions(stamps="log"))
 
 @functools.cache
 def _folder() -> Path:
-    logging.getLogger("mtpgo").setLevel(logging.ERROR)
     return Path(tempfile.mkdtemp(prefix="fuzz_bag_"))
 
 

@@ -17,6 +17,7 @@ import argparse
 import contextlib
 import hashlib
 import importlib.util
+import logging
 import random
 import re
 import resource
@@ -168,4 +169,6 @@ def _limit_memory() -> None:
 
 
 if __name__ == "__main__":
+    # What readers say about odd input is not looked at here, and there is much of it.
+    logging.getLogger("mtpgo").setLevel(logging.ERROR)
     sys.exit(main())

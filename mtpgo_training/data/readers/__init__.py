@@ -5,13 +5,10 @@
 from __future__ import annotations
 
 import functools
-import logging
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
-from mtpgo_core.history.odd_input import described
 from mtpgo_training.data.readers.datasets.crowd_recordings import FRAME_RATES, crowd_units
 from mtpgo_training.data.readers.datasets.eth_recordings import eth_units
 from mtpgo_training.data.readers.datasets.interaction_recordings import (
@@ -25,15 +22,13 @@ from mtpgo_training.data.readers.fleets.argoverse_recordings import argoverse_un
 from mtpgo_training.data.readers.fleets.nuscenes_recordings import nuscenes_units
 from mtpgo_training.data.readers.fleets.waymo_recordings import waymo_units
 from mtpgo_training.data.readers.ngsim.ngsim_recordings import ngsim_units
+from mtpgo_training.data.readers.reading_job import ReadingJob
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
-from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts, parts_in
+from mtpgo_training.data.readers.recording_parts import RecordingPart, parts_in
 from mtpgo_training.data.readers.tables.table_recordings import table_units
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
-from mtpgo_training.data.recording_columns import pack, unpack
-
-_log = logging.getLogger("mtpgo")
 
 UnitFinder = Callable[[Path, Sequence[str] | None, ReadingOptions], list[Unit]]
 """Finds the files to be read together in a directory, all or those with some names."""
@@ -95,18 +90,28 @@ def iter_recordings(
     Raises:
         RecordingError: an unknown layout, no recordings, or a defect of a file.
     """
+    for job in reading_jobs(directory, layout, names, options):
+        yield from job.read(cache)
 
-    def read(units: Iterable[Unit]) -> Iterator[Recording]:
-        for unit in units:
-            yield from _read_unit(unit, options, cache)
 
+def reading_jobs(
+    directory: str | Path,
+    layout: str,
+    names: Sequence[str] | None = None,
+    options: ReadingOptions = AS_USUAL,
+) -> list[ReadingJob]:
+    """Return what of a directory can be read one independently of the other, without reading it.
+
+    Arguments and errors are those of :func:`recording_names`.
+    """
     where = Path(directory)
     whole, parts = _find(where, layout, names, options)
-    yield from read(whole)
+    jobs = [ReadingJob((unit,), options, where) for unit in whole]
     if parts:
         units = LAYOUTS[layout](where, None, options)
         holders = [u for u in units if any(part.may_be_in(u.name) for part in parts)]
-        yield from cut_parts(read(holders), parts, where)
+        jobs.append(ReadingJob(tuple(holders), options, where, tuple(parts)))
+    return jobs
 
 
 def load_recordings(
@@ -154,32 +159,3 @@ def _find(
     parts = parts_in(names or ())
     whole = [name for name in names or () if name not in {part.name for part in parts}]
     return (LAYOUTS[layout](directory, whole, options) if whole or not parts else []), parts
-
-
-def _read_unit(
-    unit: Unit, options: ReadingOptions, cache: RecordingCache | None
-) -> Iterator[Recording]:
-    """Yield the recordings of a unit, from the cache if they are there; say what was odd."""
-    counts: Counter[str] = Counter()
-    for recording in _recordings_of(unit, options, cache):
-        counts.update(recording.counts)
-        yield recording
-    if described(counts):
-        _log.warning("mtpgo: %s %s: %s", unit.layout, unit.name, described(counts))
-
-
-def _recordings_of(
-    unit: Unit, options: ReadingOptions, cache: RecordingCache | None
-) -> Iterable[Recording]:
-    if cache is None:
-        return unit.read()
-    facts = {
-        "what": "recordings",
-        "layout": unit.layout,
-        "name": unit.name,
-        "sha256": unit.sha256,
-        "classes": options.classes.facts(),
-        "settings": dict(unit.settings),
-    }
-    columns = cache.entry(facts, lambda: pack(unit.read()), code=(unit.read, pack))
-    return unpack(columns)

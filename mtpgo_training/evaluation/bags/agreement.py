@@ -28,13 +28,11 @@ class Agreement:
     Attributes:
         differences_m: of each agent at each instant, the largest distance between two means over
             all modes and steps (m).
-        resolution_m: the largest rounding error of a position in a float32 message (m).
         unpaired: agents that only one of the two predicted by the model.
         where: recording, time of the stamp (s) and track of the largest difference.
     """
 
     differences_m: list[float] = field(default_factory=list)
-    resolution_m: float = 0.0
     unpaired: int = 0
     where: str = ""
 
@@ -50,9 +48,6 @@ class Agreement:
         if not both.any():
             return
         apart = _apart(recorded, own, np.flatnonzero(both), row[both])
-        positions = np.abs(recorded.mean[both][..., :2])
-        step = np.spacing(np.float32(np.nanmax(positions)))
-        self.resolution_m = max(self.resolution_m, float(step) / np.sqrt(2.0))
         if not apart.max() <= max(self.differences_m, default=-1.0):
             worst = int(np.flatnonzero(both)[np.argmax(apart)])
             (index,) = recording.find_tracks(recorded.key[worst : worst + 1])
@@ -72,8 +67,8 @@ class Agreement:
         rest = f"; {self.unpaired} not in both" if self.unpaired else ""
         return (
             f"{bag} and {model}, agent by agent: the means of {len(values)} predictions differ by "
-            f"{values.max():.3f} mm at most ({self.where}), median {np.median(values):.3f} mm; "
-            f"float32 messages resolve {1e3 * self.resolution_m:.3f} mm there{rest}"
+            f"{values.max():.3f} mm at most ({self.where}), "
+            f"median {np.median(values):.3f} mm{rest}"
         )
 
     def to_dict(self) -> dict[str, float | int | str | None]:
@@ -82,7 +77,6 @@ class Agreement:
         return {
             "largest_mm": float(values.max()) if len(values) else None,
             "median_mm": float(np.median(values)) if len(values) else None,
-            "resolution_mm": 1e3 * self.resolution_m,
             "predictions": len(values),
             "unpaired": self.unpaired,
             "where": self.where,

@@ -25,6 +25,7 @@ from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replay
 from mtpgo_training.evaluation.evaluator import Evaluation
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.evaluation.scorer import Scorer
+from mtpgo_training.parallel.work_item import Failure
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 
@@ -42,12 +43,14 @@ class BagResult:
         warnings: one sentence each.
         live: by bag that holds observations, the scores that the node had at its end, see
             :func:`~mtpgo_training.evaluation.bags.replayed_quality.quality_rows`.
+        failures: files that could not be read or scored.
     """
 
     evaluation: Evaluation
     agreements: dict[str, dict[str, Agreement]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     live: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    failures: list[Failure] = field(default_factory=list)
 
 
 def observed_recordings(

@@ -81,7 +81,7 @@ _ROW = np.dtype(
 
 
 @dataclass(frozen=True)
-class _Sums:
+class GroupSums:
     """Sums over the agents of one group, and over how many agents each of them is.
 
     Attributes:
@@ -92,10 +92,10 @@ class _Sums:
     steps: Array
     levels: Array
 
-    def __add__(self, other: _Sums) -> _Sums:
+    def __add__(self, other: GroupSums) -> GroupSums:
         horizon = max(self.steps.shape[1], other.steps.shape[1])
         steps = _lengthened(self.steps, horizon) + _lengthened(other.steps, horizon)
-        return _Sums(steps, self.levels + other.levels)
+        return GroupSums(steps, self.levels + other.levels)
 
 
 @dataclass
@@ -110,7 +110,7 @@ class ScoreTable:
     _sites: dict[str, str] = field(default_factory=dict)
     _step_s: dict[str, float] = field(default_factory=dict)
     _rows: list[NDArray[Any]] = field(default_factory=list)
-    _sums: dict[tuple[int, ...], _Sums] = field(default_factory=dict)
+    _sums: dict[tuple[int, ...], GroupSums] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return sum(len(rows) for rows in self._rows)
@@ -179,9 +179,9 @@ class ScoreTable:
         step_sums = np.tensordot(member, steps, axes=(1, 1))  # [groups, 2, H, columns]
         level_sums = np.tensordot(member, levels, axes=(1, 1))
         for group, own_steps, own_levels in zip(distinct, step_sums, level_sums, strict=True):
-            self._add_group(group, _Sums(own_steps, own_levels))
+            self._add_group(group, GroupSums(own_steps, own_levels))
 
-    def _add_group(self, group: tuple[int, ...], sums: _Sums) -> None:
+    def _add_group(self, group: tuple[int, ...], sums: GroupSums) -> None:
         self._sums[group] = self._sums[group] + sums if group in self._sums else sums
 
     def merge(self, other: ScoreTable) -> None:

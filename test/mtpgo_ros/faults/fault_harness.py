@@ -17,6 +17,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,11 @@ from msg_adapters.types import message_class
 from mtpgo_core.schema import Prediction, Source, TrackedStates
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+LOST_AFTER_S = 5.0
+"""A message without an answer for this long was lost (s)."""
+
+_SENT_AT_MOST = 3
 
 LIMIT_S = 15.0
 """Only a broken machine reaches this (s)."""
@@ -193,7 +199,7 @@ class FaultHarness:
     def answer(self, stamp_ns: int) -> Answer:
         """Wait for the prediction with this stamp; exactly one may come."""
         self.until(
-            lambda: any(a.prediction.stamp_ns == stamp_ns for a in self.answers),
+            lambda: self._answered(stamp_ns),
             f"a prediction of {stamp_ns}",
         )
         found = [a for a in self.answers if a.prediction.stamp_ns == stamp_ns]
@@ -223,8 +229,30 @@ class FaultHarness:
     def healthy(self, agents: int = 4, steps: int = 1) -> Prediction:
         """Publish healthy observations and check that all is predicted as it must be."""
         for _ in range(steps):
-            prediction = self.predict(self.states(agents))
+            prediction = self.predict_next(agents)
         return prediction
+
+    def predict_next(self, agents: int = 4, **options: Any) -> Prediction:
+        """Publish a healthy observation and check its prediction, as of a stream that goes on.
+
+        A single message may be lost where the subscription changes between best effort and
+        reliable (after a pause of the stream); the next one is not.
+
+        Args:
+            agents: number of road users.
+            **options: of :meth:`states`.
+        """
+        for _ in range(_SENT_AT_MOST):
+            states = self.states(agents, **options)
+            self.send(states)
+            if self.comes_true(partial(self._answered, states.stamp_ns), LOST_AFTER_S):
+                break
+        prediction = self.answer(states.stamp_ns).prediction
+        self.check(prediction, states)
+        return prediction
+
+    def _answered(self, stamp_ns: int) -> bool:
+        return any(a.prediction.stamp_ns == stamp_ns for a in self.answers)
 
     # What must hold.
 

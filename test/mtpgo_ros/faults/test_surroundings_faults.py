@@ -73,7 +73,7 @@ def node(start_predictor, manager, tmp_path_factory):
         )
     node.process.wait_for("hearing", node.spin)
     node.process.wait_for("heard by", node.spin)
-    node.healthy_in_odom = lambda: node.predict(node.states(frame_id="odom"))
+    node.healthy_in_odom = lambda: node.predict_next(frame_id="odom")
     return node
 
 

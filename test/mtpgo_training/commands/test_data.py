@@ -65,3 +65,36 @@ def test_bad_arguments_are_one_sentence(folder, capsys, arguments, sentence):
     error = capsys.readouterr().err
     assert sentence in error
     assert error.count("\n") == 1
+
+
+def test_processes_resume_and_name_what_fails_at_the_end(folder, tmp_path, capsys, monkeypatch):
+    pytest.importorskip("distributed")
+    path = folder / "01_tracks.csv"
+    path.write_text(path.read_text()[:-30])
+    write_ind(braking_cars("03", seconds=7.0, tracks=3), folder, compress=False)
+    command = ["data", str(folder), "--layout", "ind", "--no-cache", "--json"]
+    assert cli.main(command) == 1
+    alone = capsys.readouterr()
+    command += [str(tmp_path / "out.json"), "--resume", str(tmp_path / "done")]
+    assert cli.main([*command, "--jobs", "2"]) == 1
+    assert "1 of 3 could not be read or scored:\n  01: " in capsys.readouterr().err
+    assert json.loads((tmp_path / "out.json").read_text()) == json.loads(alone.out)
+
+    def summarise_again(recording):
+        raise AssertionError("a kept result is made again")
+
+    monkeypatch.setattr("mtpgo_training.reports.recordings.description.summarise", summarise_again)
+    assert cli.main(command) == 1
+    assert json.loads((tmp_path / "out.json").read_text()) == json.loads(alone.out)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--jobs", "0"], "--jobs is 0, expected at least 1"),
+        (["--jobs", "2", "--cluster", "tcp://a:1"], "--jobs is 2 and --cluster is given"),
+    ],
+)
+def test_bad_arguments_of_processes(folder, capsys, arguments, sentence):
+    assert cli.main(["data", str(folder), "--layout", "ind", *arguments]) == 2
+    assert sentence in capsys.readouterr().err

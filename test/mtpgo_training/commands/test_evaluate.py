@@ -322,3 +322,18 @@ def test_a_recording_without_a_future_leaves_the_rest(data, tmp_path):
     rows = json.loads(out.read_text())["by_recording"]["default"]["all"]
     assert rows["01"]["n"] > 0
     assert np.isfinite(rows["01"]["ade"])
+
+
+def test_a_recording_that_fails_is_named_and_the_others_are_kept(data, tmp_path, capsys):
+    folder, out = tmp_path / "data", tmp_path / "scores.json"
+    shutil.copytree(data / "a", folder)
+    (folder / "02_tracksMeta.csv").write_text("nothing")
+    arguments = ["--model", "default", "--no-centre", "--json", out, "--resume", tmp_path / "done"]
+    assert run(folder, *arguments) == 1
+    error = capsys.readouterr().err
+    assert "1 of 2 could not be read or scored:\n  02: " in error
+    content = json.loads(out.read_text())
+    assert list(content["recordings"]) == ["01"]
+    assert list(content["failed"]) == ["02"]
+    assert run(folder, *arguments) == 1
+    assert json.loads(out.read_text()) == content

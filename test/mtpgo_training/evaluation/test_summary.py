@@ -40,7 +40,7 @@ def test_the_content_is_json_and_says_what_was_evaluated(runner):
 def test_instants_of_a_bag_have_no_stride_and_one_recording_no_intervals():
     table = ScoreTable()
     add(table, 1.0)
-    agreements = {"bag": {"m": Agreement([0.001, 0.003], 0.0005, 1, "here")}}
+    agreements = {"bag": {"m": Agreement([0.001, 0.003], 1, "here")}}
     result = BagResult(Evaluation(table, {"01": "a"}), agreements, ["a warning"])
     content = summarise(result, {}, Settings(), from_bags=True)
     assert content["stride_s"] is None
@@ -50,7 +50,6 @@ def test_instants_of_a_bag_have_no_stride_and_one_recording_no_intervals():
         {
             "largest_mm": 3.0,
             "median_mm": 2.0,
-            "resolution_mm": 0.5,
             "predictions": 2,
             "unpaired": 1,
             "where": "here",

@@ -73,6 +73,13 @@ class PictureData:
         kinds = recording.agent_class[steps.track[close]]
         self.colours = [CLASS_COLOURS[AgentClass(int(kind))] for kind in kinds]
 
+    def merge(self, other: PictureData) -> None:
+        """Take in what the picture needs from later recordings."""
+        if sum(map(len, self.speeds)) < _SPEEDS_KEPT:
+            self.speeds += other.speeds
+        if not self.name:
+            self.name, self.segments, self.colours = other.name, other.segments, other.colours
+
 
 def draw_data(summary: DataSummary, data: PictureData, path: Path) -> None:
     """Draw a PNG.

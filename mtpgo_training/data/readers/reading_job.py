@@ -1,0 +1,102 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Files of a directory that are read independently of the others, here or in another process."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mtpgo_core.history.odd_input import described
+from mtpgo_training.data.readers.reading_options import ReadingOptions
+from mtpgo_training.data.readers.reading_unit import Unit
+from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording_cache import RecordingCache
+from mtpgo_training.data.recording_columns import pack, unpack
+
+_log = logging.getLogger("mtpgo")
+
+
+@dataclass(frozen=True)
+class ReadingJob:
+    """Files that are read independently of the others of a directory.
+
+    Attributes:
+        units: the files.
+        options: what else is said about them.
+        directory: where they are.
+        parts: the parts by time that are wanted of them, none for all.
+    """
+
+    units: tuple[Unit, ...]
+    options: ReadingOptions
+    directory: Path
+    parts: tuple[RecordingPart, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the file, or of the parts."""
+        return ", ".join(p.name for p in self.parts) or ", ".join(u.name for u in self.units)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the recordings, as far as they are known before the files are read."""
+        return [one.name for one in self.parts or self.units]
+
+    def read(self, cache: RecordingCache | None = None) -> Iterator[Recording]:
+        """Yield the recordings, one after the other; say what was odd.
+
+        Args:
+            cache: cache of recordings that were read before.
+
+        Raises:
+            RecordingError: a defect of a file.
+        """
+        whole = (r for unit in self.units for r in _read_unit(unit, self.options, cache))
+        yield from cut_parts(whole, self.parts, self.directory) if self.parts else whole
+
+    def facts(self) -> list[dict[str, Any]]:
+        """Return what determines the recordings besides the code, as JSON can write it.
+
+        Raises:
+            RecordingError: a file cannot be read.
+        """
+        parts = [{"part": part.name} for part in self.parts]
+        return [_facts(unit, self.options) for unit in self.units] + parts
+
+
+def _read_unit(
+    unit: Unit, options: ReadingOptions, cache: RecordingCache | None
+) -> Iterator[Recording]:
+    """Yield the recordings of a unit, from the cache if they are there; say what was odd."""
+    counts: Counter[str] = Counter()
+    for recording in _recordings_of(unit, options, cache):
+        counts.update(recording.counts)
+        yield recording
+    if described(counts):
+        _log.warning("mtpgo: %s %s: %s", unit.layout, unit.name, described(counts))
+
+
+def _recordings_of(
+    unit: Unit, options: ReadingOptions, cache: RecordingCache | None
+) -> Iterable[Recording]:
+    if cache is None:
+        return unit.read()
+    facts = {"what": "recordings", **_facts(unit, options)}
+    columns = cache.entry(facts, lambda: pack(unit.read()), code=(unit.read, pack))
+    return unpack(columns)
+
+
+def _facts(unit: Unit, options: ReadingOptions) -> dict[str, Any]:
+    return {
+        "layout": unit.layout,
+        "name": unit.name,
+        "sha256": unit.sha256,
+        "classes": options.classes.facts(),
+        "settings": dict(unit.settings),
+    }

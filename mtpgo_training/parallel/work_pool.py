@@ -1,0 +1,192 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Many items through one function, in the order of the items, wherever they are worked on."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from mtpgo_core.errors import ConfigurationError, MtpgoError
+from mtpgo_training.data.code_hash import code_sha256
+from mtpgo_training.parallel.pool_options import PoolOptions
+from mtpgo_training.parallel.work_item import LOG, Failure, WorkItem, attempt, attempt_elsewhere
+
+Client = Any
+"""A ``distributed.Client``: Dask is imported only where several processes are wanted."""
+
+I = TypeVar("I", bound=WorkItem)  # noqa: E741  the item
+R = TypeVar("R")
+
+TIMEOUT_S = 10.0
+"""Time within which a scheduler and its first worker must answer (s); chosen: a network's."""
+
+TRIES = 2
+"""Tries of an item whose process ends, as when the memory is full; chosen: once may be another's
+fault."""
+
+LOOK_S = 2.0
+"""Time between two looks at the number of processes (s); chosen: a look takes milliseconds."""
+
+MOST_EARLY = 64
+"""Results that wait for one of an earlier item, per process; chosen, bounds the memory."""
+
+_SETTINGS = {
+    "distributed.scheduler.allowed-failures": TRIES - 1,
+    "distributed.worker.multiprocessing-method": "spawn",
+    # A process that outgrows its share of the memory is ended and its item tried once more.
+    # Results are small: there is nothing to move to the disk, and nothing to wait for.
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": 0.95,
+    "distributed.comm.timeouts.connect": f"{TIMEOUT_S:g}s",
+}
+
+
+def work_through(
+    function: Callable[[I], R], items: Sequence[I], options: PoolOptions
+) -> Iterator[R | Failure]:
+    """Yield the function's result of each item, or why there is none, in the order of the items.
+
+    Each process has one item at a time, and items are handed out as processes become free, so
+    that the memory needed does not grow with the number of items.
+
+    Args:
+        function: can be pickled, as can its results. It does not depend on other items.
+        items: what it is called with.
+        options: where it is called.
+
+    Raises:
+        ConfigurationError: the cluster cannot be used.
+        MtpgoError: something is wrong for every item, such as a model, or the cluster is lost.
+        ModuleNotFoundError: the extra ``fleet`` is needed and not installed.
+    """
+    if options.here or (len(items) < 2 and not options.cluster):
+        for item in items:
+            yield attempt(function, item)
+        return
+    with _settings(), _client(options, len(items)) as client:
+        if options.cluster:
+            _require_same_code(client, options.cluster, function)
+        yield from _elsewhere(client, function, items)
+
+
+def _elsewhere(
+    client: Client, function: Callable[[I], R], items: Sequence[I]
+) -> Iterator[R | Failure]:
+    """Yield the results from the processes of a cluster, in the order of the items."""
+    import cloudpickle  # a part of Dask; readers of some layouts are lambdas
+    from distributed import CancelledError, KilledWorker, as_completed
+
+    numbers: dict[Any, int] = {}  # of the items that are worked on
+    early: dict[int, R | Failure] = {}
+    running = as_completed()
+    begun = given = 0
+    processes, next_look_s = 1, 0.0
+    while given < len(items):
+        if time.monotonic() >= next_look_s:  # processes come and go
+            processes = max(1, sum(client.nthreads().values()))
+            next_look_s = time.monotonic() + LOOK_S
+        # No more than the processes can begin: of a process that ends, its item is then known.
+        while begun < len(items) and len(numbers) < processes:
+            if numbers and len(early) >= MOST_EARLY * processes:
+                break
+            pickled = cloudpickle.dumps((function, items[begun]))
+            future = client.submit(attempt_elsewhere, pickled, pure=False)
+            numbers[future.key] = begun
+            running.add(future)
+            begun += 1
+        future = next(running)
+        number = numbers.pop(future.key)
+        try:
+            outcome = future.result()
+        except KilledWorker:
+            reason = "its process ended without an answer, as when the memory is full"
+            early[number] = Failure(items[number].name, reason)
+        except CancelledError as error:
+            raise MtpgoError(f"the connection to the cluster is lost: {error}") from error
+        else:
+            early[number] = outcome.result
+            for remark in outcome.remarks:
+                LOG.warning("%s", remark)
+        while given in early:
+            yield early.pop(given)
+            given += 1
+
+
+@contextlib.contextmanager
+def _settings() -> Iterator[None]:
+    """Let Dask treat processes that end as :data:`_SETTINGS` say."""
+    # Imported here, as below: without the extra `fleet`, one process does all.
+    import dask
+    import distributed  # noqa: F401  its own settings must be there before they are replaced
+
+    with dask.config.set(_SETTINGS):
+        yield
+
+
+@contextlib.contextmanager
+def _client(options: PoolOptions, items: int) -> Iterator[Client]:
+    """Yield a client of the given cluster, or of one on this machine that ends with the block."""
+    from distributed import Client as DaskClient
+    from distributed import LocalCluster
+
+    if not options.cluster:
+        with (
+            # Encrypted: others who work on this machine could otherwise hand it their code.
+            LocalCluster(
+                n_workers=min(options.jobs, items),
+                threads_per_worker=1,
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+                security=True,
+            ) as cluster,
+            DaskClient(cluster) as client,
+        ):
+            yield client
+        return
+    try:
+        client = DaskClient(options.cluster, timeout=TIMEOUT_S)
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(
+            f"the cluster is {options.cluster}, where no Dask scheduler answers, expected its "
+            f"address such as tcp://host:8786"
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=TIMEOUT_S)
+        except TimeoutError as error:
+            raise ConfigurationError(
+                f"the cluster {options.cluster} has no worker, expected at least one"
+            ) from error
+        yield client
+
+
+def _require_same_code(client: Client, cluster: str, function: Callable[..., Any]) -> None:
+    """Check that the workers of a cluster would compute the same.
+
+    Raises:
+        ConfigurationError: they have another version of this project, or none.
+    """
+    own = _code(function)
+    try:
+        found = client.run(_code, function)
+    except ImportError as error:
+        raise ConfigurationError(
+            f"the workers of the cluster {cluster} cannot load the project: {error}"
+        ) from error
+    others = [worker for worker, code in found.items() if code != own]
+    if others:
+        raise ConfigurationError(
+            f"{len(others)} of {len(found)} workers of the cluster {cluster} have another version "
+            f"of the project, such as {others[0]}"
+        )
+
+
+def _code(function: Callable[..., Any]) -> str:
+    """Return the hash over the code of a function, or of an object that can be called."""
+    return code_sha256(function)

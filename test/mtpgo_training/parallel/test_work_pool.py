@@ -1,0 +1,85 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Items through one function: order, failures, processes that end, faults of every item."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from numbered_work import Number, refuse, work
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.parallel.pool_options import HERE, PoolOptions
+from mtpgo_training.parallel.work_item import Failure
+from mtpgo_training.parallel.work_pool import work_through
+
+
+def test_results_come_in_order_and_failures_in_their_places():
+    items = [Number(i) for i in (1, 3, 5, 4)]
+    one, two, three, four = work_through(work, items, HERE)
+    assert (one, four) == (1, 16)
+    assert two == Failure("n3", "n3.csv ends within line 7")
+    assert three == Failure("n5", "unexpected ZeroDivisionError: no such thing")
+    assert str(two) == "n3: n3.csv ends within line 7"
+
+
+def test_what_is_wrong_for_every_item_is_raised():
+    with pytest.raises(ConfigurationError, match="class map"):
+        list(work_through(refuse, [Number(1), Number(2)], HERE))
+
+
+def test_one_process_needs_no_dask():
+    code = (
+        "import sys; sys.modules['distributed'] = None; sys.modules['dask'] = None\n"
+        "from mtpgo_training.parallel.work_pool import work_through\n"
+        "from mtpgo_training.parallel.pool_options import HERE\n"
+        "print(list(work_through(len, ['a', 'bc'], HERE)))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "[1, 2]\n"
+
+
+def test_processes_give_the_same_and_one_that_ends_costs_its_item_only(monkeypatch, caplog):
+    pytest.importorskip("distributed")
+    monkeypatch.setenv("DASK_PARENT", str(os.getpid()))
+    items = [Number(i) for i in range(12)]
+    found = list(work_through(work, items, PoolOptions(jobs=2)))
+    expected = [i**2 for i in range(12)]
+    assert [r for r in found if not isinstance(r, Failure)] == [
+        v for i, v in enumerate(expected) if i not in (3, 5, 6)
+    ]
+    assert {i: found[i].reason for i in (3, 5, 6)} == {
+        3: "n3.csv ends within line 7",
+        5: "unexpected ZeroDivisionError: no such thing",
+        6: "its process ended without an answer, as when the memory is full",
+    }
+    assert [r.getMessage() for r in caplog.records if r.name == "mtpgo"] == ["seven is odd"]
+
+
+def test_a_cluster_by_its_address_and_faults_of_every_item():
+    distributed = pytest.importorskip("distributed")
+    local = {"processes": False, "dashboard_address": None, "threads_per_worker": 1}
+    with distributed.LocalCluster(n_workers=1, protocol="tcp", **local) as cluster:
+        options = PoolOptions(cluster=cluster.scheduler_address)
+        items = [Number(1), Number(3), Number(4)]
+        assert list(work_through(work, items, options)) == list(work_through(work, items, HERE))
+        with pytest.raises(ConfigurationError, match="class map"):
+            list(work_through(refuse, items, options))
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "quic://a:1"])
+def test_a_cluster_that_does_not_answer_is_one_sentence(address, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("mtpgo_training.parallel.work_pool.TIMEOUT_S", 0.5)
+    with pytest.raises(ConfigurationError, match="where no Dask scheduler answers"):
+        list(work_through(work, [Number(1)], PoolOptions(cluster=address)))
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [({"jobs": 0}, "jobs is 0"), ({"jobs": 2, "cluster": "tcp://a:1"}, "a cluster is given")],
+)
+def test_options_that_are_not_allowed(values, sentence):
+    with pytest.raises(ConfigurationError, match=sentence):
+        PoolOptions(**values)
