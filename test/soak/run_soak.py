@@ -124,6 +124,8 @@ def faults_of(samples: list[Sample], settled: list[Sample], what: str) -> list[s
         f" files {first.files} -> {last.files}",
         flush=True,
     )
+    step = max(1, len(samples) // 12)
+    print("  memory (MB): " + " ".join(f"{one.memory_mb:.1f}" for one in samples[::step]))
     out = []
     if growth >= LARGEST_SLOPE_MB:
         out.append(f"{what}: memory grows by {growth:.2f} MB in 10 min")
