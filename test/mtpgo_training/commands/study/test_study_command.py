@@ -4,9 +4,7 @@
 
 import csv
 import json
-import os
 import signal
-import threading
 
 import pytest
 import yaml
@@ -16,6 +14,7 @@ from mtpgo_core.errors import ConfigurationError, MtpgoError
 from mtpgo_training import cli
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.study.study_run import StudyRun
+from mtpgo_training.training.interruption import Interruption
 
 CONFIG = {
     "name": "tiny",
@@ -56,27 +55,24 @@ TWO_ROWS = ("--rows", "cv", "seq2seq", "mtp-go1", "--seeds", "1", "--extrapolate
 def in_this_process(monkeypatch):
     """Runs in this process; Ctrl-C is pressed as soon as the first checkpoint is there."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    over = threading.Event()
+    pressed, checkpoint = [], []
 
-    def press(path):
-        while not over.wait(0.01):
-            if path.exists():
-                os.kill(os.getpid(), signal.SIGINT)
-                return
+    class Interrupting(Interruption):
+        def requested(self):
+            if not pressed and checkpoint[-1].exists():
+                pressed.append(True)
+                signal.raise_signal(signal.SIGINT)
+            return super().requested()
 
     def run_here(jobs, processes, interruption, *, started, finished, failed):
         for job in jobs:
             started(job)
-            watch = threading.Thread(target=press, args=(job.folder / "run" / "last.pt",))
-            watch.start()
+            checkpoint.append(job.folder / "run" / "last.pt")
             try:
                 done = job.run()
             except MtpgoError as error:
                 failed(job, error)
                 continue
-            finally:
-                over.set()
-                watch.join()
             if not done:
                 interruption.received_signal = signal.SIGINT
                 return
@@ -84,6 +80,7 @@ def in_this_process(monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr("mtpgo_training.crossval.fold_processes.run_folds", run_here)
+        patch.setattr("mtpgo_training.training.trainer.Interruption", Interrupting)
         yield patch
     signal.signal(signal.SIGINT, before)
 
