@@ -49,7 +49,7 @@ class LiveOptions:
     prefer_time_s: float = option(60.0, low=1.0)
     prefer_agents: int = option(10, low=1)
     rate_90: float = option(0.11, above=0.0, high=1.0)
-    rate_50: float = option(0.08, above=0.0, high=1.0)
+    rate_50: float = option(0.12, above=0.0, high=1.0)
     coupling: float = option(0.5, low=0.0, high=1.0)
     least_agents: float = option(4.0, low=1.0)
     track_limit: float = option(0.06, above=0.0, high=1.0)
