@@ -254,7 +254,9 @@ def _configure(cycles: int, model: str) -> list[str]:
                 executor.spin_until_future_complete(future, 60.0)
                 answer = future.result() if future.done() else None
                 if answer is None or not answer.success:
-                    return [f"configuration: transition {step} failed in cycle {len(samples)}"]
+                    what = "was refused" if answer is not None else "was not answered in 60 s"
+                    what = what if predictor.poll() is None else "ended the node"
+                    return [f"configuration: transition {step} {what} in cycle {len(samples)}"]
             samples.append(sample(predictor.pid, begin))
     finally:
         predictor.send_signal(signal.SIGINT)
