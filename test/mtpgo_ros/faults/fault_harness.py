@@ -104,7 +104,10 @@ class FaultHarness:
     ) -> None:
         self.namespace = f"/faults{next(_numbers)}"
         given = {"model": model, "diagnostic_period": 0.1, **parameters}
-        arguments = ["--ros-args", "-r", f"__ns:={self.namespace}", *arguments]
+        # Own diagnostics: the process outlives its module, and other tests record that topic.
+        diagnostics = f"{self.namespace}/diagnostics"
+        remapped = ["-r", f"__ns:={self.namespace}", "-r", f"/diagnostics:={diagnostics}"]
+        arguments = ["--ros-args", *remapped, *arguments]
         for name, value in given.items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             arguments += ["-p", f"{name}:={text}"]
@@ -122,7 +125,7 @@ class FaultHarness:
         self.peer.create_subscription(
             PointCloud2, "predictor/predictions", self._on_prediction, RELIABLE
         )
-        self.peer.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
+        self.peer.create_subscription(DiagnosticArray, diagnostics, self._on_diagnostics, 50)
         self.objects = self.publisher(kind, qos)
         if wait:
             self.process.wait_for("hearing", self.spin)
