@@ -28,7 +28,7 @@ def start_predictor(models):
 @pytest.fixture(scope="session")
 def node(models):
     """A predictor of point clouds, shared by the faults of values, identities and layouts."""
-    one = FaultHarness(models["quick"], use_tracker_covariance=True)
+    one = FaultHarness(models["quick"], use_tracker_covariance=True, own_diagnostics=True)
     yield one
     one.close()
 
@@ -36,6 +36,6 @@ def node(models):
 @pytest.fixture(scope="session")
 def marker_node(models):
     """A predictor of markers, shared in the same way."""
-    one = FaultHarness(models["quick"], kind="markers")
+    one = FaultHarness(models["quick"], kind="markers", own_diagnostics=True)
     yield one
     one.close()

@@ -100,12 +100,13 @@ class FaultHarness:
         qos: QoSProfile = RELIABLE,
         wait: bool = True,
         arguments: Sequence[str] = (),
+        own_diagnostics: bool = False,
         **parameters: Any,
     ) -> None:
         self.namespace = f"/faults{next(_numbers)}"
         given = {"model": model, "diagnostic_period": 0.1, **parameters}
-        # Own diagnostics: the process outlives its module, and other tests record that topic.
-        diagnostics = f"{self.namespace}/diagnostics"
+        # A process that outlives its module has its own: other tests record the usual topic.
+        diagnostics = f"{self.namespace}/diagnostics" if own_diagnostics else "/diagnostics"
         remapped = ["-r", f"__ns:={self.namespace}", "-r", f"/diagnostics:={diagnostics}"]
         arguments = ["--ros-args", *remapped, *arguments]
         for name, value in given.items():
