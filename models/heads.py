@@ -28,6 +28,17 @@ def inverse_softplus(value: float) -> float:
     return value + math.log(-math.expm1(-value))
 
 
+def first_circle(modes: int) -> Tensor:
+    """Return [M, 2] initial commands: the first zero, the others evenly on a small circle.
+
+    Equal modes would get equal gradients, and no loss could separate them.
+    """
+    angle = torch.arange(modes - 1) * (2.0 * math.pi / max(modes - 1, 1))
+    first = torch.zeros(modes, 2)
+    first[1:] = SPREAD * torch.stack((angle.cos(), angle.sin()), dim=-1)
+    return first
+
+
 def head_linear(size_in: int, size_out: int, conditioned: bool, bias: float = 0.0) -> nn.Linear:
     """Return a head's last layer: :func:`small_linear`, or torch's usual one (unconditioned)."""
     return small_linear(size_in, size_out, bias) if conditioned else nn.Linear(size_in, size_out)
@@ -36,8 +47,7 @@ def head_linear(size_in: int, size_out: int, conditioned: bool, bias: float = 0.
 class ControlHead(nn.Module):
     """The motion model's inputs for all modes.
 
-    The initial command of the first mode is zero, those of the others are on a small circle around
-    it: equal modes would get equal gradients, and no loss could separate them.
+    The initial commands are those of :func:`first_circle`.
 
     Args:
         hidden: D.
@@ -54,10 +64,8 @@ class ControlHead(nn.Module):
         self.out = head_linear(hidden, modes * controls, conditioned)
         if not conditioned:
             return
-        angle = torch.arange(modes - 1) * (2.0 * math.pi / max(modes - 1, 1))
-        circle = SPREAD * torch.stack((angle.cos(), angle.sin()), dim=-1)
         with torch.no_grad():
-            self.out.bias.view(modes, controls)[1:, :2] = circle
+            self.out.bias.view(modes, controls)[1:, :2] = first_circle(modes)[1:]
 
     def forward(self, h: Tensor) -> Tensor:
         """Return [B, N, M, controls] of the decoder's state [B, N, D]."""

@@ -91,11 +91,9 @@ class MTPGO(TrajectoryPredictor):
         trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """See :meth:`models.trajectory_predictor.TrajectoryPredictor.roll_out`."""
-        features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
-        start = self.condition.start(features, valid)
-        inputs = self.condition(features, valid, start)  # [B, N, T, .]
-        if self.static_everywhere:
-            inputs = self.condition.append_static(inputs, static, valid)
+        features, inputs, start = self.condition.encoder_inputs(
+            features, valid, static, self.static_everywhere
+        )
 
         # Encode.
         position = features[..., :2]

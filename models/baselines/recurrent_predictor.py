@@ -80,11 +80,9 @@ class RecurrentPredictor(TrajectoryPredictor):
         trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """See :meth:`TrajectoryPredictor.roll_out`; P_0 is ignored."""
-        features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
-        start = self.condition.start(features, valid)
-        inputs = self.condition(features, valid, start)  # [B, N, T, .]
-        if self.static_features:
-            inputs = self.condition.append_static(inputs, static, valid)
+        features, inputs, start = self.condition.encoder_inputs(
+            features, valid, static, self.static_features
+        )
         position = features[..., :2]
         h, c = self.encode(inputs, position, valid, start)
 

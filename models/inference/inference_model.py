@@ -88,11 +88,9 @@ class FastMTPGO(nn.Module):
         trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Predict every agent, in the scene frame; see :meth:`MTPGO.forward`."""
-        features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
-        start = self.condition.start(features, valid)
-        inputs = self.condition(features, valid, start)
-        if self.static_everywhere:
-            inputs = self.condition.append_static(inputs, static, valid)
+        features, inputs, start = self.condition.encoder_inputs(
+            features, valid, static, self.static_everywhere
+        )
         position = features[..., :2]
         scratch = make_scratch(features, valid.size(1), self.decoder.gnn.size)
         encoded = self.encoder(inputs, position, valid, scratch)  # [B, N, T, D]

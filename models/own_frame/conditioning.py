@@ -120,6 +120,28 @@ class Conditioning(nn.Module):
         scaled = (self.inputs(features, valid, start) - self.input_mean) / self.input_std
         return scaled * valid.unsqueeze(-1)
 
+    def encoder_inputs(
+        self, features: Tensor, valid: Tensor, static: Tensor, with_static: bool
+    ) -> tuple[Tensor, Tensor, Start]:
+        """Return what every network begins with.
+
+        Args:
+            features: [B, N, T, F], any value where not valid.
+            valid: [B, N, T].
+            static: [B, N, C] static features.
+            with_static: append them to the inputs.
+
+        Returns:
+            Features that are zero where not valid; scaled inputs of the encoder
+            [B, N, T, input_size (+ C)]; the roll-out's start.
+        """
+        features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
+        start = self.start(features, valid)
+        inputs = self.forward(features, valid, start)
+        if with_static:
+            inputs = self.append_static(inputs, static, valid)
+        return features, inputs, start
+
     def append_static(self, inputs: Tensor, static: Tensor, valid: Tensor) -> Tensor:
         """Return [B, N, T, . + C] inputs with the static features [B, N, C], zero if not valid."""
         repeated = static.unsqueeze(2).expand(-1, -1, inputs.size(2), -1)

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from models.baselines.latent.trajectron_config import TrajectronConfig
 from models.baselines.latent.trajectron_encoder import TrajectronEncoder
 from models.baselines.latent.unicycle import unicycle_step
-from models.heads import SPREAD, ControlHead, MixtureHead, NoiseHead
+from models.heads import ControlHead, MixtureHead, NoiseHead, first_circle
 from models.own_frame.agent_frames import Start, states_to_own, states_to_scene
 from models.own_frame.covariance_frames import rotate_blocks
 from models.trajectory_predictor import TrajectoryPredictor
@@ -64,10 +64,7 @@ class TrajectronPlusPlus(TrajectoryPredictor):
         self.decoder = nn.GRUCell(hidden, hidden)
         self.control = ControlHead(hidden, 1, 2)
         self.noise = NoiseHead(hidden, 1)
-        angle = torch.arange(modes - 1) * (2.0 * torch.pi / max(modes - 1, 1))
-        first = torch.zeros(modes, 2)
-        first[1:] = SPREAD * torch.stack((angle.cos(), angle.sin()), dim=-1)
-        self.first_control = nn.Parameter(first)
+        self.first_control = nn.Parameter(first_circle(modes))
         wheels = torch.zeros(config.static_size)
         for column in config.wheeled_columns:
             if column < config.static_size:
@@ -99,11 +96,9 @@ class TrajectronPlusPlus(TrajectoryPredictor):
 
     def encode(self, features: Tensor, valid: Tensor, static: Tensor) -> tuple[Tensor, Start]:
         """Return the context x of every agent [B, N, .] and its frame."""
-        features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
-        start = self.condition.start(features, valid)
-        inputs = self.condition(features, valid, start)  # [B, N, T, .]
-        if self.static_features:
-            inputs = self.condition.append_static(inputs, static, valid)
+        features, inputs, start = self.condition.encoder_inputs(
+            features, valid, static, self.static_features
+        )
         wheeled = self.is_wheeled(static)
         return self.encoder(inputs, features, valid, wheeled, start.direction), start
 

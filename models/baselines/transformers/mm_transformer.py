@@ -15,7 +15,7 @@ from models.baselines.transformers.endpoint_regions import balanced_centres
 from models.baselines.transformers.masked_attention import Transformer
 from models.baselines.transformers.transformer_config import TransformerConfig
 from models.gnn_layers.interaction_graph import complete_graph
-from models.heads import FIRST_MODE, SPREAD, NoiseHead
+from models.heads import FIRST_MODE, NoiseHead, first_circle
 from models.own_frame.agent_frames import Start, states_to_own, states_to_scene, to_own
 from models.own_frame.covariance_frames import rotate_blocks
 from models.own_frame.small_linear import small_linear
@@ -63,10 +63,7 @@ class MMTransformer(TrajectoryPredictor):
         self.path = small_linear(size, 2 * config.horizon_steps)
         self.selector = nn.Linear(size, size)
         self.score = small_linear(size, 1)
-        angle = torch.arange(modes - 1) * (2.0 * torch.pi / max(modes - 1, 1))
-        first = torch.zeros(modes, 2)
-        first[1:] = SPREAD * torch.stack((angle.cos(), angle.sin()), dim=-1)
-        self.first_path = nn.Parameter(first)
+        self.first_path = nn.Parameter(first_circle(modes))
         favoured = torch.zeros(modes)
         favoured[0] = FIRST_MODE
         self.first_score = nn.Parameter(favoured)
@@ -90,11 +87,9 @@ class MMTransformer(TrajectoryPredictor):
         trails: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """See :meth:`TrajectoryPredictor.roll_out`; P_0, teacher and trails are ignored."""
-        features = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
-        start = self.condition.start(features, valid)
-        inputs = self.condition(features, valid, start)  # [B, N, T, .]
-        if self.static_features:
-            inputs = self.condition.append_static(inputs, static, valid)
+        features, inputs, start = self.condition.encoder_inputs(
+            features, valid, static, self.static_features
+        )
         history = (self.embed_inputs(inputs) + self.embed_time).flatten(0, 1)  # [B N, T, D]
         queries = self.proposals.expand(history.size(0), -1, -1)
         moved = self.motion_extractor(history, valid.flatten(0, 1), queries)  # [B N, K, D]
