@@ -11,7 +11,12 @@ import sys
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, MtpgoError
-from mtpgo_training.commands.arguments.argument_types import positive_integer, positive_number
+from mtpgo_training.commands.arguments.argument_types import (
+    positive_integer,
+    positive_number,
+    require_given,
+    require_one_budget,
+)
 from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
@@ -244,12 +249,6 @@ def _check(args: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: one sentence.
     """
-    for name, given in (
-        ("a configuration", args.config),
-        ("--out", args.out),
-        ("--data", args.data_options),
-    ):
-        if not given:
-            raise ConfigurationError(f"{name} is not given, expected it unless with --compare")
-    if args.minutes_per_fold is not None and args.steps_per_fold is not None:
-        raise ConfigurationError("--minutes-per-fold and --steps-per-fold are given, expected one")
+    given = {"a configuration": args.config, "--out": args.out, "--data": args.data_options}
+    require_given(given, "--compare")
+    require_one_budget("fold", args.minutes_per_fold, args.steps_per_fold)

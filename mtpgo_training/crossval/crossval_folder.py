@@ -27,6 +27,11 @@ from mtpgo_training.calibration.calibration_samples import (
 )
 from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
 from mtpgo_training.crossval.fold_plan import Budget
+from mtpgo_training.crossval.planned_training import (
+    PlannedFiles,
+    require_new_folder,
+    require_same_facts,
+)
 from mtpgo_training.crossval.site_folds import Fold
 from mtpgo_training.crossval.site_scores import pooled_scores
 from mtpgo_training.data.splits import NamedRecording
@@ -40,34 +45,16 @@ CALIBRATION_HEADING = "Each site without and with a calibration fitted to the ot
 """Of the table of :meth:`CrossvalFolder.calibration`."""
 
 
-class FoldFolder:
-    """The files of one fold.
+class FoldFolder(PlannedFiles):
+    """The files of one fold; its scores are those by site.
 
     Attributes:
-        path: the folder.
-        plan: its schedule.
-        run: the run folder of the training.
-        training: how it was trained; written when the training is done.
-        model: the exported model.
         samples: the left-out sites' samples for a calibration.
-        log: what the fold printed.
-        scores: the result by site; written last.
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.plan = path / "plan.json"
-        self.run = path / "run"
-        self.training = path / "training.json"
-        self.model = path / "model.pt"
+        super().__init__(path)
         self.samples = path / SAMPLES_FILE
-        self.log = path / "fold.log"
-        self.scores = path / "scores.json"
-
-    @property
-    def done(self) -> bool:
-        """Whether the fold is trained and scored."""
-        return self.scores.is_file()
 
 
 class CrossvalFolder:
@@ -123,11 +110,7 @@ class CrossvalFolder:
         if self._facts.is_file():
             self._check_same(config, facts)
             return
-        if self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
-            raise ConfigurationError(
-                f"--out is {self.path}, which holds no cross-validation, expected a new folder or "
-                "one to continue"
-            )
+        require_new_folder(self.path, "cross-validation")
         write_text(self._config, dump_config(config))
         write_text(self._facts, _json({**facts, "versions": versions()}))
 
@@ -141,18 +124,8 @@ class CrossvalFolder:
                 f"the configuration differs from {self._config} in "
                 f"{first_difference(stored, config)}, expected the same or another --out"
             )
-        before = self._stored_facts()
-        different = next((key for key in facts if before.get(key) != facts[key]), None)
-        if different in ("folds", "sites", "recordings"):
-            raise ConfigurationError(
-                f"the {different} differ from those in {self._facts}, expected the same or "
-                "another --out"
-            )
-        if different is not None:
-            raise ConfigurationError(
-                f"{different} is {facts[different]}, but {before.get(different)} in "
-                f"{self._facts}, expected the same or another --out"
-            )
+        long = ("folds", "sites", "recordings")
+        require_same_facts(self._stored_facts(), facts, self._facts, long)
 
     def _stored_facts(self) -> Json:
         """Return what determines the results, as it was stored at the start.

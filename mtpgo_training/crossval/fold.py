@@ -16,8 +16,9 @@ from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.crossval.crossval_folder import FoldFolder
-from mtpgo_training.crossval.fold_plan import Budget, FoldPlan, plan_fold
+from mtpgo_training.crossval.fold_plan import Budget
 from mtpgo_training.crossval.fold_samples import SampledEvaluation
+from mtpgo_training.crossval.planned_training import train_planned, write_training
 from mtpgo_training.crossval.site_folds import Fold, FoldSite, without_fold
 from mtpgo_training.crossval.site_scores import MODEL, group_scores
 from mtpgo_training.data.data_sources import DataSource, read_sources
@@ -28,10 +29,9 @@ from mtpgo_training.evaluation.honesty.honesty_summary import honesty_summary
 from mtpgo_training.evaluation.scores.score_summary import breakdowns
 from mtpgo_training.export.exporter import export_runs
 from mtpgo_training.scenes.tracker.tracker_config import RECORDED, SIMULATED
-from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
+from mtpgo_training.training.run_folder import load_checkpoint
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
-from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import CrossvalConfig, TrainingConfig
 
 Json = dict[str, Any]
@@ -115,25 +115,11 @@ def _train(
 ) -> bool:
     """Train, or continue the training; return whether it is done."""
     config, others = without_fold(_for_one_thread(job.config, job.fold), recordings, job.fold)
-    if files.plan.is_file():
-        plan = FoldPlan.load(files.plan)
-    else:
-        plan = plan_fold(config, others, job.budget, cache)
-        plan.save(files.plan)
-    print(f"plan       {plan}", flush=True)
-    run = train(
-        plan.applied(config, others),
-        others,
-        RunFolder(files.run),
-        resume=(files.run / "run.json").is_file(),
-        max_minutes=plan.limit_minutes,
-        cache=cache,
-        verbose=True,
-    )
-    if run.received_signal is not None:
+    done = train_planned(files, config, others, job.budget, cache)
+    if done is None:
         return False
-    text = json.dumps(_training(run, plan, files.run), indent=1, allow_nan=False)
-    write_text(files.training, text + "\n")
+    run, plan = done
+    write_training(files, run, plan, _training(run, files.run))
     return True
 
 
@@ -196,17 +182,12 @@ def _for_one_thread(config: TrainingConfig, fold: Fold) -> TrainingConfig:
     )
 
 
-def _training(run: TrainingRun, plan: FoldPlan, folder: Path) -> Json:
-    """Return what the fold was trained with."""
+def _training(run: TrainingRun, folder: Path) -> Json:
+    """Return what the fold was trained with, besides its schedule."""
     state = run.state
-    checkpoint = load_checkpoint(folder)
-    splits = checkpoint["splits"]
+    splits = load_checkpoint(folder)["splits"]
     return {
-        **dataclasses.asdict(plan),
-        "epochs_done": state.epoch,
-        "steps": state.step,
         "minutes": round((state.seconds + state.epoch_seconds) / 60.0, 2),
-        "best_epoch": state.best_epoch,
         "validation_ade_m": state.metrics["model"]["all"]["ade"] if state.metrics else None,
         "train": _names(splits, "train"),
         "validation": _names(splits, "validation"),

@@ -19,6 +19,7 @@ from typing import Any
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.crossval.fold_plan import Budget
+from mtpgo_training.crossval.planned_training import require_new_folder, require_same_facts
 from mtpgo_training.study.study_data import StudyData
 from mtpgo_training.study.study_run import RunFiles
 from mtpgo_training.training.run_folder import first_difference, versions
@@ -81,12 +82,8 @@ class StudyFolder:
         }
         if self._facts.is_file():
             self._check_same(facts)
-        elif self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
-            raise ConfigurationError(
-                f"--out is {self.path}, which holds no study, expected a new folder or one to "
-                "continue"
-            )
         else:
+            require_new_folder(self.path, "study")
             write_text(self._facts, json.dumps({**facts, "versions": versions()}, indent=2) + "\n")
         for row, config in configs.items():
             self._start_row(row, config)
@@ -94,19 +91,11 @@ class StudyFolder:
     def _check_same(self, facts: Json) -> None:
         try:
             before = json.loads(self._facts.read_text(encoding="utf-8"))
-            different = next((key for key in facts if before.get(key) != facts[key]), None)
-        except (OSError, ValueError, AttributeError) as error:
+            if not isinstance(before, dict):
+                raise ValueError("expected an object")
+        except (OSError, ValueError) as error:
             raise ConfigurationError(f"{self._facts} cannot be read: {error}") from error
-        if different in ("recordings", "split"):
-            raise ConfigurationError(
-                f"the {different} differ from those in {self._facts}, expected the same or "
-                "another --out"
-            )
-        if different is not None:
-            raise ConfigurationError(
-                f"{different} is {facts[different]}, but {before.get(different)} in "
-                f"{self._facts}, expected the same or another --out"
-            )
+        require_same_facts(before, facts, self._facts, ("recordings", "split"))
 
     def _start_row(self, row: str, config: TrainingConfig) -> None:
         path = self._config(row)

@@ -16,7 +16,12 @@ from typing import Any
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.crossval.fold_plan import Budget, FoldPlan, plan_fold
+from mtpgo_training.crossval.fold_plan import Budget
+from mtpgo_training.crossval.planned_training import (
+    PlannedFiles,
+    train_planned,
+    write_training,
+)
 from mtpgo_training.data.data_sources import DataSource, read_sources
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
@@ -27,9 +32,7 @@ from mtpgo_training.study.extrapolation import extrapolated_errors
 from mtpgo_training.study.paper_tables import BY_KERNELS
 from mtpgo_training.study.study_data import study_data
 from mtpgo_training.study.study_rows import Study, StudyError, StudyRow
-from mtpgo_training.training.run_folder import RunFolder
 from mtpgo_training.training.torch_process import prepare_process
-from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import TrainingConfig
 
 Json = dict[str, Any]
@@ -42,34 +45,16 @@ KERNEL_SAMPLES = 200
 which takes longer than all else of the scoring."""
 
 
-class RunFiles:
+class RunFiles(PlannedFiles):
     """The files of one run.
 
     Attributes:
-        path: the folder.
-        plan: its schedule.
-        run: the run folder of the training.
-        training: how it was trained; written when the training is done.
-        model: the exported model.
-        log: what the run printed.
         failure: why it failed.
-        scores: the result; written last.
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.plan = path / "plan.json"
-        self.run = path / "run"
-        self.training = path / "training.json"
-        self.model = path / "model.pt"
-        self.log = path / "fold.log"
+        super().__init__(path)
         self.failure = path / "failure.json"
-        self.scores = path / "scores.json"
-
-    @property
-    def done(self) -> bool:
-        """Whether the run is trained and scored."""
-        return self.scores.is_file()
 
 
 @dataclass(frozen=True)
@@ -154,36 +139,19 @@ class StudyRun:
         cache: RecordingCache | None,
     ) -> bool:
         """Train, or continue the training; return whether it is done."""
-        if files.plan.is_file():
-            plan = FoldPlan.load(files.plan)
-        else:
-            plan = plan_fold(config, recordings, self.budget, cache)
-            plan.save(files.plan)
-        print(f"plan       {plan}", flush=True)
-        result = train(
-            plan.applied(config, recordings),
-            recordings,
-            RunFolder(files.run),
-            resume=(files.run / "run.json").is_file(),
-            find_rate=self.find_rate,
-            max_minutes=plan.limit_minutes,
-            cache=cache,
-            verbose=True,
+        done = train_planned(
+            files, config, recordings, self.budget, cache, find_rate=self.find_rate
         )
-        if result.received_signal is not None:
+        if done is None:
             return False
-        state = result.state
-        minutes = (state.seconds + state.epoch_seconds) / 60.0
-        content = {
-            **dataclasses.asdict(plan),
-            "epochs_done": state.epoch,
-            "steps": state.step,
+        run, plan = done
+        minutes = (run.state.seconds + run.state.epoch_seconds) / 60.0
+        speed = {
             "minutes": round(minutes, 3),
-            "steps_per_second": round(state.step / max(60.0 * minutes, 1e-3), 3),
-            "best_epoch": state.best_epoch,
-            "parameters": sum(p.numel() for p in result.model.parameters()),
+            "steps_per_second": round(run.state.step / max(60.0 * minutes, 1e-3), 3),
+            "parameters": sum(p.numel() for p in run.model.parameters()),
         }
-        write_text(files.training, json.dumps(content, indent=1, allow_nan=False) + "\n")
+        write_training(files, run, plan, speed)
         return True
 
     def _extrapolated(self, files: RunFiles, test: Sequence[NamedRecording]) -> Json:

@@ -6,6 +6,9 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Mapping
+
+from mtpgo_core.errors import ConfigurationError
 
 
 def positive_integer(text: str) -> int:
@@ -45,6 +48,38 @@ def share(text: str) -> float:
     if not 0.0 <= number <= 0.9:
         raise argparse.ArgumentTypeError(f"{text} is given, expected a number from 0 to 0.9")
     return number
+
+
+def require_given(given: Mapping[str, object], unless: str) -> None:
+    """Check that arguments are given which another one makes unnecessary.
+
+    Args:
+        given: name and value of each argument.
+        unless: the option with which they need not be given.
+
+    Raises:
+        ConfigurationError: one is missing.
+    """
+    missing = next((name for name, value in given.items() if not value), None)
+    if missing is not None:
+        raise ConfigurationError(f"{missing} is not given, expected it unless with {unless}")
+
+
+def require_one_budget(kind: str, minutes: float | None, steps: int | None) -> None:
+    """Check that a training gets minutes or steps.
+
+    Args:
+        kind: what the options end with, such as ``fold``.
+        minutes: of ``--minutes-per-KIND``.
+        steps: of ``--steps-per-KIND``.
+
+    Raises:
+        ConfigurationError: both are given.
+    """
+    if minutes is not None and steps is not None:
+        raise ConfigurationError(
+            f"--minutes-per-{kind} and --steps-per-{kind} are given, expected one"
+        )
 
 
 def _number(text: str) -> float:

@@ -11,7 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mtpgo_core.errors import ConfigurationError, MtpgoError
-from mtpgo_training.commands.arguments.argument_types import positive_integer, positive_number
+from mtpgo_training.commands.arguments.argument_types import (
+    positive_integer,
+    positive_number,
+    require_given,
+    require_one_budget,
+)
 from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
@@ -234,15 +239,9 @@ def _check(args: argparse.Namespace) -> tuple[int, int]:
     Raises:
         ConfigurationError: one sentence.
     """
-    for name, given in (
-        ("the study", args.study),
-        ("--out", args.out),
-        ("--data", args.data_options),
-    ):
-        if not given:
-            raise ConfigurationError(f"{name} is not given, expected it unless with --list")
-    if args.minutes_per_run is not None and args.steps_per_run is not None:
-        raise ConfigurationError("--minutes-per-run and --steps-per-run are given, expected one")
+    given = {"the study": args.study, "--out": args.out, "--data": args.data_options}
+    require_given(given, "--list")
+    require_one_budget("run", args.minutes_per_run, args.steps_per_run)
     if args.part is None:
         return 1, 1
     first, _, count = args.part.partition("/")

@@ -138,7 +138,7 @@ def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this
 
     # Without its scores a trained fold is scored again, with the same result.
     (both / "scores.json").unlink()
-    in_this_process.setattr("mtpgo_training.crossval.fold.train", pytest.fail)
+    in_this_process.setattr("mtpgo_training.crossval.planned_training.train", pytest.fail)
     in_this_process.setattr(
         "mtpgo_training.crossval.fold_processes.run_folds",
         lambda jobs, *_, **__: [job.run() for job in jobs],

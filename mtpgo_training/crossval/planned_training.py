@@ -1,0 +1,153 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A training with a budget that is one of many: its files, its schedule, and how it continues."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import write_text
+from mtpgo_training.crossval.fold_plan import Budget, FoldPlan, plan_fold
+from mtpgo_training.data.recording_cache import RecordingCache
+from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.training.run_folder import RunFolder
+from mtpgo_training.training.run_state import TrainingRun
+from mtpgo_training.training.trainer import train
+from mtpgo_training.training.training_config import TrainingConfig
+
+Json = dict[str, Any]
+
+
+class PlannedFiles:
+    """The files of one training.
+
+    Attributes:
+        path: the folder.
+        plan: its schedule.
+        run: the run folder of the training.
+        training: how it was trained; written when the training is done.
+        model: the exported model.
+        log: what it printed.
+        scores: the result; written last.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.plan = path / "plan.json"
+        self.run = path / "run"
+        self.training = path / "training.json"
+        self.model = path / "model.pt"
+        self.log = path / "fold.log"
+        self.scores = path / "scores.json"
+
+    @property
+    def done(self) -> bool:
+        """Whether it is trained and scored."""
+        return self.scores.is_file()
+
+
+def train_planned(
+    files: PlannedFiles,
+    config: TrainingConfig,
+    recordings: Sequence[NamedRecording],
+    budget: Budget,
+    cache: RecordingCache | None,
+    *,
+    find_rate: bool = False,
+) -> tuple[TrainingRun, FoldPlan] | None:
+    """Train, or continue the training where it was interrupted.
+
+    Args:
+        files: of the training; its schedule is made if there is none yet.
+        config: without the schedule.
+        recordings: to train and validate on.
+        budget: how long it may train.
+        cache: keeps what is expensive to compute.
+        find_rate: take the learning rate from a range test.
+
+    Returns:
+        The training and its schedule; None if a signal has ended it before.
+    """
+    if files.plan.is_file():
+        plan = FoldPlan.load(files.plan)
+    else:
+        plan = plan_fold(config, recordings, budget, cache)
+        plan.save(files.plan)
+    print(f"plan       {plan}", flush=True)
+    run = train(
+        plan.applied(config, recordings),
+        recordings,
+        RunFolder(files.run),
+        resume=(files.run / "run.json").is_file(),
+        find_rate=find_rate,
+        max_minutes=plan.limit_minutes,
+        cache=cache,
+        verbose=True,
+    )
+    return None if run.received_signal is not None else (run, plan)
+
+
+def write_training(
+    files: PlannedFiles, run: TrainingRun, plan: FoldPlan, more: Mapping[str, Any]
+) -> None:
+    """Write how a training was done.
+
+    Args:
+        files: of the training.
+        run: the training.
+        plan: its schedule.
+        more: values besides schedule, epochs and steps.
+    """
+    content: Json = {
+        **dataclasses.asdict(plan),
+        "epochs_done": run.state.epoch,
+        "steps": run.state.step,
+        "best_epoch": run.state.best_epoch,
+        **more,
+    }
+    write_text(files.training, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def require_new_folder(path: Path, kind: str) -> None:
+    """Check that nothing is in the way of a new folder of trainings.
+
+    Args:
+        path: the folder.
+        kind: what it is to hold, such as ``study``.
+
+    Raises:
+        ConfigurationError: there is something else.
+    """
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        raise ConfigurationError(
+            f"--out is {path}, which holds no {kind}, expected a new folder or one to continue"
+        )
+
+
+def require_same_facts(before: Json, facts: Json, path: Path, long: Collection[str]) -> None:
+    """Check that what determines the results is the same as before.
+
+    Args:
+        before: as it was stored.
+        facts: as it is asked for now.
+        path: where it was stored.
+        long: names of values that are too long to be printed.
+
+    Raises:
+        ConfigurationError: something differs.
+    """
+    different = next((key for key in facts if before.get(key) != facts[key]), None)
+    if different in long:
+        raise ConfigurationError(
+            f"the {different} differ from those in {path}, expected the same or another --out"
+        )
+    if different is not None:
+        raise ConfigurationError(
+            f"{different} is {facts[different]}, but {before.get(different)} in {path}, expected "
+            "the same or another --out"
+        )
