@@ -4,8 +4,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
+
+from rosbags.interfaces import Connection
 
 
 def counted(messages: int) -> str:
@@ -53,3 +57,69 @@ class BagLoss:
         if self.seconds is None:
             return f"{number} lost"
         return f"{number} ({self.seconds:.1f} s) lost"
+
+
+class LibraryReader(Protocol):
+    """An open reader of rosbags."""
+
+    @property
+    def connections(self) -> list[Connection]:
+        """Its topics."""
+
+    def messages(
+        self,
+        connections: Collection[Connection],
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield topic, log time (ns) and bytes of messages."""
+
+    def close(self) -> None:
+        """Close the file."""
+
+
+class LibraryFile:
+    """A file that rosbags reads, up to where it breaks.
+
+    Args:
+        path: the file.
+        reader: of it, open.
+        start_ns: log time of the first message (ns).
+        end_ns: log time of the last message (ns).
+    """
+
+    def __init__(self, path: Path, reader: LibraryReader, start_ns: int, end_ns: int) -> None:
+        self._path, self._reader = path, reader
+        self.start_ns, self.end_ns = start_ns, end_ns
+        self._loss: BagLoss | None = None
+
+    def messages(
+        self, numbers: Collection[int], start_ns: int | None, stop_ns: int | None
+    ) -> Iterator[tuple[int, int, bytes]]:
+        """Yield log time (ns), number of the topic and bytes of messages, ascending in time."""
+        wanted = [c for c in self._reader.connections if c.id in numbers]
+        read, last_ns = 0, self.start_ns
+        try:
+            for connection, time_ns, data in self._reader.messages(wanted, start_ns, stop_ns):
+                yield time_ns, connection.id, data
+                read, last_ns = read + 1, time_ns
+        except Exception as error:  # a damaged file fails the library in many ways
+            count = sum(c.msgcount for c in wanted)
+            reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+            self._loss = BagLoss(
+                self._path,
+                f"is damaged ({reason})",
+                read,
+                (last_ns - self.start_ns) * 1e-9,
+                max(0, count - read),
+                (self.end_ns - last_ns) * 1e-9,
+                exact=start_ns is None and stop_ns is None,
+            )
+
+    def loss(self) -> BagLoss | None:
+        """Return what is lost as far as it is known by now, None if nothing is."""
+        return self._loss
+
+    def close(self) -> None:
+        """Close the file."""
+        self._reader.close()

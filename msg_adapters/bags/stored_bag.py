@@ -29,7 +29,7 @@ from rosbags.interfaces import (
     Qos,
 )
 
-from msg_adapters.bags.bag_loss import BagLoss
+from msg_adapters.bags.bag_loss import BagLoss, LibraryFile
 from msg_adapters.bags.bag_metadata import METADATA, BagMetadata, qos_of, read_metadata
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
@@ -144,44 +144,15 @@ def _full_name(message_type: str) -> str:
     return f"{package}/msg/{rest}" if slash and "/" not in rest else message_type
 
 
-class _SqliteStorage:
+class _SqliteStorage(LibraryFile):
     """An SQLite file, read by rosbags up to where it breaks."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._reader = SqliteFile(path)
-        self._reader.open()
-        self.connections = {c.id: c for c in self._reader.connections}
-        about = self._reader.metadata
-        self.start_ns, self.end_ns = about.start_time, about.end_time - 1
-        self._loss: BagLoss | None = None
-
-    def messages(
-        self, numbers: Collection[int], start_ns: int | None, stop_ns: int | None
-    ) -> Iterator[tuple[int, int, bytes]]:
-        wanted = [self.connections[number] for number in numbers]
-        read, last_ns = 0, self.start_ns
-        try:
-            for connection, time_ns, data in self._reader.messages(wanted, start_ns, stop_ns):
-                yield time_ns, connection.id, data
-                read, last_ns = read + 1, time_ns
-        except Exception as error:  # apsw has many.
-            count = sum(c.msgcount for c in wanted)
-            self._loss = BagLoss(
-                self._path,
-                f"is damaged ({error})",
-                read,
-                (last_ns - self.start_ns) * 1e-9,
-                max(0, count - read),
-                (self.end_ns - last_ns) * 1e-9,
-                exact=start_ns is None and stop_ns is None,
-            )
-
-    def loss(self) -> BagLoss | None:
-        return self._loss
-
-    def close(self) -> None:
-        self._reader.close()
+        reader = SqliteFile(path)
+        reader.open()
+        about = reader.metadata
+        super().__init__(path, reader, about.start_time, about.end_time - 1)
+        self.connections = {c.id: c for c in reader.connections}
 
 
 class StoredBag:
