@@ -87,7 +87,7 @@ class ObjectsSubscription:
         self._events = events
         self.limits = limits
         self._lost = LostMessages()
-        self._queue = WorkQueue(self._decode, _DEPTH, self._on_overrun, "objects")
+        self._queue = WorkQueue(self._decode, _DEPTH, "objects", self._on_overrun)
         self._subscription: Subscription | None = None
         self._adapter: InputAdapter | None = None
         self.topic = node.resolve_topic_name(TOPIC)

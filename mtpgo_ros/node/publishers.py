@@ -23,7 +23,7 @@ from msg_adapters.types import RclpyTypes
 from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import Prediction
 from mtpgo_ros.diagnostics.event_log import EventLog
-from mtpgo_ros.node.inference.latest_only import LatestOnly
+from mtpgo_ros.runtime.work_queue import WorkQueue
 
 _QOS = QoSProfile(depth=5)
 """Reliable; a subscriber may fall behind by one second at 5 Hz."""
@@ -63,7 +63,7 @@ class Publishers:
         self._max_modes = 0
         self._time = node.create_lifecycle_publisher(Float64, "~/debug/processing_time_ms", _QOS)
         self.configure(kinds, max_modes)
-        self._secondary = LatestOnly(self._publish_secondary, "secondary outputs")
+        self._secondary = WorkQueue(self._publish_secondary, 1, "secondary outputs")
 
     def configure(self, kinds: tuple[str, ...], max_modes: int) -> None:
         """Publish these kinds from the next prediction on."""

@@ -21,9 +21,9 @@ class WorkQueue(Generic[Item]):
 
     Args:
         handle: called with each item; must not raise.
-        depth: most items that wait.
-        dropped: called for each item that was lost.
+        depth: most items that wait; with 1 the newest item replaces the one that waits.
         name: of the thread.
+        dropped: called for each item that was lost.
 
     Attributes:
         stopped: no more items are handled.
@@ -33,8 +33,8 @@ class WorkQueue(Generic[Item]):
         self,
         handle: Callable[[Item], None],
         depth: int,
-        dropped: Callable[[], None],
         name: str,
+        dropped: Callable[[], None] = lambda: None,
     ) -> None:
         self._handle, self._dropped, self._depth = handle, dropped, depth
         self._condition = threading.Condition()

@@ -15,7 +15,7 @@ class Scene:
     def __init__(self, depth):
         self.handled, self.dropped = [], 0
         self.begun, self.go = threading.Semaphore(0), threading.Semaphore(0)
-        self.queue = WorkQueue(self.handle, depth, self.drop, "test")
+        self.queue = WorkQueue(self.handle, depth, "test", self.drop)
 
     def handle(self, item):
         self.begun.release()
@@ -51,3 +51,15 @@ def test_stopping_says_whether_an_item_is_still_handled():
     scene.go.release(2)
     assert scene.queue.stop(LIMIT_S)
     assert [item for item, _ in scene.handled] == ["a"]
+
+
+def test_with_a_depth_of_one_older_waiting_items_are_dropped():
+    scene = Scene(depth=1)
+    scene.queue.submit(1)
+    assert scene.begun.acquire(timeout=LIMIT_S)
+    for item in (2, 3, 4):
+        scene.queue.submit(item)
+    scene.go.release(2)
+    assert scene.begun.acquire(timeout=LIMIT_S)
+    assert scene.queue.stop(LIMIT_S)
+    assert [item for item, _ in scene.handled] == [1, 4]
