@@ -18,10 +18,11 @@ from rosbags.interfaces import (
     ConnectionExtRosbag2,
     MessageDefinition,
     MessageDefinitionFormat,
-    Qos,
 )
-from rosbags.rosbag2.metadata import ReaderMetadata, parse_qos
+from rosbags.rosbag2.metadata import ReaderMetadata
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+from msg_adapters.bags.bag_metadata import qos_of
 
 _FORMATS = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL}
 """Languages of definitions of messages; of a type in another one only the name is used."""
@@ -63,7 +64,7 @@ class SqliteFile(Sqlite3Reader):
                 msgdef=definitions.get(kind, nothing),
                 digest="",
                 msgcount=int(counts.get(number, 0)),
-                ext=ConnectionExtRosbag2(encoding, _profiles(offered)),
+                ext=ConnectionExtRosbag2(encoding, qos_of(offered)),
                 owner=self,
             )
             for number, topic, kind, encoding, offered in rows(
@@ -76,10 +77,3 @@ class SqliteFile(Sqlite3Reader):
         self.metadata = ReaderMetadata(
             max(0, end - start), start, end, count, None, None, None, None
         )
-
-
-def _profiles(text: str) -> list[Qos]:
-    try:
-        return parse_qos(text or [])
-    except Exception:  # every version of rosbag2 writes them in another way
-        return []
