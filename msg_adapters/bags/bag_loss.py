@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What of a damaged bag is read and what is lost, as a sentence."""
+"""What of a damaged bag is read, what is lost and why, in words."""
 
 from __future__ import annotations
 
@@ -15,6 +15,13 @@ from rosbags.interfaces import Connection
 def counted(messages: int) -> str:
     """Return a number of messages in words."""
     return f"{messages} message{'' if messages == 1 else 's'}"
+
+
+def reason_of(error: BaseException) -> str:
+    """Return what an exception of the system or a library says, or at least its kind."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from msg_adapters.bags.bag_definitions import (
     obstacle,
     qos_and_encoding,
 )
+from msg_adapters.bags.bag_loss import reason_of
 from msg_adapters.bags.stored_bag import METADATA, SUFFIXES, StoredBag, is_unfinished_bag
 from mtpgo_core.errors import MessageError, RecordingError
 
@@ -252,10 +253,3 @@ def is_latched(connection: Connection) -> bool:
     if not profiles:
         return connection.topic in _LATCHED_BY_NAME
     return all(profile.durability is QosDurability.TRANSIENT_LOCAL for profile in profiles)
-
-
-def reason_of(error: BaseException) -> str:
-    """Return what an exception of the system or a library says, or at least its kind."""
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
-    return " ".join(str(error).split()).rstrip(".") or type(error).__name__

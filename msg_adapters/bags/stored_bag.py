@@ -29,7 +29,7 @@ from rosbags.interfaces import (
     Qos,
 )
 
-from msg_adapters.bags.bag_loss import BagLoss, LibraryFile
+from msg_adapters.bags.bag_loss import BagLoss, LibraryFile, reason_of
 from msg_adapters.bags.bag_metadata import METADATA, BagMetadata, qos_of, read_metadata
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
@@ -283,7 +283,7 @@ class StoredBag:
         expected = self._about.expected.get(file.name)
         return BagLoss(
             file,
-            f"cannot be read ({_reason(error)})",
+            f"cannot be read ({reason_of(error)})",
             0,
             0.0,
             expected[0] if expected else None,
@@ -420,12 +420,6 @@ class StoredBag:
                 storage.close()
         if self._folder is not None:
             self._folder.cleanup()
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
-    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
 def _tell(sentence: str) -> None:
