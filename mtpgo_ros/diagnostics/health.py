@@ -14,7 +14,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from mtpgo_ros.diagnostics.diagnostic_status import make_status
 
 HOLD_S = 3.0
 """How long a level stays after it was last seen (s); chosen: with the two seconds for which an odd
@@ -49,12 +51,7 @@ class Verdict:
             "since": self.since.isoformat(timespec="milliseconds"),
             "for_s": f"{self.for_s:.1f}",
         }
-        return DiagnosticStatus(
-            level=self.level,
-            name=f"{name}: health",
-            message=self.sentence,
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
-        )
+        return make_status(f"{name}: health", self.level, self.sentence, values)
 
 
 @dataclass
