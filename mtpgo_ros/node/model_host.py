@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import gc
 import threading
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,6 @@ from mtpgo_core.schema import HistoryWindow, KeyArray, Prediction, tracked_state
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.quality.live_calibrator import LiveCalibrator
 from mtpgo_ros.runtime.model_loading import load_model
-
-if TYPE_CHECKING:
-    pass
 
 _WARM_UP_AGENTS = (1, 2, 16, 32)
 """Scene sizes of the warm-up: torch prepares itself for each kind of size (measured)."""
