@@ -198,9 +198,6 @@ class ObjectsSubscription:
 
     def _subscribe_anew(self, adapter: InputAdapter) -> None:
         """Subscribe with the present choice; the last subscription goes on until it is heard."""
-        if self._leaving is not None:
-            self._node.destroy_subscription(self._leaving)
-            self._leaving = None
         last, self._subscription = self._subscription, None
         self._subscribe(adapter)
         self._leaving, self._leaving_s = last, time.monotonic() + _OVERLAP_S
