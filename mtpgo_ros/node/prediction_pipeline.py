@@ -214,7 +214,7 @@ class PredictionPipeline:
             message,
             twist_frame=self._parameters.twist_frame,
             fallback_stamp_ns=now_ns,
-            limits=self._parameters.input_limits,
+            limits=self.objects.limits,
             class_map=self._class_map,
         )
         self._events.count("skipped_objects", decoded.skipped_total)
