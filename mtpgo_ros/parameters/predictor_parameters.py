@@ -20,8 +20,6 @@ from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.live_calibration.live_options import (
     CALIBRATIONS,
-    MODEL,
-    ONLINE,
     PREFERENCES,
     LiveOptions,
 )
@@ -178,16 +176,22 @@ class PredictorParameters:
         " instead of at the observation; stamp and frame remain those of the observation.",
     )
     max_message_bytes: int = _field(
-        16 * 1024 * 1024,
+        InputLimits.max_message_bytes,
         "Largest message on objects that is decoded (bytes); larger ones are left out.",
         low=1024,
         high=1 << 30,
     )
     max_objects: int = _field(
-        32768, "Most objects of a message that is decoded.", low=1, high=1_000_000
+        InputLimits.max_objects,
+        "Most objects of a message that is decoded.",
+        low=1,
+        high=1_000_000,
     )
     max_fields: int = _field(
-        256, "Most fields of a point cloud of objects that is decoded.", low=3, high=4096
+        InputLimits.max_fields,
+        "Most fields of a point cloud of objects that is decoded.",
+        low=3,
+        high=4096,
     )
     input_timeout: float = _field(
         1.0,
@@ -242,7 +246,7 @@ class PredictorParameters:
         high=100.0,
     )
     calibration: str = _field(
-        ONLINE,
+        LiveOptions.calibration,
         "What is applied to the model's output: the calibration in its file (shipped), that one"
         " corrected by what became known of earlier predictions (online), or nothing (off).",
         choices=CALIBRATIONS,
@@ -254,27 +258,30 @@ class PredictorParameters:
         change=Change.CONFIGURE,
     )
     calibration_memory: float = _field(
-        600.0,
+        LiveOptions.memory_s,
         "Time constant with which the online calibration forgets the factors of road users of"
         " whom nothing becomes known any more (s).",
         low=1.0,
         high=1e6,
     )
     prefer: str = _field(
-        MODEL,
+        LiveOptions.prefer,
         "Who predicts: the model wherever it can, or constant velocity for the class groups,"
         " moving or standing, in which it has been better (best).",
         choices=PREFERENCES,
         change=Change.CONFIGURE,
     )
     prefer_time: float = _field(
-        60.0,
+        LiveOptions.prefer_time_s,
         "With prefer best: time for which the other predictor must have been better (s).",
         low=1.0,
         high=36000.0,
     )
     prefer_agents: int = _field(
-        10, "With prefer best: road users of the group in that time.", low=1, high=10000
+        LiveOptions.prefer_agents,
+        "With prefer best: road users of the group in that time.",
+        low=1,
+        high=10000,
     )
     autostart: bool = _field(
         True, "The node configures and activates itself at its start.", change=Change.START
