@@ -73,17 +73,12 @@ def predictor_of(options: argparse.Namespace) -> str:
 
 
 def topics_of(options: argparse.Namespace) -> list[str]:
-    """Return the absolute names of the topics to be recorded."""
-    predictor = predictor_of(options)
-    names = options.topics or [
-        f"{predictor}/predictions",
-        f"{predictor}/debug/processing_time_ms",
-        f"{predictor}/quality",
-        f"{predictor}/quality_table",
-        "/diagnostics",
-    ]
+    """Return the absolute names of the topics to be recorded, by default the predictor's own."""
+    from mtpgo_ros.bags.recorder_node import predictor_types
+
+    names = [*(options.topics or predictor_types(predictor_of(options)))]
     if options.objects:
-        names = [*names, "/objects"]
+        names.append("/objects")
     return list(dict.fromkeys("/" + name.lstrip("/") for name in names))
 
 
