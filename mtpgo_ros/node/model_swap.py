@@ -81,12 +81,9 @@ class ModelSwap:
             sentence = await self._replace(
                 {p.name: Parameter.from_parameter_msg(p).value for p in request.parameters}
             )
-        except MtpgoError as error:
-            reason = f"the model was not swapped: {error}"
-            self._node.get_logger().error(reason)
-            response.result = SetParametersResult(successful=False, reason=reason)
         except Exception as error:  # Every request is answered.
-            reason = f"the model was not swapped: {type(error).__name__}: {error}"
+            kind = "" if isinstance(error, MtpgoError) else f"{type(error).__name__}: "
+            reason = f"the model was not swapped: {kind}{error}"
             self._node.get_logger().error(reason)
             response.result = SetParametersResult(successful=False, reason=reason)
         else:
@@ -124,11 +121,10 @@ class ModelSwap:
         Raises:
             ConfigurationError: a name or a value is not allowed.
         """
-        allowed = [f.name for f in dataclasses.fields(PredictorParameters) if f.name in SWAPPED]
         for name in values:
-            if name not in allowed:
+            if name not in SWAPPED:
                 raise ConfigurationError(
-                    f"parameter {name} given, expected {' or '.join(allowed)}"
+                    f"parameter {name} given, expected {' or '.join(SWAPPED)}"
                 )
         return dataclasses.replace(self._server.checked(values), require_model=True)
 
