@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.quality.quality_report import QualityVerdict
-from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING, ODD_INPUT, EventLog
+from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING, EventLog
 from mtpgo_ros.diagnostics.input_watch import InputAge
 from mtpgo_ros.diagnostics.latency import LatencyStatistics
 

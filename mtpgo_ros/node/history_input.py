@@ -13,9 +13,10 @@ from typing import Protocol
 
 import numpy as np
 
+from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
 from mtpgo_core.schema import HistoryWindow, KeyArray, TrackedStates
-from mtpgo_ros.diagnostics.event_log import ODD_INPUT, EventLog
+from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.rate_limiter import RateLimiter
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 

@@ -20,12 +20,13 @@ from msg_adapters.adapter import InputAdapter
 from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import FrameError, MessageError, MtpgoError
 from mtpgo_core.frames import VEHICLE_FRAMES
+from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.finite_output import publishable
 from mtpgo_core.prediction.output_assembly import select, with_time_origin
 from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
-from mtpgo_ros.diagnostics.event_log import ODD_INPUT, EventLog
+from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.diagnostics.input_watch import InputWatch
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
 from mtpgo_ros.node.frame_transform import FixedFrameTransform, FrameTransform, NoTransform

@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 import yaml
 
+from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_core.quality.quality_report import QUALITY_ROW, WINDOWS_S
 from mtpgo_core.task.calibration import GROUPS
-from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING, ODD_INPUT
+from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
 ROOT = Path(__file__).resolve().parents[2]
