@@ -46,7 +46,7 @@ def encoding_of(connection: Connection) -> str:
 def obstacle(connection: Connection) -> str:
     """Return why the messages of a connection cannot be decoded, as far as its head tells.
 
-    Empty if nothing speaks against it; the definition itself is not read.
+    Empty if no obstacle is known; the definition itself is not read.
     """
     encoding = encoding_of(connection)
     if encoding not in ("cdr", "ros1"):

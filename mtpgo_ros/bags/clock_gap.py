@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Gaps of days in a bag, which no one waits for: a clock was set while it was recorded.
+"""Gaps of days in a bag, which are not played: a clock was set while it was recorded.
 
 A computer without a battery starts in 1970 until it is told the time, and with simulated time the
 first messages may come before the clock.
@@ -16,7 +16,7 @@ from msg_adapters.bags.bag_loss import counted
 from msg_adapters.bags.bag_reader import BagReader, BagTopic
 
 GAP_S = 86_400.0
-"""A longer gap is left out (s); chosen: a day, which no one waits for; years are what is seen."""
+"""A longer gap is left out (s); chosen: too long to wait for; observed gaps last years."""
 
 _LOOKED_AT = 100_000
 """Most messages in which a gap is looked for; chosen: some minutes of a vehicle's bag."""

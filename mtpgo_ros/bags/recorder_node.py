@@ -149,7 +149,7 @@ class Recorder(Node):
                 self._follow(name, infos)
 
     def _follow(self, name: str, infos: Sequence[TopicEndpointInfo]) -> None:
-        """Subscribe to a topic in a way that all of its publishers are heard."""
+        """Subscribe to a topic with a QoS that all of its publishers of that type match."""
         topic = self._topics[name]
         types = sorted({info.topic_type for info in infos})
         # A node cannot subscribe to two types of one topic. What is recorded already goes on.

@@ -13,7 +13,7 @@ def answer_invalid_transitions(node: LifecycleNode) -> None:
     """Make the service ``~/change_state`` answer every request.
 
     rclpy raises an exception for a transition that is unknown or not allowed in the present state,
-    and then sends no answer, so that the client waits for ever. The answer is ``success: false``,
+    and then sends no answer, so that the client waits forever. The answer is ``success: false``,
     as that of rclcpp.
     """
     service = node._service_change_state

@@ -98,7 +98,7 @@ class _AnyPublisher:
         kind: message class.
         topic: name.
         receive: called with each message that differs from the last one.
-        events: where publishers that cannot be heard are counted.
+        events: where incompatible publishers are counted.
     """
 
     def __init__(

@@ -185,8 +185,8 @@ class ModelHost:
                 history.update(tracked_states(round(time_s * 1e9) + 1, "map", key, position))
             trial.predict(history.window())
         if permanent:
-            # What an earlier configuration left in circles is looked at once more, or it would
-            # stay for ever.
+            # Reference cycles left by an earlier configuration are collected first, or they would
+            # stay forever.
             gc.unfreeze()
             gc.collect()
             gc.freeze()

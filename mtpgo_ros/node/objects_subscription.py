@@ -110,7 +110,7 @@ class ObjectsSubscription:
 
     def close(self) -> None:
         """Destroy the subscription and end its thread."""
-        # A message that is being decoded cannot be interrupted; it comes to nothing.
+        # A message that is being decoded cannot be interrupted; its result is dropped.
         self._queue.stop(_PATIENCE_S)
         self._node.destroy_timer(self._timer)
         self._unsubscribe()
@@ -197,7 +197,7 @@ class ObjectsSubscription:
         )
 
     def _subscribe_anew(self, adapter: InputAdapter) -> None:
-        """Subscribe with the present choice; the last subscription goes on until it is heard."""
+        """Subscribe with the present choice; the last subscription overlaps with the new one."""
         last, self._subscription = self._subscription, None
         self._subscribe(adapter)
         self._leaving, self._leaving_s = last, time.monotonic() + _OVERLAP_S

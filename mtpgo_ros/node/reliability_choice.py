@@ -14,15 +14,15 @@ from __future__ import annotations
 _SILENCE_S = 1.0
 """Silence after which the other choice is tried (s); chosen: several periods of any tracker."""
 
+_FIRST_SILENCE_S = 3.0
+"""The same before the first message (s); chosen longer, since many publishers start late."""
+
 _LARGE_BYTES = 200_000
 """Messages above this size are kept reliable (bytes); chosen: with best effort 380 kB arrived
 every time, and 2 MB never (measured)."""
 
 _LOST = 5
 """Lost messages after which it is reliable; chosen: one is no reason to subscribe anew."""
-
-_FIRST_SILENCE_S = 3.0
-"""The same before the first message (s); chosen longer, since many a publisher starts late."""
 
 
 class ReliabilityChoice:

@@ -57,7 +57,7 @@ class QualityPublisher:
         self._parameters, self._status = parameters, status
         self._types = RclpyTypes()
         self._name = node.get_fully_qualified_name().lstrip("/")
-        self._people = node.create_publisher(DiagnosticArray, "~/quality", _QOS)
+        self._statuses = node.create_publisher(DiagnosticArray, "~/quality", _QOS)
         self._table = node.create_publisher(Float64MultiArray, "~/quality_table", _QOS)
         self._markers = node.create_publisher(MarkerArray, "~/quality_markers", _QOS)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -77,7 +77,7 @@ class QualityPublisher:
         message = DiagnosticArray(status=group_statuses(self._name, report, limits))
         message.header.stamp = Time(nanoseconds=report.now_ns).to_msg()
         message.header.frame_id = self._quality.frame_id
-        self._people.publish(message)
+        self._statuses.publish(message)
         self._table.publish(quality_to_array(report.rows(limits), self._types))
         if self._markers.get_subscription_count():
             self._publish_text(report, verdict)
@@ -107,6 +107,6 @@ class QualityPublisher:
     def close(self) -> None:
         """Destroy timer and publishers."""
         self._node.destroy_timer(self._timer)
-        for publisher in (self._people, self._table, self._markers):
+        for publisher in (self._statuses, self._table, self._markers):
             self._node.destroy_publisher(publisher)
         self._status.quality, self._status.quality_values = None, {}

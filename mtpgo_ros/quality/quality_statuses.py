@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The scores of the predictions for people: diagnostic statuses, and a text in the scene."""
+"""The scores of the predictions as text: diagnostic statuses, and a text in the scene."""
 
 from __future__ import annotations
 
