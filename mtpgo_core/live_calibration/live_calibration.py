@@ -25,7 +25,7 @@ from mtpgo_core.task.calibration import MOTIONS, calibration_groups
 from mtpgo_core.task.task_description import HistoryConfig
 
 _LONGEST_STEP_S = 5.0
-"""Most time that passes with one observation (s); chosen: a pause of the input teaches nothing."""
+"""Most time that passes with one observation (s); chosen: nothing is learned in a pause."""
 
 MODEL, CV = int(Source.MODEL), int(Source.CONSTANT_VELOCITY)
 
@@ -33,8 +33,9 @@ MODEL, CV = int(Source.MODEL), int(Source.CONSTANT_VELOCITY)
 class LiveCalibration:
     """Corrects predictions before they are published, by what became known of earlier ones.
 
-    What the model and constant velocity predict is compared with the observations whichever of the
-    two is served. :meth:`serve` may be called from any thread, :meth:`observe` from one.
+    The predictions of the model and of constant velocity are both compared with the observations,
+    no matter which is served. :meth:`serve` may be called from any thread, :meth:`observe` from
+    one.
 
     Args:
         options: what is learned; may be replaced by :meth:`configure`.

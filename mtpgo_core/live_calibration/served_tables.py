@@ -24,9 +24,9 @@ those of the heaviest mode, and some of them are hits of the others. Of 0, 0.25,
 the best likelihood on left-out sites with errors as they are and multiplied by 2 to 4."""
 
 _SHORTEST_SPAN_S = 0.35
-"""Predictions that come sooner teach nothing (s); chosen below two cycles of 5 Hz: an error lasts
-for seconds, so with half of the predictions the factors were the same (measured), at half the
-cost."""
+"""Predictions that come sooner are not learned from (s); chosen below two cycles of 5 Hz: an error
+lasts for seconds, so with half of the predictions the factors were the same (measured), at half
+the cost."""
 
 _LONGEST_SPAN_S = 1.0
 """Most time that one prediction stands for (s); chosen: after a pause of the input, no more."""

@@ -3,7 +3,7 @@
 """Agents that left before the common time, as members of the past graphs (paper, temporal graph).
 
 The paper's graphs G_i have the agents of each step i, so one that has left by t still takes part
-in the graphs of its own steps. It is predicted by nobody. By default scenes leave such agents out;
+in the graphs of its own steps. It is not predicted. By default scenes leave such agents out;
 ``scene.departed_agents`` keeps them.
 """
 
