@@ -17,6 +17,7 @@ from mtpgo_core.live_calibration.served_tables import ServedTables, apply_factor
 from mtpgo_core.live_calibration.sigma_tracker import POOLS, SigmaTracker, Squares
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import merge, with_time_origin
+from mtpgo_core.quality.metrics import mahalanobis
 from mtpgo_core.quality.outcome_matcher import OutcomeMatcher
 from mtpgo_core.quality.outcomes import Outcomes
 from mtpgo_core.quality.prediction_memory import MemoryLimits
@@ -167,10 +168,10 @@ class LiveCalibration:
         logs = np.stack([one.log_sigma for one in tables])
         own = logs[table, :, :, group, step]
         truth = outcomes.truth
-        model = _squared(truth, outcomes.heaviest_mean, outcomes.heaviest_covariance)
+        model = mahalanobis(truth - outcomes.heaviest_mean, outcomes.heaviest_covariance)[0]
         # The covariances of the model are kept as served, those of constant velocity are not.
         model = model * np.exp(2.0 * own[:, MODEL, 1])
-        constant = _squared(truth, outcomes.cv_mean, outcomes.cv_covariance)
+        constant = mahalanobis(truth - outcomes.cv_mean, outcomes.cv_covariance)[0]
         return Squares(
             track=outcomes.track,
             group=group,
@@ -183,14 +184,6 @@ class LiveCalibration:
             own=own,
             pool=logs[table, :, :, POOLS + group % len(MOTIONS), step],
         )
-
-
-def _squared(truth: Float64Array, mean: Float64Array, covariance: Float64Array) -> Float64Array:
-    """Return [m] squared Mahalanobis distances of truths [m, 2] from means with covariances."""
-    x, y = np.moveaxis(truth - mean, -1, 0)
-    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray((yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy))
 
 
 def _errors(outcomes: Outcomes) -> Float64Array:
