@@ -1,9 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Atomic writing of files: a file is written completely or not at all.
-
-A process that is killed leaves its temporary file, whose name begins with a dot.
-"""
+"""Atomic writing of files and folders, whose errors are sentences for the user."""
 
 from __future__ import annotations
 
@@ -11,10 +8,11 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.whole_file import whole_file
 
 
 @contextmanager
@@ -24,20 +22,13 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         ConfigurationError: the directory cannot be created or written.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    except OSError as error:
-        raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
-    os.close(handle)
-    temporary = Path(name)
-    try:
+    with ExitStack() as stack:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary = stack.enter_context(whole_file(path, 0o666 & ~_umask()))
+        except OSError as error:
+            raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
         yield temporary
-        temporary.chmod(0o666 & ~_umask())
-        _to_disk(temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -87,15 +78,6 @@ def write_text(path: Path, text: str) -> None:
     """
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-def _to_disk(path: Path) -> None:
-    """Bring a file to the disk: after a loss of power, a name must not lead to an empty file."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _umask() -> int:

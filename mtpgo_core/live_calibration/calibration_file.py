@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.sigma_tracker import LEVELS, SIGMA_LIMITS
 from mtpgo_core.task.calibration import GROUPS
+from mtpgo_core.whole_file import whole_file
 
 FORMAT = 1
 """Version of the file."""
@@ -58,18 +58,8 @@ def save(live: LiveCalibration, weights_sha256: str, path: Path) -> None:
             if preferred
         ],
     }
-    data = (json.dumps(content, separators=(",", ":")) + "\n").encode()
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    with whole_file(path, 0o644) as temporary:
+        temporary.write_text(json.dumps(content, separators=(",", ":")) + "\n", encoding="utf-8")
 
 
 def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
