@@ -14,7 +14,7 @@ from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.live_calibration.live_options import BEST, LiveOptions
 from mtpgo_core.live_calibration.model_preference import ModelPreference
 from mtpgo_core.live_calibration.served_tables import ServedTables, apply_factors, as_preferred
-from mtpgo_core.live_calibration.sigma_tracker import POOLS, SigmaTracker, Squares
+from mtpgo_core.live_calibration.sigma_tracker import POOL_OF, SigmaTracker, Squares
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import merge, with_time_origin
 from mtpgo_core.quality.metrics import mahalanobis
@@ -22,7 +22,7 @@ from mtpgo_core.quality.outcome_matcher import OutcomeMatcher
 from mtpgo_core.quality.outcomes import Outcomes
 from mtpgo_core.quality.prediction_memory import MemoryLimits
 from mtpgo_core.schema import Float64Array, HistoryWindow, Prediction, Source
-from mtpgo_core.task.calibration import MOTIONS, calibration_groups
+from mtpgo_core.task.calibration import calibration_groups
 from mtpgo_core.task.task_description import HistoryConfig
 
 _LONGEST_STEP_S = 5.0
@@ -182,7 +182,7 @@ class LiveCalibration:
                 [np.where(outcomes.source == MODEL, model, np.nan), constant], axis=1
             ),
             own=own,
-            pool=logs[table, :, :, POOLS + group % len(MOTIONS), step],
+            pool=logs[table, :, :, POOL_OF[group], step],
         )
 
 

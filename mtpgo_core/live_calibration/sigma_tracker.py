@@ -39,6 +39,9 @@ touch (1.82)."""
 POOLS = len(GROUPS) - len(MOTIONS)
 """Position of the first of the groups ``any``, which learn from the road users of all classes."""
 
+POOL_OF = POOLS + np.arange(len(GROUPS)) % len(MOTIONS)
+"""[groups] position of the group ``any`` of the same motion."""
+
 _RADIUS = np.array([radius_squared(level) for level in LEVELS])
 _ALPHA = 1.0 - np.array(LEVELS)
 _LOW, _HIGH = np.log(SIGMA_LIMITS)
@@ -128,13 +131,13 @@ class SigmaTracker:
         change = self._changes(squares)
         weight = self._independence()[:POOLS]
         change[:, :, :POOLS] = weight * change[:, :, :POOLS]
-        change[:, :, :POOLS] += (1.0 - weight) * np.tile(change[:, :, POOLS:], (1, 1, 3, 1))
+        change[:, :, :POOLS] += (1.0 - weight) * change[:, :, POOL_OF[:POOLS]]
         change[:, 1] += self.options.coupling * change[:, 0]
         self.log_sigma = np.clip(self.log_sigma + change, _LOW, _HIGH)
 
     def _changes(self, squares: Squares) -> Float64Array:
         """Return the change of each factor by the road users of its own group."""
-        pool = POOLS + squares.group % len(MOTIONS)
+        pool = POOL_OF[squares.group]
         m, steps = len(squares.track), self.log_sigma.shape[-1]
         # [2, m]: each row counts for its own group and for that of all classes, which are one
         # where the class is unknown.
@@ -165,7 +168,7 @@ class SigmaTracker:
     def _count(self, squares: Squares) -> None:
         """Count road users per prediction, by group and step."""
         groups, steps = self._agent_s.shape
-        group = np.concatenate([squares.group, POOLS + squares.group % len(MOTIONS)])
+        group = np.concatenate([squares.group, POOL_OF[squares.group]])
         both = np.concatenate([squares.group < POOLS, np.ones(len(squares.group), dtype=bool)])
         cell = (group * steps + np.tile(squares.step, 2))[both]
         came = np.bincount(cell, np.tile(squares.span_s, 2)[both], groups * steps)
@@ -187,5 +190,5 @@ class SigmaTracker:
     def _parents(self) -> Float64Array:
         """Return the factors that groups without outcomes fall back to."""
         parents = np.zeros_like(self.log_sigma)
-        parents[:, :, :POOLS] = np.tile(self.log_sigma[:, :, POOLS:], (1, 1, 3, 1))
+        parents[:, :, :POOLS] = self.log_sigma[:, :, POOL_OF[:POOLS]]
         return parents
