@@ -106,7 +106,7 @@ class ModelRunner:
         path = Path(path)
         file = read_model(path, sha256)
         if not trusted and not is_shipped(path):
-            try_out(file.archive.data, path, stopped)
+            try_out(file.archive, stopped)
         if num_threads is not None and torch.get_num_threads() != num_threads:
             torch.set_num_threads(num_threads)
         runner = cls.of(file)

@@ -16,7 +16,6 @@ too. A file that passed is not tried a second time.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import os
 import selectors
@@ -29,6 +28,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mtpgo_core.errors import ModelFileError
+from mtpgo_core.task.checked_archive import CheckedArchive
 
 WORKER = "mtpgo_core.prediction.trial_worker"
 """Module that the other process runs."""
@@ -113,33 +113,31 @@ def _stay() -> None:
         _idle = None
 
 
-def try_out(data: bytes, path: Path, stopped: Callable[[], bool] | None = None) -> None:
+def try_out(archive: CheckedArchive, stopped: Callable[[], bool] | None = None) -> None:
     """Load and run a model file in another process.
 
     Args:
-        data: the file, see :func:`mtpgo_core.task.model_file.read_model`.
-        path: its name, for errors.
+        archive: the file, see :func:`mtpgo_core.task.model_file.read_model`.
         stopped: whether this process shall end; asked ten times a second.
 
     Raises:
         ModelFileError: the file cannot be loaded or run, or not within the limits, or ``stopped``
             was true.
     """
-    known = hashlib.sha256(data).hexdigest()
     with _one_at_a_time:
-        if known in _passed:
+        if archive.sha256 in _passed:
             return
         start_trials()
         _stay()
         try:
-            reason = _answer(data, path, stopped or (lambda: False))
+            reason = _answer(archive.data, archive.path, stopped or (lambda: False))
             _end_when_idle()
         except BaseException:  # also a KeyboardInterrupt: the process would answer too late
             end_trials()
             raise
     if reason:
-        raise ModelFileError(f"model file {path} {reason}")
-    _passed.add(known)
+        raise ModelFileError(f"model file {archive.path} {reason}")
+    _passed.add(archive.sha256)
 
 
 def _answer(data: bytes, path: Path, stopped: Callable[[], bool]) -> str:
