@@ -6,21 +6,15 @@ import torch
 from torch import Tensor, nn
 
 from models.baselines.latent.trajectron_config import TrajectronConfig
+from models.baselines.neighbour_relations import RELATIONS, neighbour_relations
 from models.baselines.recurrent_predictor import AgentLSTM
 from models.gnn_layers.interaction_graph import GaussianKernel, squared_distances
-from models.own_frame.agent_frames import to_own
-
-OFFSET_M = 30.0
-"""Scale of the neighbours' offsets (m; chosen: as for positions)."""
-
-RELATIVE_MPS = 10.0
-"""Scale of the neighbours' relative velocities (m/s; chosen: as for velocities)."""
 
 KINDS = 2
 """Kinds of neighbours, each with an encoder of its own: with wheels and without."""
 
-EDGE_INPUTS = 8
-"""An edge encoder's inputs: the summed weight, offset, relative velocity and heading (7), and
+EDGE_INPUTS = RELATIONS + 2
+"""An edge encoder's inputs: the summed weight and relations to the neighbours, and
 whether the agent itself has wheels."""
 
 
@@ -61,8 +55,6 @@ class TrajectronEncoder(nn.Module):
         hidden, edge = config.hidden, config.edge_hidden
         self.size = hidden + edge
         self.edge = edge
-        self.offset_m = OFFSET_M
-        self.relative_mps = RELATIVE_MPS
         self.history = AgentLSTM(inputs, hidden)
         self.vehicles = AgentLSTM(EDGE_INPUTS, edge)
         self.walkers = AgentLSTM(EDGE_INPUTS, edge)
@@ -113,16 +105,11 @@ class TrajectronEncoder(nn.Module):
             wheeled: [B, N].
             direction: [B, N, 2].
         """
-        place, velocity, yaw = features[..., :2], features[..., 2:4], features[..., 6:8]
-        axes = direction.unsqueeze(2)
-        offset = to_own(place.unsqueeze(1) - place.unsqueeze(2), axes) / self.offset_m
-        relative = to_own(velocity.unsqueeze(1) - velocity.unsqueeze(2), axes) / self.relative_mps
-        heading = to_own(yaw.unsqueeze(1), axes)
-        one = torch.ones_like(offset[..., :1])
-        edge = torch.cat((one, offset, relative, heading), dim=-1)  # [B, N, N, 7]
+        relation = neighbour_relations(features, features[..., 6:8], direction)
+        edge = torch.cat((torch.ones_like(relation[..., :1]), relation), dim=-1)  # [B, N, N, 7]
         own = torch.eye(present.size(1), dtype=torch.bool, device=present.device)
         link = present.unsqueeze(2) & present.unsqueeze(1) & ~own
-        weight = self.kernel(squared_distances(place)) * link
+        weight = self.kernel(squared_distances(features[..., :2])) * link
         vehicle = wheeled.unsqueeze(1).to(weight.dtype)
         flag = wheeled.unsqueeze(-1).to(edge.dtype)
         vehicles = torch.matmul((weight * vehicle).unsqueeze(2), edge).squeeze(2)

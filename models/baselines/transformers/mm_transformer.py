@@ -11,21 +11,16 @@ import torch
 from torch import Tensor, nn
 
 from models.ablations.direct_covariance import DirectCovariance
+from models.baselines.neighbour_relations import RELATIONS, neighbour_relations
 from models.baselines.transformers.endpoint_regions import balanced_centres
 from models.baselines.transformers.masked_attention import Transformer
 from models.baselines.transformers.transformer_config import TransformerConfig
 from models.gnn_layers.interaction_graph import complete_graph
 from models.heads import FIRST_MODE, NoiseHead, first_circle
-from models.own_frame.agent_frames import Start, states_to_own, states_to_scene, to_own
+from models.own_frame.agent_frames import Start, states_to_own, states_to_scene
 from models.own_frame.covariance_frames import rotate_blocks
 from models.own_frame.small_linear import small_linear
 from models.trajectory_predictor import TrajectoryPredictor
-
-OFFSET_M = 30.0
-"""Scale of the neighbours' offsets (m; chosen: as for positions)."""
-
-RELATIVE_MPS = 10.0
-"""Scale of the neighbours' relative velocities (m/s; chosen: as for velocities)."""
 
 
 class MMTransformer(TrajectoryPredictor):
@@ -49,15 +44,13 @@ class MMTransformer(TrajectoryPredictor):
         size, modes, heads = config.hidden, config.modes, config.attention_heads
         self.static_features = config.static_features
         self.regions = config.used_regions
-        self.offset_m = OFFSET_M
-        self.relative_mps = RELATIVE_MPS
         inputs = self.condition.input_size + config.static_size * config.static_features
         self.embed_inputs = nn.Linear(inputs, size)
         self.embed_time = nn.Parameter(0.1 * torch.randn(config.history_steps, size))
         self.proposals = nn.Parameter(torch.randn(modes, size))
         self.motion_extractor = Transformer(size, heads, config.transformer_layers)
         self.summary = nn.Linear(modes * size, size)
-        self.embed_relation = nn.Linear(6, size)
+        self.embed_relation = nn.Linear(RELATIONS, size)
         self.social_constructor = Transformer(size, heads, config.transformer_layers)
         self.generator = nn.Linear(size, size)
         self.path = small_linear(size, 2 * config.horizon_steps)
@@ -121,15 +114,8 @@ class MMTransformer(TrajectoryPredictor):
             start: the agents' frames.
         """
         summary = self.summary(moved.flatten(1)).view(present.size(0), 1, present.size(1), -1)
-        place, velocity = present[..., :2], present[..., 2:4]
-        direction = start.direction.unsqueeze(2).expand(-1, -1, present.size(1), -1)
-        offset = to_own(place.unsqueeze(1) - place.unsqueeze(2), direction) / self.offset_m
-        relative = (
-            to_own(velocity.unsqueeze(1) - velocity.unsqueeze(2), direction) / self.relative_mps
-        )
-        heading = to_own(start.direction.unsqueeze(1).expand_as(direction), direction)
-        relation = self.embed_relation(torch.cat((offset, relative, heading), dim=-1))
-        return torch.relu(summary + relation).flatten(0, 1)
+        relation = neighbour_relations(present, start.direction, start.direction)
+        return torch.relu(summary + self.embed_relation(relation)).flatten(0, 1)
 
     @torch.jit.unused
     def own_endpoints(self, features: Tensor, valid: Tensor, target: Tensor) -> Tensor:
