@@ -10,9 +10,6 @@ from models.baselines.neighbour_relations import RELATIONS, neighbour_relations
 from models.baselines.recurrent_predictor import AgentLSTM
 from models.gnn_layers.interaction_graph import GaussianKernel, squared_distances
 
-KINDS = 2
-"""Kinds of neighbours, each with an encoder of its own: with wheels and without."""
-
 EDGE_INPUTS = RELATIONS + 2
 """An edge encoder's inputs: the summed weight and relations to the neighbours, and
 whether the agent itself has wheels."""
@@ -41,9 +38,10 @@ class AdditiveAttention(nn.Module):
 class TrajectronEncoder(nn.Module):
     """History and neighbours of every agent (Sec. 4, "Modeling Agent History" and "Interactions").
 
-    The neighbours of one kind are summed, so that any number of them has one size, and go through
-    an LSTM; attention with the agent's history as the query joins the kinds. In the sums every
-    neighbour has the edge weight of its distance, as in MTP-GO (eq. 13).
+    The neighbours of one kind, with wheels or without, are summed, so that any number of them has
+    one size, and go through an LSTM of that kind; attention with the agent's history as the query
+    joins the kinds. In the sums every neighbour has the edge weight of its distance, as in MTP-GO
+    (eq. 13).
 
     Args:
         config: the network's options.
