@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from mtpgo_core.history.resampling import NEVER_NS
+from mtpgo_core.history.sample_rings import longer
 from mtpgo_core.schema import BoolArray, Float64Array, IndexArray
 
 _LEAST_M = 1.0
@@ -45,10 +46,8 @@ class AlternationDetector:
 
     def grow(self, capacity: int) -> None:
         """Make room for ``capacity`` slots; new ones are reset before their first use."""
-        extra = capacity - self._before_ns.shape[0]
         for name, array in vars(self).items():
-            more = np.zeros((extra, *array.shape[1:]), dtype=array.dtype)
-            setattr(self, name, np.concatenate([array, more]))
+            setattr(self, name, longer(array, capacity))
 
     def step(
         self,

@@ -18,6 +18,12 @@ _SHORTEST = 64
 """Samples in a new ring: 3 s at 20 Hz."""
 
 
+def longer(array: NDArray[Any], capacity: int, fill: float = 0) -> NDArray[Any]:
+    """Return an array [n, ...] as [capacity, ...], with ``fill`` in the new rows."""
+    more = np.full((capacity - len(array), *array.shape[1:]), fill, dtype=array.dtype)
+    return np.concatenate([array, more])
+
+
 class SampleRings:
     """One ring of samples per slot.
 
@@ -54,17 +60,11 @@ class SampleRings:
 
     def grow(self, capacity: int) -> None:
         """Make room for ``capacity`` slots, keeping the existing samples."""
-        extra = capacity - self.capacity
-
-        def longer(array: NDArray[Any], fill: float) -> NDArray[Any]:
-            more = np.full((extra, *array.shape[1:]), fill, dtype=array.dtype)
-            return np.concatenate([array, more])
-
-        self._stamp = longer(self._stamp, NEVER_NS)
-        self._sample = longer(self._sample, np.nan)
-        self.count = longer(self.count, 0)
-        self.last_ns = longer(self.last_ns, NEVER_NS)
-        self.last = longer(self.last, np.nan)
+        self._stamp = longer(self._stamp, capacity, NEVER_NS)
+        self._sample = longer(self._sample, capacity, np.nan)
+        self.count = longer(self.count, capacity)
+        self.last_ns = longer(self.last_ns, capacity, NEVER_NS)
+        self.last = longer(self.last, capacity, np.nan)
 
     def clear(self, slot: IndexArray) -> None:
         """Empty the slots."""

@@ -9,7 +9,7 @@ import numpy as np
 from mtpgo_core.history.alternation import AlternationDetector
 from mtpgo_core.history.causal_slope import CausalSlope
 from mtpgo_core.history.resampling import NEVER_NS
-from mtpgo_core.history.sample_rings import SampleRings
+from mtpgo_core.history.sample_rings import SampleRings, longer
 from mtpgo_core.history.track_index import SortKeyArray, TrackIndex
 from mtpgo_core.schema import BoolArray, IndexArray, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
@@ -164,9 +164,7 @@ class TrackStore:
         old = self.rings.capacity
         capacity = min(max(2 * old, least), self._max_tracks)
         for name in _COLUMNS:
-            array = getattr(self, name)
-            more = np.zeros((capacity - old, *array.shape[1:]), dtype=array.dtype)
-            setattr(self, name, np.concatenate([array, more]))  # reset when allocated
+            setattr(self, name, longer(getattr(self, name), capacity))  # reset when allocated
         self.rings.grow(capacity)
         self.velocity.grow(capacity)
         self.acceleration.grow(capacity)
