@@ -29,9 +29,7 @@ import numpy as np
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import listed
 from mtpgo_core.schema import AgentClass, ClassArray
-
-LARGEST_FILE = 1 << 18
-"""Bytes of the largest class map that is read; chosen, far above any list of classes."""
+from mtpgo_core.yaml_file import read_yaml
 
 _COCO_NUMBERS = 92
 """Numbers of COCO's classes are smaller; those that take no part in traffic are unknown."""
@@ -234,18 +232,9 @@ def read_class_map(path: Path) -> ClassMap:
         ConfigurationError: the file cannot be read, is not a mapping of names to classes, or
             names a class or preset that does not exist; the sentence names file and line.
     """
-    try:
-        with path.open("rb") as stream:
-            content = stream.read(LARGEST_FILE + 1)
-    except OSError as error:
-        raise ConfigurationError(f"{path} cannot be read: {error.strerror}") from error
-    if len(content) > LARGEST_FILE:
-        raise ConfigurationError(
-            f"{path} is larger than {LARGEST_FILE} bytes, expected a class map in YAML"
-        )
     names: dict[str, str] = {}
     preset: dict[str, str] = {}
-    for line, key, value in _pairs(path, content):
+    for line, key, value in _pairs(path):
         where = f"{path}, line {line}"
         if key == "preset":
             if value not in PRESETS:
@@ -279,25 +268,13 @@ def _normal(name: str) -> str:
     return re.sub(r"[\s-]+", "_", str(name).strip().lower())
 
 
-def _pairs(path: Path, content: bytes) -> list[tuple[int, str, str]]:
+def _pairs(path: Path) -> list[tuple[int, str, str]]:
     """Return line, key and value of a YAML mapping, both as they are written.
 
     The nodes are read and not the values, so that ``no`` is a word and ``007`` has three digits.
     """
-    try:
-        import yaml
-    except ModuleNotFoundError:
-        raise ConfigurationError(
-            f"{path} needs the Python module 'yaml' (PyYAML), which is not installed"
-        ) from None
-    try:
-        node = yaml.compose(content, yaml.SafeLoader)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f", line {mark.line + 1}" if mark is not None else ""
-        problem = getattr(error, "problem", None) or "it is not text in UTF-8"
-        raise ConfigurationError(f"{path}{place} cannot be read as YAML: {problem}") from error
-    if not isinstance(node, yaml.MappingNode):
+    node = read_yaml(path, "a class map in YAML", as_node=True)
+    if getattr(node, "id", None) != "mapping":
         raise ConfigurationError(
             f"{path} is no mapping, expected lines such as 'vehicle.car: car'"
         )
@@ -305,7 +282,7 @@ def _pairs(path: Path, content: bytes) -> list[tuple[int, str, str]]:
     for key, value in node.value:
         line = key.start_mark.line + 1
         for part in (key, value):
-            if not isinstance(part, yaml.ScalarNode):
+            if part.id != "scalar":
                 raise ConfigurationError(
                     f"{path}, line {line}: a list or a mapping, expected a name or number and a "
                     "class, as in 'vehicle.car: car'"

@@ -7,13 +7,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, from_dict, option, require
 from mtpgo_core.schema import AgentClass
+from mtpgo_core.yaml_file import read_yaml
 from mtpgo_training.data.readers.csv_table import CsvForm
 
 LENGTHS_M = {"m": 1.0, "km": 1000.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "yd": 0.9144}
@@ -24,9 +22,6 @@ TIMES_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "date": 1.
 
 SPEEDS_MPS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704, "ft/s": 0.3048, "kn": 1852 / 3600}
 """Units of speeds (m/s)."""
-
-LARGEST_FILE = 1 << 18
-"""Bytes of the largest description that is read; chosen, far above any list of columns."""
 
 EXAMPLE = "columns: {track: id, time: t, x: x, y: y}"
 
@@ -166,22 +161,7 @@ def read_columns(path: Path) -> TableColumns:
     Raises:
         ConfigurationError: the file cannot be read, or a field is unknown, missing or not allowed.
     """
-    try:
-        with path.open("rb") as stream:
-            content = stream.read(LARGEST_FILE + 1)
-    except OSError as error:
-        raise ConfigurationError(f"{path} cannot be read: {error.strerror}") from error
-    if len(content) > LARGEST_FILE:
-        raise ConfigurationError(
-            f"{path} is larger than {LARGEST_FILE} bytes, expected a description of columns"
-        )
-    try:
-        data: Any = yaml.safe_load(content)
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f", line {mark.line + 1}" if mark is not None else ""
-        problem = getattr(error, "problem", None) or "it is not text in UTF-8"
-        raise ConfigurationError(f"{path}{place} cannot be read as YAML: {problem}") from error
+    data = read_yaml(path, "a description of columns")
     if not isinstance(data, dict) or not isinstance(data.get("columns"), dict):
         raise ConfigurationError(
             f"{path} has no mapping 'columns', expected for example {EXAMPLE}"
