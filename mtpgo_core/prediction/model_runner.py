@@ -86,26 +86,47 @@ class ModelRunner:
         trusted: bool = False,
         stopped: Callable[[], bool] | None = None,
     ) -> ModelRunner:
-        """Load a model file and warm it up.
-
-        A file is checked before torch sees it, tried in another process unless it is one of the
-        package's own, and then loaded from the bytes that were checked.
+        """Read a model file, which is checked before torch sees it, and load it.
 
         Args:
             path: the file.
-            num_threads: threads of torch in this process; None keeps the present number.
+            num_threads: see :meth:`load_file`.
             sha256: SHA-256 that the file must have, empty for any.
+            trusted: see :meth:`load_file`.
+            stopped: see :meth:`load_file`.
+
+        Raises:
+            ModelFileError: see :func:`mtpgo_core.task.model_file.read_model` and
+                :meth:`load_file`.
+        """
+        file = read_model(path, sha256)
+        return cls.load_file(file, num_threads, trusted=trusted, stopped=stopped)
+
+    @classmethod
+    def load_file(
+        cls,
+        file: ModelFile,
+        num_threads: int | None = 1,
+        *,
+        trusted: bool = False,
+        stopped: Callable[[], bool] | None = None,
+    ) -> ModelRunner:
+        """Load a model file that was read, and warm it up.
+
+        It is tried in another process unless it is one of the package's own, and then loaded from
+        the bytes that were checked.
+
+        Args:
+            file: the file.
+            num_threads: threads of torch in this process; None keeps the present number.
             trusted: the file need not be tried: this program wrote it, or tried it already.
             stopped: whether this process shall end, which interrupts the trial.
 
         Raises:
-            ModelFileError: see :func:`mtpgo_core.task.model_file.read_model` and
-                :func:`mtpgo_core.task.model_trial.try_out`, or the model does not compute what its
-                task description says.
+            ModelFileError: see :func:`mtpgo_core.task.model_trial.try_out`, or the model does not
+                compute what its task description says.
         """
-        path = Path(path)
-        file = read_model(path, sha256)
-        if not trusted and not is_shipped(path):
+        if not trusted and not is_shipped(file.path):
             try_out(file.archive, stopped)
         if num_threads is not None and torch.get_num_threads() != num_threads:
             torch.set_num_threads(num_threads)

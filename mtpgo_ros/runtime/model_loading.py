@@ -27,11 +27,11 @@ def load_model(name_or_path: str, num_threads: int, sha256: str) -> ModelRunner:
     """
     path = find_model(name_or_path)
     # Before torch is imported, which takes seconds: only for a file that is usable.
-    read_model(path, sha256)
+    file = read_model(path, sha256)
     if not is_shipped(path):
         start_trials()  # the other process imports torch while this one does
     from mtpgo_core.prediction.model_runner import ModelRunner
 
-    runner = ModelRunner.load(path, num_threads, sha256=sha256, stopped=stop_requested)
+    runner = ModelRunner.load_file(file, num_threads, stopped=stop_requested)
     return_free_memory()
     return runner
