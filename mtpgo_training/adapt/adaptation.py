@@ -35,13 +35,13 @@ from mtpgo_training.evaluation.training_overlap import training_hashes
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.export.model_calibration import own_calibration
 from mtpgo_training.training.data_loading import Scenes, prepare_scenes
-from mtpgo_training.training.epoch_cost import measure_epoch
 from mtpgo_training.training.networks import build_network, weights_hash
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import TrainerConfig, TrainingConfig
+from mtpgo_training.training.trial.epoch_cost import measure_epoch
 from mtpgo_training.training.validation import scene_batches, validate
 
 SHARE_OF_TIME = 0.85

@@ -23,11 +23,11 @@ from mtpgo_training.atomic_files import write_text
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.training.data_loading import Scenes, prepare_scenes
-from mtpgo_training.training.epoch_cost import EpochCost, measure_epoch
 from mtpgo_training.training.networks import build_network
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.training_config import TrainingConfig
+from mtpgo_training.training.trial.epoch_cost import EpochCost, measure_epoch
 
 LEAST_EPOCHS = 12
 """Fewest epochs of a shortened schedule; chosen: three of them are the warm-up of Algorithm 1, and

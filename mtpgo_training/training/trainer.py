@@ -9,14 +9,12 @@ and takes seconds to load.
 from __future__ import annotations
 
 import dataclasses
-import functools
 import logging
 import time
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import torch
 from lightning_fabric import Fabric
@@ -36,26 +34,20 @@ from mtpgo_training.training.checkpointing import resume_from, save_checkpoint, 
 from mtpgo_training.training.console import epoch_line, setting_text, title_line
 from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes
 from mtpgo_training.training.interruption import Interruption
-from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
 from mtpgo_training.training.losses.ewta_loss import observed_agents
-from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
-from mtpgo_training.training.losses.likelihood_loss import (
-    mode_likelihood_loss,
-    negative_log_likelihood,
-    summed_negative_log_likelihood,
-    trajectory_likelihood_loss,
-)
 from mtpgo_training.training.losses.schedules import learning_rate
-from mtpgo_training.training.networks import build_network, family, weights_hash
+from mtpgo_training.training.networks import build_network, weights_hash
 from mtpgo_training.training.recipes.configured_origins import with_site_origins
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
+from mtpgo_training.training.run_loss import BatchLoss
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.training_config import TrainingConfig, load_config
+from mtpgo_training.training.trial.learning_rate_range import (
+    RangeTest,
+    learning_rate_range_test,
+)
 from mtpgo_training.training.validation import validate_epoch
-
-if TYPE_CHECKING:
-    from mtpgo_training.training.trial.learning_rate_range import RangeTest
 
 RANGE_TEST_FILE = "learning_rate_test.csv"
 """Points of the range test, in the run folder."""
@@ -183,9 +175,6 @@ def _range_test(run: TrainingRun, scenes: Scenes, fabric: Fabric) -> RangeTest:
     Raises:
         ConfigurationError: there are several processes, which could find different rates.
     """
-    # Imported here: it imports the loss from this module.
-    from mtpgo_training.training.trial.learning_rate_range import learning_rate_range_test
-
     if fabric.world_size > 1:
         raise ConfigurationError(
             f"--find-lr is given with {fabric.world_size} processes, expected one: find the rate "
@@ -334,52 +323,6 @@ def _fit(
             print(epoch_line(state.rows[-1]), flush=True)
     if writer is not None:
         writer.close()
-
-
-class BatchLoss(nn.Module):
-    """The loss of a batch as a module: DDP averages the gradients of what ``forward`` uses."""
-
-    def __init__(self, run: TrainingRun) -> None:
-        super().__init__()
-        self.model = run.model
-        self.run = run
-        options = run.config.optimisation
-        self.summed = options.reduction == "sum"
-        self.likelihood: Likelihood = negative_log_likelihood
-        if self.summed:
-            self.likelihood = summed_negative_log_likelihood
-        if options.likelihood == "trajectory":
-            self.likelihood = functools.partial(
-                trajectory_likelihood_loss, correlated_steps=options.correlated_steps
-            )
-        elif options.likelihood == "mode":
-            self.likelihood = mode_likelihood_loss
-
-    def forward(self, batch: Batch, teacher_forcing: bool) -> Tensor:
-        """Return the loss of a batch with the weights of the run's present epoch."""
-        options = self.run.config.optimisation
-        calibrates = self.run.calibrates
-        own = family(self.run.config.network).objective
-        if own is not None and not calibrates:
-            loss = functools.partial(
-                own.loss,
-                self.model,
-                huber_delta=options.huber_delta,
-                progress=self.run.state.epoch / options.main_epochs,
-            )
-            return accumulated_loss(self.model, micro_batches(batch), loss)
-        return batch_loss(
-            self.model,
-            batch,
-            self.run.loss_weights(),
-            huber_delta=options.huber_delta,
-            # The means do not change while the covariances are trained.
-            mean_weight=0.0 if calibrates else options.mean_weight,
-            heaviest_weight=0.0 if calibrates else options.heaviest_weight,
-            likelihood=mode_likelihood_loss if calibrates else self.likelihood,
-            teacher_forcing=teacher_forcing,
-            summed=self.summed,
-        )
 
 
 def _share(

@@ -20,8 +20,8 @@ import torch
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.training.data_loading import Scenes, epoch_loader
+from mtpgo_training.training.run_loss import BatchLoss
 from mtpgo_training.training.run_state import TrainingRun
-from mtpgo_training.training.trainer import BatchLoss
 
 LOWEST, HIGHEST, STEPS = 1e-8, 1.0, 100
 """Range of the rates and number of steps: Lightning's defaults."""

@@ -19,10 +19,10 @@ from mtpgo_training.adapt.adaptation import adapt, adapted_config
 from mtpgo_training.adapt.adaptation_scores import SiteScores
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.training.data_loading import Scenes
-from mtpgo_training.training.epoch_cost import EpochCost
 from mtpgo_training.training.interruption import Interruption
 from mtpgo_training.training.networks import weights_hash
 from mtpgo_training.training.run_folder import load_checkpoint
+from mtpgo_training.training.trial.epoch_cost import EpochCost
 
 OPTIONS = AdaptOptions(epochs=4, learning_rate=1e-2, num_threads=1)
 

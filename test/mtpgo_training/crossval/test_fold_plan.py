@@ -18,7 +18,7 @@ from mtpgo_training.crossval.fold_plan import (
 )
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.splits import NamedRecording
-from mtpgo_training.training.epoch_cost import EpochCost
+from mtpgo_training.training.trial.epoch_cost import EpochCost
 
 LONG = with_options(epochs=36)
 
@@ -102,7 +102,7 @@ def test_steps_need_no_measurement_and_are_kept(recordings):
 
 
 def test_a_few_steps_are_measured(recordings, monkeypatch):
-    monkeypatch.setattr("mtpgo_training.training.epoch_cost.TRIAL_S", 0.0)
+    monkeypatch.setattr("mtpgo_training.training.trial.epoch_cost.TRIAL_S", 0.0)
     config = dataclasses.replace(CONFIG, data=DataConfig(stride_s=0.4, validation=("00",)))
     plan = plan_fold(config, recordings, Budget(minutes=1000.0))
     assert dataclasses.replace(plan, validate_every_epochs=1) == FoldPlan(

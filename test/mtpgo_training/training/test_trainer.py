@@ -11,7 +11,6 @@ import shutil
 import signal
 
 import pytest
-import tiny_run
 import torch
 from traffic import braking_cars
 
@@ -20,12 +19,8 @@ from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.task.task_description import SceneConfig
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.export.exporter import load_model
-from mtpgo_training.training.losses.likelihood_loss import (
-    negative_log_likelihood,
-    trajectory_likelihood_loss,
-)
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
-from mtpgo_training.training.trainer import BatchLoss, train
+from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import DataConfig, OptimisationConfig, TrainingConfig
 
 THREADS = int(os.environ["OMP_NUM_THREADS"])
@@ -321,7 +316,7 @@ def test_additional_processes_that_cut_the_scenes_change_nothing(tmp_path):
 
 
 def test_a_step_that_is_not_finite_is_skipped(tmp_path, monkeypatch):
-    from mtpgo_training.training import trainer as place
+    from mtpgo_training.training import run_loss as place
 
     real, calls = place.batch_loss, []
 
@@ -358,24 +353,6 @@ def test_a_run_with_trails_and_sizes_on_the_likelihood_of_trajectories(tmp_path)
     model = load_model(load_checkpoint(tmp_path / "r"))
     assert (model.config.trail_branches, model.config.static_size) == (BRANCHES, 11)
     assert_same_weights(done.average, load_model(load_checkpoint(tmp_path / "r" / "last.pt")))
-
-
-def test_the_configured_likelihood_is_the_loss():
-    draw = torch.Generator().manual_seed(3)
-    log_weight = torch.log_softmax(torch.randn(1, 2, 3, generator=draw), dim=-1)
-    mean, target = (torch.randn(1, 2, *size, 2, generator=draw) for size in ((3, 4), (4,)))
-    covariance = torch.eye(2).expand(1, 2, 3, 4, 2, 2)
-    given = log_weight, mean, covariance, target, torch.ones(1, 2, 4)
-    expected = {
-        ("step", 5.0): negative_log_likelihood(*given),
-        ("trajectory", 1.0): trajectory_likelihood_loss(*given, 1.0),
-        ("trajectory", 3.0): trajectory_likelihood_loss(*given, 3.0),
-    }
-    assert len({round(float(value), 4) for value in expected.values()}) == 3
-    for (likelihood, steps), value in expected.items():
-        options = tiny_run.with_options(likelihood=likelihood, correlated_steps=steps)
-        loss = BatchLoss(tiny_run.new_run(options)).likelihood
-        torch.testing.assert_close(loss(*given), value)
 
 
 def test_an_unknown_model_option_is_named(tmp_path):

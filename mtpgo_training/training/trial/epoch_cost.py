@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import torch
 
 from mtpgo_training.training.data_loading import Scenes, epoch_loader
+from mtpgo_training.training.run_loss import BatchLoss
 from mtpgo_training.training.run_state import TrainingRun
-from mtpgo_training.training.trainer import BatchLoss
 from mtpgo_training.training.training_config import TrainingConfig
 from mtpgo_training.training.validation import validate_epoch
 

@@ -12,9 +12,9 @@ from traffic import braking_cars
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.training.data_loading import prepare_scenes
-from mtpgo_training.training.epoch_cost import EpochCost, measure_epoch
 from mtpgo_training.training.networks import build_network
 from mtpgo_training.training.run_state import TrainingRun
+from mtpgo_training.training.trial.epoch_cost import EpochCost, measure_epoch
 
 
 def test_an_eighth_of_the_epochs_is_on_ewta_alone():
@@ -24,7 +24,7 @@ def test_an_eighth_of_the_epochs_is_on_ewta_alone():
 @pytest.mark.parametrize("trial_s", [0.0, 1e6])
 def test_a_few_steps_stand_for_the_epoch(monkeypatch, trial_s):
     """Every look at this clock takes a second: a step takes one, and so does a validation."""
-    monkeypatch.setattr("mtpgo_training.training.epoch_cost.TRIAL_S", trial_s)
+    monkeypatch.setattr("mtpgo_training.training.trial.epoch_cost.TRIAL_S", trial_s)
     config = dataclasses.replace(CONFIG, data=DataConfig(stride_s=0.4, validation=("00",)))
     recordings = [
         NamedRecording("cars", braking_cars(f"0{n}", tracks=4, seconds=6.0, seed=n))

@@ -1,0 +1,67 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The loss by which a run is trained, as its configuration and its epoch determine it."""
+
+from __future__ import annotations
+
+import functools
+
+from torch import Tensor, nn
+from torch_geometric.data import Batch
+
+from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
+from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
+from mtpgo_training.training.losses.likelihood_loss import (
+    mode_likelihood_loss,
+    negative_log_likelihood,
+    summed_negative_log_likelihood,
+    trajectory_likelihood_loss,
+)
+from mtpgo_training.training.networks import family
+from mtpgo_training.training.run_state import TrainingRun
+
+
+class BatchLoss(nn.Module):
+    """The loss of a batch as a module: DDP averages the gradients of what ``forward`` uses."""
+
+    def __init__(self, run: TrainingRun) -> None:
+        super().__init__()
+        self.model = run.model
+        self.run = run
+        options = run.config.optimisation
+        self.summed = options.reduction == "sum"
+        self.likelihood: Likelihood = negative_log_likelihood
+        if self.summed:
+            self.likelihood = summed_negative_log_likelihood
+        if options.likelihood == "trajectory":
+            self.likelihood = functools.partial(
+                trajectory_likelihood_loss, correlated_steps=options.correlated_steps
+            )
+        elif options.likelihood == "mode":
+            self.likelihood = mode_likelihood_loss
+
+    def forward(self, batch: Batch, teacher_forcing: bool) -> Tensor:
+        """Return the loss of a batch with the weights of the run's present epoch."""
+        options = self.run.config.optimisation
+        calibrates = self.run.calibrates
+        own = family(self.run.config.network).objective
+        if own is not None and not calibrates:
+            loss = functools.partial(
+                own.loss,
+                self.model,
+                huber_delta=options.huber_delta,
+                progress=self.run.state.epoch / options.main_epochs,
+            )
+            return accumulated_loss(self.model, micro_batches(batch), loss)
+        return batch_loss(
+            self.model,
+            batch,
+            self.run.loss_weights(),
+            huber_delta=options.huber_delta,
+            # The means do not change while the covariances are trained.
+            mean_weight=0.0 if calibrates else options.mean_weight,
+            heaviest_weight=0.0 if calibrates else options.heaviest_weight,
+            likelihood=mode_likelihood_loss if calibrates else self.likelihood,
+            teacher_forcing=teacher_forcing,
+            summed=self.summed,
+        )
