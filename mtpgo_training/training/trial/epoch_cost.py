@@ -66,8 +66,11 @@ def measure_epoch(
         clock = time.process_time if device.type == "cpu" else time.monotonic
     run.model.to(device)
     run.average.to(device)
-    ewta_s = _epoch_s(run, scenes, 0, device, clock)
-    likelihood_s = _epoch_s(run, scenes, run.config.optimisation.epochs - 1, device, clock)
+    options = run.config.optimisation
+    last = options.epochs - 1
+    ewta_s = likelihood_s = _epoch_s(run, scenes, 0, device, clock)
+    if options.calibration_epochs or run.loss_weights(last) != run.loss_weights(0):
+        likelihood_s = _epoch_s(run, scenes, last, device, clock)
     some = scenes.validation[:: max(1, len(scenes.validation) // VALIDATION_SCENES)]
     start = clock()
     validate_epoch(run, some, 0, 1)
