@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtpgo_core.quality.metrics import Array, Mask, over_steps
+from mtpgo_core.quality.metrics import Array, Mask, nll, over_steps
 
 SAMPLES = 2000
 """Samples of a prediction (Salzmann et al. draw as many for this score)."""
@@ -65,16 +65,9 @@ def kernel_log_density(samples: Array, truth: Array) -> Array:
     offset = samples - samples.mean(axis=1, keepdims=True)
     spread = np.einsum("nchi,nchj->nhij", offset, offset) / (count - 1)
     spread = spread + LEAST_DEVIATION_M**2 * np.eye(2)
-    factor = np.linalg.cholesky(spread * count ** (-2.0 / 6.0))  # [n, H, 2, 2]
-    a, b, d = factor[..., 0, 0], factor[..., 1, 0], factor[..., 1, 1]
-    to_truth = truth[:, None] - samples  # [n, count, H, 2]
-    first = to_truth[..., 0] / a[:, None]
-    second = (to_truth[..., 1] - b[:, None] * first) / d[:, None]
-    exponent = -0.5 * (first * first + second * second)
-    top = exponent.max(axis=1)
-    total = np.log(np.exp(exponent - top[:, None]).sum(axis=1)) + top
-    value = total - np.log(2.0 * np.pi * count * a * d)
-    return np.asarray(np.maximum(value, LEAST_LOG_DENSITY))
+    kernel = spread[:, None] * count ** (-2.0 / 6.0)  # [n, 1, H, 2, 2]
+    weight = np.full(samples.shape[:2], 1.0 / count)
+    return np.asarray(np.maximum(-nll(samples, weight, kernel, truth), LEAST_LOG_DENSITY))
 
 
 def kernel_nll(
@@ -95,10 +88,10 @@ def kernel_nll(
         mask: [n, H] observed; NaN without any step, and in the final one without the last.
         samples: drawn for each agent.
     """
-    nll = np.full(mask.shape, np.nan)
+    values = np.full(mask.shape, np.nan)
     for i in np.flatnonzero(mask.any(axis=1)):  # one by one: samples of many would fill memory
         drawn = mixture_samples(
             mean[i : i + 1], weight[i : i + 1], covariance[i : i + 1], samples, seed=int(i)
         )
-        nll[i] = -kernel_log_density(drawn, np.nan_to_num(truth[i : i + 1]))[0]
-    return over_steps(nll, mask), np.where(mask[:, -1], nll[:, -1], np.nan)
+        values[i] = -kernel_log_density(drawn, np.nan_to_num(truth[i : i + 1]))[0]
+    return over_steps(values, mask), np.where(mask[:, -1], values[:, -1], np.nan)
