@@ -49,6 +49,20 @@ def observed_agents(mask: Tensor) -> Tensor:
     return (mask > 0.0).any(dim=-1).sum().to(mask.dtype)
 
 
+def mean_distance(mean: Tensor, target: Tensor, mask: Tensor) -> Tensor:
+    """Return [B, N, M] mean distances of modes from the observed truth (m).
+
+    Args:
+        mean: [B, N, M, H, 2] predicted positions.
+        target: [B, N, H, 2] observed positions; any finite value where not observed.
+        mask: [B, N, H] weight of each step, 0 where not observed.
+    """
+    known = (mask > 0.0).unsqueeze(2)
+    offset = torch.where(known.unsqueeze(-1), target.unsqueeze(2) - mean, 0.0)
+    distance = torch.linalg.vector_norm(offset, dim=-1).sum(dim=-1)
+    return distance / known.sum(dim=-1).clamp(min=1)
+
+
 def huber_per_mode(mean: Tensor, target: Tensor, mask: Tensor, huber_delta: float) -> Tensor:
     """Return [B, N, M] the Huber loss of each mode, summed over steps and states.
 

@@ -7,11 +7,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import torch
 from torch import Tensor
 
 from models.baselines.latent.trajectron_plus_plus import TrajectronPlusPlus
-from models.mixture_likelihood import mode_log_prob
+from mtpgo_training.training.losses.likelihood_loss import trajectory_log_prob
 
 
 def latent_loss(
@@ -29,14 +28,12 @@ def latent_loss(
         progress: share of the training that is done, which determines beta.
     """
     target, mask = fields["target"][..., :2], fields["weight"]
-    known = mask > 0.0
     context, start = model.encode(fields["x"], fields["valid"], fields["static"])
     wheeled = model.is_wheeled(fields["static"])
     mean, covariance = model.decode(context, start, wheeled, True)
     log_prior = model.mixture(context)
-    log_posterior = model.log_posterior(context, start, target, known)
-    log_prob = mode_log_prob(mean, covariance, target, known)  # [B, N, M, H]
-    log_prob = torch.where(known.unsqueeze(2), log_prob, 0.0).sum(dim=-1)
+    log_posterior = model.log_posterior(context, start, target, mask > 0.0)
+    log_prob = trajectory_log_prob(mean, covariance, target, mask)
     expected = (log_posterior.exp() * log_prob).sum(dim=-1)
     config = model.options
     beta = annealed(config.kl_weight, progress, config.kl_centre, config.kl_width)

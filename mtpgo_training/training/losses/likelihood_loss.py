@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from models.mixture_likelihood import mixture_nll, mode_log_prob
-from mtpgo_training.training.losses.ewta_loss import huber_per_mode, observed_agents
+from mtpgo_training.training.losses.ewta_loss import huber_per_mode, mean_distance, observed_agents
 
 NEAREST_SCALE_M = 0.2
 """Difference of two modes' mean errors at which the nearer one is e times as likely to be taken
@@ -76,7 +76,7 @@ def trajectory_likelihood_loss(
         mask: [B, N, H] weight of each step, 0 where not observed.
         correlated_steps: steps that count as one.
     """
-    of_mode = _trajectory_log_prob(mean, covariance, target, mask) / correlated_steps
+    of_mode = trajectory_log_prob(mean, covariance, target, mask) / correlated_steps
     of_agent = -correlated_steps * torch.logsumexp(log_weight + of_mode, dim=-1)
     return _mean_of_steps(of_agent, mask)
 
@@ -144,19 +144,23 @@ def mode_likelihood_loss(
         target: [B, N, H, S] observed states; any finite value where not observed.
         mask: [B, N, H] weight of each step, 0 where not observed.
     """
-    place, known = mean[..., :2], mask > 0.0
-    nll = -_trajectory_log_prob(place, covariance[..., :2, :2], target, mask)
-    offset = target[..., :2].unsqueeze(2) - place.detach()
-    offset = torch.where(known[:, :, None, :, None], offset, 0.0)
-    distance = torch.linalg.vector_norm(offset, dim=-1).sum(dim=-1)  # [B, N, M]
-    steps = known.sum(dim=-1, keepdim=True)  # [B, N, 1]
-    nearest = torch.softmax(-distance / steps.clamp(min=1) / NEAREST_SCALE_M, dim=-1)
-    entropy = -(nearest * log_weight).sum(dim=-1) * steps.squeeze(-1)
+    place = mean[..., :2]
+    nll = -trajectory_log_prob(place, covariance[..., :2, :2], target, mask)
+    distance = mean_distance(place.detach(), target[..., :2], mask)
+    nearest = torch.softmax(-distance / NEAREST_SCALE_M, dim=-1)
+    entropy = -(nearest * log_weight).sum(dim=-1) * (mask > 0.0).sum(dim=-1)
     return _mean_of_steps((log_weight.detach().exp() * nll).sum(dim=-1) + entropy, mask)
 
 
-def _trajectory_log_prob(mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor) -> Tensor:
-    """Return [B, N, M] the log density of the observed steps of a trajectory under each mode."""
+def trajectory_log_prob(mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor) -> Tensor:
+    """Return [B, N, M] the log density of the observed steps of a trajectory under each mode.
+
+    Args:
+        mean: [B, N, M, H, S].
+        covariance: [B, N, M, H, S, S].
+        target: [B, N, H, S] or more columns, of which the first S count.
+        mask: [B, N, H] weight of each step, 0 where not observed.
+    """
     known = mask > 0.0
     log_prob = mode_log_prob(mean, covariance, target, known)
     return torch.where(known.unsqueeze(2), log_prob, 0.0).sum(dim=-1)

@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn.functional import one_hot
 
 from models.baselines.transformers.mm_transformer import MMTransformer
-from mtpgo_training.training.losses.ewta_loss import huber_per_mode
+from mtpgo_training.training.losses.ewta_loss import huber_per_mode, mean_distance
 from mtpgo_training.training.losses.likelihood_loss import negative_log_likelihood
 
 
@@ -67,11 +67,3 @@ def confidence_loss(log_weight: Tensor, distance: Tensor, mine: Tensor) -> Tenso
     wanted = wanted.masked_fill(others, 0.0)
     divergence = wanted.exp() * (wanted - (log_weight - area)) * mine
     return divergence.sum(dim=-1) - area.squeeze(-1)
-
-
-def mean_distance(mean: Tensor, target: Tensor, mask: Tensor) -> Tensor:
-    """Return [B, N, K] mean distances of proposals [B, N, K, H, 2] from the observed truth (m)."""
-    known = (mask > 0.0).unsqueeze(2)
-    offset = torch.where(known.unsqueeze(-1), target.unsqueeze(2) - mean, 0.0)
-    distance = torch.linalg.vector_norm(offset, dim=-1).sum(dim=-1)
-    return distance / known.sum(dim=-1).clamp(min=1)

@@ -5,7 +5,7 @@
 import pytest
 import torch
 
-from mtpgo_training.training.losses.ewta_loss import ewta_loss
+from mtpgo_training.training.losses.ewta_loss import ewta_loss, mean_distance
 
 
 def slow_ewta(mean, target, mask, winners, delta):
@@ -54,3 +54,10 @@ def test_nothing_observed_gives_zero_and_no_nan():
     value.backward()
     assert float(value.detach()) == 0.0
     assert torch.isfinite(mean.grad).all()
+
+
+def test_the_distance_counts_observed_steps_only():
+    mean = torch.zeros(1, 1, 1, 3, 2)
+    target = torch.tensor([[[[3.0, 4.0], [0.0, 1.0], [99.0, 0.0]]]])
+    mask = torch.tensor([[[1.0, 0.5, 0.0]]])
+    assert float(mean_distance(mean, target, mask)) == pytest.approx(3.0)

@@ -8,11 +8,7 @@ import pytest
 import torch
 
 from models.baselines import MMTransformer, TransformerConfig
-from mtpgo_training.training.losses.region_loss import (
-    confidence_loss,
-    mean_distance,
-    region_loss,
-)
+from mtpgo_training.training.losses.region_loss import confidence_loss, region_loss
 
 SIZES = {"history_steps": 4, "horizon_steps": 3, "modes": 4, "hidden": 8}
 
@@ -47,13 +43,6 @@ def test_the_confidence_by_hand():
     assert float(confidence_loss(score, distance, mine)) == pytest.approx(
         expected - math.log(0.7), rel=1e-5
     )
-
-
-def test_the_distance_counts_observed_steps_only():
-    mean = torch.zeros(1, 1, 1, 3, 2)
-    target = torch.tensor([[[[3.0, 4.0], [0.0, 1.0], [99.0, 0.0]]]])
-    mask = torch.tensor([[[1.0, 0.5, 0.0]]])
-    assert float(mean_distance(mean, target, mask)) == pytest.approx(3.0)
 
 
 def test_proposals_are_dealt_to_the_regions_in_turn(model):
