@@ -17,7 +17,6 @@ from mtpgo_training.training.losses.likelihood_loss import (
     summed_negative_log_likelihood,
     trajectory_likelihood_loss,
 )
-from mtpgo_training.training.networks import family
 from mtpgo_training.training.run_state import TrainingRun
 
 
@@ -29,11 +28,10 @@ class BatchLoss(nn.Module):
         self.model = run.model
         self.run = run
         options = run.config.optimisation
-        self.summed = options.reduction == "sum"
         self.likelihood: Likelihood = negative_log_likelihood
-        if self.summed:
+        if options.reduction == "sum":
             self.likelihood = summed_negative_log_likelihood
-        if options.likelihood == "trajectory":
+        elif options.likelihood == "trajectory":
             self.likelihood = functools.partial(
                 trajectory_likelihood_loss, correlated_steps=options.correlated_steps
             )
@@ -44,8 +42,8 @@ class BatchLoss(nn.Module):
         """Return the loss of a batch with the weights of the run's present epoch."""
         options = self.run.config.optimisation
         calibrates = self.run.calibrates
-        own = family(self.run.config.network).objective
-        if own is not None and not calibrates:
+        own = self.run.objective()
+        if own is not None:
             loss = functools.partial(
                 own.loss,
                 self.model,
@@ -63,5 +61,5 @@ class BatchLoss(nn.Module):
             heaviest_weight=0.0 if calibrates else options.heaviest_weight,
             likelihood=mode_likelihood_loss if calibrates else self.likelihood,
             teacher_forcing=teacher_forcing,
-            summed=self.summed,
+            summed=self.run.averages_agents,
         )

@@ -14,7 +14,7 @@ import torch
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 from mtpgo_training.training.losses.schedules import LossWeights, loss_weights
-from mtpgo_training.training.networks import family
+from mtpgo_training.training.networks import OwnObjective, family
 from mtpgo_training.training.training_config import TrainingConfig
 
 Row = dict[str, Any]
@@ -122,11 +122,26 @@ class TrainingRun:
         """Return the weights of the losses in an epoch, by default the current one."""
         epoch = self.state.epoch if epoch is None else epoch
         options = self.config.optimisation
-        own = family(self.config.network).objective
-        if own is not None and epoch < options.main_epochs:
+        own = self.objective(epoch)
+        if own is not None:
             return LossWeights(winners=1, ewta=0.0, nll=1.0, objective=own.name)
         total, modes = options.main_epochs, self.model.config.modes
         return loss_weights(epoch, total, modes, options.warm_up_share)
+
+    def objective(self, epoch: int | None = None) -> OwnObjective | None:
+        """Return the network's own objective in an epoch, None where the common losses are used.
+
+        Args:
+            epoch: by default the current one.
+        """
+        epoch = self.state.epoch if epoch is None else epoch
+        main = epoch < self.config.optimisation.main_epochs
+        return family(self.config.network).objective if main else None
+
+    @property
+    def averages_agents(self) -> bool:
+        """Whether the loss of the current epoch is an average over agents, not agent-steps."""
+        return self.config.optimisation.reduction == "sum" and self.objective() is None
 
     def teacher_forcing_probability(self) -> float:
         """Return the probability of teacher forcing in the current epoch.

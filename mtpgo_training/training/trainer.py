@@ -268,7 +268,7 @@ def _fit(
             batch = fabric.to_device(batch)
             loss = loss_module(batch, teacher_forcing)
             loss, mean_loss, agents, run.stopping = _share(
-                fabric, loss, batch, stop, by_agent=options.reduction == "sum"
+                fabric, loss, batch, stop, by_agent=run.averages_agents
             )
             optimiser.zero_grad()
             fabric.backward(loss)
@@ -331,8 +331,8 @@ def _share(
     """Weight a process's loss so that the average over the processes is that of the whole batch.
 
     A loss is an average over agent-steps or, ``by_agent``, over observed agents, of which each
-    process has a different number. The same
-    message distributes the request to stop, so that all processes end after the same step.
+    process has a different number. The same message distributes the request to stop, so that all
+    processes end after the same step.
 
     Returns:
         The weighted loss; the loss and the number of agents of the whole batch; whether any

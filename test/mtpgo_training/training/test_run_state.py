@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The counters of a run, its end, and the moving average of the weights, by hand."""
 
+import dataclasses
 import math
 
 import pytest
 import torch
-from tiny_run import new_run, with_options
+from tiny_run import CONFIG, new_run, with_options
 
+from mtpgo_training.training.networks import options_for
 from mtpgo_training.training.run_state import RunState
 
 
@@ -87,6 +89,15 @@ def test_the_average_follows_the_weights_faster_in_the_first_steps():
         run.update_average()
         torch.testing.assert_close(average, decay * start + (1.0 - decay) * one.detach())
     assert not average.requires_grad
+
+
+@pytest.mark.parametrize(("network", "averages"), [("mtp-go", True), ("trajectron++", False)])
+def test_a_network_with_its_own_objective_is_averaged_over_agent_steps(network, averages):
+    options = options_for(network, CONFIG.model)
+    config = dataclasses.replace(CONFIG, network=network, model=options)
+    run = new_run(with_options(config=config, reduction="sum"))
+    assert run.averages_agents == averages
+    assert not new_run(with_options(config=config)).averages_agents
 
 
 def test_without_a_decay_the_average_is_the_weights():
