@@ -69,7 +69,7 @@ class Splits:
                 "sha256": item.recording.sha256,
                 "split": use,
             }
-            for use in ("train", "validation", "test")
+            for use in USES
             for item in getattr(self, use)
         ]
 

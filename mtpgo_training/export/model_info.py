@@ -10,6 +10,7 @@ from mtpgo_training.calibration.calibration_text import (
     is_moving_score,
     moving_text,
 )
+from mtpgo_training.data.splits import USES
 
 
 def model_text(task: TaskDescription) -> str:
@@ -36,7 +37,7 @@ def model_text(task: TaskDescription) -> str:
         coverage = moving_text(models.get("model", {}).get("all", {}))
         if coverage:
             lines.append(f"coverage   {where}: {coverage}")
-    for use in ("train", "validation", "test"):
+    for use in USES:
         names = [
             f"{r.get('source')}/{r.get('name')}"
             for r in training.get("recordings", [])

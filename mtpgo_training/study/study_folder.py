@@ -20,6 +20,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.crossval.fold_plan import Budget
 from mtpgo_training.crossval.planned_training import require_new_folder, require_same_facts
+from mtpgo_training.data.splits import USES
 from mtpgo_training.study.study_data import StudyData
 from mtpgo_training.study.study_run import RunFiles
 from mtpgo_training.training.run_folder import first_difference, versions
@@ -75,10 +76,7 @@ class StudyFolder:
             **facts,
             "budget": dataclasses.asdict(budget),
             "recordings": {item.name: item.recording.sha256 for item in data.recordings},
-            "split": {
-                use: [item.name for item in getattr(data.splits, use)]
-                for use in ("train", "validation", "test")
-            },
+            "split": {use: [item.name for item in getattr(data.splits, use)] for use in USES},
         }
         if self._facts.is_file():
             self._check_same(facts)

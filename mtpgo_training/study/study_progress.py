@@ -12,6 +12,8 @@ from typing import Any
 
 from tqdm import tqdm
 
+from mtpgo_training.study.study_run import RunFiles
+
 Json = dict[str, Any]
 
 
@@ -56,7 +58,7 @@ class StudyProgress(AbstractContextManager["StudyProgress"]):
 
     def started(self, name: str, folder: Path) -> None:
         """Say that a run is started."""
-        self._say(f"{name}: started, see {folder / 'fold.log'}")
+        self._say(f"{name}: started, see {RunFiles(folder).log}")
 
     def finished(self, name: str, scores: Json) -> None:
         """Say how a run went, and how long the others will take."""

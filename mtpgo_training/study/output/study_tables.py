@@ -8,6 +8,7 @@ import csv
 import io
 from typing import Any
 
+from mtpgo_training.study.paper_tables import PaperValue
 from mtpgo_training.study.study_results import half_width
 from mtpgo_training.table_format import Cell, Row, Table
 
@@ -54,9 +55,7 @@ def paper_text(row: Json, column: str) -> str:
     value = row["paper"].get(column)
     if value is None:
         return MISSING
-    text = f"{value['value']:.2f}"
-    if value["half_width"] is not None:
-        text += f" ± {value['half_width']:.2f}"
+    text = str(PaperValue(**value))
     return f"({text})" if row["paper_by_kernels"] and column in KERNEL_TITLES else text
 
 
