@@ -14,15 +14,14 @@ from mtpgo_training.benchmark.node_case import NodeCase, NodeRow, evaluate
 from mtpgo_training.demo.child_process import ChildProcess, isolated
 from mtpgo_training.demo.node_session import READY_S
 
+_MOST_AGENTS = 4096
+"""Largest value of the parameter max_agents."""
+
 
 def cores() -> tuple[set[int], set[int]]:
     """Return the node's core and the cores of all other processes; on one core both share it."""
     usable = sorted(os.sched_getaffinity(0))
     return {usable[-1]}, set(usable[:-1]) or {usable[-1]}
-
-
-_MOST_AGENTS = 4096
-"""Largest value of the parameter max_agents."""
 
 
 def parameters_of(case: NodeCase, model: Path) -> list[str]:

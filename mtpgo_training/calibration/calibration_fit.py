@@ -54,9 +54,9 @@ def fit_calibration(samples: CalibrationSamples, *, left_out: bool = False) -> C
         left_out: whether they are from sites that the training of the models did not see.
     """
     samples = samples.thinned(SITE_LIMIT)
-    everybody = np.ones(len(samples), dtype=bool)
+    all_agents = np.ones(len(samples), dtype=bool)
     horizon = samples.distance.shape[1]
-    pooled = _fit(samples, everybody, np.zeros(horizon), 0.0)
+    pooled = _fit(samples, all_agents, np.zeros(horizon), 0.0)
     by_motion = {
         motion: _fit(samples, samples.group % len(MOTIONS) == index, *pooled)
         for index, motion in enumerate(MOTIONS)

@@ -352,7 +352,7 @@ def scene_data(
 
 
 def hide_classes(static: Float32Array, classes: tuple[str, ...], seed: int) -> Float32Array:
-    """Return static features in which the class of everybody, or of a random half, is unknown.
+    """Return static features in which the class of all agents, or of a random half, is unknown.
 
     Either has the same chance: a tracker without classes, and one that is often unsure. The
     columns after the classes are unchanged.

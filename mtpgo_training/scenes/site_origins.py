@@ -52,7 +52,7 @@ def find_origin(recordings: Sequence[Recording], kind: str) -> tuple[float, floa
         normal = np.stack([-direction[:, 1], direction[:, 0]], axis=1)
         origin, _ = _intersection(position, normal)
     else:
-        # Around a roundabout everybody turns to the same side, at entry and exit to the other.
+        # Around a roundabout all road users turn to the same side, at entry and exit to the other.
         bend = np.abs(curvature)
         turning = (bend > 1.0 / RADII_M[1]) & (bend < 1.0 / RADII_M[0])
         fits = [

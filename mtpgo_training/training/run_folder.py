@@ -183,7 +183,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
             checkpoint = torch.load(
                 io.BytesIO(archive.data), map_location="cpu", weights_only=True
             )
-    except Exception as error:  # torch raises whatever it likes on damaged bytes
+    except Exception as error:  # torch raises exceptions of any type on damaged bytes
         reason = str(error).split("\n", 1)[0][:120]
         raise ConfigurationError(f"{path} is no readable checkpoint: {reason}") from error
     if not isinstance(checkpoint, dict) or checkpoint.get("format") != CHECKPOINT_FORMAT:
