@@ -188,7 +188,8 @@ def run(args: argparse.Namespace) -> int:
             interruption,
             started=lambda job: say(
                 f"{job.fold.name}: leaves out {', '.join(site.name for site in job.fold.sites)} "
-                f"({len(job.fold.recordings)} recordings), see {job.folder / 'fold.log'}"
+                f"({len(job.fold.recordings)} recordings), "
+                f"see {folder.fold(job.fold.name).log}"
             ),
             finished=finished,
             failed=failed,

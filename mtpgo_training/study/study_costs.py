@@ -7,7 +7,7 @@ from __future__ import annotations
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.study.study_rows import Study, row_config
 from mtpgo_training.table_format import Row, Table
-from mtpgo_training.training.networks import build_network
+from mtpgo_training.training.networks import build_network, parameter_count
 
 
 def costs_table(study: Study) -> Table:
@@ -27,6 +27,7 @@ def costs_table(study: Study) -> Table:
             rows.append(Row(row.name, [row.title, "-", f"cannot be trained: {error}"]))
             continue
         model = build_network(config.network, config.model, config.history, config.scene)
-        count = sum(parameter.numel() for parameter in model.parameters())
-        rows.append(Row(row.name, [row.title, str(count), " ".join(row.settings) or "-"]))
+        rows.append(
+            Row(row.name, [row.title, str(parameter_count(model)), " ".join(row.settings) or "-"])
+        )
     return Table(["row", "title", "parameters", "departs from the recipe by"], rows)

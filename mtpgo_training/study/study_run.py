@@ -32,6 +32,7 @@ from mtpgo_training.study.extrapolation import extrapolated_errors
 from mtpgo_training.study.paper_tables import BY_KERNELS
 from mtpgo_training.study.study_data import study_data
 from mtpgo_training.study.study_rows import Study, StudyError, StudyRow
+from mtpgo_training.training.networks import parameter_count
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.training_config import TrainingConfig
 
@@ -149,7 +150,7 @@ class StudyRun:
         speed = {
             "minutes": round(minutes, 3),
             "steps_per_second": round(run.state.step / max(60.0 * minutes, 1e-3), 3),
-            "parameters": sum(p.numel() for p in run.model.parameters()),
+            "parameters": parameter_count(run.model),
         }
         write_training(files, run, plan, speed)
         return True

@@ -15,6 +15,7 @@ from mtpgo_training.data.splits import NamedRecording, Splits
 from mtpgo_training.evaluation.scores.score_summary import averages_table
 from mtpgo_training.table_format import to_text
 from mtpgo_training.training.data_loading import Scenes
+from mtpgo_training.training.networks import parameter_count
 from mtpgo_training.training.run_state import Row, TrainingRun
 
 COLUMNS = (
@@ -47,7 +48,7 @@ def setting_text(
 ) -> str:
     """Return the data, the network and the device of a run."""
     config, state = run.config, run.state
-    parameters = sum(p.numel() for p in run.model.parameters())
+    parameters = parameter_count(run.model)
     agents = sum(int(scene.primary.sum()) for scene in scenes.validation)
     resumed = f", from batch {state.batch + 1}" if state.batch else ""
     lines = (

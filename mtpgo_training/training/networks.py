@@ -178,6 +178,11 @@ def name_of(model: TrajectoryPredictor) -> str:
     return next(name for name, kind in NETWORKS.items() if kind.network is type(model))
 
 
+def parameter_count(model: nn.Module) -> int:
+    """Return the number of a network's parameters, frozen ones included."""
+    return sum(parameter.numel() for parameter in model.parameters())
+
+
 def weights_hash(model: nn.Module) -> str:
     """Return the SHA-256 over the names and values of all parameters and buffers."""
     digest = hashlib.sha256()
