@@ -89,12 +89,13 @@ def run(args: argparse.Namespace) -> int:
         reason = f": {unreadable[0].place}" if unreadable else ""
         raise RecordingError(f"no recording has a road user{reason}")
     summary = DataSummary(summaries, unreadable)
-    text = json.dumps(summary.to_json(), indent=2, allow_nan=False)
-    if args.json == "-":
-        print(text)
-    else:
+    if args.json != "-":
         print(summary.to_text())
-        if args.json is not None:
+    if args.json is not None:
+        text = json.dumps(summary.to_json(), indent=2, allow_nan=False)
+        if args.json == "-":
+            print(text)
+        else:
             write_text(Path(args.json), text + "\n")
     if args.picture is not None and picture is not None:
         from mtpgo_training.reports.recordings.data_picture import draw_data

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.data.readers import iter_recordings, reading_jobs, recording_names
+from mtpgo_training.data.readers import reading_jobs
 from mtpgo_training.data.readers.reading_job import ReadingJob
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording import Recording
@@ -53,15 +53,10 @@ def read_sources(
         ConfigurationError: two recordings have the same name, directory included. As far as the
             names of the files tell, this is found before anything is read.
     """
-    if len(sources) > 1:
-        taken: set[str] = set()
-        for source in sources:
-            for name in recording_names(*source):
-                _take(taken, f"{source.folder}/{name}")
-    taken = set()
-    for source in sources:
-        for recording in iter_recordings(*source, cache=cache):
-            item = NamedRecording(source.folder, recording)
+    taken: set[str] = set()
+    for one in source_jobs(sources):
+        for recording in one.job.read(cache):
+            item = NamedRecording(one.source, recording)
             _take(taken, item.name)
             yield item
 

@@ -12,6 +12,7 @@ from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, TIMES_S
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.evaluator import Settings, evaluate_all
+from mtpgo_training.evaluation.scores.score_summary import value_text
 from mtpgo_training.table_format import Row, Table
 
 Json = dict[str, Any]
@@ -49,10 +50,7 @@ def calibration_effect(runner: ModelRunner, recordings: Sequence[Recording]) -> 
 def calibration_table(effect: Json) -> Table:
     """Return the table that the demo prints."""
     rows = [
-        Row(
-            name,
-            ["-" if scores[key] is None else f"{scores[key]:.2f}" for key in _SHOWN],
-        )
+        Row(name, [value_text(scores[key], 2) for key in _SHOWN])
         for name, scores in effect.items()
     ]
     return Table(["calibration", *_SHOWN.values()], rows)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mtpgo_core.quality.quality_report import SCORES
 from mtpgo_core.task.calibration import GROUPS
+from mtpgo_training.evaluation.scores.score_summary import value_text
 from mtpgo_training.table_format import Row, Table
 
 Json = dict[str, Any]
@@ -69,14 +70,10 @@ def live_comparison_table(rows: Sequence[Json]) -> Table:
             f"{row['group'].replace('_', ' ')}, {row['time_s']} s",
             [
                 str(row["live"]["agents"]),
-                *(_text(row[side][name]) for name in _SHOWN for side in ("live", "offline")),
+                *(value_text(row[side][name]) for name in _SHOWN for side in ("live", "offline")),
             ],
         )
         for row in rows
     ]
     heads = [head for title in _SHOWN.values() for head in (f"{title} live", "bag")]
     return Table(["scores of the node and of its bag", "road users", *heads], lines)
-
-
-def _text(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"

@@ -172,9 +172,9 @@ def _require_same_code(client: Client, cluster: str, function: Callable[..., Any
     Raises:
         ConfigurationError: they have another version of this project, or none.
     """
-    own = _code(function)
+    own = code_sha256(function)
     try:
-        found = client.run(_code, function)
+        found = client.run(code_sha256, function)
     except ImportError as error:
         raise ConfigurationError(
             f"the workers of the cluster {cluster} cannot load the project: {error}"
@@ -185,8 +185,3 @@ def _require_same_code(client: Client, cluster: str, function: Callable[..., Any
             f"{len(others)} of {len(found)} workers of the cluster {cluster} have another version "
             f"of the project, such as {others[0]}"
         )
-
-
-def _code(function: Callable[..., Any]) -> str:
-    """Return the hash over the code of a function, or of an object that can be called."""
-    return code_sha256(function)

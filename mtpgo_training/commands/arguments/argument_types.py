@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping
+from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError
 
@@ -80,6 +81,20 @@ def require_one_budget(kind: str, minutes: float | None, steps: int | None) -> N
         raise ConfigurationError(
             f"--minutes-per-{kind} and --steps-per-{kind} are given, expected one"
         )
+
+
+def make_folder(option: str, folder: Path) -> None:
+    """Make the folder that an option names, unless it is there.
+
+    Raises:
+        ConfigurationError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(
+            f"{option} is {folder}, which cannot be made: {error.strerror}"
+        ) from error
 
 
 def _number(text: str) -> float:

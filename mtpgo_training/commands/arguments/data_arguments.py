@@ -19,6 +19,7 @@ from typing import Any
 
 from mtpgo_core.class_map import PRESETS
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.commands.arguments.argument_types import make_folder
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.readers import LAYOUTS
 from mtpgo_training.data.readers.bags.bag_options import STAMPS, BagOptions
@@ -213,10 +214,5 @@ def cache_from(args: argparse.Namespace) -> RecordingCache | None:
         return None
     if args.cache is None:
         return RecordingCache(default_folder())
-    try:
-        args.cache.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(
-            f"--cache is {args.cache}, which cannot be made: {error.strerror}"
-        ) from error
+    make_folder("--cache", args.cache)
     return RecordingCache(args.cache)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.commands.arguments.argument_types import make_folder
 from mtpgo_training.parallel.pool_options import PoolOptions
 from mtpgo_training.parallel.work_item import Failure
 
@@ -63,12 +64,7 @@ def pool_from(args: argparse.Namespace) -> PoolOptions:
         )
     folder = getattr(args, "resume", None)
     if isinstance(folder, Path):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigurationError(
-                f"--resume is {folder}, which cannot be made: {error.strerror}"
-            ) from error
+        make_folder("--resume", folder)
         args.resume = folder.resolve()
     return PoolOptions(args.jobs, args.cluster)
 

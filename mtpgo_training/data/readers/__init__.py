@@ -102,7 +102,10 @@ def reading_jobs(
 ) -> list[ReadingJob]:
     """Return what of a directory can be read one independently of the other, without reading it.
 
-    Arguments and errors are those of :func:`recording_names`.
+    Arguments as for :func:`iter_recordings`.
+
+    Raises:
+        RecordingError: an unknown layout, or no recordings.
     """
     where = Path(directory)
     whole, parts = _find(where, layout, names, options)
@@ -124,23 +127,6 @@ def load_recordings(
 ) -> list[Recording]:
     """Return what :func:`iter_recordings` yields as a list."""
     return list(iter_recordings(directory, layout, names, options, cache=cache))
-
-
-def recording_names(
-    directory: str | Path,
-    layout: str,
-    names: Sequence[str] | None = None,
-    options: ReadingOptions = AS_USUAL,
-) -> list[str]:
-    """Return the names of the recordings of a directory without reading them.
-
-    Files that hold several recordings give one name. Arguments as for :func:`iter_recordings`.
-
-    Raises:
-        RecordingError: an unknown layout, or no recordings.
-    """
-    whole, parts = _find(Path(directory), layout, names, options)
-    return [unit.name for unit in whole] + [part.name for part in parts]
 
 
 def _find(

@@ -186,7 +186,7 @@ def require_columns(
                 f"{path} begins with the line {header[0]!r} of a spreadsheet, expected the names "
                 "of the columns"
             )
-        if other != form.separator and len(header[0].split(None if other == " " else other)) > 1:
+        if other != form.separator and len(cells_of(header[0], other)) > 1:
             raise RecordingError(
                 f"{path} separates its columns by {_SEPARATORS[other]}, expected "
                 f"{_SEPARATORS.get(form.separator, repr(form.separator))}"
@@ -201,6 +201,11 @@ def separator_of(line: str) -> str:
     counts = {mark: line.count(mark) for mark in _SEPARATORS if mark != " "}
     best = max(counts, key=lambda mark: counts[mark])
     return best if counts[best] else " "
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """Return the cells of a line; a blank stands for any number of blanks or tabs."""
+    return line.split(None if separator == " " else separator)
 
 
 def check_columns(

@@ -133,13 +133,13 @@ class DataSummary:
     def _speeds(self) -> Table:
         """Return the speeds of each class, over the recordings by their rows."""
         rows = []
-        for name in self.classes:
+        for name, count in self.classes.items():
             entries = [r.speed[name] for r in self.recordings if name in r.speed]
             weight = sum(e["rows"] for e in entries)
             moving = [(e, e["rows"] * e["moving"]) for e in entries if "max" in e]
             total = sum(w for _, w in moving)
             share = total / weight if weight else 0.0
-            cells = [str(self.classes[name]), f"{100 * share:.0f} %"]
+            cells = [str(count), f"{100 * share:.0f} %"]
             for key in ("q05", "q50", "q95"):
                 mean = sum(e[key] * w for e, w in moving) / total if total else None
                 cells.append(_number(mean))

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Defects of recordings by kind, with the places where they are.
 
-A defect is what makes a recording teach or score something wrong, or what a user most likely did
-not know: none of them stops a training.
+A defect is what makes a training or an evaluation on the recording wrong, or what a user most
+likely did not know: none of them stops a training.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtpgo_core.frames import wrap
 from mtpgo_core.schema import AgentClass, BoolArray, Float64Array
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.tables.frame_grid import FREE_RATE
@@ -41,7 +42,7 @@ WRONG_RAD = np.radians(60.0)
 side slip of any road user that drives forward."""
 
 SHORT_S = 1.0
-"""A track observed for less than this teaches nothing of the future (s); chosen."""
+"""A track observed for less than this has no future to be predicted (s); chosen."""
 
 EMPTY_S = 1.0
 """Time without any road user from which on it is reported (s); chosen."""
@@ -133,11 +134,8 @@ class _Finder:
         yield self._frozen()
         yield self._velocity()
         yield self._heading()
-        yield self._tracks(
-            "short track",
-            self._observed_s() < SHORT_S,
-            lambda t: f"{self._observed_s()[t]:.2f} s",
-        )
+        observed_s = self._observed_s()
+        yield self._tracks("short track", observed_s < SHORT_S, lambda t: f"{observed_s[t]:.2f} s")
         yield self._tracks("no class", self.recording.agent_class == AgentClass.UNKNOWN)
         vehicle = ~np.isin(
             self.recording.agent_class,
@@ -146,8 +144,9 @@ class _Finder:
         unknown = ~np.isfinite(self.recording.size).all(axis=1)
         yield self._tracks("no size", vehicle & unknown)
         yield self._empty_times()
-        if self.recording.frame_rate == FREE_RATE and self._median_step_s() > 2.0 / FREE_RATE:
-            typical = f"a row every {self._median_step_s():.3f} s, but not evenly"
+        step_s = float(np.median(steps.dt_s)) if len(steps.dt_s) else 0.0
+        if self.recording.frame_rate == FREE_RATE and step_s > 2.0 / FREE_RATE:
+            typical = f"a row every {step_s:.3f} s, but not evenly"
             place = f"recording {self.recording.name}"
             yield DefectList("no rate", 1, (Defect("no rate", place, typical),))
 
@@ -189,9 +188,6 @@ class _Finder:
         np.minimum.at(first, track, frame)
         np.maximum.at(last, track, frame)
         return np.asarray((last - first) / self.recording.frame_rate)
-
-    def _median_step_s(self) -> float:
-        return float(np.median(self.steps.dt_s)) if len(self.steps.dt_s) else 0.0
 
     def _off_course(self) -> Float64Array:
         """Return [steps] the distance from where the step before led (m), else 0."""
@@ -240,7 +236,7 @@ class _Finder:
         speed = steps.speed_mps
         usable = np.isfinite(yaw) & (speed > MOVING_MPS) & (steps.dt_s <= CONTINUED_S)
         course = np.arctan2(steps.move[:, 1], steps.move[:, 0])
-        apart = np.abs((yaw - course + np.pi) % (2 * np.pi) - np.pi)
+        apart = np.abs(wrap(yaw - course))
         share = self._share(usable & (apart > WRONG_RAD), usable)
         return self._tracks(
             "heading", share > 0.5, lambda t: f"in {100 * share[t]:.0f} % of its steps"

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -47,12 +48,12 @@ class TrackSteps:
             velocity=(recording.velocity[before] + recording.velocity[after]) / 2,
         )
 
-    @property
+    @cached_property
     def distance_m(self) -> Float64Array:
         """[steps] distance (m)."""
         return np.asarray(np.linalg.norm(self.move, axis=1))
 
-    @property
+    @cached_property
     def speed_mps(self) -> Float64Array:
         """[steps] distance over duration (m/s)."""
         return np.asarray(self.distance_m / self.dt_s)

@@ -21,11 +21,9 @@ from mtpgo_training.data.readers.bags.bag_transforms import (
     FIXED_FRAMES,
     STATIC_TOPIC,
     TRANSFORMS,
+    WHOLE_BAG_S,
     TransformTree,
 )
-
-_WHOLE_BAG_S = 1e9
-"""Time over which poses are kept (s): longer than any bag."""
 
 
 class BagPoses:
@@ -49,7 +47,7 @@ class BagPoses:
                 parent, child = message.header.frame_id, message.child_frame_id
                 if child in ("", parent):
                     continue
-                fixed, poses = found.setdefault(child, (parent, PoseBuffer(_WHOLE_BAG_S)))
+                fixed, poses = found.setdefault(child, (parent, PoseBuffer(WHOLE_BAG_S)))
                 if fixed == parent:
                     poses.add(stamp_to_ns(message.header.stamp), pose_of(message))
             # Of several topics with the same frame, the first is used.

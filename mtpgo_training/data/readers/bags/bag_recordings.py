@@ -26,10 +26,8 @@ from mtpgo_training.data.readers.csv_table import sha256_of
 from mtpgo_training.data.readers.drone_files import existing_directory, select_names
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
+from mtpgo_training.data.readers.tables.frame_grid import FREE_RATE
 from mtpgo_training.data.recording import Int64Array, Recording
-
-_FREE_RATE = 1000.0
-"""Frame rate of messages without a fixed rate (Hz); chosen: finer than any tracker's jitter."""
 
 _log = logging.getLogger("mtpgo")
 
@@ -155,7 +153,7 @@ def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:
             rate = round(rate, 1)
         if (np.abs(frame / rate - elapsed_s) < 1e-4).all():
             return frame.astype(np.int64), rate
-    return np.round(elapsed_s * _FREE_RATE).astype(np.int64), _FREE_RATE
+    return np.round(elapsed_s * FREE_RATE).astype(np.int64), FREE_RATE
 
 
 def _recording(name: str, piece: BagPiece) -> Recording:

@@ -13,7 +13,7 @@ from rosbags.interfaces import Connection
 from msg_adapters.adapter import InputAdapter
 from msg_adapters.bags.bag_definitions import obstacle
 from msg_adapters.bags.bag_reader import DecodingBagReader
-from msg_adapters.registry import INPUTS
+from msg_adapters.registry import INPUTS, adapter_for_type
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_training.data.recording_bag import LANES_TOPIC, OBJECTS_TOPIC
 
@@ -23,6 +23,9 @@ _ANYTHING = (MARKERS, "sensor_msgs/msg/PointCloud2")
 _OUTPUTS = ("predictions", "markers")
 _LOOKED_AT = 20
 """Messages read to find out what a topic holds; chosen: the first ones may be empty."""
+
+Usable = dict[tuple[str, str], list[Connection]]
+"""Connections that may hold tracked objects, by topic and type."""
 
 _OBJECTS, _EMPTY, _OTHER = 0, 1, 2
 """What the first messages of a topic hold."""
@@ -60,9 +63,9 @@ def objects_topic(reader: DecodingBagReader, wanted: str = "") -> ObjectsTopic:
     Raises:
         RecordingError: no topic, or not the one asked for, has tracked objects.
     """
-    if wanted:
-        return _asked_for(reader, wanted)
     usable = _usable(reader)
+    if wanted:
+        return _asked_for(reader, usable, wanted)
     if not usable:
         raise RecordingError(
             f"{reader.path} has no topic with tracked objects, it has {_listed(reader)}; expected "
@@ -77,7 +80,7 @@ def objects_topic(reader: DecodingBagReader, wanted: str = "") -> ObjectsTopic:
     order = sorted(tracked or usable, key=lambda key: _rank(key, holds.get(key, _OBJECTS)))
     name, message_type = order[0]
     others = tuple(dict.fromkeys(other for other, _ in order[1:] if other != name))
-    return _chosen(reader, name, message_type, others)
+    return _chosen(usable, name, message_type, others)
 
 
 def _rank(key: tuple[str, str], held: int) -> tuple[object, ...]:
@@ -93,10 +96,10 @@ def _rank(key: tuple[str, str], held: int) -> tuple[object, ...]:
     )
 
 
-def _usable(reader: DecodingBagReader) -> dict[tuple[str, str], list[Connection]]:
+def _usable(reader: DecodingBagReader) -> Usable:
     """Return the connections that may hold tracked objects, by topic and type."""
     known = {adapter.message_type for adapter in INPUTS.values()}
-    found: dict[tuple[str, str], list[Connection]] = {}
+    found: Usable = {}
     for connection in reader.connections:
         may_be = connection.msgtype in known and not connection.topic.endswith(LANES_TOPIC)
         if may_be and connection.msgcount > 0 and not obstacle(connection):
@@ -104,11 +107,11 @@ def _usable(reader: DecodingBagReader) -> dict[tuple[str, str], list[Connection]
     return found
 
 
-def _asked_for(reader: DecodingBagReader, wanted: str) -> ObjectsTopic:
-    types = [kind for name, kind in _usable(reader) if name == wanted]
+def _asked_for(reader: DecodingBagReader, usable: Usable, wanted: str) -> ObjectsTopic:
+    types = [kind for name, kind in usable if name == wanted]
     if types:
-        best = max(types, key=lambda kind: sum(c.msgcount for c in _usable(reader)[wanted, kind]))
-        return _chosen(reader, wanted, best)
+        best = max(types, key=lambda kind: sum(c.msgcount for c in usable[wanted, kind]))
+        return _chosen(usable, wanted, best)
     there = [c for c in reader.connections if c.topic == wanted]
     if not there:
         raise RecordingError(f"{reader.path} has no topic {wanted}, it has {_listed(reader)}")
@@ -122,21 +125,19 @@ def _asked_for(reader: DecodingBagReader, wanted: str) -> ObjectsTopic:
 
 
 def _chosen(
-    reader: DecodingBagReader, name: str, message_type: str, others: Sequence[str] = ()
+    usable: Usable, name: str, message_type: str, others: Sequence[str] = ()
 ) -> ObjectsTopic:
-    usable = _usable(reader)
     left_out = [
         f"{sum(c.msgcount for c in connections)} of {kind}"
         for (topic, kind), connections in usable.items()
         if topic == name and kind != message_type
     ]
-    (adapter,) = (a for a in INPUTS.values() if a.message_type == message_type)
     remark = ""
     if left_out:
         remark = (
             f"messages of another type than {message_type} are left out: {', '.join(left_out)}"
         )
-    connections = tuple(usable[name, message_type])
+    connections, adapter = tuple(usable[name, message_type]), adapter_for_type(message_type)
     return ObjectsTopic(name, connections, adapter, tuple(others), remark)
 
 
@@ -149,7 +150,7 @@ def _listed(reader: DecodingBagReader) -> str:
 
 def _held(reader: DecodingBagReader, connections: Sequence[Connection]) -> int:
     """Return what the first messages of a topic hold."""
-    adapter = next(a for a in INPUTS.values() if a.message_type == connections[0].msgtype)
+    adapter = adapter_for_type(connections[0].msgtype)
     stored = reader.messages(connections)
     for _, received_ns, message in itertools.islice(stored, _LOOKED_AT):
         try:

@@ -23,7 +23,7 @@ FIXED_FRAMES = ("map", "odom", "world", "earth")
 """Usual names of fixed frames, in the order in which objects are transformed into one (REP 105).
 The earth's comes last: its axes are not level with the ground."""
 
-_WHOLE_BAG_S = 1e9
+WHOLE_BAG_S = 1e9
 """Time over which poses are kept (s): longer than any bag."""
 
 
@@ -130,7 +130,7 @@ class TransformTree:
 def _composed(chain: list[_Edge]) -> PoseBuffer:
     """Return the poses over a chain of transforms, at every time of any of them."""
     moving = [np.array(edge.stamps, dtype=np.int64) for edge in chain if not edge.static]
-    poses = PoseBuffer(_WHOLE_BAG_S, max_extrapolation_s=0.0)
+    poses = PoseBuffer(WHOLE_BAG_S, max_extrapolation_s=0.0)
     if not moving:
         moving = [np.zeros(1, dtype=np.int64)]
     stamps = np.unique(np.concatenate(moving))

@@ -20,6 +20,7 @@ import numpy as np
 from mtpgo_core.class_map import OWN_NAMES
 from mtpgo_training.data.readers.csv_table import (
     CsvForm,
+    cells_of,
     first_lines_of,
     read_table,
     separator_of,
@@ -72,7 +73,7 @@ def _form(path: Path) -> CsvForm | None:
         return None
     mark = separator_of(lines[0].strip())
     mark = " " if mark == "\t" else mark  # blanks stand around the tabs of some files
-    cells = lines[0].strip().split(None if mark == " " else mark)
+    cells = cells_of(lines[0].strip(), mark)
     try:
         [float(cell) for cell in cells]
     except ValueError:

@@ -10,7 +10,6 @@ track with the number of ``sdc_track_index``.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import re
 import struct
@@ -28,7 +27,7 @@ from mtpgo_training.data.readers.drone_files import select_names
 from mtpgo_training.data.readers.file_groups import grouped_files
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
-from mtpgo_training.data.readers.tables.track_rows import TableSource, recording_of_rows
+from mtpgo_training.data.readers.tables.track_rows import TableSource, recording_of_rows, with_ego
 from mtpgo_training.data.recording import Recording
 
 _FILES = re.compile(r"(?P<name>.*tfrecord.*)", re.IGNORECASE)
@@ -133,9 +132,7 @@ def _read(name: str, path: Path, classes: ClassMap) -> Iterator[Recording]:
         recording = recording_of_rows(_rows(scenario, where), source)
         ego = scenario.sdc_track_index
         if scenario.HasField("sdc_track_index") and 0 <= ego < len(scenario.tracks):
-            ego_id = int(scenario.tracks[ego].id)
-            if ego_id in recording.track_id:
-                recording = dataclasses.replace(recording, ego_id=ego_id)
+            recording = with_ego(recording, str(scenario.tracks[ego].id))
         yield recording
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.csv_table import (
     CsvForm,
+    cells_of,
     first_lines_of,
     read_header,
     separator_of,
@@ -88,7 +89,7 @@ def find_form(path: Path) -> NgsimForm:
     if not lines:
         raise RecordingError(f"{path} is empty, expected NGSIM trajectories")
     mark = separator_of(lines[0])
-    cells = lines[0].split(None if mark == " " else mark)
+    cells = cells_of(lines[0], mark)
     if _is_number(cells[0]):
         if len(cells) not in _WITHOUT_HEADER:
             raise RecordingError(
