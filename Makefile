@@ -14,6 +14,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 REQUIREMENTS := requirements/development.txt requirements/lock.txt pyproject.toml setup.py setup.cfg
 PYTEST_ARGS ?=
+# Processes that share the test files. A file stays in one process, with its nodes and fixtures.
+TEST_PROCESSES ?= 2
 
 # The ROS 2 wheels of the environment and a sourced ROS 2 must not be used in one process, because it
 # is undefined which libraries are loaded. A sourced ROS 2 is therefore hidden from everything that
@@ -47,7 +49,7 @@ demo: $(STAMP) ## play a recording through the real node and score the predictio
 
 test: check ## run ruff, mypy and pytest
 	@echo "== pytest"
-	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+	@$(BIN)/python -m pytest -n $(TEST_PROCESSES) --dist loadfile $(PYTEST_ARGS)
 
 # PyTorch without vector instructions rounds differently, as another CPU does. No test may depend on
 # the last digits.
@@ -55,7 +57,8 @@ NUMERICAL_TESTS := test/models test/mtpgo_training/training test/mtpgo_training/
 
 numerics: $(STAMP) ## run the numerical tests as on a CPU without AVX
 	@echo "== pytest, ATEN_CPU_CAPABILITY=default"
-	@ATEN_CPU_CAPABILITY=default $(BIN)/python -m pytest $(NUMERICAL_TESTS)
+	@ATEN_CPU_CAPABILITY=default $(BIN)/python -m pytest -n $(TEST_PROCESSES) --dist loadfile \
+	  $(NUMERICAL_TESTS)
 
 interruption: $(STAMP) ## kill training, conversion, cache, export and record at random moments; KILLS=N times each (20)
 	@MTPGO_KILLS=$(or $(KILLS),20) $(BIN)/python -m pytest test/interruption $(PYTEST_ARGS)

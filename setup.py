@@ -72,6 +72,7 @@ EXTRAS = {
         "pytest>=8.0",
         "pytest-benchmark>=5.0",
         "pytest-timeout>=2.3",
+        "pytest-xdist>=3.6",
         "ruff>=0.6",
         "setuptools>=68,<80",
     ],
