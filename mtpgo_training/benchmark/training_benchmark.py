@@ -17,7 +17,7 @@ from pathlib import Path
 
 import torch
 from torch import Tensor, nn
-from torch_geometric.data import Batch, Data
+from torch_geometric.data import Batch
 from tqdm import tqdm
 
 from models import ModelConfig
@@ -31,6 +31,7 @@ from mtpgo_training.training.losses.ewta_loss import ewta_loss
 from mtpgo_training.training.losses.gradient_accumulation import process_share
 from mtpgo_training.training.losses.likelihood_loss import negative_log_likelihood
 from mtpgo_training.training.losses.schedules import LossWeights
+from mtpgo_training.training.trial.arc_traffic import arc_batch
 
 PHASES = {"EWTA": LossWeights(8, 1.0, 0.0), "NLL": LossWeights(1, 0.0, 1.0)}
 
@@ -91,44 +92,6 @@ class TrainingRow:
     gradient_difference: float
 
 
-def make_batch(scenes: int, config: ModelConfig, seed: int = 0) -> Batch:
-    """Return graphs of 2 to 16 agents on arcs; some enter late, and some futures end early."""
-    draw = torch.Generator().manual_seed(seed)
-    past, ahead = config.history_steps, config.horizon_steps
-    time_s = config.dt_s * torch.arange(1 - past, ahead + 1)
-    graphs = []
-    for _ in range(scenes):
-        n = int(torch.randint(2, 17, (), generator=draw))
-        turning = 0.05 * torch.randn(n, 1, generator=draw)
-        angle = 6.3 * torch.rand(n, 1, generator=draw) + turning * time_s
-        speed = 5.0 + 10.0 * torch.rand(n, 1, 1, generator=draw)
-        velocity = speed * torch.stack((angle.cos(), angle.sin()), dim=-1)
-        place = 30.0 * torch.randn(n, 1, 2, generator=draw)
-        position = place + torch.cumsum(velocity * config.dt_s, dim=1)
-        late = torch.rand(n, 1, generator=draw) < 0.2
-        first = torch.where(late, torch.randint(past, (n, 1), generator=draw), 0)
-        early = torch.rand(n, 1, generator=draw) < 0.2
-        last = torch.where(early, torch.randint(1, ahead, (n, 1), generator=draw), ahead)
-        valid = torch.arange(past) >= first
-        weight = (torch.arange(ahead) < last).float()
-        x = torch.zeros(n, past, config.feature_size)
-        x[..., :2], x[..., 2:4] = position[:, :past], velocity[:, :past]
-        x[..., 4:6] = torch.randn(n, past, 2, generator=draw)
-        x[..., 6:8] = velocity[:, :past] / speed
-        target = torch.cat((position[:, past:], velocity[:, past:]), dim=-1)
-        graphs.append(
-            Data(
-                x=x * valid.unsqueeze(-1),
-                valid=valid,
-                static=nn.functional.one_hot(torch.zeros(n).long(), config.static_size).float(),
-                target=target * weight.unsqueeze(-1),
-                weight=weight,
-                num_nodes=n,
-            )
-        )
-    return Batch.from_data_list(graphs)
-
-
 def plain_loss(model: ReferenceMTPGO, batch: Batch, aim: LossWeights) -> Tensor:
     """Return the loss of ``training.batch_loss``, by the reference implementation."""
     log_weight, mean, covariance = (
@@ -159,7 +122,7 @@ def largest_difference(scenes: int, phase: str, seed: int = 0) -> float:
     """Return the largest difference of losses and gradients, see :class:`TrainingRow`."""
     model, aim = make_model(seed).requires_grad_(True).train(), PHASES[phase]
     plain = ReferenceMTPGO(model.config, model.state_dict())
-    batch = make_batch(scenes, model.config, seed)
+    batch = arc_batch(scenes, model.config, seed)
     loss, mine = gradients(lambda: batch_loss(model, batch, aim, huber_delta=1.0), model)
     other, theirs = gradients(lambda: plain_loss(plain, batch, aim), plain)
     worst = abs(loss - other) / abs(other)
@@ -183,7 +146,7 @@ def make_step(name: str, phase: str, scenes: int, rank: int = 0, processes: int 
         processes: how many share the batch.
     """
     model, aim = make_model().requires_grad_(True).train(), PHASES[phase]
-    whole = make_batch(scenes, model.config)
+    whole = arc_batch(scenes, model.config)
     mine = process_share(whole.ptr.diff().tolist(), rank, processes)
     batch = Batch.from_data_list(whole.index_select(mine))
     share = float(batch.weight.sum() / whole.weight.sum())
@@ -247,7 +210,7 @@ def measure(phase: str, scenes: int, threads: int, rounds: int) -> list[Training
         TrainingRow(
             phase=phase,
             scenes=scenes,
-            agents=int(make_batch(scenes, ModelConfig()).num_nodes),
+            agents=int(arc_batch(scenes, ModelConfig()).num_nodes),
             processes=processes,
             threads=each,
             samples_per_s=rate[i],

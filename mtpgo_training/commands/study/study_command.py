@@ -43,6 +43,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add = parser.add_argument
     add("study", nargs="?", help="layers, static, comparison or ablation")
     add("--list", action="store_true", help="list the rows and what each costs, and exit")
+    add(
+        "--measure",
+        action="store_true",
+        help="with --list: measure a training step of each row on this machine (seconds each) and "
+        "say how long a training of the paper's data sets takes",
+    )
     add_data_arguments(parser)
     add("--out", type=Path, metavar="DIR", help="folder of the results and of all runs")
     add("--rows", nargs="+", metavar="ROW", help="rows to run, by name (default: all)")
@@ -324,8 +330,10 @@ def _list(args: argparse.Namespace) -> int:
     from mtpgo_training.study.study_costs import costs_table
     from mtpgo_training.study.study_rows import STUDIES, find_study
     from mtpgo_training.table_format import to_text
+    from mtpgo_training.training.torch_process import prepare_process
 
+    prepare_process(1)  # as the runs of a study
     for study in [find_study(args.study)] if args.study else STUDIES.values():
         print(f"{study.name} (paper: {', '.join(study.data_sets)})")
-        print(to_text(costs_table(study)), end="\n\n")
+        print(to_text(costs_table(study, measure=args.measure)), end="\n\n")
     return 0

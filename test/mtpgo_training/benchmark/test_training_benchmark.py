@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import torch
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.benchmark import training_benchmark as training
@@ -22,25 +21,13 @@ def test_losses_and_gradients_agree(phase):
 
 def test_no_parameter_is_left_out_of_the_comparison():
     model = training.make_model().requires_grad_(True)
-    batch = training.make_batch(2, model.config)
+    batch = training.arc_batch(2, model.config)
     aim = training.PHASES["NLL"]
     _, grads = training.gradients(
         lambda: training.batch_loss(model, batch, aim, huber_delta=1.0), model
     )
     missing = set(dict(model.named_parameters())) - set(grads)
     assert missing == {"motion.inner", "motion.inner_bias"}  # there is one hidden layer
-
-
-def test_the_batch_is_a_ragged_one():
-    batch = training.make_batch(64, training.ModelConfig())
-    sizes = batch.ptr.diff()
-    assert 2 <= int(sizes.min()) < 5 < 13 < int(sizes.max()) <= 16
-    assert 8.0 < float(sizes.float().mean()) < 10.0
-    assert bool(batch.valid[:, -1].all())
-    assert not bool(batch.valid.all())
-    assert 0.0 < float((batch.weight == 0.0).float().mean()) < 0.3
-    again = training.make_batch(64, training.ModelConfig())
-    assert all(torch.equal(batch[name], again[name]) for name in ("x", "target", "weight"))
 
 
 def test_implementations_that_differ_are_an_error(monkeypatch):
