@@ -66,6 +66,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="epochs of each training (default: the configuration's, or as many as fit)",
     )
     add(
+        "--init-from",
+        type=Path,
+        metavar="DIR",
+        help="another cross-validation with the same folds: each training begins with the weights "
+        "of its fold there",
+    )
+    add(
         "--set",
         action="append",
         default=[],
@@ -138,9 +145,10 @@ def run(args: argparse.Namespace) -> int:
     for fold in chosen:
         without_fold(config, recordings, fold)  # its errors, before anything is trained
     folder = CrossvalFolder(args.out)
+    initial = {} if args.init_from is None else CrossvalFolder(args.init_from).runs(chosen)
     budget = Budget(args.minutes_per_fold, args.epochs_per_fold, args.steps_per_fold)
     trackers = tuple(dict.fromkeys(args.tracker))
-    folder.start(config, folds, recordings, budget, args.stride, trackers)
+    folder.start(config, folds, recordings, budget, args.stride, trackers, args.init_from)
     cache_folder = None if cache is None else cache.folder
     jobs = [
         FoldJob(
@@ -152,6 +160,7 @@ def run(args: argparse.Namespace) -> int:
             budget,
             args.stride,
             trackers,
+            initial.get(fold.name),
         )
         for fold in chosen
         if not folder.fold(fold.name).done

@@ -75,6 +75,38 @@ class CrossvalFolder:
         """Return the files of a fold."""
         return FoldFolder(self.path / "folds" / re.sub(r"[^\w.-]+", "_", name))
 
+    def runs(self, folds: Sequence[Fold]) -> dict[str, Path]:
+        """Return the run folders of folds that left out the same recordings, by fold.
+
+        Args:
+            folds: of another cross-validation, whose trainings shall begin with these weights.
+
+        Raises:
+            ConfigurationError: a fold is not here, is not trained, or was trained with a recording
+                that is to be left out.
+        """
+        facts = self._stored_facts() if self._facts.is_file() else {"folds": {}, "sites": {}}
+        found = {}
+        for fold in folds:
+            files = self.fold(fold.name)
+            if not files.training.is_file():
+                raise ConfigurationError(
+                    f"--init-from is {self.path}, which has no trained fold {fold.name!r}, "
+                    "expected a cross-validation with it; it has "
+                    f"{', '.join(facts['folds']) or 'none'}"
+                )
+            left_out = {
+                name for site in facts["folds"][fold.name] for name in facts["sites"][site]
+            }
+            known = sorted((set(fold.recordings) - left_out) & set(facts["recordings"]))
+            if known:
+                raise ConfigurationError(
+                    f"--init-from is {self.path}, whose fold {fold.name!r} was trained with "
+                    f"{known[0]}, expected one that leaves out what is left out now"
+                )
+            found[fold.name] = files.run
+        return found
+
     def start(
         self,
         config: TrainingConfig,
@@ -83,6 +115,7 @@ class CrossvalFolder:
         budget: Budget,
         stride_s: float,
         trackers: Sequence[str],
+        init_from: Path | None = None,
     ) -> None:
         """Write what determines the results, or check that it is the same as before.
 
@@ -95,6 +128,7 @@ class CrossvalFolder:
             budget: of each fold.
             stride_s: time between two scored instants (s).
             trackers: whose observations are scored.
+            init_from: the cross-validation whose weights the trainings begin with.
 
         Raises:
             ConfigurationError: the folder has something else in it, or it cannot be written.
@@ -103,6 +137,7 @@ class CrossvalFolder:
             "budget": dataclasses.asdict(budget),
             "stride_s": stride_s,
             "trackers": list(trackers),
+            "init_from": init_from and str(init_from),
             "folds": {fold.name: [site.name for site in fold.sites] for fold in folds},
             "sites": {s.name: list(s.recordings) for fold in folds for s in fold.sites},
             "recordings": {item.name: item.recording.sha256 for item in recordings},

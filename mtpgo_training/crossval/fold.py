@@ -53,6 +53,7 @@ class FoldJob:
         budget: how long it may train.
         stride_s: time between two scored instants (s).
         trackers: whose observations it is scored with, of :data:`TRACKER_SEEDS`.
+        init_from: run folder whose weights the training begins with, None for none.
     """
 
     fold: Fold
@@ -63,6 +64,7 @@ class FoldJob:
     budget: Budget
     stride_s: float
     trackers: tuple[str, ...] = (RECORDED,)
+    init_from: Path | None = None
 
     def run(self) -> bool:
         """Run it, see :func:`run_fold`."""
@@ -115,7 +117,7 @@ def _train(
 ) -> bool:
     """Train, or continue the training; return whether it is done."""
     config, others = without_fold(_for_one_thread(job.config, job.fold), recordings, job.fold)
-    done = train_planned(files, config, others, job.budget, cache)
+    done = train_planned(files, config, others, job.budget, cache, init_from=job.init_from)
     if done is None:
         return False
     run, plan = done

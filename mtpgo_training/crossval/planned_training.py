@@ -59,6 +59,7 @@ def train_planned(
     cache: RecordingCache | None,
     *,
     find_rate: bool = False,
+    init_from: Path | None = None,
 ) -> tuple[TrainingRun, FoldPlan] | None:
     """Train, or continue the training where it was interrupted.
 
@@ -69,6 +70,7 @@ def train_planned(
         budget: how long it may train.
         cache: keeps what is expensive to compute.
         find_rate: take the learning rate from a range test.
+        init_from: run folder whose weights to begin with.
 
     Returns:
         The training and its schedule; None if a signal has ended it before.
@@ -79,11 +81,13 @@ def train_planned(
         plan = plan_fold(config, recordings, budget, cache)
         plan.save(files.plan)
     print(f"plan       {plan}", flush=True)
+    resume = (files.run / "run.json").is_file()
     run = train(
         plan.applied(config, recordings),
         recordings,
         RunFolder(files.run),
-        resume=(files.run / "run.json").is_file(),
+        resume=resume,
+        init_from=None if resume else init_from,
         find_rate=find_rate,
         max_minutes=plan.limit_minutes,
         cache=cache,

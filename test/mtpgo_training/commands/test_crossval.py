@@ -11,6 +11,7 @@ import pytest
 import yaml
 from traffic import braking_cars
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training import cli
 from mtpgo_training.calibration.calibration_samples import SAMPLES_FILE, CalibrationSamples
 from mtpgo_training.data.writers.ind_writer import write_ind
@@ -149,6 +150,19 @@ def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this
     before, after = (r["mean_of_sites"]["simulated"]["moving"] for r in (content, again))
     assert (after["n"], after["ade"]) == (before["n"], pytest.approx(before["ade"]))
 
+    # A second stage begins with the weights of the same fold.
+    begun = {}
+
+    def begin(config, recordings, folder, *, init_from, **_):
+        begun[config.name] = init_from
+        raise ConfigurationError("that is enough")
+
+    in_this_process.setattr("mtpgo_training.crossval.planned_training.train", begin)
+    init = ("--folds", "coast", "--init-from", str(place / "out"))
+    assert cli.main(arguments(place, "second", *init)) == 2
+    assert "that is enough" in capsys.readouterr().err
+    assert begun == {"tiny-without-both": both / "run"}
+
 
 @pytest.mark.parametrize(
     ("more", "sentence"),
@@ -165,6 +179,7 @@ def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this
         (["--set", "crossval.folds={1: [east]}"], "a name in crossval.folds is 1, expected text"),
         (["--set", "model.layer=gat3"], "layer is 'gat3', expected one of"),
         (["--minutes-per-fold", "3"], "--minutes-per-fold and --steps-per-fold are given"),
+        (["--init-from", "nowhere"], "--init-from is nowhere, which has no trained fold 'both'"),
         (["--compare", "a", "b"], "--compare is given with a configuration, --data or --out"),
     ],
 )

@@ -96,3 +96,16 @@ def test_a_folder_of_an_earlier_version_is_one_sentence(tmp_path):
 def test_another_folder_has_no_results(tmp_path):
     with pytest.raises(ConfigurationError, match="holds no cross-validation"):
         read_results(tmp_path)
+
+
+def test_the_runs_of_folds_are_those_that_left_out_the_same(tmp_path):
+    folder = start(tmp_path / "out")
+    with pytest.raises(ConfigurationError, match=r"no trained fold 'a'.*it has a, b/c"):
+        folder.runs(FOLDS)
+    for fold in FOLDS:
+        folder.fold(fold.name).path.mkdir(parents=True)
+        folder.fold(fold.name).training.write_text("{}")
+    assert folder.runs(FOLDS) == {f.name: folder.fold(f.name).run for f in FOLDS}
+    more = Fold("a", (A, B))
+    with pytest.raises(ConfigurationError, match="fold 'a' was trained with b/01, expected one"):
+        folder.runs([more])
