@@ -117,7 +117,6 @@ def run(args: argparse.Namespace) -> int:
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
     from mtpgo_training.crossval.crossval_folder import CALIBRATION_HEADING, CrossvalFolder
     from mtpgo_training.crossval.fold import FoldJob
-    from mtpgo_training.crossval.fold_plan import Budget
     from mtpgo_training.crossval.fold_processes import FoldError, run_folds
     from mtpgo_training.crossval.site_folds import (
         chosen_folds,
@@ -131,6 +130,7 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.training.recipes.configured_origins import with_site_origins
     from mtpgo_training.training.recipes.named_configs import find_config
     from mtpgo_training.training.training_config import load_config
+    from mtpgo_training.training.trial.schedule_plan import Budget
 
     config = load_config(find_config(args.config), args.set)
     if args.seed is not None:

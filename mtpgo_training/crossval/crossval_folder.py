@@ -26,7 +26,6 @@ from mtpgo_training.calibration.calibration_samples import (
     merge_samples,
 )
 from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
-from mtpgo_training.crossval.fold_plan import Budget
 from mtpgo_training.crossval.planned_training import (
     PlannedFiles,
     require_new_folder,
@@ -38,6 +37,7 @@ from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.table_format import Table, to_markdown
 from mtpgo_training.training.run_folder import first_difference, versions
 from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
+from mtpgo_training.training.trial.schedule_plan import Budget
 
 Json = dict[str, Any]
 

@@ -134,7 +134,6 @@ def run(args: argparse.Namespace) -> int:
         return _list(args)
     part = _check(args)
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
-    from mtpgo_training.crossval.fold_plan import Budget
     from mtpgo_training.crossval.fold_processes import run_folds
     from mtpgo_training.data.data_sources import read_sources
     from mtpgo_training.study.output.study_output import write_results
@@ -148,6 +147,7 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.study.study_run import StudyRun
     from mtpgo_training.table_format import to_text
     from mtpgo_training.training.interruption import Interruption
+    from mtpgo_training.training.trial.schedule_plan import Budget
 
     study = find_study(args.study)
     rows = study.chosen(args.rows)
