@@ -107,6 +107,15 @@ class CrossvalFolder:
             found[fold.name] = files.run
         return found
 
+    def require_usable(self) -> None:
+        """Check that the folder is new or holds a cross-validation.
+
+        Raises:
+            ConfigurationError: there is something else in it.
+        """
+        if not self._facts.is_file():
+            require_new_folder(self.path, "cross-validation")
+
     def start(
         self,
         config: TrainingConfig,

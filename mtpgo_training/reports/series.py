@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 Json = dict[str, Any]
@@ -13,6 +15,24 @@ BASELINE_COLOURS = {"cv": "#c0392b", "ca": "#a9adb1", "ctrv": "#7d8790"}
 
 PROTOCOL = "all"
 """The protocol of the figures and of the results by group."""
+
+
+def draw_line(axes: Any, x: Sequence[float], y: Sequence[float], *form: str, **style: Any) -> None:
+    """Draw a line, whose single points have a marker: a line through one point is not seen.
+
+    Args:
+        axes: of matplotlib.
+        x: [n] values, NaN for none.
+        y: [n] values, NaN for none.
+        form: format of matplotlib.
+        style: of the line.
+    """
+    known = [math.isfinite(a) and math.isfinite(b) for a, b in zip(x, y, strict=True)]
+    before, after = [False, *known[:-1]], [*known[1:], False]
+    alone = [i for i, one in enumerate(known) if one and not (before[i] or after[i])]
+    if alone:
+        style = {"marker": "o", "markevery": alone} | style
+    axes.plot(x, y, *form, **style)
 
 
 def series_names(content: Json, baselines: bool = True) -> list[str]:

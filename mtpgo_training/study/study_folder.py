@@ -52,6 +52,15 @@ class StudyFolder:
     def _config(self, row: str) -> Path:
         return self.path / "configs" / f"{row}.yaml"
 
+    def require_usable(self) -> None:
+        """Check that the folder is new or holds a study.
+
+        Raises:
+            ConfigurationError: there is something else in it.
+        """
+        if not self._facts.is_file():
+            require_new_folder(self.path, "study")
+
     def start(
         self,
         facts: Json,

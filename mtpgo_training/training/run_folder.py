@@ -68,6 +68,18 @@ class RunFolder:
                 f"the run folder {self.path} exists already, expected a new one or --resume"
             )
 
+    def require_run(self) -> None:
+        """Check that the folder holds a run.
+
+        Raises:
+            ConfigurationError: it does not.
+        """
+        missing = [n for n in ("config.yaml", "run.json") if not (self.path / n).is_file()]
+        if missing:
+            raise ConfigurationError(
+                f"the run folder {self.path} holds no run to resume: it has no {missing[0]}"
+            )
+
     def start(
         self,
         config: TrainingConfig,

@@ -11,6 +11,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import logging
+import os
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -204,6 +205,35 @@ def train(
                 progress,
             )
     return run
+
+
+def require_startable(
+    config: TrainingConfig, folder: RunFolder, *, resume: bool, init_from: Path | None
+) -> None:
+    """Check what can be checked of a run before its recordings are read.
+
+    Args:
+        config: the configuration.
+        folder: the run's folder.
+        resume: continue the run in the folder.
+        init_from: checkpoint whose weights to start from.
+
+    Raises:
+        ConfigurationError: network, folder or checkpoint cannot be used.
+    """
+    if resume:
+        folder.require_run()
+    elif _is_first_process():
+        folder.require_new()
+    network = build_network(config.network, config.model, config.history, config.scene)
+    if init_from is not None:
+        start_from(TrainingRun(network, config), load_checkpoint(init_from), init_from)
+
+
+def _is_first_process() -> bool:
+    """Return whether this process was not started to share a training with an earlier one."""
+    names = ("RANK", "LOCAL_RANK", "NODE_RANK", "GROUP_RANK", "SLURM_PROCID")
+    return all(os.environ.get(name, "0") == "0" for name in names)
 
 
 def _range_test(run: TrainingRun, scenes: Scenes, fabric: Fabric) -> RangeTest:
