@@ -79,9 +79,7 @@ def _reliability(content: Json) -> Figure | None:
     axes.text(0.47, 0.44, "calibrated", ha="left", va="top", color="#8d949a", fontsize=9)
     for name in names:
         rows = content["reliability"][name][PROTOCOL]
-        draw_line(
-            axes, rows["level"], rows["observed"], **line_style(content, name), marker="o", ms=3
-        )
+        axes.plot(rows["level"], rows["observed"], **line_style(content, name), marker="o", ms=3)
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="level of the ellipse")
     axes.set(ylabel="share of truths inside")
     axes.set_title("Reliability")

@@ -30,8 +30,8 @@ def draw_line(axes: Any, x: Sequence[float], y: Sequence[float], *form: str, **s
     known = [math.isfinite(a) and math.isfinite(b) for a, b in zip(x, y, strict=True)]
     before, after = [False, *known[:-1]], [*known[1:], False]
     alone = [i for i, one in enumerate(known) if one and not (before[i] or after[i])]
-    if alone:
-        style = {"marker": "o", "markevery": alone} | style
+    if alone and "marker" not in style:
+        style |= {"marker": "o", "markevery": alone}
     axes.plot(x, y, *form, **style)
 
 
