@@ -158,7 +158,9 @@ def run(args: argparse.Namespace) -> int:
     topic = _predictions_topic(args)
     _check(args)
     pool = pool_from(args)
-    jobs = require_sources(data_sources(args.data_options)) if _with_data(args) else []
+    jobs = []
+    if _with_data(args) or not args.predictions:
+        jobs = require_sources(data_sources(args.data_options))
     require_bags(args.predictions)
     require_models(args.model)
     if args.report is not None:

@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 Json = dict[str, Any]
 
@@ -17,7 +18,7 @@ PROTOCOL = "all"
 """The protocol of the figures and of the results by group."""
 
 
-def draw_line(axes: Any, x: Sequence[float], y: Sequence[float], *form: str, **style: Any) -> None:
+def draw_line(axes: Any, x: ArrayLike, y: ArrayLike, *form: str, **style: Any) -> None:
     """Draw a line, whose single points have a marker: a line through one point is not seen.
 
     Args:
@@ -27,9 +28,9 @@ def draw_line(axes: Any, x: Sequence[float], y: Sequence[float], *form: str, **s
         form: format of matplotlib.
         style: of the line.
     """
-    known = [math.isfinite(a) and math.isfinite(b) for a, b in zip(x, y, strict=True)]
-    before, after = [False, *known[:-1]], [*known[1:], False]
-    alone = [i for i, one in enumerate(known) if one and not (before[i] or after[i])]
+    known = np.isfinite(np.asarray(x, dtype=float)) & np.isfinite(np.asarray(y, dtype=float))
+    beside = np.r_[False, known[:-1]] | np.r_[known[1:], False]
+    alone = np.flatnonzero(known & ~beside).tolist()
     if alone and "marker" not in style:
         style |= {"marker": "o", "markevery": alone}
     axes.plot(x, y, *form, **style)

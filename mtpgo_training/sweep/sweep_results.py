@@ -53,7 +53,8 @@ def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
     groups: dict[tuple[tuple[str, str], ...], list[GridPoint]] = {}
     for point in points:
         groups.setdefault(point.settings, []).append(point)
-    rows, runs = [], []
+    rows: list[Json] = []
+    runs: list[Json] = []
     for settings, group in groups.items():
         done = [scores for point in group if (scores := folder.scores(point)) is not None]
         runs += done

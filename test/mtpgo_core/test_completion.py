@@ -18,12 +18,12 @@ ROOT = Path(__file__).resolve().parents[2]
 def completions(line: str, module: str = "mtpgo_training.cli") -> set[str]:
     """What a shell that completes a line would offer."""
     code = (
-        "import os, sys\n"
+        "import sys\n"
         f"from {module} import main\n"
         "import argcomplete\n"
         "real = argcomplete.autocomplete\n"
         "argcomplete.autocomplete = lambda parser: real("
-        "parser, output_stream=os.fdopen(1, 'wb'), exit_method=os._exit)\n"
+        "parser, output_stream=sys.stdout, exit_method=sys.exit)\n"
         "main([])\n"
     )
     environment = {

@@ -54,7 +54,9 @@ def test_libraries_are_looked_for_without_loading_them(monkeypatch):
 @pytest.mark.parametrize("blocked", ["pyarrow"])
 def test_the_libraries_of_the_files_are_looked_for(tmp_path, monkeypatch, blocked):
     (tmp_path / "a.parquet").write_bytes(b"")
-    (tmp_path / "columns.yaml").write_text("columns: {}", encoding="utf-8")
+    (tmp_path / "columns.yaml").write_text(
+        "columns: {track: id, time: t, x: x, y: y}", encoding="utf-8"
+    )
     source = DataSource(tmp_path, "table", None, ReadingOptions(columns=tmp_path / "columns.yaml"))
     require_sources([source])
     monkeypatch.setitem(sys.modules, blocked, None)
