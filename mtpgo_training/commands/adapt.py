@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.adapt.adapt_options import AdaptOptions
     from mtpgo_training.adapt.adapt_report import report_text, require_better
     from mtpgo_training.adapt.adaptation import adapt
-    from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.export.exporter import describe, export_model, load_model
     from mtpgo_training.export.model_calibration import check_coverage, own_calibration
     from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
@@ -109,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
 
     adaptation = adapt(
         base_path,
-        list(read_sources(sources, cache)),
+        read_all(sources, cache),
         options,
         name=args.name or args.output.stem,
         started_s=started_s,

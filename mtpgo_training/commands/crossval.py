@@ -139,7 +139,7 @@ def run(args: argparse.Namespace) -> int:
         find_sites,
         without_fold,
     )
-    from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.training.interruption import Interruption
     from mtpgo_training.training.networks import build_network
     from mtpgo_training.training.recipes.configured_origins import with_site_origins
@@ -155,7 +155,7 @@ def run(args: argparse.Namespace) -> int:
     folder.require_usable()
     if args.init_from is not None and not args.init_from.is_dir():
         raise ConfigurationError(f"--init-from is {args.init_from}, which is no folder")
-    recordings = list(read_sources(sources, cache))
+    recordings = read_all(sources, cache)
     config = with_site_origins(config, recordings)
     sites = find_sites(recordings, config.crossval.sites)
     folds = find_folds(sites, config.crossval.folds)

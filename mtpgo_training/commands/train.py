@@ -133,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
 
         return run_sweep(args, config, init_from, sources, cache)
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
-    from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.training.console import summary
     from mtpgo_training.training.run_folder import RunFolder
     from mtpgo_training.training.trainer import require_startable, train
@@ -142,7 +142,7 @@ def run(args: argparse.Namespace) -> int:
     require_startable(config, RunFolder(args.out), resume=args.resume, init_from=init_from)
     result = train(
         config,
-        list(read_sources(sources, cache)),
+        read_all(sources, cache),
         RunFolder(args.out),
         resume=args.resume,
         init_from=init_from,

@@ -142,7 +142,7 @@ def run(args: argparse.Namespace) -> int:
     require_modules("lightning_fabric", "tensorboard", "torch_geometric")
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
     from mtpgo_training.crossval.fold_processes import run_folds
-    from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.study.output.study_output import write_results
     from mtpgo_training.study.output.study_page import write_page
     from mtpgo_training.study.output.study_tables import gaps, main_table
@@ -167,7 +167,7 @@ def run(args: argparse.Namespace) -> int:
     require_folder(args.out)
     folder = StudyFolder(args.out)
     folder.require_usable()
-    data = study_data(study, first, list(read_sources(sources, cache)))
+    data = study_data(study, first, read_all(sources, cache))
     budget = Budget(args.minutes_per_run, args.epochs_per_run, args.steps_per_run)
     folder.start(
         {

@@ -16,7 +16,7 @@ from mtpgo_core.errors import ConfigurationError, MtpgoError
 from mtpgo_training.commands.arguments.early_checks import require_folder
 from mtpgo_training.commands.arguments.next_command import command_text, same_command
 from mtpgo_training.crossval.fold_processes import FoldError, run_folds
-from mtpgo_training.data.data_sources import DataSource, read_sources
+from mtpgo_training.data.data_sources import DataSource, read_all
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.study.study_progress import StudyProgress
 from mtpgo_training.sweep.sweep_folder import SweepFolder
@@ -94,7 +94,7 @@ def run_sweep(
         args.minutes,
         args.max_minutes,
     )
-    recordings = list(read_sources(sources, cache))
+    recordings = read_all(sources, cache)
     if options.splits_once:
         same_split(base, base, recordings)  # its errors, before anything is trained
     folder.start(options, recordings)
