@@ -64,6 +64,8 @@ EXTRAS = {
     # Many recordings on several processes or machines; cryptography encrypts what they exchange.
     "fleet": ["cryptography>=42.0", "distributed>=2024.8"],
     "simulation": ["eclipse-sumo>=1.20"],
+    # Completion of command lines in a shell, docs/command_line.md.
+    "completion": ["argcomplete>=3.0"],
     "development": [
         "colcon-common-extensions>=0.3",
         "hypothesis>=6.100",

@@ -23,6 +23,7 @@ from typing import Any
 from mtpgo_core.errors import MtpgoError
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
+    answered,
     fail,
     leave,
     not_negative,
@@ -72,6 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     """
     stopped = stop_on_signals()
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if answered("load_generator", arguments, _parser):
+        return 0
     import rclpy
 
     from mtpgo_ros.runtime.ros_start import own_arguments, start
@@ -79,6 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     status = 0
     try:
         options = _parser().parse_args(own_arguments(arguments))
+        options.output.write_text("", encoding="utf-8")  # its errors, before a long measurement
         start(arguments)
         plan = LoadPlan(**{name: getattr(options, name) for name in LoadPlan.__annotations__})
         result = _measure(plan, stopped)

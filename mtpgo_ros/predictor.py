@@ -1,5 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+# PYTHON_ARGCOMPLETE_OK
 """``predictor``: the executable that runs the node.
 
 All settings are ROS parameters (``--ros-args -p rate:=10.0 -r objects:=/perception/objects``).
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 from mtpgo_core.errors import MtpgoError
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
+    answered,
     fail,
     leave,
     share_interpreter,
@@ -40,6 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     tune_allocator()
     share_interpreter()
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if answered("predictor", arguments, _parser):
+        return 0
     import rclpy
 
     from mtpgo_ros.runtime.ros_start import own_arguments, start
@@ -47,13 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     status, node = 0, None
     notifier = ServiceNotifier.from_environment()
     try:
-        parser = ArgumentParser(prog="predictor", description=__doc__)
-        parser.add_argument(
-            "--end-with-parent",
-            action="store_true",
-            help="end when the parent process ends; the launch files set this",
-        )
-        if parser.parse_args(own_arguments(arguments)).end_with_parent:
+        if _parser().parse_args(own_arguments(arguments)).end_with_parent:
             end_with_parent()
         start(arguments)
         from mtpgo_ros.node.predictor_node import PredictorNode
@@ -69,6 +67,16 @@ def main(argv: Sequence[str] | None = None) -> int | None:
         node.destroy_node()
     rclpy.try_shutdown()
     return status
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(prog="predictor", description=__doc__)
+    parser.add_argument(
+        "--end-with-parent",
+        action="store_true",
+        help="end when the parent process ends; the launch files set this",
+    )
+    return parser
 
 
 def _run(node: PredictorNode, stopped: Callable[[], bool], notifier: ServiceNotifier) -> None:

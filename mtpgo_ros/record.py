@@ -1,5 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+# PYTHON_ARGCOMPLETE_OK
 """``record``: writes what the predictor publishes into an MCAP bag.
 
 Messages are stored as the bytes received, with the time of their receipt. They are written every
@@ -16,7 +17,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.runtime.executable import ArgumentParser, fail, leave, positive, stop_on_signals
+from mtpgo_ros.runtime.executable import (
+    ArgumentParser,
+    answered,
+    fail,
+    leave,
+    positive,
+    stop_on_signals,
+)
 
 NOTHING_CAME = 1
 """Exit status of a recording without a message."""
@@ -34,6 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     """
     stopped = stop_on_signals()
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if answered("record", arguments, _parser):
+        return 0
     import rclpy
 
     from mtpgo_ros.bags.recorder_node import predictor_types, record

@@ -1,5 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+# PYTHON_ARGCOMPLETE_OK
 """``replay``: plays a bag in real time or faster, with ``/clock`` and a progress bar.
 
 The recorded bytes are published as they are: nothing is decoded, and any installed message type
@@ -16,6 +17,7 @@ from pathlib import Path
 from mtpgo_core.errors import MtpgoError, RecordingError
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
+    answered,
     fail,
     leave,
     not_negative,
@@ -40,6 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     stopped = stop_on_signals()
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if answered("replay", arguments, _parser):
+        return 0
     import rclpy
 
     from mtpgo_ros.runtime.ros_start import own_arguments, start
@@ -138,9 +142,19 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
             )
             if player.wait(wait, stopped):
                 report = player.run(stopped, loop=options.loop, progress=not options.no_progress)
+                if not report.messages and not stopped():
+                    raise RecordingError(f"bag {options.bag} has no message to play{_of(options)}")
                 print(f"played {report.sentence()}", flush=True)
         finally:
             player.close()
+
+
+def _of(options: argparse.Namespace) -> str:
+    """Return which part of the bag was asked for, in words."""
+    words = [] if options.topics is None else [f"on {', '.join(options.topics)}"]
+    if options.start_offset or options.duration is not None:
+        words.append("in the time that was asked for")
+    return " " + " ".join(words) if words else ""
 
 
 if __name__ == "__main__":

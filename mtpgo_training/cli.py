@@ -1,5 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+# PYTHON_ARGCOMPLETE_OK
 """The command ``mtpgo``; the module of a subcommand is imported when it is called."""
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import os
 import sys
 from collections.abc import Sequence
 
+from mtpgo_core.completion import complete, words_so_far
 from mtpgo_core.errors import MtpgoError
+from mtpgo_core.versions import add_version
 
 COMMANDS = {
     "data": "describe recordings and their defects",
@@ -61,6 +64,7 @@ def build_parser(command: str | None = None) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="mtpgo", description="Multimodal trajectory prediction for traffic, offline."
     )
+    add_version(parser)
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, text in COMMANDS.items():
         if name == command:
@@ -79,10 +83,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Args:
         argv: arguments, by default those of the process.
     """
+    complete(lambda: build_parser(_command_in(words_so_far())))
     arguments = list(sys.argv[1:] if argv is None else argv)
     command = next((word for word in arguments if not word.startswith("-")), None)
     try:
-        args = build_parser(command if command in COMMANDS else None).parse_args(arguments)
+        args = build_parser(_command_in(arguments)).parse_args(arguments)
+        args.words = arguments
         status = int(args.run(args) or 0)
         sys.stdout.flush()  # here, so that a closed output is caught below
         return status
@@ -99,6 +105,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("mtpgo: interrupted", file=sys.stderr)
         return 130
+
+
+def _command_in(words: Sequence[str]) -> str | None:
+    """Return the subcommand among words, None if there is none yet."""
+    first = next((word for word in words if not word.startswith("-")), None)
+    return first if first in COMMANDS else None
 
 
 def missing_module(error: ModuleNotFoundError, command: str | None) -> str:

@@ -53,12 +53,13 @@ ALLOWED_MODULES = {"models": {"mtpgo_core.errors", "mtpgo_core.options"}}
 imports the standard library only."""
 
 OPTIONAL = {
-    "mtpgo_core": {"yaml"},
+    "mtpgo_core": {"argcomplete", "yaml"},
     "mtpgo_ros": {"bondpy", "tf2_ros"},
     "msg_adapters": {"ament_index_python"},
     "mtpgo_training": {"cloudpickle", "dask", "distributed", "google", "pyarrow"},
 }
-"""What a package may import inside a function only: it must do without. A class map is YAML; the
+"""What a package may import inside a function only: it must do without. A class map is YAML;
+argcomplete completes command lines; the
 google and pyarrow read the files of some data sets; Dask runs several processes."""
 
 WITHOUT_TORCH = (
@@ -124,6 +125,7 @@ ROOMS = {
         "adapt",
         "reports",
         "study",
+        "sweep",
         "simulate",
         "demo",
         "benchmark",

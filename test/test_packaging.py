@@ -126,6 +126,17 @@ def test_installed_code_finds_its_resources(prefix):
     assert out.split() == ["None", str(prefix / "share/mtpgo_ros/package.xml")]
 
 
+def test_installed_configurations_are_found_by_name_from_any_directory(prefix):
+    code = (
+        "from mtpgo_training.training.recipes.named_configs import find_config;"
+        "print(find_config('default'), find_config('mtp-go2-s-round'))"
+    )
+    out = run(str(prefix / "bin" / "python"), "-c", code, cwd=Path("/"))
+    folder = prefix / "share/mtpgo_ros/config/training"
+    expected = [str(folder / "default.yaml"), str(folder / "paper" / "mtp-go2-s-round.yaml")]
+    assert out.split() == expected
+
+
 def test_a_missing_resource_is_an_error_in_one_sentence():
     from mtpgo_core.errors import ConfigurationError
     from mtpgo_core.resources import find_resource

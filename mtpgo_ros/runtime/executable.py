@@ -10,11 +10,17 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Callable
-from typing import NoReturn
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
+
+from mtpgo_core.completion import complete
+from mtpgo_core.versions import add_version, version_text
 
 BAD_INPUT = 2
 """Exit status for bad input: a file, an argument or a parameter."""
+
+ROS_ARGUMENTS = "--ros-args"
+"""Begins the arguments of ROS on a command line."""
 
 _received: list[int] = []
 """Signals since :func:`stop_on_signals`."""
@@ -108,8 +114,35 @@ def _remember(received: int, _frame: object) -> None:
     _received.append(received)
 
 
+def answered(
+    program: str, arguments: Sequence[str], parser: Callable[[], argparse.ArgumentParser]
+) -> bool:
+    """Answer ``--version`` and a shell that asks for completions; neither needs ROS.
+
+    Args:
+        program: name of the executable.
+        arguments: of the process; those of ROS are not looked at.
+        parser: returns the parser of the program.
+
+    Returns:
+        Whether nothing else is to be done.
+    """
+    complete(parser)
+    own = list(arguments)
+    if ROS_ARGUMENTS in own:
+        own = own[: own.index(ROS_ARGUMENTS)]
+    if "--version" not in own:
+        return False
+    print(version_text(program), flush=True)
+    return True
+
+
 class ArgumentParser(argparse.ArgumentParser):
-    """Reports wrong arguments in one line instead of the whole usage."""
+    """Reports wrong arguments in one line instead of the whole usage; has ``--version``."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        add_version(self)
 
     def error(self, message: str) -> NoReturn:
         """Print ``message`` on stderr and exit with the status of bad input."""

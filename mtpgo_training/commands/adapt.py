@@ -12,13 +12,19 @@ import sys
 import time
 from pathlib import Path
 
-from mtpgo_core.task.model_file import CHECKPOINT_SUFFIX, find_checkpoint
+from mtpgo_core.completion import completed_by
+from mtpgo_core.task.model_file import CHECKPOINT_SUFFIX, find_checkpoint, shipped_models
 from mtpgo_training.atomic_files import require_writable
 from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
     cache_from,
     data_sources,
+)
+from mtpgo_training.commands.arguments.early_checks import (
+    require_different,
+    require_modules,
+    require_sources,
 )
 
 
@@ -31,9 +37,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "recordings is for validation; a model that is worse there than the one it began with is "
         "not written. docs/training.md explains it.",
     )
-    parser.add_argument(
-        "model",
-        help="shipped model, model file with its checkpoint beside it, checkpoint or run folder",
+    completed_by(
+        parser.add_argument(
+            "model",
+            help="shipped model, model file with its checkpoint beside it, checkpoint or run "
+            "folder",
+        ),
+        lambda: shipped_models(CHECKPOINT_SUFFIX),
     )
     add_data_arguments(parser, required=True)
     parser.add_argument("-o", "--output", type=Path, required=True, help="model file to write")
@@ -67,18 +77,24 @@ def run(args: argparse.Namespace) -> int:
     base_path = find_checkpoint(args.model)
     sources = data_sources(args.data_options)
     cache = cache_from(args)
-    for path in (args.output, args.checkpoint):
+    require_sources(sources)
+    require_modules("lightning_fabric", "tensorboard", "torch_geometric")
+    outputs = (("-o", args.output), ("--checkpoint", args.checkpoint))
+    require_different(outputs)
+    for _, path in outputs:
         if path is not None:
             require_writable(path)
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
     from mtpgo_training.adapt.adapt_options import AdaptOptions
     from mtpgo_training.adapt.adapt_report import report_text, require_better
     from mtpgo_training.adapt.adaptation import adapt
-    from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.export.exporter import describe, export_model, load_model
     from mtpgo_training.export.model_calibration import check_coverage, own_calibration
     from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
+    from mtpgo_training.training.run_folder import load_checkpoint
 
+    load_checkpoint(base_path)  # its errors, before the recordings are read
     given = {
         "minutes": args.minutes,
         "epochs": args.epochs,
@@ -93,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
 
     adaptation = adapt(
         base_path,
-        list(read_sources(sources, cache)),
+        read_all(sources, cache),
         options,
         name=args.name or args.output.stem,
         started_s=started_s,

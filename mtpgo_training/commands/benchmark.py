@@ -163,6 +163,11 @@ def run_conversion(args: argparse.Namespace) -> int:
     from mtpgo_training.benchmark.conversion_benchmark import print_conversion
 
     given = {"data": args.data, "layout": args.layout}
+    if args.data is not None:
+        from mtpgo_training.commands.arguments.early_checks import require_sources
+        from mtpgo_training.data.data_sources import DataSource
+
+        require_sources([DataSource(args.data, args.layout)])
     if args.data is None:
         given = {"minutes": args.minutes}
     command = command_line(args.kind, given)

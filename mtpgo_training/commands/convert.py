@@ -11,6 +11,7 @@ from pathlib import Path
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.data_arguments import add_data_arguments, data_sources
+from mtpgo_training.commands.arguments.early_checks import require_makeable, require_sources
 from mtpgo_training.data.bag_conversion import JOIN_GAP_S, convert, copy_bag, selected
 from mtpgo_training.data.data_sources import named_recordings
 from mtpgo_training.data.recording_bag import DEFAULT_KIND
@@ -72,7 +73,10 @@ def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo convert``."""
     if args.raw:
         return _copy(args)
-    named = named_recordings(data_sources(args.data_options))
+    sources = data_sources(args.data_options)
+    require_makeable(args.output)
+    require_sources(sources)
+    named = named_recordings(sources)
     recordings = selected(
         (recording for _, recording in named),
         start_s=args.start,
@@ -92,6 +96,7 @@ def run(args: argparse.Namespace) -> int:
 def _copy(args: argparse.Namespace) -> int:
     """Copy a bag as it is."""
     (source,) = data_sources(args.data_options)
+    require_makeable(args.output)
     given = {
         "--as": args.kind != DEFAULT_KIND,
         "--ego": args.ego is not None,

@@ -10,6 +10,7 @@ import signal
 import sys
 from pathlib import Path
 
+from mtpgo_core.completion import completed_by
 from mtpgo_core.errors import ConfigurationError, MtpgoError
 from mtpgo_training.commands.arguments.argument_types import (
     positive_integer,
@@ -23,8 +24,15 @@ from mtpgo_training.commands.arguments.data_arguments import (
     cache_from,
     data_sources,
 )
+from mtpgo_training.commands.arguments.early_checks import (
+    require_folder,
+    require_modules,
+    require_sources,
+)
+from mtpgo_training.commands.arguments.next_command import same_command
 from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS
 from mtpgo_training.table_format import to_text
+from mtpgo_training.training.recipes.named_configs import config_names
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -37,7 +45,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "docs/training.md explains the tables.",
     )
     add = parser.add_argument
-    add("config", nargs="?", help="YAML configuration of the training, or the name of one")
+    completed_by(
+        add("config", nargs="?", help="YAML configuration of the training, or the name of one"),
+        config_names,
+    )
     add_data_arguments(parser)
     add("--out", type=Path, metavar="DIR", help="folder of the results and of all folds")
     add(
@@ -115,9 +126,12 @@ def run(args: argparse.Namespace) -> int:
         return _compare(args)
     _check(args)
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
+    require_modules("lightning_fabric", "tensorboard", "torch_geometric")
+    sources, cache = tuple(data_sources(args.data_options)), cache_from(args)
+    require_sources(sources)
+    require_folder(args.out)
     from mtpgo_training.crossval.crossval_folder import CALIBRATION_HEADING, CrossvalFolder
     from mtpgo_training.crossval.fold import FoldJob
-    from mtpgo_training.crossval.fold_plan import Budget
     from mtpgo_training.crossval.fold_processes import FoldError, run_folds
     from mtpgo_training.crossval.site_folds import (
         chosen_folds,
@@ -125,26 +139,29 @@ def run(args: argparse.Namespace) -> int:
         find_sites,
         without_fold,
     )
-    from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.training.interruption import Interruption
     from mtpgo_training.training.networks import build_network
     from mtpgo_training.training.recipes.configured_origins import with_site_origins
     from mtpgo_training.training.recipes.named_configs import find_config
     from mtpgo_training.training.training_config import load_config
+    from mtpgo_training.training.trial.schedule_plan import Budget
 
     config = load_config(find_config(args.config), args.set)
     if args.seed is not None:
         config = dataclasses.replace(config, seed=args.seed)
     build_network(config.network, config.model, config.history, config.scene)
-    sources, cache = tuple(data_sources(args.data_options)), cache_from(args)
-    recordings = list(read_sources(sources, cache))
+    folder = CrossvalFolder(args.out)
+    folder.require_usable()
+    if args.init_from is not None and not args.init_from.is_dir():
+        raise ConfigurationError(f"--init-from is {args.init_from}, which is no folder")
+    recordings = read_all(sources, cache)
     config = with_site_origins(config, recordings)
     sites = find_sites(recordings, config.crossval.sites)
     folds = find_folds(sites, config.crossval.folds)
     chosen = chosen_folds(folds, args.folds)
     for fold in chosen:
         without_fold(config, recordings, fold)  # its errors, before anything is trained
-    folder = CrossvalFolder(args.out)
     initial = {} if args.init_from is None else CrossvalFolder(args.init_from).runs(chosen)
     budget = Budget(args.minutes_per_fold, args.epochs_per_fold, args.steps_per_fold)
     trackers = tuple(dict.fromkeys(args.tracker))
@@ -211,7 +228,7 @@ def run(args: argparse.Namespace) -> int:
             print(f"\n{CALIBRATION_HEADING}\n{to_text(calibrated)}\n")
         say(f"written to {folder.result} and {folder.markdown}")
     if interruption.received_signal is not None:
-        say("interrupted; to continue: the same command")
+        say(f"interrupted; to continue: {same_command(args)}")
         return 128 + signal.Signals(interruption.received_signal)
     if errors:
         raise FoldError(

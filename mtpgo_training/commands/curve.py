@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import require_writable
 
 
@@ -20,6 +21,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo curve``."""
+    for folder in args.runs:
+        if not folder.is_dir():
+            raise ConfigurationError(f"{folder} is no folder, expected one of 'mtpgo train'")
     # Imported here, because matplotlib takes a second and a parser does not need it.
     from mtpgo_training.reports.learning_curve import draw_learning_curves
 

@@ -20,12 +20,12 @@ from mtpgo_training.commands.arguments.data_arguments import (
     cache_from,
     data_sources,
 )
+from mtpgo_training.commands.arguments.early_checks import require_modules, require_sources
 from mtpgo_training.commands.arguments.pool_arguments import (
     add_pool_arguments,
     failures_text,
     pool_from,
 )
-from mtpgo_training.data.data_sources import source_jobs
 from mtpgo_training.data.summary.data_summary import DataSummary
 from mtpgo_training.data.summary.recording_defects import Defect
 from mtpgo_training.data.summary.recording_summary import RecordingSummary
@@ -67,8 +67,10 @@ def run(args: argparse.Namespace) -> int:
         if path is not None:
             require_writable(path)
     pool = pool_from(args)
+    if args.picture is not None:
+        require_modules("matplotlib")
     describing = Describing(cache_from(args), args.resume, args.picture is not None)
-    items = source_jobs(sources)
+    items = require_sources(sources)
     picture: Any = None
     summaries: list[RecordingSummary] = []
     failures: list[Failure] = []

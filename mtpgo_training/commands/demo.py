@@ -8,7 +8,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from mtpgo_core.completion import completed_by
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.task.model_file import shipped_models
 from mtpgo_training.commands.arguments.data_arguments import add_data_arguments, data_sources
+from mtpgo_training.commands.arguments.early_checks import require_folder
 
 DESCRIPTION = (
     "Play recordings at real time through the predictor, started as its own process, score its "
@@ -23,7 +27,10 @@ def add_parser(subparsers: Any) -> None:
     add = parser.add_argument
     add_data_arguments(parser, "[DIR]")
     add("--all", action="store_true", help="also play recordings that the model was trained on")
-    add("--model", default="default", help="name or file of the model (default)")
+    completed_by(
+        add("--model", default="default", help="name or file of the model (default)"),
+        shipped_models,
+    )
     add(
         "--parameter",
         "-p",
@@ -45,6 +52,10 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo demo``."""
+    require_folder(args.output)
+    for text in args.parameter:
+        if not all(text.partition(":=")):
+            raise ConfigurationError(f"--parameter is {text!r}, expected NAME:=VALUE")
     # Imported late: matplotlib and torch take seconds, which ``--help`` does not need.
     from mtpgo_training.demo.demo_pipeline import DemoOptions, run_demo, shipped_source
 

@@ -8,7 +8,9 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from mtpgo_core.completion import completed_by
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.live_calibration.live_options import (
     BEST,
@@ -18,7 +20,7 @@ from mtpgo_core.live_calibration.live_options import (
     SHIPPED,
 )
 from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
-from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.task.model_file import shipped_models
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.atomic_files import require_writable, write_text
 from mtpgo_training.commands.arguments.data_arguments import (
@@ -28,24 +30,24 @@ from mtpgo_training.commands.arguments.data_arguments import (
     cache_from,
     data_sources,
 )
+from mtpgo_training.commands.arguments.early_checks import (
+    require_bags,
+    require_models,
+    require_modules,
+    require_sources,
+)
 from mtpgo_training.commands.arguments.pool_arguments import (
     add_pool_arguments,
     failures_text,
     pool_from,
 )
-from mtpgo_training.data.data_sources import named_recordings, source_jobs
+from mtpgo_training.data.data_sources import named_recordings
 from mtpgo_training.data.readers.reading_options import AS_USUAL
-from mtpgo_training.evaluation.bags.bag_evaluation import (
-    BagResult,
-    evaluate_bags,
-    observed_recordings,
-)
-from mtpgo_training.evaluation.evaluator import Settings, load_models
-from mtpgo_training.evaluation.parallel_evaluation import evaluate_sources
-from mtpgo_training.evaluation.summary import summarise
-from mtpgo_training.reports.markdown import markdown_table, read_results
-from mtpgo_training.reports.terminal import print_result
 from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS, RECORDED, SIMULATED
+
+if TYPE_CHECKING:
+    from mtpgo_core.prediction.model_runner import ModelRunner
+    from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -57,12 +59,15 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "docs/evaluation.md explains the values.",
     )
     add = parser.add_argument
-    add(
-        "--model",
-        nargs="+",
-        default=[],
-        metavar="FILE",
-        help="model files or names of shipped models",
+    completed_by(
+        add(
+            "--model",
+            nargs="+",
+            default=[],
+            metavar="FILE",
+            help="model files or names of shipped models",
+        ),
+        shipped_models,
     )
     add_data_arguments(
         parser,
@@ -146,18 +151,32 @@ def run(args: argparse.Namespace) -> int:
     if args.results:
         if args.model or args.predictions or args.data_options:
             raise ConfigurationError("--results is given with --model, --data or --predictions")
+        from mtpgo_training.reports.markdown import markdown_table, read_results
+
         print(markdown_table([(path.stem, read_results(path)) for path in args.results]))
         return 0
     topic = _predictions_topic(args)
     _check(args)
     pool = pool_from(args)
+    jobs = []
+    if _with_data(args) or not args.predictions:
+        jobs = require_sources(data_sources(args.data_options))
+    require_bags(args.predictions)
+    require_models(args.model)
     if args.report is not None:
+        require_modules("matplotlib", "jinja2")
         # Only here: pictures need matplotlib and jinja2, and the folder must be writable.
         from mtpgo_training.reports.page import prepare_folder, write_report
 
         prepare_folder(args.report)
     if args.json is not None:
         require_writable(args.json)
+    # Imported here: torch takes seconds to load, and the parser does not need it.
+    from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
+    from mtpgo_training.evaluation.evaluator import Settings, load_models
+    from mtpgo_training.evaluation.parallel_evaluation import evaluate_sources
+    from mtpgo_training.evaluation.summary import summarise
+
     runners = load_models(args.model)
     settings = Settings(
         args.policy,
@@ -173,7 +192,6 @@ def run(args: argparse.Namespace) -> int:
     if args.predictions:
         result = _from_bags(args, runners, topic)
     else:
-        jobs = source_jobs(data_sources(args.data_options))
         evaluation, failures = evaluate_sources(
             runners,
             jobs,
@@ -205,12 +223,16 @@ def run(args: argparse.Namespace) -> int:
     if args.json is not None:
         write_text(args.json, json.dumps(content, indent=2, allow_nan=False) + "\n")
     if args.markdown:
+        from mtpgo_training.reports.markdown import markdown_table
+
         print(markdown_table([("", content)]))
     else:
         if settings.tracker_seed is not None:
             print(f"observed by a simulated tracker, seed {settings.tracker_seed}\n")
         if settings.live.watches or settings.calibration != SHIPPED:
             print(f"calibration {settings.calibration}, prefer {settings.prefer}\n")
+        from mtpgo_training.reports.terminal import print_result
+
         print_result(content, result)
     if args.report is not None:
         page = write_report(args.report, content, result.evaluation.scenes)
@@ -219,6 +241,11 @@ def run(args: argparse.Namespace) -> int:
         print(f"mtpgo: {failures_text(result.failures, len(jobs))}", file=sys.stderr)
         return 1
     return 0
+
+
+def _with_data(args: argparse.Namespace) -> bool:
+    """Return whether a directory of recordings is given."""
+    return any(name == "data" for name, _ in args.data_options)
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -291,7 +318,9 @@ def _predictions_topic(args: argparse.Namespace) -> str | None:
 def _from_bags(
     args: argparse.Namespace, runners: dict[str, ModelRunner], topic: str | None
 ) -> BagResult:
-    with_data = any(name == "data" for name, _ in args.data_options)
+    from mtpgo_training.evaluation.bags.bag_evaluation import evaluate_bags, observed_recordings
+
+    with_data = _with_data(args)
     reading = AS_USUAL if with_data else bag_options(args.data_options)
     if with_data:
         recordings = dict(named_recordings(data_sources(args.data_options), cache_from(args)))

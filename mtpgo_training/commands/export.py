@@ -8,12 +8,9 @@ import argparse
 import sys
 from pathlib import Path
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import require_writable
-from mtpgo_training.calibration.calibration_samples import load_samples
-from mtpgo_training.export.exporter import export_runs
-from mtpgo_training.export.model_info import model_text
-from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
-from mtpgo_training.table_format import to_text
+from mtpgo_training.commands.arguments.early_checks import require_different
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -67,7 +64,19 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo export``."""
-    for path in (args.output, args.shipped_checkpoint):
+    # Imported here: torch takes seconds to load, and the parser does not need it.
+    from mtpgo_training.calibration.calibration_samples import load_samples
+    from mtpgo_training.export.exporter import export_runs
+    from mtpgo_training.export.model_info import model_text
+    from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
+    from mtpgo_training.table_format import to_text
+
+    for path in (*args.checkpoint, *(args.calibration or ())):
+        if not path.exists():
+            raise ConfigurationError(f"{path} does not exist, expected the result of a training")
+    outputs = (("-o", args.output), ("--checkpoint", args.shipped_checkpoint))
+    require_different(outputs)
+    for _, path in outputs:
         if path is not None:
             require_writable(path)
     exported = export_runs(

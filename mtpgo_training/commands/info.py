@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import argparse
 
+from mtpgo_core.completion import completed_by
 from mtpgo_core.errors import ModelFileError
-from mtpgo_core.task.model_file import find_model, model_card, read_model
+from mtpgo_core.task.model_file import find_model, model_card, read_model, shipped_models
 from mtpgo_core.task.task_description import TASK_FILE
 from mtpgo_training.export.model_info import model_text
 
@@ -15,7 +16,10 @@ from mtpgo_training.export.model_info import model_text
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add ``mtpgo info`` to the command line."""
     parser = subparsers.add_parser("info", help="print the description of a model file")
-    parser.add_argument("model", help="model file, or name of a shipped model")
+    completed_by(
+        parser.add_argument("model", help="model file, or name of a shipped model"),
+        shipped_models,
+    )
     parser.set_defaults(run=run)
 
 

@@ -7,11 +7,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from mtpgo_core.errors import RecordingError
 from mtpgo_training.commands.arguments.argument_types import (
     positive_integer,
     positive_number,
     share,
 )
+from mtpgo_training.commands.arguments.early_checks import require_folder
 from mtpgo_training.simulate.highway import TRAFFIC_STATES
 from mtpgo_training.simulate.sites import SITES, site_config, write_recordings
 
@@ -79,6 +81,8 @@ def run(args: argparse.Namespace) -> int:
         "sumocfg": args.sumocfg,
     }
     config = site_config(args.site, options)
+    require_folder(args.output)
+    road_users = 0
     for written in write_recordings(args.site, config, args.count, args.output):
         recording = written.recording
         print(
@@ -86,5 +90,11 @@ def run(args: argparse.Namespace) -> int:
             f"{len(recording.track_id)} road users, seed {written.seed} "
             f"({recording.duration_s / written.took_s:.1f} times real time)",
             flush=True,
+        )
+        road_users += len(recording.track_id)
+    if not road_users:
+        raise RecordingError(
+            f"no recording in {args.output} has a road user, expected more --seconds or a larger "
+            "--vehicles-per-hour"
         )
     return 0

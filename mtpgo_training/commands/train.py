@@ -9,26 +9,39 @@ import dataclasses
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
+from mtpgo_core.completion import completed_by
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.model_file import find_checkpoint
+from mtpgo_training.commands.arguments.argument_types import positive_number
 from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
     cache_from,
     data_sources,
 )
-from mtpgo_training.training.recipes.named_configs import find_config, named_configs
+from mtpgo_training.commands.arguments.early_checks import (
+    require_folder,
+    require_modules,
+    require_sources,
+)
+from mtpgo_training.commands.arguments.next_command import same_command
+from mtpgo_training.commands.arguments.sweep_arguments import add_sweep_arguments, is_sweep
+from mtpgo_training.training.recipes.named_configs import config_names, find_config, named_configs
 from mtpgo_training.training.training_config import PRECISIONS, TrainingConfig, load_config
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add ``mtpgo train`` to the command line."""
     parser = subparsers.add_parser("train", help="train a model on recordings")
-    parser.add_argument(
-        "config", help="YAML configuration of the training, or the name of one (--list)"
+    completed_by(
+        parser.add_argument(
+            "config", help="YAML configuration of the training, or the name of one (--list)"
+        ),
+        config_names,
     )
     parser.add_argument(
         "--list", action=ListConfigs, nargs=0, help="list the configurations by name, and exit"
@@ -66,12 +79,21 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--precision", help=f"overrides trainer.precision: {', '.join(PRECISIONS)}"
     )
-    parser.add_argument(
+    limits = parser.add_mutually_exclusive_group()
+    limits.add_argument(
         "--minutes",
-        "--max-minutes",
-        type=float,
-        help="time limit (min); completes the step",
+        type=positive_number,
+        metavar="MIN",
+        help="time of everything (min), reading and validation included: the schedule of a new "
+        "run is shortened to fit, and the run ends with a validated checkpoint",
     )
+    limits.add_argument(
+        "--max-minutes",
+        type=positive_number,
+        metavar="MIN",
+        help="the same without a change of the schedule, whose rest --resume trains",
+    )
+    add_sweep_arguments(parser)
     add_cache_arguments(parser)
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     parser.set_defaults(run=run)
@@ -93,6 +115,7 @@ class ListConfigs(argparse.Action):
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo train``."""
+    started_s = time.monotonic()
     # Set before torch is loaded: DDP would warn that parameters are unused, which is intended.
     os.environ.setdefault("TORCH_CPP_LOG_LEVEL", "ERROR")
     config = overridden(load_config(find_config(args.config), args.set), args)
@@ -103,20 +126,30 @@ def run(args: argparse.Namespace) -> int:
     init_from = None if args.init_from is None else find_checkpoint(args.init_from)
     sources = data_sources(args.data_options)
     cache = cache_from(args)
+    require_sources(sources)
+    require_modules("lightning_fabric", "tensorboard", "torch_geometric")
+    if is_sweep(args):
+        from mtpgo_training.commands.sweep.sweep_command import run_sweep
+
+        return run_sweep(args, config, init_from, sources, cache)
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
-    from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.training.console import summary
     from mtpgo_training.training.run_folder import RunFolder
-    from mtpgo_training.training.trainer import train
+    from mtpgo_training.training.trainer import require_startable, train
 
+    require_folder(args.out)
+    require_startable(config, RunFolder(args.out), resume=args.resume, init_from=init_from)
     result = train(
         config,
-        list(read_sources(sources, cache)),
+        read_all(sources, cache),
         RunFolder(args.out),
         resume=args.resume,
         init_from=init_from,
         find_rate=args.find_lr,
-        max_minutes=args.minutes,
+        max_minutes=args.minutes if args.minutes is not None else args.max_minutes,
+        shorten=args.minutes is not None,
+        started_s=started_s,
         cache=cache,
         verbose=not args.quiet,
         progress=not args.quiet and sys.stderr.isatty(),
@@ -124,7 +157,8 @@ def run(args: argparse.Namespace) -> int:
     if not result.is_global_zero:
         return 0
     if not args.quiet:
-        print(summary(result, args.out))
+        again = same_command(args, "--resume", without=["--init-from"])
+        print(summary(result, args.out, again))
     received = result.received_signal
     return 0 if received is None else 128 + signal.Signals(received)
 

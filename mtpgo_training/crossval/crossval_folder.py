@@ -26,7 +26,6 @@ from mtpgo_training.calibration.calibration_samples import (
     merge_samples,
 )
 from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
-from mtpgo_training.crossval.fold_plan import Budget
 from mtpgo_training.crossval.planned_training import (
     PlannedFiles,
     require_new_folder,
@@ -38,6 +37,7 @@ from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.table_format import Table, to_markdown
 from mtpgo_training.training.run_folder import first_difference, versions
 from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
+from mtpgo_training.training.trial.schedule_plan import Budget
 
 Json = dict[str, Any]
 
@@ -106,6 +106,15 @@ class CrossvalFolder:
                 )
             found[fold.name] = files.run
         return found
+
+    def require_usable(self) -> None:
+        """Check that the folder is new or holds a cross-validation.
+
+        Raises:
+            ConfigurationError: there is something else in it.
+        """
+        if not self._facts.is_file():
+            require_new_folder(self.path, "cross-validation")
 
     def start(
         self,

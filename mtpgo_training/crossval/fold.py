@@ -16,7 +16,6 @@ from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.crossval.crossval_folder import FoldFolder
-from mtpgo_training.crossval.fold_plan import Budget
 from mtpgo_training.crossval.fold_samples import SampledEvaluation
 from mtpgo_training.crossval.planned_training import train_planned, write_training
 from mtpgo_training.crossval.site_folds import Fold, FoldSite, without_fold
@@ -33,6 +32,7 @@ from mtpgo_training.training.run_folder import load_checkpoint
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.training_config import CrossvalConfig, TrainingConfig
+from mtpgo_training.training.trial.schedule_plan import Budget
 
 Json = dict[str, Any]
 

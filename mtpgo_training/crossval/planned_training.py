@@ -12,13 +12,14 @@ from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.crossval.fold_plan import Budget, FoldPlan, plan_fold
+from mtpgo_training.crossval.fold_plan import plan_fold
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.training.run_folder import RunFolder
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import TrainingConfig
+from mtpgo_training.training.trial.schedule_plan import Budget, SchedulePlan
 
 Json = dict[str, Any]
 
@@ -60,7 +61,7 @@ def train_planned(
     *,
     find_rate: bool = False,
     init_from: Path | None = None,
-) -> tuple[TrainingRun, FoldPlan] | None:
+) -> tuple[TrainingRun, SchedulePlan] | None:
     """Train, or continue the training where it was interrupted.
 
     Args:
@@ -76,7 +77,7 @@ def train_planned(
         The training and its schedule; None if a signal has ended it before.
     """
     if files.plan.is_file():
-        plan = FoldPlan.load(files.plan)
+        plan = SchedulePlan.load(files.plan)
     else:
         plan = plan_fold(config, recordings, budget, cache)
         plan.save(files.plan)
@@ -97,7 +98,7 @@ def train_planned(
 
 
 def write_training(
-    files: PlannedFiles, run: TrainingRun, plan: FoldPlan, more: Mapping[str, Any]
+    files: PlannedFiles, run: TrainingRun, plan: SchedulePlan, more: Mapping[str, Any]
 ) -> None:
     """Write how a training was done.
 

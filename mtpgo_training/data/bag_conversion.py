@@ -142,6 +142,8 @@ def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
         ):
             target.write_bytes(name, time_ns, data)
             first_ns, last_ns = time_ns if first_ns is None else first_ns, time_ns
+        if not target.messages:
+            raise RecordingError(f"nothing was written to {output}: {bag} has no message")
         duration_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
     return CopiedBag(output, len(copied), target.messages, duration_s, skipped)
 

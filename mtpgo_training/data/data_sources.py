@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_training.data.readers import reading_jobs
 from mtpgo_training.data.readers.reading_job import ReadingJob
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
@@ -59,6 +59,21 @@ def read_sources(
             item = NamedRecording(one.source, recording)
             _take(taken, item.name)
             yield item
+
+
+def read_all(
+    sources: Sequence[DataSource], cache: RecordingCache | None = None
+) -> list[NamedRecording]:
+    """Return what :func:`read_sources` yields.
+
+    Raises:
+        RecordingError: see there, or no recording has a road user.
+    """
+    recordings = list(read_sources(sources, cache))
+    if not any(len(item.recording) for item in recordings):
+        where = ", ".join(str(source.directory) for source in sources)
+        raise RecordingError(f"no recording of {where} has a road user")
+    return recordings
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from mtpgo_training.reports.honesty.honesty_figures import (
     spread_figure,
     weights_figure,
 )
-from mtpgo_training.reports.series import PROTOCOL, colour, series_names
+from mtpgo_training.reports.series import PROTOCOL, colour, draw_line, series_names
 
 Json = dict[str, Any]
 
@@ -56,7 +56,7 @@ def _horizon(content: Json) -> Figure | None:
     for name in series_names(content):
         rows = content["by_horizon"][name][PROTOCOL]
         time, error = numbers(rows["time_s"]), numbers(rows["displacement"])
-        axes.plot(time, error, **line_style(content, name))
+        draw_line(axes, time, error, **line_style(content, name))
         low, high = numbers(rows["displacement_low"]), numbers(rows["displacement_high"])
         if np.isfinite(low).any() and name not in content["baselines"]:
             axes.fill_between(time, low, high, color=colour(content, name), alpha=0.13, lw=0)
@@ -101,12 +101,12 @@ def _nees(content: Json) -> Figure | None:
     for name in names:
         rows = content["by_horizon"][name][PROTOCOL]
         time, own = numbers(rows["time_s"]), numbers(rows["nees"])
-        axes.plot(time, own, **line_style(content, name))
+        draw_line(axes, time, own, **line_style(content, name))
         top = max(top, float(np.nanmax(own)))
         if name not in content["baselines"]:
             style = line_style(content, name) | {"ls": ":", "label": f"{name}, whole mixture"}
             mixture = numbers(rows["nees_mixture"])
-            axes.plot(time, mixture, **style)
+            draw_line(axes, time, mixture, **style)
             top = max(top, float(np.nanmax(mixture)))
     axes.set(xlim=(0, None), ylim=(0, min(1.1 * top, 20.0)))
     axes.set(xlabel="time ahead (s)", ylabel="NEES")

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import replacing
-from mtpgo_training.reports.series import MODEL_COLOURS
+from mtpgo_training.reports.series import MODEL_COLOURS, draw_line
 
 LINES = (("all_ade", "ADE", "-"), ("all_min_ade", "minADE", "--"))
 """Column of the log, name and line style of each curve of a run."""
@@ -68,7 +69,9 @@ def draw_learning_curves(folders: Sequence[Path], path: Path) -> None:
         colour = MODEL_COLOURS[i % len(MODEL_COLOURS)]
         for column, label, style in LINES:
             values = [float(row[column]) for row in rows]
-            axes.plot(minutes, values, style, color=colour, label=f"{name}: {label}")
+            draw_line(axes, minutes, values, style, color=colour, label=f"{name}: {label}")
+        ades = [float(row["all_ade"]) for row in rows]
+        highest = max(highest, min(filter(math.isfinite, ades), default=0.0))
         _mark_likelihood(axes, rows, minutes, colour)
     first = logs[0][1][0]
     for column, label, style in BASELINE_LINES:

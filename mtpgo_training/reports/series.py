@@ -6,6 +6,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 Json = dict[str, Any]
 
 MODEL_COLOURS = ("#2a6fbb", "#e07b16", "#1f8a5f", "#8a4fb0", "#b8326b", "#4b5a66")
@@ -13,6 +16,24 @@ BASELINE_COLOURS = {"cv": "#c0392b", "ca": "#a9adb1", "ctrv": "#7d8790"}
 
 PROTOCOL = "all"
 """The protocol of the figures and of the results by group."""
+
+
+def draw_line(axes: Any, x: ArrayLike, y: ArrayLike, *form: str, **style: Any) -> None:
+    """Draw a line, whose single points have a marker: a line through one point is not seen.
+
+    Args:
+        axes: of matplotlib.
+        x: [n] values, NaN for none.
+        y: [n] values, NaN for none.
+        form: format of matplotlib.
+        style: of the line.
+    """
+    known = np.isfinite(np.asarray(x, dtype=float)) & np.isfinite(np.asarray(y, dtype=float))
+    beside = np.r_[False, known[:-1]] | np.r_[known[1:], False]
+    alone = np.flatnonzero(known & ~beside).tolist()
+    if alone and "marker" not in style:
+        style |= {"marker": "o", "markevery": alone}
+    axes.plot(x, y, *form, **style)
 
 
 def series_names(content: Json, baselines: bool = True) -> list[str]:

@@ -120,7 +120,7 @@ def program(name: str) -> Path:
     if found is None:
         raise SimulationError(
             f"Eclipse SUMO's program {name!r} was not found: install the extra 'simulation' "
-            "(pip install mtpgo-ros[simulation], or pip install eclipse-sumo)"
+            "(pip install 'mtpgo_ros[simulation]', or pip install eclipse-sumo)"
         )
     return Path(found)
 

@@ -18,7 +18,6 @@ from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.crossval.fold_plan import Budget
 from mtpgo_training.crossval.planned_training import require_new_folder, require_same_facts
 from mtpgo_training.data.splits import USES
 from mtpgo_training.study.study_data import StudyData
@@ -30,6 +29,7 @@ from mtpgo_training.training.training_config import (
     dump_config,
     load_config,
 )
+from mtpgo_training.training.trial.schedule_plan import Budget
 
 Json = dict[str, Any]
 
@@ -51,6 +51,15 @@ class StudyFolder:
 
     def _config(self, row: str) -> Path:
         return self.path / "configs" / f"{row}.yaml"
+
+    def require_usable(self) -> None:
+        """Check that the folder is new or holds a study.
+
+        Raises:
+            ConfigurationError: there is something else in it.
+        """
+        if not self._facts.is_file():
+            require_new_folder(self.path, "study")
 
     def start(
         self,

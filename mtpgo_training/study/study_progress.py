@@ -73,10 +73,16 @@ class StudyProgress(AbstractContextManager["StudyProgress"]):
             f"about {self.minutes_left:.0f} min left"
         )
 
-    def failed(self, name: str, error: str) -> None:
-        """Say that a run failed; it is a gap of the table."""
+    def failed(self, name: str, error: str, *, count: bool = True) -> None:
+        """Say that a run failed; it is a gap of the table.
+
+        Args:
+            name: of the run.
+            error: why.
+            count: it is one of the runs, not a row that has none.
+        """
         self.last_error = error
-        if "-seed" in name:
+        if count:
             self._count()
         tqdm.write(f"mtpgo: {name}: {error}", file=sys.stderr)
 

@@ -16,7 +16,6 @@ from typing import Any
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.crossval.fold_plan import Budget
 from mtpgo_training.crossval.planned_training import (
     PlannedFiles,
     train_planned,
@@ -35,6 +34,7 @@ from mtpgo_training.study.study_rows import Study, StudyError, StudyRow
 from mtpgo_training.training.networks import parameter_count
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.training_config import TrainingConfig
+from mtpgo_training.training.trial.schedule_plan import Budget
 
 Json = dict[str, Any]
 

@@ -12,7 +12,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import from_dict
 from mtpgo_training.training.networks import MTP_GO
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder
-from mtpgo_training.training.run_state import RunState, TrainingRun
+from mtpgo_training.training.run_state import Row, RunState, TrainingRun
 from mtpgo_training.training.training_config import TrainingConfig
 
 
@@ -36,17 +36,7 @@ def save_checkpoint(
         best: whether the last validation is the best so far.
     """
     state = run.state
-    exported = {
-        "config": dataclasses.asdict(run.config),
-        "network": run.config.network,
-        "model_config": run.model.config.to_dict(),
-        "average": run.average.state_dict(),
-        "epoch": state.epoch,
-        "step": state.step,
-        "calibration": state.calibration,
-        "metrics": state.metrics,
-        "splits": splits,
-    }
+    exported = _exported(run, splits)
     resumed = {
         "model": run.model.state_dict(),
         "optimiser": optimiser,
@@ -58,6 +48,43 @@ def save_checkpoint(
     folder.save(exported, resumed, best=best)
     if state.rows:
         folder.write_log(state.rows)
+
+
+def save_unfinished(
+    run: TrainingRun, folder: RunFolder, splits: list[dict[str, str]], row: Row, *, best: bool
+) -> None:
+    """Write the log with an epoch that is not completed, and ``best.pt`` if it is the best.
+
+    ``last.pt`` stays as it is: a resumed run completes the epoch as if it had not been validated.
+
+    Args:
+        run: the run.
+        folder: its folder.
+        splits: names and hashes of the recordings.
+        row: of the log.
+        best: whether the last validation is the best so far.
+    """
+    if best:
+        if run.samples is not None:
+            run.samples.save(folder.samples)
+        folder.save_best(_exported(run, splits))
+    folder.write_log([*run.state.rows, row])
+
+
+def _exported(run: TrainingRun, splits: list[dict[str, str]]) -> Checkpoint:
+    """Return everything that an export needs."""
+    state = run.state
+    return {
+        "config": dataclasses.asdict(run.config),
+        "network": run.config.network,
+        "model_config": run.model.config.to_dict(),
+        "average": run.average.state_dict(),
+        "epoch": state.epoch,
+        "step": state.step,
+        "calibration": state.calibration,
+        "metrics": state.metrics,
+        "splits": splits,
+    }
 
 
 def resume_from(run: TrainingRun, checkpoint: Checkpoint, path: Path) -> None:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -76,8 +77,14 @@ def epoch_line(row: Row) -> str:
     return _line(cells) + (skipped if row["skipped"] else "")
 
 
-def summary(run: TrainingRun, folder: Path) -> str:
-    """Return the scores of the best epoch, and the next command."""
+def summary(run: TrainingRun, folder: Path, again: str) -> str:
+    """Return the scores of the best epoch, and the next commands, quoted for a shell.
+
+    Args:
+        run: at its end.
+        folder: its folder.
+        again: the command that continues it.
+    """
     state, options = run.state, run.config.optimisation
     lines = []
     calibrated = ", calibrated" if options.calibrated else ""
@@ -92,9 +99,10 @@ def summary(run: TrainingRun, folder: Path) -> str:
         f"{state.epoch} of {options.epochs} epochs done in {minutes:.1f} min, see {folder}"
     )
     if run.stopping and state.epoch < options.epochs:
-        lines.append("to continue: the same command with --resume")
+        lines.append(f"to continue: {again}")
     if state.metrics:
-        lines.append(f"next: mtpgo export {folder} -o {run.config.name}.pt")
+        export = ["mtpgo", "export", str(folder), "-o", f"{run.config.name}.pt"]
+        lines.append(f"next: {shlex.join(export)}")
     return "\n".join(lines)
 
 

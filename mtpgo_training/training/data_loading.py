@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import multiprocessing
 import signal
 from collections.abc import Sequence
@@ -17,7 +18,11 @@ from torch_geometric.loader import DataLoader
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, Splits
-from mtpgo_training.scenes.prepared_recording import PreparedRecording, prepare_all
+from mtpgo_training.scenes.prepared_recording import (
+    PreparedRecording,
+    prepare_all,
+    source_weight,
+)
 from mtpgo_training.scenes.scene_dataset import SceneDataset, validation_scenes
 from mtpgo_training.training.losses.gradient_accumulation import process_share
 from mtpgo_training.training.run_state import RunState
@@ -87,6 +92,29 @@ def prepare_scenes(
     if not validation:
         raise ConfigurationError("no agent is present in any recording of data.validation")
     return Scenes(dataset, validation)
+
+
+def reweighted(scenes: Scenes, splits: Splits, config: TrainingConfig) -> Scenes:
+    """Return the scenes as they are with other values of ``data.source_weight``.
+
+    Args:
+        scenes: prepared with the configuration as it was before.
+        splits: the recordings by use.
+        config: the configuration.
+    """
+    old = scenes.training
+    sources = [
+        dataclasses.replace(source, weight=source_weight(item, config.data))
+        for source, item in zip(old.sources, splits.train, strict=True)
+    ]
+    dataset = SceneDataset(
+        sources, old.history, old.scene, config.data, old.horizon_steps, old.seed
+    )
+    if not len(dataset):
+        raise ConfigurationError(
+            "the time is too short for a single scene in an epoch, expected more with --minutes"
+        )
+    return dataclasses.replace(scenes, training=dataset)
 
 
 def epoch_loader(

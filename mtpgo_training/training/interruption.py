@@ -1,12 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Requests to end a run early: a time limit, Ctrl-C, a request to terminate."""
+"""Requests to end a run early: Ctrl-C, a request to terminate."""
 
 from __future__ import annotations
 
 import signal
 import threading
-import time
 from contextlib import AbstractContextManager
 from types import FrameType
 from typing import Any
@@ -24,19 +23,11 @@ class Interruption(AbstractContextManager["Interruption"]):
         received_signal: the first signal, if there was one.
     """
 
-    def __init__(self, max_minutes: float | None = None) -> None:
-        """Set the time limit.
-
-        Args:
-            max_minutes: time from entering the ``with`` block to the request to stop (min).
-        """
+    def __init__(self) -> None:
         self.received_signal: int | None = None
-        self._limit_s = None if max_minutes is None else 60.0 * max_minutes
-        self._start_s = 0.0
         self._handlers: dict[int, Any] = {}
 
     def __enter__(self) -> Interruption:
-        self._start_s = time.monotonic()
         if threading.current_thread() is threading.main_thread():  # others cannot set handlers
             self._handlers = {number: signal.signal(number, self._receive) for number in SIGNALS}
         return self
@@ -52,5 +43,4 @@ class Interruption(AbstractContextManager["Interruption"]):
 
     def requested(self) -> bool:
         """Return whether the run should end."""
-        late = self._limit_s is not None and time.monotonic() - self._start_s > self._limit_s
-        return late or self.received_signal is not None
+        return self.received_signal is not None

@@ -3,6 +3,7 @@
 """The folder of a training run: its configuration, log and checkpoints.
 
 ``config.yaml`` and ``run.json`` (data hashes, splits, versions, seed) are written at the start;
+``plan.json`` is the schedule that was made for ``--minutes``;
 ``log.csv`` gets a line per epoch, ``tensorboard/`` the same and the loss by step; an interrupted
 run is resumed from ``last.pt``; ``best.pt`` is the best epoch by validation, and
 ``validation.npz`` has the samples of its validation, to which a calibration is fitted. Checkpoints
@@ -18,6 +19,7 @@ import json
 import pickletools
 import platform
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -66,11 +68,24 @@ class RunFolder:
                 f"the run folder {self.path} exists already, expected a new one or --resume"
             )
 
+    def require_run(self) -> None:
+        """Check that the folder holds a run.
+
+        Raises:
+            ConfigurationError: it does not.
+        """
+        missing = [n for n in ("config.yaml", "run.json") if not (self.path / n).is_file()]
+        if missing:
+            raise ConfigurationError(
+                f"the run folder {self.path} holds no run to resume: it has no {missing[0]}"
+            )
+
     def start(
         self,
         config: TrainingConfig,
         splits: list[dict[str, str]],
         initial_weights: str = "",
+        more: Mapping[str, str] | None = None,
     ) -> None:
         """Create the folder and write the configuration and the origin of the run.
 
@@ -78,6 +93,7 @@ class RunFolder:
             config: the configuration.
             splits: the recordings of each split, with their hashes.
             initial_weights: SHA-256 of the weights it starts from, if they are not random.
+            more: texts of further files by name.
 
         Raises:
             ConfigurationError: the folder exists and is not empty, or cannot be written.
@@ -90,10 +106,12 @@ class RunFolder:
             "initial_weights_sha256": initial_weights or None,
             "versions": versions(),
         }
-        # Both at once: a run that is killed in between could be neither started nor resumed.
+        # All at once: a run that is killed in between could be neither started nor resumed.
         with new_folder(self.path) as folder:
             write_text(folder / "config.yaml", dump_config(config))
             write_text(folder / "run.json", json.dumps(facts, indent=2) + "\n")
+            for name, text in (more or {}).items():
+                write_text(folder / name, text)
 
     def check_same(self, config: TrainingConfig, splits: list[dict[str, str]]) -> None:
         """Check that a resumed run has the configuration and data with which it was started.
@@ -144,8 +162,12 @@ class RunFolder:
             best: whether it is the best so far.
         """
         if best:
-            self._write(self.best, checkpoint)
+            self.save_best(checkpoint)
         self._write(self.last, {**checkpoint, **(resumption or {})})
+
+    def save_best(self, checkpoint: Checkpoint) -> None:
+        """Write ``best.pt`` alone."""
+        self._write(self.best, checkpoint)
 
     def _write(self, path: Path, checkpoint: Checkpoint) -> None:
         with replacing(path) as temporary:

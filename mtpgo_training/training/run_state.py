@@ -90,6 +90,7 @@ class TrainingRun:
         is_global_zero: whether this is the first process, which prints and writes.
         stopping: whether all processes have agreed to end after the last completed step.
         received_signal: the signal that asked for it, if there was one.
+        out_of_time: whether the time limit asked for it.
         samples: of the validation of the best epoch, for a calibration; None after a resumption.
     """
 
@@ -101,6 +102,7 @@ class TrainingRun:
         self.is_global_zero = True
         self.stopping = False
         self.received_signal: int | None = None
+        self.out_of_time = False
         self.samples: CalibrationSamples | None = None
 
     @property

@@ -8,8 +8,10 @@ and takes seconds to load.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import logging
+import os
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -26,13 +28,17 @@ from torch_geometric.loader import DataLoader
 from tqdm import tqdm
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import write_text
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.scenes.scene_dataset import dense
-from mtpgo_training.training.checkpointing import resume_from, save_checkpoint, start_from
+from mtpgo_training.training.checkpointing import (
+    resume_from,
+    save_checkpoint,
+    save_unfinished,
+    start_from,
+)
 from mtpgo_training.training.console import epoch_line, setting_text, title_line
-from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes
+from mtpgo_training.training.data_loading import Scenes, epoch_loader, prepare_scenes, reweighted
 from mtpgo_training.training.interruption import Interruption
 from mtpgo_training.training.losses.ewta_loss import observed_agents
 from mtpgo_training.training.losses.schedules import learning_rate
@@ -40,17 +46,23 @@ from mtpgo_training.training.networks import build_network, weights_hash
 from mtpgo_training.training.recipes.configured_origins import with_site_origins
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
 from mtpgo_training.training.run_loss import BatchLoss
-from mtpgo_training.training.run_state import TrainingRun
+from mtpgo_training.training.run_state import Row, TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.training_config import TrainingConfig, load_config
+from mtpgo_training.training.trial.epoch_cost import measure_validation
 from mtpgo_training.training.trial.learning_rate_range import (
     RangeTest,
     learning_rate_range_test,
 )
+from mtpgo_training.training.trial.schedule_plan import SchedulePlan
+from mtpgo_training.training.trial.time_limit import TimeLimit, plan_for_time, plan_text
 from mtpgo_training.training.validation import validate_epoch
 
 RANGE_TEST_FILE = "learning_rate_test.csv"
 """Points of the range test, in the run folder."""
+
+PLAN_FILE = "plan.json"
+"""Schedule that was made for a time limit, in the run folder."""
 
 STATISTICS_SCENES = 512
 """Scenes from which the scales of the network's inputs are taken (chosen)."""
@@ -72,6 +84,8 @@ def train(
     init_from: Path | None = None,
     find_rate: bool = False,
     max_minutes: float | None = None,
+    shorten: bool = False,
+    started_s: float | None = None,
     cache: RecordingCache | None = None,
     scenes: Scenes | None = None,
     verbose: bool = False,
@@ -87,7 +101,11 @@ def train(
         init_from: checkpoint of the same architecture whose weights to start from.
         find_rate: take the learning rate from a range test before the first epoch, see
             :mod:`mtpgo_training.training.trial.learning_rate_range`; a resumed run has its own.
-        max_minutes: time limit of the training (min); the current step is completed.
+        max_minutes: time limit (min). The current step is completed, and the weights are
+            validated within the limit unless they were already.
+        shorten: make the schedule of a new run fit into ``max_minutes``; a resumed run keeps the
+            schedule that it has.
+        started_s: ``time.monotonic()`` from which ``max_minutes`` counts, by default now.
         cache: keeps what is expensive to compute from the recordings.
         scenes: the scenes of these recordings with this configuration, if they were prepared.
         verbose: print the setting of the run and a line per epoch.
@@ -100,7 +118,11 @@ def train(
         ConfigurationError: the configuration, the split, the folder, a checkpoint or the device
             cannot be used.
     """
+    limit = TimeLimit(max_minutes, started_s)
     prepare_process(_threads(config))
+    plan_file = folder.path / PLAN_FILE
+    if resume and plan_file.is_file():
+        config = SchedulePlan.load(plan_file).applied(config, recordings)
     if find_rate and resume and (folder.path / "config.yaml").is_file():
         stored = load_config(folder.path / "config.yaml")
         config = _with_rate(config, stored.optimisation.learning_rate)
@@ -127,6 +149,10 @@ def train(
     creates_folder = run.is_global_zero and not resume
     if creates_folder:
         folder.require_new()
+    if shorten and not resume:
+        _require_own_processes(fabric, config)
+        if not run.is_global_zero:  # the first process made the plan before it started this one
+            config = run.config = SchedulePlan.load(plan_file).applied(config, recordings)
     if scenes is None:
         scenes = prepare_scenes(config, splits, horizon, cache=cache, progress=progress)
     if not (checkpoint or initial):
@@ -136,11 +162,20 @@ def train(
     if find_rate and not resume:
         range_test = _range_test(run, scenes, fabric)
         config = run.config = _with_rate(config, range_test.suggestion)
+    plan: SchedulePlan | None = None
+    epochs = config.optimisation.epochs
+    if shorten and creates_folder and limit.is_set:
+        plan = plan_for_time(run, scenes, limit.left_s, fabric.world_size)
+        config = run.config = plan.applied(config, recordings)
+        scenes = reweighted(scenes, splits, config)
+        if not initial:
+            _fit_statistics(run, scenes)  # as every process finds them, and a run of this config
     if creates_folder:
         start_hash = weights_hash(run.average) if initial else ""
-        folder.start(config, splits.describe(), start_hash)
-        if range_test is not None:
-            write_text(folder.path / RANGE_TEST_FILE, range_test.to_csv())
+        files = {} if range_test is None else {RANGE_TEST_FILE: range_test.to_csv()}
+        if plan is not None:
+            files[PLAN_FILE] = plan.to_json()
+        folder.start(config, splits.describe(), start_hash, files)
     if verbose:
         device, processes = fabric.device, fabric.world_size
         print(setting_text(run, scenes, splits, folder.path, device, processes), flush=True)
@@ -150,11 +185,13 @@ def train(
                 f"{len(range_test.rates)} steps, see {folder.path / RANGE_TEST_FILE}",
                 flush=True,
             )
+        if plan is not None and max_minutes is not None:
+            print(plan_text(plan, epochs, max_minutes), flush=True)
     if not run.finished:
         with _quiet():
             fabric.launch()
         prepare_process(_threads(config))  # launching several processes sets torch's threads
-        with Interruption(max_minutes) as interruption:
+        with Interruption() as interruption:
             _fit(
                 fabric,
                 run,
@@ -163,10 +200,40 @@ def train(
                 splits.describe(),
                 checkpoint,
                 interruption,
+                limit,
                 verbose,
                 progress,
             )
     return run
+
+
+def require_startable(
+    config: TrainingConfig, folder: RunFolder, *, resume: bool, init_from: Path | None
+) -> None:
+    """Check what can be checked of a run before its recordings are read.
+
+    Args:
+        config: the configuration.
+        folder: the run's folder.
+        resume: continue the run in the folder.
+        init_from: checkpoint whose weights to start from.
+
+    Raises:
+        ConfigurationError: network, folder or checkpoint cannot be used.
+    """
+    if resume:
+        folder.require_run()
+    elif _is_first_process():
+        folder.require_new()
+    network = build_network(config.network, config.model, config.history, config.scene)
+    if init_from is not None:
+        start_from(TrainingRun(network, config), load_checkpoint(init_from), init_from)
+
+
+def _is_first_process() -> bool:
+    """Return whether this process was not started to share a training with an earlier one."""
+    names = ("RANK", "LOCAL_RANK", "NODE_RANK", "GROUP_RANK", "SLURM_PROCID")
+    return all(os.environ.get(name, "0") == "0" for name in names)
 
 
 def _range_test(run: TrainingRun, scenes: Scenes, fabric: Fabric) -> RangeTest:
@@ -197,6 +264,7 @@ def _fit(
     splits: list[dict[str, str]],
     checkpoint: Checkpoint | None,
     interruption: Interruption,
+    limit: TimeLimit,
     verbose: bool,
     progress: bool,
 ) -> None:
@@ -235,9 +303,36 @@ def _fit(
                 best=best,
             )
 
+    def validation_s() -> float:
+        trial = TrainingRun(copy.deepcopy(run.average), config)
+        return measure_validation(trial, scenes, time.monotonic) / processes
+
+    def row() -> Row:
+        return {
+            "epoch": state.epoch + 1,
+            "objective": run.loss_weights().name,
+            "loss": state.mean_loss(),
+            "learning_rate": optimiser.param_groups[0]["lr"],
+            "steps": state.step,
+            "skipped": state.skipped,
+            "agents": int(state.agents),
+            "seconds": round(state.epoch_seconds, 2),
+        }
+
+    def validated() -> tuple[Row, bool]:
+        start_s = time.monotonic()
+        scores, better = validate_epoch(run, scenes.validation, rank, processes)
+        limit.count_validation(time.monotonic() - start_s)
+        return row() | scores, better
+
     if verbose:
         print(title_line(), flush=True)
+    first_step = state.step
     while not (run.finished or run.stopping):
+        if limit.is_set and state.step > first_step:
+            run.out_of_time = run.stopping = bool(fabric.broadcast(limit.is_up(validation_s)))
+            if run.stopping:
+                break
         _freeze(run.model, CALIBRATED_PARTS if run.calibrates else options.train_only)
         loader, steps = epoch_loader(scenes.training, config, state, rank, processes)
         title = f"epoch {state.epoch + 1}/{options.epochs} {run.loss_weights().name}"
@@ -245,6 +340,7 @@ def _fit(
         for batch in bar:
             stop = interruption.requested()
             run.received_signal = interruption.received_signal
+            late = limit.is_up(validation_s)
             peak, first, epochs = options.learning_rate, 0, options.main_epochs
             if run.calibrates:
                 first, epochs = options.main_epochs, options.calibration_epochs
@@ -267,9 +363,10 @@ def _fit(
 
             batch = fabric.to_device(batch)
             loss = loss_module(batch, teacher_forcing)
-            loss, mean_loss, agents, run.stopping = _share(
-                fabric, loss, batch, stop, by_agent=run.averages_agents
+            loss, mean_loss, agents, signalled, run.out_of_time = _share(
+                fabric, loss, batch, stop, late, by_agent=run.averages_agents
             )
+            run.stopping = signalled or run.out_of_time
             optimiser.zero_grad()
             fabric.backward(loss)
             norm = fabric.clip_gradients(
@@ -296,23 +393,13 @@ def _fit(
         if state.batch < steps:
             break
 
-        row = {
-            "epoch": state.epoch + 1,
-            "objective": run.loss_weights().name,
-            "loss": state.mean_loss(),
-            "learning_rate": optimiser.param_groups[0]["lr"],
-            "steps": state.step,
-            "skipped": state.skipped,
-            "agents": int(state.agents),
-            "seconds": round(state.epoch_seconds, 2),
-        }
-        better = False
-        last = state.epoch + 1 == options.epochs
-        if last or (state.epoch + 1) % config.trainer.validate_every_epochs == 0:
-            scores, better = validate_epoch(run, scenes.validation, rank, processes)
-            row |= scores
+        number = state.epoch + 1
+        if number == options.epochs or number % config.trainer.validate_every_epochs == 0:
+            line, better = validated()
+        else:
+            line, better = row(), False
         count_time()
-        state.finish_epoch(row)
+        state.finish_epoch(line)
         save(best=better)
         if writer is not None:
             for key, value in state.rows[-1].items():
@@ -321,13 +408,22 @@ def _fit(
             writer.flush()
         if verbose:
             print(epoch_line(state.rows[-1]), flush=True)
+    complete = state.batch == 0 and bool(state.rows) and "all_ade" in state.rows[-1]
+    if run.out_of_time and not complete:
+        line, better = validated()
+        count_time()
+        line["total_seconds"] = round(state.seconds + state.epoch_seconds, 2)
+        if run.is_global_zero:
+            save_unfinished(run, folder, splits, line, best=better)
+        if verbose:
+            print(epoch_line(line), flush=True)
     if writer is not None:
         writer.close()
 
 
 def _share(
-    fabric: Fabric, loss: Tensor, batch: Batch, stop: bool, *, by_agent: bool
-) -> tuple[Tensor, float, float, bool]:
+    fabric: Fabric, loss: Tensor, batch: Batch, stop: bool, late: bool, *, by_agent: bool
+) -> tuple[Tensor, float, float, bool, bool]:
     """Weight a process's loss so that the average over the processes is that of the whole batch.
 
     A loss is an average over agent-steps or, ``by_agent``, over observed agents, of which each
@@ -336,20 +432,29 @@ def _share(
 
     Returns:
         The weighted loss; the loss and the number of agents of the whole batch; whether any
-        process asks to stop.
+        process asks to stop, and whether the time of any is up.
     """
     weight = observed_agents(batch.weight) if by_agent else batch.weight.sum()
     agents = batch.valid[:, -1].sum()
     if fabric.world_size == 1:
-        return loss, float(loss.detach()), float(agents), stop
+        return loss, float(loss.detach()), float(agents), stop, late
     total = fabric.all_reduce(
-        torch.stack([loss.detach() * weight, weight, agents, weight.new_tensor(stop)]),
+        torch.stack(
+            [
+                loss.detach() * weight,
+                weight,
+                agents,
+                weight.new_tensor(stop),
+                weight.new_tensor(late),
+            ]
+        ),
         reduce_op="sum",
     )
     assert isinstance(total, Tensor)
     whole = total[1].clamp(min=1e-6)
     loss = loss * (fabric.world_size * weight / whole)
-    return loss, float(total[0] / whole), float(total[2]), bool(total[3] > 0)
+    stopping, out_of_time = bool(total[3] > 0), bool(total[4] > 0)
+    return loss, float(total[0] / whole), float(total[2]), stopping, out_of_time
 
 
 def _fabric(config: TrainingConfig) -> Fabric:
@@ -378,6 +483,21 @@ def _fabric(config: TrainingConfig) -> Fabric:
             f"the section trainer (accelerator {options.accelerator!r}, {options.devices} "
             f"device(s), precision {options.precision!r}) does not fit this machine: {reason}"
         ) from error
+
+
+def _require_own_processes(fabric: Fabric, config: TrainingConfig) -> None:
+    """Check that processes which share a plan are started by the one that makes it.
+
+    Raises:
+        ConfigurationError: another program has started them.
+    """
+    environment = getattr(fabric.strategy, "cluster_environment", None)
+    started = environment is not None and environment.creates_processes_externally
+    if config.trainer.num_nodes > 1 or (started and fabric.is_global_zero):
+        raise ConfigurationError(
+            "--minutes is given with processes that another program has started or that are on "
+            "several machines, expected --max-minutes, which leaves the schedule as it is"
+        )
 
 
 def _require_shares(processes: int, config: TrainingConfig, scenes: int) -> None:

@@ -9,10 +9,10 @@ import os
 import platform
 import shlex
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from mtpgo_core.versions import library_version
 from mtpgo_training.atomic_files import require_writable, write_text
 from mtpgo_training.table_format import Row, Table, to_markdown
 
@@ -26,8 +26,8 @@ def machine() -> dict[str, object]:
         "cpu_capability": _capability(),
         "cores": os.cpu_count(),
         "load": round(os.getloadavg()[0], 2),
-        "torch": _version("torch"),
-        "numpy": _version("numpy"),
+        "torch": library_version("torch"),
+        "numpy": library_version("numpy"),
         "python": platform.python_version(),
     }
 
@@ -117,10 +117,3 @@ def _capability() -> str:
     import torch  # imported late: loading it takes about a second
 
     return str(torch.backends.cpu.get_cpu_capability())
-
-
-def _version(package: str) -> str:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return "not installed"

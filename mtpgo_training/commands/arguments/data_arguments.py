@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.class_map import PRESETS
+from mtpgo_core.completion import completed_by
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.argument_types import make_folder
 from mtpgo_training.data.data_sources import DataSource
@@ -61,11 +62,11 @@ def add_data_arguments(
     parser.set_defaults(data_options=[])
     layouts = ", ".join(LAYOUTS)
 
-    def add(name: str, **settings: Any) -> None:
-        parser.add_argument(name, action=_Note, **settings)
+    def add(name: str, **settings: Any) -> argparse.Action:
+        return parser.add_argument(name, action=_Note, **settings)
 
     if form == "LAYOUT DIRECTORY":
-        add("layout", help=f"layout of the recordings: {layouts}")
+        completed_by(add("layout", help=f"layout of the recordings: {layouts}"), lambda: LAYOUTS)
         add("data", type=Path, metavar="directory", help="directory with the recordings")
     else:
         if form == "[DIR]":
@@ -77,7 +78,8 @@ def add_data_arguments(
             required=required,
             help="directory with recordings; repeatable",
         )
-        add("--layout", help=f"layout of each --data, or one for all: {layouts}")
+        text = f"layout of each --data, or one for all: {layouts}"
+        completed_by(add("--layout", help=text), lambda: LAYOUTS)
     add(
         "--recordings",
         nargs="+",

@@ -23,6 +23,12 @@ from mtpgo_training.commands.arguments.data_arguments import (
     cache_from,
     data_sources,
 )
+from mtpgo_training.commands.arguments.early_checks import (
+    require_folder,
+    require_modules,
+    require_sources,
+)
+from mtpgo_training.commands.arguments.next_command import same_command
 
 if TYPE_CHECKING:
     from mtpgo_training.study.study_rows import Study, StudyRow
@@ -133,10 +139,10 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         return _list(args)
     part = _check(args)
+    require_modules("lightning_fabric", "tensorboard", "torch_geometric")
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
-    from mtpgo_training.crossval.fold_plan import Budget
     from mtpgo_training.crossval.fold_processes import run_folds
-    from mtpgo_training.data.data_sources import read_sources
+    from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.study.output.study_output import write_results
     from mtpgo_training.study.output.study_page import write_page
     from mtpgo_training.study.output.study_tables import gaps, main_table
@@ -148,6 +154,7 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.study.study_run import StudyRun
     from mtpgo_training.table_format import to_text
     from mtpgo_training.training.interruption import Interruption
+    from mtpgo_training.training.trial.schedule_plan import Budget
 
     study = find_study(args.study)
     rows = study.chosen(args.rows)
@@ -156,8 +163,11 @@ def run(args: argparse.Namespace) -> int:
     first = next(iter(configs.values()))
     _check_extrapolation(args, first)
     sources, cache = tuple(data_sources(args.data_options)), cache_from(args)
-    data = study_data(study, first, list(read_sources(sources, cache)))
+    require_sources(sources)
+    require_folder(args.out)
     folder = StudyFolder(args.out)
+    folder.require_usable()
+    data = study_data(study, first, read_all(sources, cache))
     budget = Budget(args.minutes_per_run, args.epochs_per_run, args.steps_per_run)
     folder.start(
         {
@@ -213,7 +223,7 @@ def run(args: argparse.Namespace) -> int:
         progress.failed(job.name, str(error))
 
     for name, text in refused.items():
-        progress.failed(name, text)
+        progress.failed(name, text, count=False)
     with progress, Interruption() as interruption:
         run_folds(
             jobs,
@@ -232,7 +242,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"written to {folder.path}: result.md, .tex, .csv, .json, and {page.name}")
     if interruption.received_signal is not None:
         if not args.quiet:
-            print("interrupted; to continue: the same command")
+            print(f"interrupted; to continue: {same_command(args)}")
         return 128 + signal.Signals(interruption.received_signal)
     if jobs and not any(row["seeds"] for row in content["rows"]):
         raise StudyError(f"no run of the study is done: {progress.last_error}")

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mtpgo_training.reports.figure_style import line_style, new_axes, numbers
-from mtpgo_training.reports.series import PROTOCOL, series_names
+from mtpgo_training.reports.series import PROTOCOL, draw_line, series_names
 
 Json = dict[str, Any]
 
@@ -32,11 +32,11 @@ def coverage_figure(content: Json) -> Figure | None:
     for name, values in found.items():
         style = line_style(content, name) | {"marker": "o", "ms": 4}
         ellipse = numbers(values["ellipse_90"])
-        axes.plot(values["time_s"], ellipse, **style)
+        draw_line(axes, values["time_s"], ellipse, **style)
         lowest = min(lowest, float(np.nanmin(ellipse)))
         if name not in content["baselines"]:
             style |= {"ls": ":", "label": f"{name}, mixture"}
-            axes.plot(values["time_s"], numbers(values["region_90"]), **style)
+            draw_line(axes, values["time_s"], numbers(values["region_90"]), **style)
     axes.set(ylim=(max(0.0, min(0.5, lowest - 0.05)), 1.01), xlim=(0, None))
     axes.set(xlabel="time ahead (s)", ylabel="share of truths inside")
     axes.set_title("Coverage of 90 %, moving road users")
@@ -54,9 +54,9 @@ def spread_figure(content: Json) -> Figure | None:
     for name, values in found.items():
         spread = values["spread"]
         style = line_style(content, name) | {"ls": "-", "label": f"{name}, RMSE"}
-        axes.plot(spread["time_s"], numbers(spread["rmse"]), **style)
+        draw_line(axes, spread["time_s"], numbers(spread["rmse"]), **style)
         style |= {"ls": ":", "label": f"{name}, sigma"}
-        axes.plot(spread["time_s"], numbers(spread["sigma"]), **style)
+        draw_line(axes, spread["time_s"], numbers(spread["sigma"]), **style)
     axes.set(xlim=(0, None), ylim=(0, None), xlabel="time ahead (s)", ylabel="distance (m)")
     axes.set_title("Expected and real error, moving road users")
     axes.legend(loc="upper left")
@@ -75,7 +75,7 @@ def weights_figure(content: Json) -> Figure | None:
         bins = values["weights"]["reliability"]
         weight, nearest = numbers(bins["weight"]), numbers(bins["nearest"])
         known = np.isfinite(weight)
-        axes.plot(weight[known], nearest[known], **line_style(content, name))
+        draw_line(axes, weight[known], nearest[known], **line_style(content, name))
         area = 12.0 + 160.0 * numbers(bins["count"]) / max(bins["count"])
         colour = line_style(content, name)["color"]
         axes.scatter(weight[known], nearest[known], s=area[known], color=colour, zorder=5)

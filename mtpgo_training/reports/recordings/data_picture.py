@@ -20,6 +20,7 @@ from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.summary.data_summary import DataSummary
 from mtpgo_training.data.summary.track_steps import TrackSteps
 from mtpgo_training.reports.figure_style import STYLE
+from mtpgo_training.reports.series import draw_line
 
 CLASS_COLOURS = {
     AgentClass.UNKNOWN: "#7d8790",
@@ -121,7 +122,7 @@ def _map(axes: Any, data: PictureData) -> None:
 def _time(axes: Any, summary: DataSummary) -> None:
     for recording in summary.recordings[:12]:
         time, count = recording.agents_over_time.T
-        axes.plot(time, count, lw=1.2)
+        draw_line(axes, time, count, lw=1.2)
     axes.set(title="road users at a time", xlabel="s", ylabel="road users")
     axes.set_ylim(bottom=0.0)
 

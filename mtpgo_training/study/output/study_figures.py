@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.reports.learning_curve import read_log
+from mtpgo_training.reports.series import draw_line
 from mtpgo_training.study.study_folder import StudyFolder
 
 Json = dict[str, Any]
@@ -60,7 +61,7 @@ def extrapolation_curves(content: Json) -> bytes | None:
         for one in row["extrapolation"]:
             if "gap" in one:
                 continue
-            axes.plot(one["time_s"], _known(one["model"]), color=_colour(i), label=label)
+            draw_line(axes, one["time_s"], _known(one["model"]), color=_colour(i), label=label)
             runs.append(one)
             label = "_"
     if not runs:
@@ -68,7 +69,8 @@ def extrapolation_curves(content: Json) -> bytes | None:
     for name, style in (("cv", ":"), ("ca", "-.")):
         if name in runs[0]:
             values = _known(runs[0][name])
-            axes.plot(runs[0]["time_s"], values, style, color="0.4", label=name.upper())
+            times = runs[0]["time_s"]
+            draw_line(axes, times, values, style, color="0.4", label=name.upper())
     axes.axvline(runs[0]["trained_s"], linestyle="--", color="0.6")
     highest = max(max(v for v in one["model"] if v is not None) for one in runs)
     axes.set_ylim(0.0, 1.2 * highest)

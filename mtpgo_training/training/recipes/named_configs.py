@@ -46,22 +46,34 @@ def named_configs() -> list[NamedConfig]:
     return found
 
 
+def config_names() -> list[str]:
+    """Return the names of the configurations, for the completion of a command line."""
+    return [config.name for config in named_configs()]
+
+
 def find_config(given: str | Path) -> Path:
     """Return the file of a configuration.
 
     Args:
-        given: a file, or the name of a configuration that ships with the package.
+        given: a file, or the name of a configuration that ships with the package; also its path
+            below the folder where they ship, with or without the suffix.
 
     Raises:
         ConfigurationError: it is neither.
     """
-    path = Path(given)
-    if path.is_file() or path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
+    path = Path(given).expanduser()
+    if path.is_file():
         return path
-    known = {config.name: config.path for config in named_configs()}
-    if str(given) not in known:
+    configs = named_configs()
+    known = {config.name: config.path for config in configs}
+    for config in configs:
+        below = config.path.relative_to(find_resource("config", "training"))
+        known |= dict.fromkeys((str(below), str(below.with_suffix("")), below.name), config.path)
+    if str(given) in known:
+        return known[str(given)]
+    if path.suffix not in (".yaml", ".yml") and len(path.parts) == 1:
         raise ConfigurationError(
             f"the configuration is {str(given)!r}, expected a YAML file or one of "
-            + ", ".join(known)
+            + ", ".join(config.name for config in configs)
         )
-    return known[str(given)]
+    return path

@@ -50,7 +50,10 @@ class EpochCost:
 
 
 def measure_epoch(
-    run: TrainingRun, scenes: Scenes, clock: Callable[[], float] | None = None
+    run: TrainingRun,
+    scenes: Scenes,
+    clock: Callable[[], float] | None = None,
+    trial_s: float | None = None,
 ) -> EpochCost:
     """Return the cost of an epoch in seconds, from a few of its steps and validation scenes.
 
@@ -60,7 +63,9 @@ def measure_epoch(
         run: with the network and its configuration.
         scenes: of the training.
         clock: gives seconds; by default processor time, on a GPU time as shown by a clock.
+        trial_s: longest measurement of the steps of one loss (s), by default ``TRIAL_S``.
     """
+    trial_s = TRIAL_S if trial_s is None else trial_s
     device = _device(run.config)
     if clock is None:
         clock = time.process_time if device.type == "cpu" else time.monotonic
@@ -68,14 +73,27 @@ def measure_epoch(
     run.average.to(device)
     options = run.config.optimisation
     last = options.epochs - 1
-    ewta_s = likelihood_s = _epoch_s(run, scenes, 0, device, clock)
+    ewta_s = likelihood_s = _epoch_s(run, scenes, 0, device, clock, trial_s)
     if options.calibration_epochs or run.loss_weights(last) != run.loss_weights(0):
-        likelihood_s = _epoch_s(run, scenes, last, device, clock)
+        likelihood_s = _epoch_s(run, scenes, last, device, clock, trial_s)
+    validation_s = measure_validation(run, scenes, clock)
+    return EpochCost(ewta_s, likelihood_s, validation_s, len(scenes.training))
+
+
+def measure_validation(run: TrainingRun, scenes: Scenes, clock: Callable[[], float]) -> float:
+    """Return how long a validation takes (s), from a few of its scenes.
+
+    It changes the state of the run, which is not to be trained afterwards.
+
+    Args:
+        run: with the network and its configuration.
+        scenes: of the training.
+        clock: gives seconds.
+    """
     some = scenes.validation[:: max(1, len(scenes.validation) // VALIDATION_SCENES)]
     start = clock()
     validate_epoch(run, some, 0, 1)
-    validation_s = (clock() - start) * len(scenes.validation) / len(some)
-    return EpochCost(ewta_s, likelihood_s, validation_s, len(scenes.training))
+    return (clock() - start) * len(scenes.validation) / len(some)
 
 
 def _epoch_s(
@@ -84,6 +102,7 @@ def _epoch_s(
     epoch: int,
     device: torch.device,
     clock: Callable[[], float],
+    trial_s: float,
 ) -> float:
     """Return the time of all steps of an epoch from a few of them (s)."""
     run.state.epoch = epoch
@@ -102,7 +121,7 @@ def _epoch_s(
         now = clock()
         durations.append(now - start)
         start = now
-        if len(durations) >= LEAST_STEPS and now - begin > TRIAL_S:
+        if len(durations) >= LEAST_STEPS and now - begin > trial_s:
             break
     return steps * statistics.mean(durations[1:] or durations)
 

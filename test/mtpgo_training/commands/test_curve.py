@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Learning curves from the logs of runs."""
 
+import contextlib
+
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training import cli
-from mtpgo_training.reports.learning_curve import read_log
+from mtpgo_training.reports.learning_curve import draw_learning_curves, read_log
 from mtpgo_training.training.run_folder import RunFolder
 
 
@@ -40,6 +43,22 @@ def test_a_picture_is_drawn(run, tmp_path, capsys):
     assert cli.main(["curve", str(run), str(run), "-o", str(output)]) == 0
     assert str(output) in capsys.readouterr().out
     assert imread(output).std() > 0.01
+
+
+def test_a_run_of_one_epoch_has_points_inside_the_axes(tmp_path, monkeypatch):
+    """Worse than the baselines, as a run is after an epoch of EWTA."""
+    RunFolder(tmp_path / "short").write_log([scored(1, 4.0)])
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+    with contextlib.suppress(FileNotFoundError):
+        draw_learning_curves([tmp_path / "short"], tmp_path / "c.png")
+    (axes,) = drawn[0].axes
+    own = [line for line in axes.get_lines() if line.get_label().startswith("short")]
+    assert [list(line.get_ydata()) for line in own] == [[4.0], [2.0]]
+    for line in own:
+        assert line.get_marker() == "o"
+        assert axes.get_xlim()[0] <= line.get_xdata()[0] <= axes.get_xlim()[1]
+        assert axes.get_ylim()[0] < line.get_ydata()[0] < axes.get_ylim()[1]
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@
 import dataclasses
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -91,6 +92,31 @@ def test_a_run_says_what_it_does_and_what_comes_next(place, capsys):
     lines = [line.split() for line in said.splitlines()]
     assert [line[:2] for line in lines if len(line) == 9] == [["1", "EWTA(2)"], ["2", "NLL"]]
     assert load_config(place / "told" / "config.yaml").optimisation.epochs == 2
+
+
+def test_a_run_in_a_given_time_is_planned_validated_and_exportable(place, capsys):
+    assert cli.main(arguments(place, "timed", "--minutes", "0.02")) == 0
+    said = capsys.readouterr().out
+    assert "\nplan       " in said
+    assert " for 0.02 min in all\n" in said
+    assert "next: mtpgo export" in said
+    assert (place / "timed" / "plan.json").is_file()
+    assert load_checkpoint(place / "timed")["metrics"]["model"]["all"]["ade"] > 0.0
+
+
+def test_the_command_that_continues_can_be_pasted(place, whole, capsys):
+    given = arguments(place, "it's a run", "--epochs", "1", "--max-minutes", "1e-9")
+    assert cli.main([*given, "--init-from", str(whole)]) == 0
+    said = capsys.readouterr().out
+    told = ("to continue: ", "next: ")
+    lines = dict(line.split(": ", 1) for line in said.splitlines() if line.startswith(told))
+    words = shlex.split(lines["to continue"])
+    assert words == ["mtpgo", *given, "--resume"]
+    assert shlex.split(lines["next"])[2] == str(place / "it's a run")
+    words.remove("--max-minutes")
+    words.remove("1e-9")
+    assert cli.main(words[1:]) == 0
+    assert "1 of 1 epochs done" in capsys.readouterr().out
 
 
 def test_a_quiet_run_says_nothing(place, capsys):

@@ -12,9 +12,9 @@ from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.crossval.crossval_folder import CrossvalFolder, read_results
-from mtpgo_training.crossval.fold_plan import Budget
 from mtpgo_training.crossval.site_folds import Fold, FoldSite
 from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.training.trial.schedule_plan import Budget
 
 RECORDINGS = [NamedRecording(s, braking_cars(tracks=1, seconds=1.0)) for s in ("a", "b")]
 A, B = FoldSite("a", ("a/01",)), FoldSite("b/c", ("b/01",))

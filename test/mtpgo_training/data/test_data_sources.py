@@ -2,11 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of several directories and their names."""
 
+import dataclasses
+
 import pytest
 from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
-from mtpgo_training.data.data_sources import DataSource, named_recordings, read_sources
+from mtpgo_training.data import data_sources
+from mtpgo_training.data.data_sources import (
+    DataSource,
+    named_recordings,
+    read_all,
+    read_sources,
+)
 from mtpgo_training.data.writers.ind_writer import write_ind
 
 
@@ -42,3 +50,16 @@ def test_a_recording_that_is_given_twice_is_refused_before_anything_is_read(fold
         next(read_sources(parts))  # two parts of one recording are no mistake
     write_ind(braking_cars("01", tracks=2, seconds=1.0), folders / "b")
     assert [item.name for item in read_sources(parts)] == ["b/01@0-0.4s", "b/01@0.4-0.8s"]
+
+
+def test_recordings_without_a_road_user_are_refused_where_all_are_needed(folders, monkeypatch):
+    b = DataSource(folders / "b", "ind")
+    assert [item.name for item in read_all([b])] == ["b/01"]
+    empty = [
+        dataclasses.replace(item, recording=item.recording.between(1e6, None))
+        for item in read_all([b])
+    ]
+    assert not len(empty[0].recording)
+    monkeypatch.setattr(data_sources, "read_sources", lambda *_: iter(empty))
+    with pytest.raises(RecordingError, match=r"no recording of .*b has a road user"):
+        read_all([b])

@@ -2,12 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Order and colours of models and baselines."""
 
+import pytest
+from matplotlib.figure import Figure
+
 from mtpgo_training.reports.series import (
     BASELINE_COLOURS,
     MODEL_COLOURS,
     colour,
+    draw_line,
     series_names,
 )
+
+NAN = float("nan")
 
 
 def content_of(*names):
@@ -34,3 +40,25 @@ def test_a_model_has_the_colour_of_its_place_and_a_baseline_its_own():
     assert colours == [*MODEL_COLOURS, MODEL_COLOURS[0]]
     assert colour(content, "cv") == BASELINE_COLOURS["cv"]
     assert not set(BASELINE_COLOURS.values()) & set(MODEL_COLOURS)
+
+
+@pytest.mark.parametrize(
+    ("values", "marked"),
+    [
+        ([1.0], [0]),
+        ([1.0, 2.0], None),
+        ([1.0, NAN, 2.0, 3.0], [0]),
+        ([NAN, 1.0, NAN, 2.0], [1, 3]),
+        ([NAN], None),
+    ],
+)
+def test_points_without_a_neighbour_are_marked(values, marked):
+    axes = Figure().add_subplot()
+    draw_line(axes, list(range(len(values))), values, "--", color="k")
+    (line,) = axes.get_lines()
+    if marked is None:
+        assert line.get_marker() in ("None", None)
+    else:
+        assert (line.get_marker(), line.get_markevery()) == ("o", marked)
+    draw_line(axes, [0.0], [1.0], marker="x")
+    assert axes.get_lines()[-1].get_marker() == "x"

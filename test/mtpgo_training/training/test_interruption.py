@@ -18,22 +18,10 @@ def _usual_interrupt():
     signal.signal(signal.SIGINT, before)
 
 
-def test_nothing_is_requested_without_a_limit_or_a_signal():
+def test_nothing_is_requested_without_a_signal():
     with Interruption() as interruption:
         assert not interruption.requested()
         assert interruption.received_signal is None
-
-
-def test_the_time_counts_from_the_start_of_the_block(monkeypatch):
-    now = [100.0]
-    monkeypatch.setattr("time.monotonic", lambda: now[0])
-    interruption = Interruption(max_minutes=2.0)
-    now[0] = 1000.0
-    with interruption:
-        now[0] += 120.0
-        assert not interruption.requested()
-        now[0] += 0.1
-        assert interruption.requested()
 
 
 @pytest.mark.parametrize("number", SIGNALS)
@@ -56,14 +44,12 @@ def test_a_second_interrupt_is_raised():
         assert interruption.received_signal == signal.SIGINT
 
 
-def test_another_thread_has_a_limit_but_no_signals():
+def test_another_thread_has_no_signals():
     before, found = signal.getsignal(signal.SIGINT), []
 
     def inside():
-        with Interruption(max_minutes=0.0) as interruption:
+        with Interruption() as interruption:
             found.append(signal.getsignal(signal.SIGINT))
-            while not interruption.requested():
-                pass
             found.append(interruption.received_signal)
 
     thread = threading.Thread(target=inside)

@@ -9,6 +9,7 @@ import math
 import os
 import shutil
 import signal
+import time
 
 import pytest
 import torch
@@ -21,7 +22,12 @@ from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
 from mtpgo_training.training.trainer import train
-from mtpgo_training.training.training_config import DataConfig, OptimisationConfig, TrainingConfig
+from mtpgo_training.training.training_config import (
+    DataConfig,
+    OptimisationConfig,
+    TrainingConfig,
+    load_config,
+)
 
 THREADS = int(os.environ["OMP_NUM_THREADS"])
 
@@ -187,6 +193,15 @@ def test_a_resumed_run_ends_with_the_same_weights(whole, tmp_path):
     folder = tmp_path / "resumed"
     stopped = run(folder, max_minutes=0.0)  # the time is up after the first step
     assert (stopped.state.epoch, stopped.state.batch) == (0, 1)
+    assert stopped.out_of_time
+    assert load_checkpoint(folder)["metrics"]["model"]["all"]["ade"] == pytest.approx(
+        stopped.state.metrics["model"]["all"]["ade"]
+    )
+    assert load_checkpoint(folder / "last.pt")["state"]["best_epoch"] == 0
+    with (folder / "log.csv").open(encoding="utf-8") as file:
+        (line,) = csv.DictReader(file)
+    assert (line["epoch"], line["steps"]) == ("1", "1")
+    assert float(line["all_ade"]) > 0.0
     state = kill_after_saves(folder, 3, resume=True)
     assert (state["epoch"], state["batch"]) == (3, 0)
     again = run(folder, resume=True)
@@ -196,6 +211,20 @@ def test_a_resumed_run_ends_with_the_same_weights(whole, tmp_path):
     names = set(done.state.rows[0]) - {"seconds", "total_seconds"}
     for row, expected in zip(again.state.rows, done.state.rows, strict=True):
         assert {k: row[k] for k in names} == {k: expected[k] for k in names}
+
+
+def test_a_run_in_a_given_time_comes_to_the_end_of_its_schedule(tmp_path):
+    """Its clock began in the past: almost nothing of the minute is left to measure and train."""
+    start_s = time.monotonic()
+    options = {"max_minutes": 1.0, "started_s": start_s - 56.0, "shorten": True}
+    done = run(tmp_path / "r", with_options(epochs=2000), **options)
+    assert done.config.optimisation.epochs < 2000
+    stored = load_config(tmp_path / "r" / "config.yaml")
+    assert stored == done.config
+    assert load_checkpoint(tmp_path / "r")["metrics"]
+    again = run(tmp_path / "r", with_options(epochs=2000), resume=True, max_minutes=0.0)
+    assert again.config == done.config
+    assert again.finished or again.state.step == done.state.step + 1
 
 
 def test_a_run_killed_within_an_epoch_resumes_from_the_checkpoint_there(whole, tmp_path):

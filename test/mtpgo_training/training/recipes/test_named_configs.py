@@ -56,6 +56,17 @@ def test_an_unknown_name_is_answered_with_the_known_ones(monkeypatch, tmp_path):
     assert load_config(find_config("mine")).name == "mine"
 
 
+def test_a_name_may_have_its_folder_and_suffix(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    path = find_config("mtp-go1-ind")
+    for given in ("paper/mtp-go1-ind", "paper/mtp-go1-ind.yaml", "mtp-go1-ind.yaml"):
+        assert find_config(given) == path
+    (tmp_path / "default").mkdir()
+    assert find_config("default").name == "default.yaml"
+    with pytest.raises(ConfigurationError, match=r"no\.yaml cannot be read"):
+        load_config(find_config("no.yaml"))
+
+
 def test_a_file_stands_on_others(tmp_path):
     (tmp_path / "a.yaml").write_text("seed: 3\nmodel: {hidden: 8, modes: 2}", encoding="utf-8")
     (tmp_path / "b.yaml").write_text("base: [a]\nmodel: {hidden: 9}", encoding="utf-8")

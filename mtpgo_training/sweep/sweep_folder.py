@@ -1,0 +1,108 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The folder of a sweep.
+
+``sweep.json`` (configuration, recordings with their hashes, limits) is written at the start.
+``runs/NAME/`` has the run folder of a combination, what it printed, and at last
+``scores.json``: a run with that file is done. The tables are written again after each run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import write_text
+from mtpgo_training.crossval.planned_training import require_new_folder, require_same_facts
+from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.study.study_run import RunFiles
+from mtpgo_training.sweep.sweep_grid import GridPoint
+from mtpgo_training.sweep.sweep_run import SweepOptions
+from mtpgo_training.training.run_folder import versions
+from mtpgo_training.training.training_config import TrainerConfig, dump_config
+
+Json = dict[str, Any]
+
+
+class SweepFolder:
+    """The files of a sweep.
+
+    Args:
+        path: the folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._facts = path / "sweep.json"
+
+    def run(self, name: str) -> RunFiles:
+        """Return the files of a run."""
+        return RunFiles(self.path / "runs" / name)
+
+    def require_usable(self) -> None:
+        """Check that the folder is new or holds a sweep.
+
+        Raises:
+            ConfigurationError: there is something else in it.
+        """
+        if not self._facts.is_file():
+            require_new_folder(self.path, "sweep")
+
+    def start(self, options: SweepOptions, recordings: Sequence[NamedRecording]) -> None:
+        """Write what determines the results, or check that it is the same as before.
+
+        Values and seeds may be added, devices and threads may differ.
+
+        Args:
+            options: of all runs.
+            recordings: all of them.
+
+        Raises:
+            ConfigurationError: the folder has something else in it, or it cannot be written.
+        """
+        trainer = TrainerConfig(
+            validate_every_epochs=options.base.trainer.validate_every_epochs,
+            patience_epochs=options.base.trainer.patience_epochs,
+        )
+        base = dataclasses.replace(options.base, num_threads=1, trainer=trainer)
+        facts: Json = {
+            "configuration": dump_config(base),
+            "recordings": {item.name: item.recording.sha256 for item in recordings},
+            "init_from": None if options.init_from is None else str(options.init_from.resolve()),
+            "find_lr": options.find_rate,
+            "minutes": options.minutes,
+            "max_minutes": options.max_minutes,
+        }
+        if not self._facts.is_file():
+            require_new_folder(self.path, "sweep")
+            write_text(self._facts, json.dumps({**facts, "versions": versions()}, indent=2) + "\n")
+            return
+        try:
+            before = json.loads(self._facts.read_text(encoding="utf-8"))
+            if not isinstance(before, dict):
+                raise ValueError("expected an object")
+        except (OSError, ValueError) as error:
+            raise ConfigurationError(f"{self._facts} cannot be read: {error}") from error
+        long = ("configuration", "recordings")
+        require_same_facts(before, facts, self._facts, long)
+
+    def scores(self, point: GridPoint) -> Json | None:
+        """Return the result of a run, None if it is not done."""
+        files = self.run(point.name)
+        return json.loads(files.scores.read_text(encoding="utf-8")) if files.done else None
+
+    def failure(self, point: GridPoint) -> str | None:
+        """Return why a run failed, None if it did not."""
+        files = self.run(point.name)
+        if files.done or not files.failure.is_file():
+            return None
+        return str(json.loads(files.failure.read_text(encoding="utf-8"))["error"])
+
+    def write_failure(self, point: GridPoint, error: Exception) -> None:
+        """Note why a run failed."""
+        text = json.dumps({"error": str(error)}, indent=1) + "\n"
+        write_text(self.run(point.name).failure, text)

@@ -1,0 +1,188 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The results of a sweep: one table with means and spreads over the seeds."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import statistics
+from collections.abc import Sequence
+from typing import Any
+
+from mtpgo_training.atomic_files import write_text
+from mtpgo_training.sweep.sweep_folder import SweepFolder
+from mtpgo_training.sweep.sweep_grid import GridPoint
+from mtpgo_training.table_format import Row, Table, to_markdown
+
+Json = dict[str, Any]
+
+COLUMNS = {
+    "ade": "ADE m",
+    "fde": "FDE m",
+    "mr": "MR",
+    "min_ade": "minADE m",
+    "anll": "ANLL",
+    "coverage_90": "in 90%",
+}
+"""Score of the validation -> title."""
+
+CRITERION = "ade"
+"""Score by which a combination is the best."""
+
+NOTE = (
+    "Validation recordings, all road users, the best epoch of each run: mean ± standard deviation "
+    "over the seeds."
+)
+
+
+def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
+    """Return what is known by now.
+
+    ``rows``: for each combination its ``settings``, ``seeds`` that are done, ``values`` by score
+    (``mean``, ``spread``: the standard deviation over the seeds, None for a single one), mean
+    ``minutes``, ``parameters``, and ``gap``: why it is not complete, None if it is. ``best``: name
+    of the best run of the best combination, by the mean of the ADE. ``baselines``: scores of
+    constant velocity and others. ``comparable``: all runs were validated on the same recordings.
+
+    Args:
+        folder: of the sweep.
+        points: all combinations.
+    """
+    groups: dict[tuple[tuple[str, str], ...], list[GridPoint]] = {}
+    for point in points:
+        groups.setdefault(point.settings, []).append(point)
+    rows: list[Json] = []
+    runs: list[Json] = []
+    for settings, group in groups.items():
+        done = [scores for point in group if (scores := folder.scores(point)) is not None]
+        runs += done
+        trained = [one["training"] for one in done]
+        rows.append(
+            {
+                "settings": dict(settings),
+                "seeds": [one["seed"] for one in done],
+                "values": {key: _mean(done, key) for key in COLUMNS},
+                "minutes": statistics.fmean(t["minutes"] for t in trained) if trained else None,
+                "parameters": trained[0]["parameters"] if trained else None,
+                "gap": _gap(folder, group),
+            }
+        )
+    known = [row for row in rows if row["values"][CRITERION] is not None]
+    best = min(known, key=lambda row: row["values"][CRITERION]["mean"], default=None)
+    name = None
+    if best is not None:
+        own = [run for run in runs if run["settings"] == best["settings"]]
+        own = [run for run in own if _value(run, CRITERION) is not None]
+        name = min(own, key=lambda run: run["values"]["model"][CRITERION])["name"]
+        best["best"] = True
+    baselines = {k: v for k, v in runs[0]["values"].items() if k != "model"} if runs else {}
+    validations = {json.dumps(run["validation"]) for run in runs}
+    return {
+        "rows": rows,
+        "best": name,
+        "baselines": baselines,
+        "comparable": len(validations) <= 1 and "null" not in validations,
+        "runs": runs,
+    }
+
+
+def results_table(content: Json) -> Table:
+    """Return the combinations and the baselines as a table; the best one has an asterisk."""
+    shown = [
+        key for key in COLUMNS if any(row["values"][key] is not None for row in content["rows"])
+    ] or [CRITERION]
+    heads = ["", *(COLUMNS[key] for key in shown), "runs", "min", "parameters"]
+    lines = []
+    for row in content["rows"]:
+        name = " ".join(f"{key}={value}" for key, value in row["settings"].items()) or "all"
+        minutes = "-" if row["minutes"] is None else f"{row['minutes']:.1f}"
+        mark = " *" if row.get("best") and len(content["rows"]) > 1 else ""
+        cells = [_cell(row["values"][key]) for key in shown]
+        parameters = "-" if row["parameters"] is None else str(row["parameters"])
+        lines.append(Row(name + mark, [*cells, str(len(row["seeds"])), minutes, parameters]))
+    for name, values in content["baselines"].items():
+        cells = ["-" if values.get(k) is None else f"{values[k]:.3f}" for k in shown]
+        lines.append(Row(name, [*cells, "-", "-", "-"], baseline=True))
+    return Table(heads, lines)
+
+
+def gaps(content: Json) -> list[str]:
+    """Return why combinations are not complete."""
+    found = []
+    for row in content["rows"]:
+        if row["gap"] is not None:
+            name = " ".join(f"{key}={value}" for key, value in row["settings"].items())
+            found.append(f"{name}: {row['gap']}" if name else row["gap"])
+    return found
+
+
+def remark(content: Json) -> str:
+    """Return what the table shows."""
+    if content["comparable"]:
+        return NOTE
+    return f"{NOTE} The runs were not all validated on the same recordings."
+
+
+def write_results(folder: SweepFolder, content: Json) -> None:
+    """Write ``result.json``, ``result.md`` and ``result.csv``, a line for each run."""
+    text = json.dumps(content, indent=1, allow_nan=False) + "\n"
+    write_text(folder.path / "result.json", text)
+    parts = ["# Sweep", remark(content), to_markdown(results_table(content))]
+    missing = gaps(content)
+    if missing:
+        parts += ["## Gaps", "\n".join(f"- {text}" for text in missing)]
+    write_text(folder.path / "result.md", "\n\n".join(parts) + "\n")
+    write_text(folder.path / "result.csv", _csv(content))
+
+
+def _csv(content: Json) -> str:
+    keys = list(dict.fromkeys(key for run in content["runs"] for key in run["settings"]))
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow([*keys, "seed", *COLUMNS, "minutes", "epochs", "steps", "parameters"])
+    for run in content["runs"]:
+        training = run["training"]
+        cells = [run["settings"].get(key, "") for key in keys] + [run["seed"]]
+        cells += [_value(run, key) for key in COLUMNS]
+        cells += [training[key] for key in ("minutes", "epochs", "steps", "parameters")]
+        writer.writerow(cells)
+    return file.getvalue()
+
+
+def _value(run: Json, key: str) -> float | None:
+    value = run["values"]["model"].get(key)
+    return None if value is None else float(value)
+
+
+def _mean(runs: Sequence[Json], key: str) -> Json | None:
+    """Return mean and spread over the runs that have a value, None if none has."""
+    given = [value for run in runs if (value := _value(run, key)) is not None]
+    if not given:
+        return None
+    spread = statistics.stdev(given) if len(given) > 1 else None
+    return {"mean": statistics.fmean(given), "spread": spread, "runs": len(given)}
+
+
+def _cell(value: Json | None) -> str:
+    if value is None:
+        return "-"
+    spread = "" if value["spread"] is None else f" ± {value['spread']:.3f}"
+    return f"{value['mean']:.3f}{spread}"
+
+
+def _gap(folder: SweepFolder, group: Sequence[GridPoint]) -> str | None:
+    """Return why runs of a combination are missing, None if none is."""
+    parts, waiting = [], []
+    for point in group:
+        if folder.run(point.name).done:
+            continue
+        failure = folder.failure(point)
+        if failure is None:
+            waiting.append(str(point.seed))
+        else:
+            parts.append(f"seed {point.seed} failed: {failure}")
+    if waiting:
+        parts.append(f"not run yet: seed {', '.join(waiting)}")
+    return "; ".join(parts) or None
