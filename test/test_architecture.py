@@ -86,7 +86,16 @@ ROOMS = {
         "baselines",
         "inference",
     ),
-    "mtpgo_core": ("", "task", "history", "scene", "prediction", "quality", "live_calibration"),
+    "mtpgo_core": (
+        "",
+        "task",
+        "history",
+        "scene",
+        "prediction",
+        "quality",
+        "live_calibration",
+        "risk",
+    ),
     "msg_adapters": (
         "types",
         "conversions",
@@ -108,6 +117,7 @@ ROOMS = {
         "bags",
         "load",
         "node",
+        "risk_node",
         "",
     ),
     "mtpgo_training": (
