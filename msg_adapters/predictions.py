@@ -132,8 +132,8 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
     """Return the prediction in a canonical cloud.
 
     Points may have any order and some may be missing (a filtered cloud); what is missing is NaN,
-    and its weight zero. A size that is unknown, or that an older cloud lacks, is NaN. State and yaw
-    at the stamp are not in the cloud and are NaN.
+    and its weight zero. A size that is unknown, or that an older cloud lacks, is NaN. State and
+    yaw at the stamp are not in the cloud and are NaN.
 
     Args:
         message: ``sensor_msgs/PointCloud2`` as :func:`prediction_to_pointcloud2` writes it.

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 r"""The probability that two oriented rectangles overlap when the offset of one is Gaussian.
 
-Two convex shapes overlap where the offset of their centres lies in the Minkowski sum of the one and
-the mirrored other. For two rectangles that is an octagon whose edges are those of both, so the
-probability is the integral of the offset's Gaussian over an octagon. Whitened, it is
+Two convex shapes overlap where the offset of their centres lies in the Minkowski sum of the one
+and the mirrored other. For two rectangles that is an octagon whose edges are those of both, so
+the probability is the integral of the offset's Gaussian over an octagon. Whitened, it is
 
 .. math:: \int\!\!\int_{octagon} \varphi(z_1)\,\varphi(z_2)\,dz_2\,dz_1
           = -\oint \varphi(z_1)\,\Phi(z_2)\,dz_1,

@@ -207,7 +207,8 @@ def _covered(column: IndexArray, line: IndexArray, boxes: Float32Array) -> Float
     across is within its interval. That is exact without correlation of both.
 
     Args:
-        column: [c] of the cells. line: [c] their rows in the grid.
+        column: [c] of the cells in the grid.
+        line: [c] their rows in the grid.
         boxes: [c, 11] of :func:`_boxes`, for each cell.
     """
     x, y, c, s, sigma, slope, rest, growth, half_length, half_width, weight = boxes.T
