@@ -4,7 +4,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from mtpgo_core.schema import AgentClass, ClassArray, Float64Array
 
@@ -25,10 +28,10 @@ CLASS_SIZE_M = {
 _SIZES = np.array([CLASS_SIZE_M[kind] for kind in AgentClass])
 
 
-def known_sizes(size: Float64Array, agent_class: ClassArray) -> Float64Array:
+def known_sizes(size: NDArray[np.floating[Any]], agent_class: ClassArray) -> Float64Array:
     """Return [n, 2] length and width (m), those of the class where ``size`` [n, 2] is NaN.
 
     A class beyond those that there are counts as unknown.
     """
     kind = np.where(agent_class < len(_SIZES), agent_class, AgentClass.UNKNOWN)
-    return np.where(np.isfinite(size), size, _SIZES[kind])
+    return np.where(np.isfinite(size), size.astype(np.float64), _SIZES[kind])

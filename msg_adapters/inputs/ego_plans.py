@@ -132,9 +132,7 @@ def plan_from_odometry(message: Any, stands_after: bool = False) -> EgoPlan:
     )
 
 
-def _times_by_speed(
-    position: Float64Array, speed: Float64Array
-) -> tuple[NDArray[np.int64], bool]:
+def _times_by_speed(position: Float64Array, speed: Float64Array) -> tuple[NDArray[np.int64], bool]:
     """Return when points are passed (ns after the first), and whether the vehicle then stands.
 
     Points beyond the one at which it stops are left out, and points that are on top of the one

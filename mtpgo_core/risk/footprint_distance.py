@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from mtpgo_core.frames import rotate
-from mtpgo_core.schema import Float32Array, Float64Array, IndexArray
+from mtpgo_core.schema import BoolArray, Float32Array, Float64Array, IndexArray
 
 ERRORS = 16
 """Errors per mode. Chosen: quantiles are then within 0.3 standard deviations of the smallest
@@ -229,7 +229,7 @@ def weighted_quantiles(
     Between two values, which stand for the middle of their weights, it is interpolated.
     """
     used = weight > 0.0
-    known = np.where(used, np.isfinite(value), True).all(axis=1) & used.any(axis=1)
+    known: BoolArray = (np.isfinite(value) | ~used).all(axis=1) & used.any(axis=1)
     value = np.where(used, value, np.inf)
     order = np.argsort(value, axis=1)
     value, weight = np.take_along_axis(value, order, 1), np.take_along_axis(weight, order, 1)
