@@ -130,17 +130,18 @@ def assess(
         unknown = np.where(complete, unknown[None], Unknown.NO_PREDICTION).astype(np.uint8)
         by_mode = _by_mode(prediction, usable & covered, center, ego_yaw, footprint.size, size)
         known = unknown == Unknown.KNOWN
-        weight = prediction.weight / np.maximum(
-            prediction.weight.sum(axis=1, keepdims=True), 1e-12
-        )
+        weight = np.where(np.isfinite(prediction.weight), prediction.weight, 0.0)
+        weight = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
         mixed = np.einsum("nm,nmh->nh", weight, by_mode)
         probability = np.where(known, np.clip(mixed, 0.0, 1.0), np.nan)
         some = known.any(axis=1)
         best = np.where(known[:, None], by_mode, 0.0).max(axis=2, initial=0.0)
         at_least = np.where(some, np.minimum((weight * best).sum(axis=1), 1.0), np.nan)
-        distance[some] = _distances(
-            prediction, np.flatnonzero(some), known, weight, center, ego_yaw, footprint.size, size
-        )
+        if some.any():
+            rows = np.flatnonzero(some)
+            distance[some] = _distances(
+                prediction, rows, known, weight, center, ego_yaw, footprint.size, size
+            )
     known = unknown == Unknown.KNOWN
     known_steps = known.sum(axis=1)
     filled = np.where(known, probability, -1.0)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from mtpgo_core.frames import rotate
-from mtpgo_core.schema import BoolArray, Float32Array, Float64Array, IndexArray
+from mtpgo_core.schema import Float32Array, Float64Array, IndexArray
 
 ERRORS = 16
 """Errors per mode. Chosen: quantiles are then within 0.3 standard deviations of the smallest
@@ -27,10 +27,14 @@ _LEAST_SIGMA_M = 1e-3
 
 def _spread_errors() -> Float64Array:
     """Return [2, ERRORS] points that are distributed as the standard normal in two dimensions."""
-    number = np.arange(ERRORS)
-    radius = np.sqrt(-2.0 * np.log1p(-(number + 0.5) / ERRORS))
-    angle = number * np.pi * (3.0 - np.sqrt(5.0))  # the golden angle
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle)])
+    number = np.arange(ERRORS // 2)
+    radius = np.sqrt(-2.0 * np.log1p(-(number + 0.5) / len(number)))
+    angle = number * np.pi * 0.5 * (np.sqrt(5.0) - 1.0)  # the golden section of half a circle
+    half = np.stack([radius * np.cos(angle), radius * np.sin(angle)])
+    spread = np.concatenate([half, -half], axis=1)
+    # Covariance one exactly, which so few points have by chance only.
+    root = np.linalg.cholesky(spread @ spread.T / ERRORS)
+    return np.asarray(np.linalg.solve(root, spread))
 
 
 STANDARD_ERRORS = _spread_errors()
@@ -229,7 +233,7 @@ def weighted_quantiles(
     Between two values, which stand for the middle of their weights, it is interpolated.
     """
     used = weight > 0.0
-    known: BoolArray = (np.isfinite(value) | ~used).all(axis=1) & used.any(axis=1)
+    known = np.asarray((np.isfinite(value) | ~used).all(axis=1) & used.any(axis=1))
     value = np.where(used, value, np.inf)
     order = np.argsort(value, axis=1)
     value, weight = np.take_along_axis(value, order, 1), np.take_along_axis(weight, order, 1)

@@ -66,8 +66,8 @@ class RiskNode(LifecycleNode):
         self.events = EventLog(self.get_logger())
         self._outputs: RiskPublishers | None = None
         self._assessor: RiskAssessor | None = None
-        self._subscriptions: list[Subscription] = []
-        self._context: ContextSubscriptions | None = None
+        self._inputs: list[Subscription] = []
+        self._ego: ContextSubscriptions | None = None
         self._bond: ManagerBond = NoBond()
         self._watch = InputWatch()
         self._last: Prediction | None = None
@@ -114,8 +114,8 @@ class RiskNode(LifecycleNode):
         self._assessor = RiskAssessor(parameters, status, status.plan_topic)
         self._last = None
         self._watch.start()
-        self._context = ContextSubscriptions(self, self._assessor.set_ego, None, self.events)
-        self._subscriptions = [
+        self._ego = ContextSubscriptions(self, self._assessor.set_ego, None, self.events)
+        self._inputs = [
             self.create_subscription(PointCloud2, PREDICTIONS, self._on_predictions, _NEWEST),
             self.create_subscription(
                 message_class(adapter.message_type), adapter.topic, self._on_plan, _ANY
@@ -169,12 +169,12 @@ class RiskNode(LifecycleNode):
     def _unsubscribe(self) -> None:
         bond, self._bond = self._bond, NoBond()
         bond.close()
-        for subscription in self._subscriptions:
+        for subscription in self._inputs:
             self.destroy_subscription(subscription)
-        self._subscriptions = []
-        if self._context is not None:
-            self._context.close()
-        self._context = self._assessor = self._last = None
+        self._inputs = []
+        if self._ego is not None:
+            self._ego.close()
+        self._ego = self._assessor = self._last = None
 
     def _release(self) -> None:
         if self._outputs is not None:
