@@ -29,6 +29,7 @@ EXECUTABLES = {
     "predictor": "mtpgo_ros.predictor:main",
     "replay": "mtpgo_ros.replay:main",
     "record": "mtpgo_ros.record:main",
+    "risk": "mtpgo_ros.risk:main",
     "mtpgo": "mtpgo_training.cli:main",
 }
 

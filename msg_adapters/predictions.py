@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The canonical output: a PointCloud2 with one point per agent, mode and step, and its decoder.
 
-80 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
+88 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
 layout is described in docs/messages.md. The first 64 bytes stay fixed; fields are only appended.
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.conversions import stamp_to_ns
+from msg_adapters.conversions import positive, stamp_to_ns
 from msg_adapters.inputs.object_cloud import KEY_FIELDS
 from msg_adapters.types import Types
 from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud
@@ -32,6 +32,8 @@ _LATER_FIELDS = (
     ("calibration", "<u1"),
     ("x_rest", "<f4"),
     ("y_rest", "<f4"),
+    ("length", "<f4"),
+    ("width", "<f4"),
 )
 """Fields after those of the first 64 bytes; clouds recorded before they existed lack them."""
 
@@ -89,6 +91,7 @@ def prediction_to_pointcloud2(
     points = np.zeros((n, modes, steps), dtype=POINT)
     mean = prediction.mean[:, :modes]
     covariance = prediction.covariance[:, :modes]
+    size = np.where(prediction.size > 0.0, prediction.size, 0.0)  # the cloud's unknown size
     columns = {
         "x": mean[..., 0],
         "y": mean[..., 1],
@@ -107,6 +110,8 @@ def prediction_to_pointcloud2(
         "source": _per_agent(prediction.source),
         "sigma_factor_50": prediction.sigma_factor_50.reshape(n, 1, steps),
         "calibration": _per_agent(prediction.calibration),
+        "length": _per_agent(size[:, 0]),
+        "width": _per_agent(size[:, 1]),
     }
     columns |= {name: _per_agent(prediction.key[:, i]) for i, name in enumerate(KEY_FIELDS)}
     for name, values in columns.items():
@@ -127,7 +132,8 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
     """Return the prediction in a canonical cloud.
 
     Points may have any order and some may be missing (a filtered cloud); what is missing is NaN,
-    and its weight zero. Size, state and yaw at the stamp are not in the cloud and are NaN.
+    and its weight zero. A size that is unknown, or that an older cloud lacks, is NaN. State and
+    yaw at the stamp are not in the cloud and are NaN.
 
     Args:
         message: ``sensor_msgs/PointCloud2`` as :func:`prediction_to_pointcloud2` writes it.
@@ -161,7 +167,7 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         key=np.stack([first[name] for name in KEY_FIELDS], axis=-1).reshape(n, 4),
         agent_class=np.ascontiguousarray(first["class"]),
         z=first["z"].astype(np.float64),
-        size=np.full((n, 2), np.nan),
+        size=_size(first),
         initial=np.full((n, 4), np.nan),
         initial_yaw=np.full(n, np.nan),
         time_s=np.where(np.isfinite(times), times, np.nan).astype(np.float64),
@@ -172,6 +178,13 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         source=np.ascontiguousarray(first["source"]),
         **_later_fields(grid, first),
     )
+
+
+def _size(first: NDArray[Any]) -> Float64Array:
+    """Return [n, 2] length and width of the agents' first points (m), NaN where unknown."""
+    if not {"length", "width"} <= set(first.dtype.names or ()):
+        return np.full((len(first), 2), np.nan)
+    return positive(np.stack([first["length"], first["width"]], axis=-1).astype(np.float64))
 
 
 def _later_fields(grid: NDArray[Any], first: NDArray[Any]) -> dict[str, NDArray[Any]]:

@@ -34,6 +34,7 @@ _RELEASED = frozenset(
     {
         "ackermann_msgs",
         "autoware_perception_msgs",
+        "autoware_planning_msgs",
         "derived_object_msgs",
         "diagnostic_msgs",
         "geographic_msgs",
@@ -77,6 +78,10 @@ class Types(ABC):
         """Return the content of a ``uint8[]`` field."""
 
     @abstractmethod
+    def small_integers(self, data: NDArray[np.int8]) -> Any:
+        """Return the content of an ``int8[]`` field."""
+
+    @abstractmethod
     def doubles(self, values: Iterable[float]) -> Any:
         """Return the content of a ``float64[]`` field."""
 
@@ -99,6 +104,9 @@ class RclpyTypes(Types):
     def octets(self, data: NDArray[np.uint8] | bytes) -> Any:  # noqa: D102 (inherited)
         # A uint8 array assigned as it is would be checked element by element.
         return array.array("B", data if isinstance(data, bytes) else data.tobytes())
+
+    def small_integers(self, data: NDArray[np.int8]) -> Any:  # noqa: D102 (inherited)
+        return array.array("b", data.tobytes())
 
     def doubles(self, values: Iterable[float]) -> Any:  # noqa: D102 (inherited)
         return array.array("d", values)
@@ -137,6 +145,9 @@ class TypestoreTypes(Types):
 
     def octets(self, data: NDArray[np.uint8] | bytes) -> Any:  # noqa: D102 (inherited)
         return np.frombuffer(data, dtype=np.uint8)
+
+    def small_integers(self, data: NDArray[np.int8]) -> Any:  # noqa: D102 (inherited)
+        return np.ascontiguousarray(data, dtype=np.int8).reshape(-1)
 
     def doubles(self, values: Iterable[float]) -> Any:  # noqa: D102 (inherited)
         return np.fromiter(values, dtype=np.float64)

@@ -10,8 +10,7 @@ SIGINT and SIGTERM end it with status 0, bad input with status 2 and one sentenc
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from mtpgo_core.errors import MtpgoError
 from mtpgo_ros.runtime.executable import (
@@ -24,9 +23,6 @@ from mtpgo_ros.runtime.executable import (
     tune_allocator,
 )
 from mtpgo_ros.runtime.supervision import ServiceNotifier, end_with_parent
-
-if TYPE_CHECKING:
-    from mtpgo_ros.node.predictor_node import PredictorNode
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
@@ -54,10 +50,11 @@ def main(argv: Sequence[str] | None = None) -> int | None:
         if _parser().parse_args(own_arguments(arguments)).end_with_parent:
             end_with_parent()
         start(arguments)
+        from mtpgo_ros.lifecycle.lifecycle_run import run_lifecycle
         from mtpgo_ros.node.predictor_node import PredictorNode
 
         node = PredictorNode(arguments=arguments)
-        _run(node, stopped, notifier)
+        run_lifecycle(node, stopped, notifier)
     except MtpgoError as error:
         status = fail("predictor", error)
     notifier.stopping()
@@ -77,34 +74,6 @@ def _parser() -> ArgumentParser:
         help="end when the parent process ends; the launch files set this",
     )
     return parser
-
-
-def _run(node: PredictorNode, stopped: Callable[[], bool], notifier: ServiceNotifier) -> None:
-    """Start the node, report to the supervisor, and spin until a signal is received.
-
-    Raises:
-        MtpgoError: the node cannot be started.
-    """
-    from rclpy.clock import Clock, ClockType
-    from rclpy.lifecycle import TransitionCallbackReturn
-
-    from mtpgo_ros.runtime.ros_start import spin
-
-    if node.parameters.autostart:
-        node.starting = True
-        for trigger in (node.trigger_configure, node.trigger_activate):
-            if stopped():
-                break
-            if trigger() != TransitionCallbackReturn.SUCCESS and not stopped():
-                raise MtpgoError(node.failure or "the node could not be started")
-        node.starting = False
-    notifier.ready()
-    node.on_health(lambda verdict: notifier.status(verdict.sentence))
-    if notifier.watchdog_s:
-        # From the executor: one that hangs gives no sign of life.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(notifier.watchdog_s, notifier.alive, clock=steady)
-    spin(node, stopped, node.events.failure)
 
 
 if __name__ == "__main__":

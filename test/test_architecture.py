@@ -87,7 +87,16 @@ ROOMS = {
         "baselines",
         "inference",
     ),
-    "mtpgo_core": ("", "task", "history", "scene", "prediction", "quality", "live_calibration"),
+    "mtpgo_core": (
+        "",
+        "task",
+        "history",
+        "scene",
+        "prediction",
+        "quality",
+        "live_calibration",
+        "risk",
+    ),
     "msg_adapters": (
         "types",
         "conversions",
@@ -109,6 +118,7 @@ ROOMS = {
         "bags",
         "load",
         "node",
+        "risk_node",
         "",
     ),
     "mtpgo_training": (

@@ -38,6 +38,9 @@ class _RenamedTypes(Types):
     def octets(self, data: NDArray[np.uint8] | bytes) -> Any:
         return self._types.octets(data)
 
+    def small_integers(self, data: NDArray[np.int8]) -> Any:
+        return self._types.small_integers(data)
+
     def doubles(self, values: Iterable[float]) -> Any:
         return self._types.doubles(values)
 

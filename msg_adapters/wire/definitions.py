@@ -105,6 +105,24 @@ bool is_stationary
     "TrackedObjects": _AUTOWARE["TrackedObjects"],
 }
 
+# autoware_planning_msgs 1.x (Jazzy release).
+_AUTOWARE_PLANNING = {
+    "TrajectoryPoint": """
+builtin_interfaces/Duration time_from_start
+geometry_msgs/Pose pose
+float32 longitudinal_velocity_mps
+float32 lateral_velocity_mps
+float32 acceleration_mps2
+float32 heading_rate_rps
+float32 front_wheel_angle_rad
+float32 rear_wheel_angle_rad
+""",
+    "Trajectory": """
+std_msgs/Header header
+TrajectoryPoint[] points
+""",
+}
+
 # vision_msgs 4.x.
 _VISION = {
     "ObjectHypothesis": """
@@ -239,6 +257,7 @@ DEFINITIONS: dict[str, str] = {
     for package, messages in (
         ("autoware_perception_msgs", _AUTOWARE),
         ("autoware_auto_perception_msgs", _AUTOWARE_AUTO),
+        ("autoware_planning_msgs", _AUTOWARE_PLANNING),
         ("vision_msgs", _VISION),
         ("derived_object_msgs", _DERIVED),
         ("perception_msgs", _IKA),

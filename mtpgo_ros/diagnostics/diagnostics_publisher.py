@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
@@ -13,7 +14,6 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus, diagnostic_statuses
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.diagnostics.health import HealthMonitor, Verdict
 
@@ -21,13 +21,23 @@ _CHECK_PERIOD_S = 0.1
 """Time between two checks for a change of level (s); chosen."""
 
 
-class DiagnosticsPublisher:
+class HasState(Protocol):
+    """What a node reports about itself: at least the state of its life cycle."""
+
+    state: str
+
+
+AnyStatus = TypeVar("AnyStatus", bound=HasState)
+
+
+class DiagnosticsPublisher(Generic[AnyStatus]):
     """Publishes on a steady-clock timer, so that a paused simulation is diagnosed as well.
 
     Args:
         node: the node that is diagnosed.
         events: the counters.
         current_status: returns the state of the node.
+        make_statuses: makes the diagnostic statuses of the node's name, its state and its events.
 
     Attributes:
         on_health: called with every verdict that is published.
@@ -37,9 +47,11 @@ class DiagnosticsPublisher:
         self,
         node: Node,
         events: EventLog,
-        current_status: Callable[[], NodeStatus],
+        current_status: Callable[[], AnyStatus],
+        make_statuses: Callable[[str, AnyStatus, EventLog], list[DiagnosticStatus]],
     ) -> None:
         self._node, self._events, self._current_status = node, events, current_status
+        self._make_statuses = make_statuses
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._period_s = 1.0
         self._published_s = float("-inf")
@@ -67,7 +79,7 @@ class DiagnosticsPublisher:
     def _check(self) -> None:
         self._events.flush()
         status = self._current_status()
-        found = diagnostic_statuses(self._name, status, self._events)
+        found = self._make_statuses(self._name, status, self._events)
         now_s = time.monotonic()
         self._publish_health(self._health.verdict(found, status.state), now_s)
         levels = [one.level for one in found]

@@ -8,7 +8,6 @@ the opposite transition, so that a new configuration starts from nothing.
 
 from __future__ import annotations
 
-import functools
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -18,8 +17,7 @@ from rclpy.clock import JumpThreshold, ROSClock
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
+from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus, diagnostic_statuses
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.event_log import RECENT_S, EventLog
 from mtpgo_ros.diagnostics.health import Verdict
@@ -27,38 +25,16 @@ from mtpgo_ros.diagnostics.input_watch import InputAge
 from mtpgo_ros.diagnostics.latency import LatencyStatistics
 from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions, state_of
 from mtpgo_ros.lifecycle.manager_bond import ManagerBond, NoBond, form_bond
+from mtpgo_ros.lifecycle.recorded_transition import record_failure
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.model_swap import ModelSwap
 from mtpgo_ros.node.prediction_pipeline import PredictionPipeline
 from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.parameter_server import ParameterServer
-from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters, updated
 
 _NAMES_PERIOD_S = 1.0
 """Time between two searches for another node of the same name (s); chosen."""
-
-Transition = Callable[["PredictorNode", LifecycleState], TransitionCallbackReturn]
-
-
-def _record_failure(transition: Transition) -> Transition:
-    """Return a transition whose failure is stored and logged: rclpy itself ignores exceptions."""
-
-    @functools.wraps(transition)
-    def recorded(node: PredictorNode, state: LifecycleState) -> TransitionCallbackReturn:
-        try:
-            node.failure = ""
-            return transition(node, state)
-        except MtpgoError as error:
-            node.failure = str(error)
-            result = TransitionCallbackReturn.FAILURE
-        except Exception as error:
-            node.failure = f"{transition.__name__}: {type(error).__name__}: {error}"
-            result = TransitionCallbackReturn.ERROR
-        if not node.starting:
-            node.get_logger().error(f"transition refused: {node.failure}")
-        return result
-
-    return recorded
 
 
 class PredictorNode(LifecycleNode):
@@ -88,13 +64,17 @@ class PredictorNode(LifecycleNode):
         self.events = EventLog(self.get_logger())
         self._server = ParameterServer(
             self,
+            PredictorParameters(),
+            updated,
             may_reconfigure=lambda: self._model is None,
             on_change=self._on_parameters,
             arguments=arguments,
         )
         self._status = NodeStatus()
         self._names_checked_s = float("-inf")
-        self._diagnostics = DiagnosticsPublisher(self, self.events, self._current_status)
+        self._diagnostics = DiagnosticsPublisher(
+            self, self.events, self._current_status, diagnostic_statuses
+        )
         self._diagnostics.set_period(self.parameters.diagnostic_period)
         self._jumps = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1)),
@@ -118,7 +98,7 @@ class PredictorNode(LifecycleNode):
         """Call ``handler`` with every verdict that is published on ``~/health``."""
         self._diagnostics.on_health = handler
 
-    @_record_failure
+    @record_failure
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the model and create the publishers."""
         parameters = self.parameters
@@ -135,7 +115,7 @@ class PredictorNode(LifecycleNode):
         self._outputs = Publishers(self, parameters.output, parameters.max_modes, self.events)
         return super().on_configure(state)
 
-    @_record_failure
+    @record_failure
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribe and start the worker."""
         assert self._model is not None
@@ -152,20 +132,20 @@ class PredictorNode(LifecycleNode):
         )
         return done
 
-    @_record_failure
+    @record_failure
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop subscribing and predicting."""
         self._close_pipeline()
         return super().on_deactivate(state)
 
-    @_record_failure
+    @record_failure
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Release model and publishers."""
         done = super().on_cleanup(state)
         self._release()
         return done
 
-    @_record_failure
+    @record_failure
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop finally."""
         self._close_pipeline()

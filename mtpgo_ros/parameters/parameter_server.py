@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, Generic
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import Limits, listed
-from mtpgo_ros.parameters.predictor_parameters import Change, PredictorParameters, updated
+from mtpgo_ros.parameters.parameter_change import AnyParameters, Change
 from mtpgo_ros.parameters.unknown_parameters import report_unknown_parameters
 
 _TYPE_NAMES = {
@@ -32,8 +32,8 @@ _TYPE_NAMES = {
 }
 
 
-class ParameterServer:
-    """Keeps a node's ROS parameters and its :class:`PredictorParameters` equal.
+class ParameterServer(Generic[AnyParameters]):
+    """Keeps a node's ROS parameters and a dataclass of them equal.
 
     A change is checked as a whole before any part of it takes effect. A whole number is accepted
     for a real one (``rate:=5``) and for text (``ego_id:=17``), since the command line and YAML do
@@ -46,15 +46,19 @@ class ParameterServer:
     def __init__(
         self,
         node: Node,
+        defaults: AnyParameters,
+        updated: Callable[[AnyParameters, Mapping[str, Any]], AnyParameters],
         *,
         may_reconfigure: Callable[[], bool],
-        on_change: Callable[[PredictorParameters], None],
+        on_change: Callable[[AnyParameters], None],
         arguments: Sequence[str] = (),
     ) -> None:
         """Declare all parameters on ``node``, with the values of the command line.
 
         Args:
             node: the node.
+            defaults: a dataclass with the default values, whose fields say when they may change.
+            updated: returns the parameters with some values replaced, checked as a whole.
             may_reconfigure: returns whether parameters of the configuration may change.
             on_change: called after a change was accepted.
             arguments: of the process, to find out where unknown parameters come from.
@@ -66,27 +70,28 @@ class ParameterServer:
         self._on_change = on_change
         self._node = node
         self._committing = False
-        fields = dataclasses.fields(PredictorParameters)
+        self._updated = updated
+        self._fields = {field.name: field for field in dataclasses.fields(defaults)}
+        fields = list(self._fields.values())
         given = {field.name: _converted(field, _given(node, field)) for field in fields}
-        self.value = updated(PredictorParameters(), given)
+        self.value = updated(defaults, given)
         for field in fields:
             node.declare_parameter(
                 field.name, given[field.name], descriptor(field), ignore_override=True
             )
         report_unknown_parameters(node, arguments)
-        node.add_pre_set_parameters_callback(_convert)
+        node.add_pre_set_parameters_callback(self._convert)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
-    def checked(self, values: Mapping[str, Any]) -> PredictorParameters:
+    def checked(self, values: Mapping[str, Any]) -> AnyParameters:
         """Return the present parameters with these values, which do not take effect.
 
         Raises:
             ConfigurationError: they are of the wrong type or not allowed together.
         """
-        fields = {field.name: field for field in dataclasses.fields(PredictorParameters)}
-        given = {name: _converted(fields[name], value) for name, value in values.items()}
-        return updated(self.value, given)
+        given = {name: _converted(self._fields[name], value) for name, value in values.items()}
+        return self._updated(self.value, given)
 
     def commit(self, values: Mapping[str, Any]) -> None:
         """Set parameters to values that have already taken effect, at whatever moment."""
@@ -101,10 +106,10 @@ class ParameterServer:
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         values = {p.name: p.value for p in parameters}
         try:
-            for field in dataclasses.fields(PredictorParameters):
+            for field in self._fields.values():
                 if field.name in values:
                     self._check_moment(field, values[field.name])
-            updated(self.value, values)
+            self._updated(self.value, values)
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -121,10 +126,22 @@ class ParameterServer:
             )
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        new = updated(self.value, {p.name: p.value for p in parameters})
+        new = self._updated(self.value, {p.name: p.value for p in parameters})
         if new != self.value:
             self.value = new
             self._on_change(new)
+
+    def _convert(self, parameters: Sequence[Parameter]) -> list[Parameter]:
+        """Return the parameters with values of a related type converted to the declared one."""
+        out = []
+        for parameter in parameters:
+            field = self._fields.get(parameter.name)
+            if field is not None:
+                # Other values are kept: rclpy refuses them with a sentence about the type.
+                with suppress(ConfigurationError):
+                    parameter = Parameter(parameter.name, value=_converted(field, parameter.value))
+            out.append(parameter)
+        return out
 
 
 def descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
@@ -161,20 +178,6 @@ def _given(node: Node, field: dataclasses.Field[Any]) -> Any:
     ).value
     node.undeclare_parameter(field.name)
     return value
-
-
-def _convert(parameters: Sequence[Parameter]) -> list[Parameter]:
-    """Return the parameters with values of a related type converted to the declared one."""
-    fields = {field.name: field for field in dataclasses.fields(PredictorParameters)}
-    out = []
-    for parameter in parameters:
-        field = fields.get(parameter.name)
-        if field is not None:
-            # Other values are kept: rclpy refuses them with a sentence about the type.
-            with suppress(ConfigurationError):
-                parameter = Parameter(parameter.name, value=_converted(field, parameter.value))
-        out.append(parameter)
-    return out
 
 
 def _converted(field: dataclasses.Field[Any], value: Any) -> Any:

@@ -8,11 +8,9 @@ each default is written once and a configuration can be checked without a node.
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 from msg_adapters.wire.input_limits import InputLimits
@@ -23,9 +21,11 @@ from mtpgo_core.live_calibration.live_options import (
     PREFERENCES,
     LiveOptions,
 )
-from mtpgo_core.options import check_options, listed, option
+from mtpgo_core.options import check_options, listed
 from mtpgo_core.quality.quality_report import WINDOWS_S, QualityLimits
 from mtpgo_core.task.task_description import GRAPH_POLICIES
+from mtpgo_ros.parameters.parameter_change import Change, replaced
+from mtpgo_ros.parameters.parameter_change import parameter_field as _field
 
 INPUT_TYPES = (
     "auto",
@@ -39,19 +39,6 @@ INPUT_TYPES = (
 )
 OUTPUT_KINDS = ("pointcloud2", "markers", "autoware")
 TWIST_FRAMES = ("default", "object", "header")
-
-
-class Change(Enum):
-    """When a parameter may change, and when the new value takes effect."""
-
-    NOW = "at any time"
-    CONFIGURE = "while the node is unconfigured, and takes effect at the next configuration"
-    START = "only at the start of the process"
-
-
-def _field(default: Any, description: str, *, change: Change = Change.NOW, **limits: Any) -> Any:
-    """Return a dataclass field with everything that rclpy needs to declare the parameter."""
-    return option(default, description=description, change=change, **limits)
 
 
 @dataclass(frozen=True)
@@ -364,12 +351,6 @@ def updated(current: PredictorParameters, values: Mapping[str, Any]) -> Predicto
     Raises:
         ConfigurationError: see :func:`check`.
     """
-    names = {field.name for field in dataclasses.fields(PredictorParameters)}
-    known: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in values.items()
-        if name in names
-    }
-    new = dataclasses.replace(current, **known)
+    new = replaced(current, values)
     check(new)
     return new

@@ -21,7 +21,7 @@ def assert_equal(found, wanted):
     assert found.frame_id == wanted.frame_id
     for name in ("key", "agent_class", "source", "calibration"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), name)
-    for name in ("z", "time_s", "weight", "mean", "yaw", "covariance", "sigma_factor_50"):
+    for name in ("z", "time_s", "weight", "mean", "yaw", "covariance", "sigma_factor_50", "size"):
         np.testing.assert_allclose(
             getattr(found, name), getattr(wanted, name), rtol=1e-6, err_msg=name
         )
@@ -43,10 +43,10 @@ def test_rclpy_class_with_field_checks(prediction, online, typestore):
 def test_documented_bytes_of_one_point(prediction, offline):
     """The layout of docs/messages.md, read with struct: agent 2, mode 1, step 3."""
     message = prediction_to_pointcloud2(prediction, offline)
-    assert message.point_step == 80
+    assert message.point_step == 88
     assert (message.width, message.height) == (3 * 4 * 5, 1)
     a, m, h = 2, 1, 3
-    values = struct.unpack_from("<11f4I4BfB", bytes(message.data), 80 * ((a * 4 + m) * 5 + h))
+    values = struct.unpack_from("<11f4I4BfB", bytes(message.data), 88 * ((a * 4 + m) * 5 + h))
     wanted = [
         *prediction.mean[a, m, h, :2],
         prediction.z[a],
@@ -65,14 +65,15 @@ def test_documented_bytes_of_one_point(prediction, offline):
 
 def test_clouds_from_before_the_calibration_was_published_are_read(prediction, offline):
     message = prediction_to_pointcloud2(prediction, offline)
-    points = np.frombuffer(bytes(message.data), dtype=np.uint8).reshape(-1, 80)
+    points = np.frombuffer(bytes(message.data), dtype=np.uint8).reshape(-1, 88)
     message.data = np.ascontiguousarray(points[:, :64]).reshape(-1)
-    message.fields = message.fields[:-4]
+    message.fields = message.fields[:-6]
     message.point_step, message.row_step = 64, 64 * len(points)
     found = prediction_from_pointcloud2(message)
     np.testing.assert_allclose(found.mean, prediction.mean, rtol=1e-6)
     assert (found.sigma_factor_50 == 1.0).all()
     assert (found.calibration == CalibrationStage.NONE).all()
+    assert np.isnan(found.size).all()
 
 
 def test_max_modes_keeps_the_strongest_and_renormalises(prediction, offline):
@@ -86,7 +87,7 @@ def test_max_modes_keeps_the_strongest_and_renormalises(prediction, offline):
 
 def test_shuffled_points_give_the_same_and_missing_ones_are_nan(prediction, offline):
     message = prediction_to_pointcloud2(prediction, offline)
-    points = np.frombuffer(bytes(message.data), dtype="V80").copy()
+    points = np.frombuffer(bytes(message.data), dtype="V88").copy()
     # Agent 0 stays first, so the order of the agents does not change.
     order = np.concatenate([[0], 1 + np.random.default_rng(1).permutation(len(points) - 1)])
     message.data = points[order].view(np.uint8)

@@ -55,7 +55,7 @@ def test_rclpy_reads_the_bytes(prediction, online, typestore):
 def test_an_output_without_a_byte_writer_gives_the_message(prediction, offline):
     output = OUTPUTS["pointcloud2"]
     message = output.writer(offline, serialized=True)(prediction)
-    assert message.point_step == 80
+    assert message.point_step == 88
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.class_size import known_sizes
 from mtpgo_core.quality import metrics
 from mtpgo_core.quality.metrics import TIMES_S, Array, Mask
 from mtpgo_core.schema import MOVING_MPS, BoolArray, IndexArray
@@ -240,7 +241,7 @@ def _feasibility(given: PredictedPaths, path: Array, dt_s: float) -> Values:
     lateral = feasibility.lateral_acceleration(path, dt_s)
     stays = ~moving & members(given.manoeuvres, "standing")
     creep = feasibility.final_displacement(path, given.start)
-    size = box_overlap.known_sizes(given.size, given.agent_class)
+    size = known_sizes(given.size, given.agent_class)
     overlaps = box_overlap.new_overlaps(
         path,
         given.truth,

@@ -8,31 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.quality.metrics import Array, Mask
-from mtpgo_core.schema import AgentClass, BoolArray, ClassArray, IndexArray
-
-CLASS_SIZE_M = {
-    AgentClass.UNKNOWN: (4.0, 1.8),
-    AgentClass.CAR: (4.5, 1.8),
-    AgentClass.TRUCK: (10.0, 2.5),
-    AgentClass.BUS: (12.0, 2.5),
-    AgentClass.TRAILER: (10.0, 2.5),
-    AgentClass.MOTORCYCLE: (2.2, 0.8),
-    AgentClass.BICYCLE: (1.8, 0.6),
-    AgentClass.PEDESTRIAN: (0.5, 0.5),
-    AgentClass.ANIMAL: (1.0, 0.5),
-    AgentClass.VAN: (5.5, 2.0),
-}
-"""Length and width (m) of road users whose size is not known; chosen as usual for the class."""
+from mtpgo_core.schema import BoolArray, IndexArray
 
 HEADING_M = 0.05
 """A step gives a new heading if it is at least this long (m); chosen above rounding."""
-
-_SIZES = np.array([CLASS_SIZE_M[kind] for kind in AgentClass])
-
-
-def known_sizes(size: Array, agent_class: ClassArray) -> Array:
-    """[n, 2] length and width (m), of the class where ``size`` [n, 2] is NaN."""
-    return np.where(np.isfinite(size), size, _SIZES[agent_class])
 
 
 def path_headings(path: Array, start: Array, yaw: Array) -> Array:

@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_helpers import spin_until
 
-from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
+from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus, diagnostic_statuses
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.diagnostics.input_watch import InputAge
@@ -22,7 +22,7 @@ def setup():
     """The publisher of a node, and a list in which its messages are collected."""
     node, published = Node("diagnosed", namespace="/robot"), []
     status, events = NodeStatus(input=InputAge(usable=True)), EventLog()
-    publisher = DiagnosticsPublisher(node, events, lambda: status)
+    publisher = DiagnosticsPublisher(node, events, lambda: status, diagnostic_statuses)
     publisher._publisher.publish = published.append
     yield node, publisher, status, published
     node.destroy_node()

@@ -10,7 +10,11 @@ from rclpy.parameter import Parameter
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_ros.parameters.parameter_server import ParameterServer, descriptor
-from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters, updated
+
+
+def serve(node, **options):
+    return ParameterServer(node, PredictorParameters(), updated, **options)
 
 
 def test_values_of_related_types_are_converted():
@@ -23,7 +27,7 @@ def test_values_of_related_types_are_converted():
         ],
     )
     changes = []
-    server = ParameterServer(node, may_reconfigure=lambda: False, on_change=changes.append)
+    server = serve(node, may_reconfigure=lambda: False, on_change=changes.append)
     assert (server.value.rate, server.value.ego_id) == (4.0, "17")
     assert server.value.output == ("markers",)
     result = node.set_parameters_atomically([Parameter("radius", value=30)])
@@ -47,7 +51,7 @@ def test_values_of_related_types_are_converted():
 def test_a_value_of_another_type_is_refused_with_a_sentence(name, value, words):
     node = Node("wrong", parameter_overrides=[Parameter(name, value=value)])
     with pytest.raises(ConfigurationError, match=words):
-        ParameterServer(node, may_reconfigure=lambda: True, on_change=print)
+        serve(node, may_reconfigure=lambda: True, on_change=print)
     node.destroy_node()
 
 
@@ -57,7 +61,7 @@ def server():
     node, changes = Node("parameters"), []
     yield (
         node,
-        ParameterServer(node, may_reconfigure=lambda: False, on_change=changes.append),
+        serve(node, may_reconfigure=lambda: False, on_change=changes.append),
         changes,
     )
     node.destroy_node()

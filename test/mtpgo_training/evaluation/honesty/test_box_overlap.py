@@ -5,11 +5,8 @@
 import numpy as np
 import pytest
 
-from mtpgo_core.schema import AgentClass
 from mtpgo_training.evaluation.honesty.box_overlap import (
-    CLASS_SIZE_M,
     boxes_overlap,
-    known_sizes,
     new_overlaps,
     pairs_within,
     path_headings,
@@ -62,13 +59,6 @@ def test_pairs_are_those_of_an_instant():
         (4, 5),
     ]
     assert pairs_within(np.empty(0, np.int64))[0].shape == (0,)
-
-
-def test_unknown_sizes_are_those_of_the_class():
-    size = np.array([[5.0, np.nan], [np.nan, np.nan]])
-    kinds = np.array([AgentClass.CAR, AgentClass.PEDESTRIAN], np.uint8)
-    expected = [[5.0, CLASS_SIZE_M[AgentClass.CAR][1]], CLASS_SIZE_M[AgentClass.PEDESTRIAN]]
-    np.testing.assert_array_equal(known_sizes(size, kinds), expected)
 
 
 def found(predicted, truth, mask=None, start=None):

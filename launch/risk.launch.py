@@ -1,0 +1,93 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Starts the node ``risk`` beside a running predictor.
+
+    ros2 launch mtpgo_ros risk.launch.py plan_type:=path plan:=/planner/path
+
+Arguments have priority over the parameter file; an empty argument keeps the file's value.
+"""
+
+from pathlib import Path
+
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from launch import LaunchDescription
+
+CONFIG = Path(__file__).resolve().parents[1] / "config"
+
+PARAMETERS = {
+    "plan_type": (str, "odometry, path or autoware"),
+    "ego_id": (str, "identity of the ego among the predicted road users"),
+    "ego_length": (float, "length of the ego (m)"),
+    "ego_width": (float, "width of the ego (m)"),
+    "ego_center_offset": (float, "how far its middle is ahead of the plan's point (m)"),
+    "use_sim_time": (bool, "use the time of /clock"),
+    "autostart": (bool, "false: a lifecycle manager configures and activates the node"),
+}
+"""Arguments that are parameters of the node: type and description."""
+
+TOPICS = {
+    "predictions": "predictor/predictions",
+    "plan": "plan",
+    "odometry": "odometry",
+}
+"""Arguments that remap topics: the name of the topic by that of the argument."""
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return what ``ros2 launch`` starts."""
+    arguments = [
+        DeclareLaunchArgument(
+            "params_file", default_value=str(CONFIG / "risk.yaml"), description="parameter file"
+        ),
+        DeclareLaunchArgument("namespace", default_value="", description="of the node"),
+    ]
+    for name, (_, description) in PARAMETERS.items():
+        arguments.append(DeclareLaunchArgument(name, default_value="", description=description))
+    for name, topic in TOPICS.items():
+        arguments.append(
+            DeclareLaunchArgument(name, default_value=topic, description=f"topic for {topic}")
+        )
+    return LaunchDescription([*arguments, OpaqueFunction(function=_risk)])
+
+
+def _risk(context: object) -> list[Node]:
+    """Return the node with the parameters from the command line."""
+
+    def given(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    overrides = {
+        name: _value(kind, name, given(name))
+        for name, (kind, _) in PARAMETERS.items()
+        if given(name) != ""
+    }
+    return [
+        Node(
+            package="mtpgo_ros",
+            executable="risk",
+            name="risk",
+            namespace=given("namespace"),
+            parameters=[given("params_file"), overrides],
+            remappings=[
+                (topic, given(name)) for name, topic in TOPICS.items() if given(name) != topic
+            ],
+            # launch leaves its processes behind when it is ended by SIGTERM.
+            arguments=["--end-with-parent"],
+            output="screen",
+        )
+    ]
+
+
+def _value(kind: type, name: str, text: str) -> str | float | bool:
+    """Return an argument's text as the parameter's type."""
+    if kind is bool:
+        if text.lower() not in ("true", "false"):
+            raise ValueError(f"argument {name} is {text!r}, expected true or false")
+        return text.lower() == "true"
+    try:
+        return kind(text)
+    except ValueError:
+        raise ValueError(f"argument {name} is {text!r}, expected a number") from None

@@ -1,0 +1,162 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The newest plan, and what it means for predictions. No ROS in here.
+
+Whatever is wrong with plan or predictions makes the risk unknown, with one sentence in the status.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+
+from mtpgo_core.errors import FrameError, MtpgoError
+from mtpgo_core.identity import key_to_int, keys_from_texts
+from mtpgo_core.prediction.output_assembly import select
+from mtpgo_core.risk.collision_risk import CollisionRisk, Unknown, assess
+from mtpgo_core.risk.ego_plan import EgoPlan
+from mtpgo_core.schema import Float64Array, Prediction
+from mtpgo_ros.parameters.risk_parameters import RiskParameters
+from mtpgo_ros.risk_node.risk_status import RiskStatus
+
+
+class RiskAssessor:
+    """Keeps the newest plan and computes risks; to be used on one thread.
+
+    Args:
+        parameters: the initial parameters.
+        status: where problems and results are kept up to date.
+        plan_topic: resolved name of the plan's topic, for sentences.
+
+    Attributes:
+        plan: the newest plan, None if there is none or it was refused.
+    """
+
+    def __init__(self, parameters: RiskParameters, status: RiskStatus, plan_topic: str) -> None:
+        self._parameters, self._status, self._plan_topic = parameters, status, plan_topic
+        self._ego_topic = ""
+        self.plan: EgoPlan | None = None
+        self._missing = f"no plan has come on {plan_topic} yet"
+        status.plan_problem = self._missing
+
+    def configure(self, parameters: RiskParameters) -> None:
+        """Use other parameters from the next predictions on."""
+        self._parameters = parameters
+
+    def set_ego(self, text: str) -> None:
+        """Take the identity of the ego from its topic; empty for none."""
+        self._ego_topic = text
+
+    def add_plan(self, plan: EgoPlan) -> None:
+        """Use a plan from now on."""
+        self.plan, self._missing = plan, ""
+        self._status.plan_problem = ""
+
+    def refuse_plan(self, error: MtpgoError) -> None:
+        """Note a plan that is not usable: the one before it is not valid any more."""
+        self.plan, self._missing = None, f"the plan on {self._plan_topic} is not usable: {error}"
+        self._status.plan_problem = self._missing
+
+    def others(self, prediction: Prediction) -> Prediction:
+        """Return the prediction without the ego."""
+        text = self._parameters.ego_id or self._ego_topic
+        if not text or not len(prediction):
+            return prediction
+        key = keys_from_texts([text])[0]
+        return select(prediction, (prediction.key != key).any(axis=1))
+
+    def assess(self, prediction: Prediction, now_ns: int) -> CollisionRisk:
+        """Return the risk of predictions, without the ego, and note the result.
+
+        Args:
+            prediction: of :meth:`others`.
+            now_ns: the node's time (ns).
+        """
+        began_s = time.perf_counter()
+        status = self._status
+        status.prediction_problem = self._stale(prediction.stamp_ns, now_ns)
+        status.plan_problem, status.plan_warning = self._unusable(prediction), ""
+        footprint = self._parameters.footprint
+        if status.prediction_problem:
+            risk = assess(prediction, None, footprint, reason=Unknown.STALE)
+        elif status.plan_problem:
+            risk = assess(prediction, None, footprint, reason=Unknown.NO_PLAN)
+        else:
+            try:
+                risk = assess(prediction, self.plan, footprint)
+            except FrameError as error:
+                status.plan_problem = str(error)
+                risk = assess(prediction, None, footprint, reason=Unknown.NO_PLAN)
+        self._note(risk)
+        status.processing_ms = 1e3 * (time.perf_counter() - began_s)
+        return risk
+
+    def expire(self, prediction: Prediction) -> CollisionRisk:
+        """Return the unknown risk of predictions that no newer ones have followed in time."""
+        risk = assess(prediction, None, self._parameters.footprint, reason=Unknown.STALE)
+        self._note(risk)
+        return risk
+
+    def place(self, prediction: Prediction) -> Float64Array | None:
+        """Return [2] where the ego is at the predictions' stamp (m), else the road users' middle.
+
+        None if neither is known.
+        """
+        if self.plan is not None and self.plan.frame_id == prediction.frame_id:
+            position, _ = self.plan.at(prediction.stamp_ns, np.zeros(1))
+            if np.isfinite(position).all():
+                return position[0]
+        first = prediction.mean[:, :, :1, :2].reshape(-1, 2)
+        first = first[np.isfinite(first).all(axis=1)]
+        return first.mean(axis=0) if len(first) else None
+
+    def _stale(self, stamp_ns: int, now_ns: int) -> str:
+        """Return why predictions are too old, empty if they are not."""
+        limit_s, age_s = self._parameters.prediction_timeout, (now_ns - stamp_ns) * 1e-9
+        if abs(age_s) <= limit_s:
+            return ""
+        side = "old" if age_s > 0.0 else "ahead of it"
+        return (
+            f"predictions are stale: by the node's clock they are {abs(age_s):.1f} s {side},"
+            f" expected within {limit_s:g} s (a played bag needs use_sim_time); the risk is"
+            " unknown"
+        )
+
+    def _unusable(self, prediction: Prediction) -> str:
+        """Return why the plan cannot be used for predictions, empty if it can."""
+        if self.plan is None:
+            return self._missing
+        age_s = (prediction.stamp_ns - self.plan.stamp_ns) * 1e-9
+        self._status.plan_age_s = age_s
+        if abs(age_s) <= self._parameters.plan_timeout:
+            return ""
+        side = "before" if age_s > 0.0 else "after"
+        return (
+            f"the {self.plan.source} is stale: it was made {abs(age_s):.1f} s {side} the"
+            f" observation, expected within {self._parameters.plan_timeout:g} s"
+        )
+
+    def _note(self, risk: CollisionRisk) -> None:
+        status = self._status
+        status.agents = len(risk)
+        known = np.isfinite(risk.peak)
+        status.unknown_agents = int((~known).sum())
+        status.partly_known_agents = int((risk.agent_unknown == Unknown.PARTLY).sum())
+        beyond = (risk.unknown == Unknown.BEYOND_PLAN).any(axis=0)
+        if beyond.any() and not status.plan_problem:
+            last_s = risk.time_s[~beyond].max(initial=-math.inf)
+            reach = f"{last_s:.1f} s" if math.isfinite(last_s) else "none"
+            status.plan_warning = (
+                f"the plan covers {int((~beyond).sum())} of {len(beyond)} predicted steps"
+                f" (the last at {reach}): the risk beyond is unknown"
+            )
+        if known.any():
+            worst = int(np.nanargmax(risk.peak))
+            status.peak = float(risk.peak[worst])
+            status.peak_time_s = float(risk.peak_time_s[worst])
+            status.peak_agent = str(key_to_int(risk.key[worst]))
+        else:
+            status.peak = status.peak_time_s = math.nan
+            status.peak_agent = ""

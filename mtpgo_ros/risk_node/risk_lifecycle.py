@@ -1,0 +1,248 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The lifecycle node ``risk``: subscriptions, publishers and diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, cast
+
+from rclpy.clock import Clock, ClockType, ROSClock
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters.inputs.ego_plans import PLANS, PlanAdapter
+from msg_adapters.predictions import prediction_from_pointcloud2
+from msg_adapters.types import message_class
+from mtpgo_core.errors import MtpgoError
+from mtpgo_core.schema import Prediction
+from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
+from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.health import Verdict
+from mtpgo_ros.diagnostics.input_watch import InputWatch
+from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions, state_of
+from mtpgo_ros.lifecycle.manager_bond import ManagerBond, NoBond, form_bond
+from mtpgo_ros.lifecycle.recorded_transition import record_failure
+from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
+from mtpgo_ros.parameters.parameter_server import ParameterServer
+from mtpgo_ros.parameters.risk_parameters import RiskParameters, updated_risk
+from mtpgo_ros.risk_node.risk_assessor import RiskAssessor
+from mtpgo_ros.risk_node.risk_publishers import RiskPublishers
+from mtpgo_ros.risk_node.risk_status import RiskStatus, risk_statuses
+
+PREDICTIONS = "predictor/predictions"
+"""Topic of the predictions, as the predictor in the same namespace publishes them."""
+
+_NEWEST = QoSProfile(depth=1)
+_ANY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Fits every publisher of plans and odometry."""
+
+_CHECK_PERIOD_S = 0.1
+"""Time between two looks for predictions that no longer come (s); chosen."""
+
+
+class RiskNode(LifecycleNode):
+    """Publishes the risk of predicted road users for the plan of the ego.
+
+    Args:
+        arguments: of the process, to find out where unknown parameters come from.
+        node_options: of :class:`rclpy.node.Node`.
+
+    Attributes:
+        failure: why the last transition failed, empty if it did not.
+        starting: the executable starts the node and prints a failure itself.
+        events: where everything unusual is counted and logged.
+
+    Raises:
+        ConfigurationError: a parameter has a value that is not allowed.
+    """
+
+    def __init__(self, *, arguments: Sequence[str] = (), **node_options: Any) -> None:
+        super().__init__("risk", **node_options)
+        self.failure = ""
+        self.starting = False
+        self.events = EventLog(self.get_logger())
+        self._outputs: RiskPublishers | None = None
+        self._assessor: RiskAssessor | None = None
+        self._inputs: list[Subscription] = []
+        self._ego: ContextSubscriptions | None = None
+        self._bond: ManagerBond = NoBond()
+        self._watch = InputWatch()
+        self._last: Prediction | None = None
+        self._server = ParameterServer(
+            self,
+            RiskParameters(),
+            updated_risk,
+            may_reconfigure=lambda: self._outputs is None,
+            on_change=self._on_parameters,
+            arguments=arguments,
+        )
+        self._status = RiskStatus()
+        self._diagnostics = DiagnosticsPublisher(
+            self, self.events, self._current_status, risk_statuses
+        )
+        self._diagnostics.set_period(self.parameters.diagnostic_period)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = self.create_timer(_CHECK_PERIOD_S, self._expire, clock=steady)
+        answer_invalid_transitions(self)
+
+    @property
+    def parameters(self) -> RiskParameters:
+        """The current parameters."""
+        return self._server.value
+
+    def on_health(self, handler: Callable[[Verdict], None]) -> None:
+        """Call ``handler`` with every verdict that is published on ``~/health``."""
+        self._diagnostics.on_health = handler
+
+    @record_failure
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Check the type of the plan and create the publishers."""
+        message_class(self._plan_adapter.message_type)
+        self.events.reset()
+        self._outputs = RiskPublishers(self, self.parameters, self._status, self.events)
+        return super().on_configure(state)
+
+    @record_failure
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Subscribe."""
+        adapter, parameters, status = self._plan_adapter, self.parameters, self._status
+        status.topic = self.resolve_topic_name(PREDICTIONS)
+        status.plan_topic = self.resolve_topic_name(adapter.topic)
+        self._assessor = RiskAssessor(parameters, status, status.plan_topic)
+        self._last = None
+        self._watch.start()
+        self._ego = ContextSubscriptions(self, self._assessor.set_ego, None, self.events)
+        self._inputs = [
+            self.create_subscription(PointCloud2, PREDICTIONS, self._on_predictions, _NEWEST),
+            self.create_subscription(
+                message_class(adapter.message_type), adapter.topic, self._on_plan, _ANY
+            ),
+        ]
+        done = super().on_activate(state)
+        self._bond = form_bond(self)
+        self.get_logger().info(
+            f"ready: waiting for predictions on {status.topic} and {adapter.message_type} on"
+            f" {status.plan_topic}"
+        )
+        return done
+
+    @record_failure
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop subscribing."""
+        self._unsubscribe()
+        return super().on_deactivate(state)
+
+    @record_failure
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Release the publishers."""
+        done = super().on_cleanup(state)
+        self._release()
+        return done
+
+    @record_failure
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop finally."""
+        self._unsubscribe()
+        done = super().on_shutdown(state)
+        self._release()
+        return done
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Return to unconfigured after a transition that raised."""
+        self._unsubscribe()
+        self._release()
+        return super().on_error(state)
+
+    def stop(self) -> bool:
+        """End everything before the process ends; return true."""
+        self._unsubscribe()
+        self._release()
+        return True
+
+    @property
+    def _plan_adapter(self) -> PlanAdapter:
+        return PLANS[self.parameters.plan_type]
+
+    def _unsubscribe(self) -> None:
+        bond, self._bond = self._bond, NoBond()
+        bond.close()
+        for subscription in self._inputs:
+            self.destroy_subscription(subscription)
+        self._inputs = []
+        if self._ego is not None:
+            self._ego.close()
+        self._ego = self._assessor = self._last = None
+
+    def _release(self) -> None:
+        if self._outputs is not None:
+            self._outputs.close()
+        self._outputs = None
+
+    def _on_parameters(self, parameters: RiskParameters) -> None:
+        self._diagnostics.set_period(parameters.diagnostic_period)
+        if self._outputs is not None:
+            self._outputs.configure(parameters)
+        if self._assessor is not None:
+            self._assessor.configure(parameters)
+
+    def _on_plan(self, message: Any) -> None:
+        if self._assessor is None:
+            return
+        self.events.count("plans")
+        try:
+            stands_after = self.parameters.stands_after
+            self._assessor.add_plan(self._plan_adapter.plan(message, stands_after=stands_after))
+        except MtpgoError as error:
+            self._assessor.refuse_plan(error)
+            self.events.count("rejected_plans", reason=self._status.plan_problem)
+
+    def _on_predictions(self, message: Any) -> None:
+        if self._assessor is None or self._outputs is None:
+            return
+        self.events.count("messages")
+        try:
+            prediction = self._assessor.others(prediction_from_pointcloud2(message))
+        except (MtpgoError, ValueError, IndexError) as error:
+            sentence = f"predictions on {self._status.topic} are not usable: {error}"
+            self._status.prediction_problem = sentence
+            self._watch.reject(str(error))
+            self.events.count("rejected", reason=sentence)
+            return
+        self._watch.accept()
+        risk = self._assessor.assess(prediction, self.get_clock().now().nanoseconds)
+        self._last = None if self._status.prediction_problem else prediction
+        self._outputs.publish(risk, self._assessor.plan)
+        known = not self._status.prediction_problem
+        self._outputs.publish_grid(prediction, self._assessor.place(prediction), known=known)
+        for problem in (self._status.prediction_problem, self._status.plan_problem):
+            if problem:
+                self.events.log("unknown risk", problem)
+
+    def _expire(self) -> None:
+        """Publish once that the risk is unknown when no predictions come any more."""
+        prediction, assessor, outputs = self._last, self._assessor, self._outputs
+        if prediction is None or assessor is None or outputs is None:
+            return
+        timeout_s = self.parameters.prediction_timeout
+        self._tell_time()
+        if self._watch.age(timeout_s).age_s > timeout_s:
+            self._last = None
+            outputs.publish(assessor.expire(prediction), assessor.plan)
+            outputs.publish_grid(prediction, assessor.place(prediction), known=False)
+
+    def _tell_time(self) -> None:
+        clock = cast(ROSClock, self.get_clock())
+        simulated = clock.ros_time_is_active
+        self._watch.set_simulated_time(clock.now().nanoseconds if simulated else None)
+
+    def _current_status(self) -> RiskStatus:
+        """Return the node's status, brought up to date."""
+        self._tell_time()
+        status, timeout_s = self._status, self.parameters.prediction_timeout
+        status.state, status.failure = state_of(self), self.failure
+        status.prediction_timeout_s = timeout_s
+        status.input = self._watch.age(timeout_s)
+        return status

@@ -1,0 +1,139 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The publishers of the node ``risk``.
+
+The two clouds are published immediately. The occupancy grid takes longer than all the rest: a
+thread of its own makes it of the newest predictions, at its own rate.
+"""
+
+from __future__ import annotations
+
+from nav_msgs.msg import OccupancyGrid
+from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters.outputs.marker_encoding import markers_to_cdr
+from msg_adapters.outputs.marker_tracker import MarkerTracker
+from msg_adapters.outputs.occupancy_grid import field_to_grid
+from msg_adapters.outputs.risk_cloud import risk_to_agent_cloud, risk_to_step_cloud
+from msg_adapters.outputs.risk_markers import LIFETIME_S, draw_risk
+from msg_adapters.types import RclpyTypes
+from mtpgo_core.risk.collision_risk import CollisionRisk
+from mtpgo_core.risk.ego_plan import EgoPlan
+from mtpgo_core.risk.predicted_occupancy import predicted_occupancy, unknown_field
+from mtpgo_core.schema import Float64Array, Prediction
+from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.parameters.risk_parameters import RiskParameters
+from mtpgo_ros.risk_node.risk_status import RiskStatus
+from mtpgo_ros.runtime.work_queue import WorkQueue
+
+_QOS = QoSProfile(depth=5)
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""As costmap layers for static maps expect it."""
+
+_CLOCK_SLACK = 0.1
+"""Share of a period by which a grid may come early, so that jitter of stamps skips none."""
+
+
+class RiskPublishers:
+    """Publishes ``~/risk``, ``~/risk_steps``, ``~/markers`` and ``~/occupancy``.
+
+    Args:
+        node: the node that owns the publishers.
+        parameters: the initial parameters.
+        status: where a problem of the grid is noted.
+        events: where failures are logged.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        parameters: RiskParameters,
+        status: RiskStatus,
+        events: EventLog,
+    ) -> None:
+        self._node, self._parameters = node, parameters
+        self._status, self._events = status, events
+        self._types, self._tracker = RclpyTypes(), MarkerTracker()
+        make = node.create_lifecycle_publisher
+        self._agents: LifecyclePublisher = make(PointCloud2, "~/risk", _QOS)
+        self._steps: LifecyclePublisher = make(PointCloud2, "~/risk_steps", _QOS)
+        self._markers: LifecyclePublisher = make(MarkerArray, "~/markers", _QOS)
+        self._grid: LifecyclePublisher = make(OccupancyGrid, "~/occupancy", _LATCHED)
+        self._grid_ns: int | None = None
+        self._queue = WorkQueue(self._make_grid, 1, "occupancy")
+
+    def configure(self, parameters: RiskParameters) -> None:
+        """Use other parameters from the next predictions on."""
+        self._parameters = parameters
+
+    def publish(self, risk: CollisionRisk, plan: EgoPlan | None) -> None:
+        """Publish both clouds, and the markers while they have subscribers."""
+        self._agents.publish(risk_to_agent_cloud(risk, self._types))
+        self._steps.publish(risk_to_step_cloud(risk, self._types))
+        if self._markers.get_subscription_count():
+            if plan is not None and plan.frame_id != risk.frame_id:
+                plan = None
+            drawn = draw_risk(risk, self._tracker, plan, self._parameters.footprint)
+            self._markers.publish(
+                markers_to_cdr(
+                    drawn,
+                    stamp_ns=risk.stamp_ns,
+                    frame_id=risk.frame_id,
+                    lifetime_s=LIFETIME_S,
+                )
+            )
+
+    def publish_grid(
+        self, prediction: Prediction, center: Float64Array | None, *, known: bool
+    ) -> None:
+        """Publish the occupancy if it is due and somebody listens; an unknown one at once.
+
+        Args:
+            prediction: without the ego.
+            center: [2] middle of the grid (m); without one there is no grid.
+            known: the predictions are not stale.
+        """
+        period_ns = (1.0 - _CLOCK_SLACK) * 1e9 / self._parameters.occupancy_rate
+        last_ns, now_ns = self._grid_ns, prediction.stamp_ns
+        due = not known or last_ns is None or not 0 <= now_ns - last_ns < period_ns
+        if center is None or not due or not self._grid.get_subscription_count():
+            return
+        self._grid_ns = now_ns
+        self._queue.submit((prediction, center, known))
+
+    def _make_grid(self, item: tuple[Prediction, Float64Array, bool]) -> None:
+        prediction, center, known = item
+        parameters = self._parameters
+        try:
+            if known:
+                field = predicted_occupancy(
+                    prediction,
+                    parameters.grid,
+                    center,
+                    parameters.occupancy_from,
+                    parameters.occupancy_until,
+                )
+            else:
+                field = unknown_field(parameters.grid, center)
+            self._status.occupancy_problem = (
+                f"the occupancy is unknown: the prediction of {field.unknown_agents} road users is"
+                " not finite"
+                if field.unknown_agents
+                else ""
+            )
+            message = field_to_grid(
+                field, self._types, stamp_ns=prediction.stamp_ns, frame_id=prediction.frame_id
+            )
+            if not self._queue.stopped:
+                self._grid.publish(message)
+        except Exception as error:
+            self._events.failure("the occupancy grid could not be published", error)
+
+    def close(self) -> None:
+        """Destroy the publishers."""
+        self._queue.stop()
+        for publisher in (self._agents, self._steps, self._markers, self._grid):
+            self._node.destroy_lifecycle_publisher(publisher)
