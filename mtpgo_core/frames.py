@@ -93,6 +93,11 @@ class Pose2:
         """Return points [..., 2] of the other frame in this one."""
         return rotate(point - np.array((self.x, self.y)), -self.yaw)
 
+    def inverse(self) -> Pose2:
+        """Return the pose of the other frame in this one, without motion."""
+        x, y = self.inverse_point(np.zeros(2))
+        return Pose2(x=float(x), y=float(y), yaw=-self.yaw)
+
 
 def to_fixed_frame(
     states: TrackedStates, pose: Pose2, frame_id: str, *, relative_velocity: bool = False

@@ -55,11 +55,12 @@ imports the standard library only."""
 OPTIONAL = {
     "mtpgo_core": {"yaml"},
     "mtpgo_ros": {"bondpy", "tf2_ros"},
-    "msg_adapters": {"ament_index_python"},
+    "msg_adapters": {"ament_index_python", "pandas"},
     "mtpgo_training": {"cloudpickle", "dask", "distributed", "google", "pyarrow"},
 }
-"""What a package may import inside a function only: it must do without. A class map is YAML; the
-google and pyarrow read the files of some data sets; Dask runs several processes."""
+"""What a package may import inside a function only: it must do without. A class map is YAML;
+pandas makes the data frame of who asks for one; google and pyarrow read the files of some data
+sets; Dask runs several processes."""
 
 WITHOUT_TORCH = (
     "schema",
