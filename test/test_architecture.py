@@ -325,6 +325,7 @@ def test_a_file_has_a_licence_header_and_a_docstring(path):
 KINDS = {
     ".cfg",
     ".ckpt",
+    ".cpp",
     ".csv",
     ".gz",
     ".j2",
