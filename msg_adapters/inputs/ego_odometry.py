@@ -263,13 +263,16 @@ def _centre(pose: Pose2, offset_m: float) -> tuple[Float64Array, Float64Array]:
 def _select(states: TrackedStates, keep: BoolArray) -> TrackedStates:
     if keep.all():
         return states
-    return dataclasses.replace(states, **{k: v[keep] for k, v in _columns(states).items()})
+    kept: dict[str, Any] = {name: column[keep] for name, column in _columns(states).items()}
+    return dataclasses.replace(states, **kept)
 
 
 def _with(states: TrackedStates, ego: TrackedStates) -> TrackedStates:
     """Return the objects and the ego, in the ego's frame, which is theirs if there are any."""
     own = _columns(ego)
-    both = {name: np.concatenate([column, own[name]]) for name, column in _columns(states).items()}
+    both: dict[str, Any] = {
+        name: np.concatenate([column, own[name]]) for name, column in _columns(states).items()
+    }
     return dataclasses.replace(states, frame_id=ego.frame_id, **both)
 
 

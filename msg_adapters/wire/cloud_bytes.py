@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from msg_adapters.wire.cdr_reader import CdrReader
@@ -23,7 +24,8 @@ class _Header(NamedTuple):
     frame_id: str
 
 
-class _PointField(NamedTuple):
+@dataclass(frozen=True)
+class _PointField:
     name: str
     offset: int
     datatype: int

@@ -3,6 +3,9 @@
 """Predictions read from a bag one after the other."""
 
 import dataclasses
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -45,3 +48,13 @@ def test_another_topic_or_file_is_refused_in_one_sentence(bag, tmp_path):
         next(predictions_in_bag(bag, "/none"))
     with pytest.raises(RecordingError, match="does not exist"):
         next(predictions_in_bag(tmp_path / "nothing.mcap"))
+
+
+def test_the_decoder_needs_neither_torch_nor_what_is_optional():
+    code = (
+        "import sys, msg_adapters.predictions\n"
+        "print(sorted({'torch', 'rosbags', 'pandas', 'rclpy'} & set(sys.modules)))"
+    )
+    root = Path(__file__).resolve().parents[3]
+    command = [sys.executable, "-c", code]
+    assert subprocess.run(command, cwd=root, capture_output=True, check=True).stdout == b"[]\n"
