@@ -135,6 +135,10 @@ setup(
         (SHARE, ["package.xml"]),
         *tree("launch", f"{SHARE}/launch"),
         *tree("config", f"{SHARE}/config"),
+        # Headers go below a folder of the package's name, as ROS 2 has it, so that the include
+        # folder of one package shows no other's.
+        *tree("include", f"include/{NAME}"),
+        *tree("cmake", f"{SHARE}/cmake"),
         *tree("resource/weights", f"{SHARE}/weights"),
         *tree("resource/recordings", f"{SHARE}/recordings"),
     ],

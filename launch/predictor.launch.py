@@ -24,6 +24,7 @@ PARAMETERS = {
     "rate": (float, "predictions per second, at most (Hz)"),
     "input_type": (str, "message type of the objects, auto: as published"),
     "ego_id": (str, "identity of the ego"),
+    "ego_topic": (str, "topic with the ego's odometry, which makes it a road user of the graph"),
     "fixed_frame": (str, "frame into which objects are transformed"),
     "use_sim_time": (bool, "use the time of /clock"),
     "autostart": (bool, "false: a lifecycle manager configures and activates the node"),
@@ -34,7 +35,7 @@ RESPAWN_DELAY_S = 2.0
 """Time between the end of a process and the start of its successor; chosen."""
 
 TOPICS = ("objects", "odometry", "lane_markings", "ego_id")
-"""Topics that may be remapped by an argument; ego_id by ego_topic."""
+"""Topics that may be remapped by an argument; ego_id by ego_id_topic."""
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -69,7 +70,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _argument(topic: str) -> str:
-    return "ego_topic" if topic == "ego_id" else topic
+    return "ego_id_topic" if topic == "ego_id" else topic
 
 
 def _predictor(context: object) -> list[Node]:

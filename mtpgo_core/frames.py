@@ -93,6 +93,11 @@ class Pose2:
         """Return points [..., 2] of the other frame in this one."""
         return rotate(point - np.array((self.x, self.y)), -self.yaw)
 
+    def inverse(self) -> Pose2:
+        """Return the pose of the other frame in this one, without motion."""
+        x, y = self.inverse_point(np.zeros(2))
+        return Pose2(x=float(x), y=float(y), yaw=-self.yaw)
+
 
 def to_fixed_frame(
     states: TrackedStates, pose: Pose2, frame_id: str, *, relative_velocity: bool = False
@@ -139,9 +144,20 @@ class PoseBuffer:
     Args:
         span_s: how long poses are kept (s).
         max_extrapolation_s: longest extrapolation after the newest or before the oldest pose (s).
+        max_gap_s: longest time between two poses that is interpolated (s).
+
+    Attributes:
+        max_extrapolation_s: as given.
     """
 
-    def __init__(self, span_s: float = 10.0, max_extrapolation_s: float = 0.2) -> None:
+    def __init__(
+        self,
+        span_s: float = 10.0,
+        max_extrapolation_s: float = 0.2,
+        max_gap_s: float = math.inf,
+    ) -> None:
+        self.max_extrapolation_s = max_extrapolation_s
+        self._max_gap_s = max_gap_s
         self._span_ns = round(span_s * 1e9)
         self._reach_ns = round(max_extrapolation_s * 1e9)
         self._stamp: list[int] = []
@@ -189,6 +205,12 @@ class PoseBuffer:
         place = bisect_left(self._stamp, stamp_ns)
         if 0 < place < len(self._stamp):
             before, after = self._stamp[place - 1], self._stamp[place]
+            if (after - before) * 1e-9 > self._max_gap_s and after != stamp_ns:
+                raise FrameError(
+                    f"the poses before and after {stamp_ns} ns are"
+                    f" {(after - before) * 1e-9:.3f} s apart, expected at most"
+                    f" {self._max_gap_s:.3f} s"
+                )
             return _between(
                 self._pose[place - 1], self._pose[place], (stamp_ns - before) / (after - before)
             )

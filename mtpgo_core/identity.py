@@ -60,6 +60,15 @@ def keys_from_texts(names: Sequence[str]) -> KeyArray:
     return out
 
 
+def key_to_text(key: KeyArray) -> str:
+    """Return one [4] key as text that :func:`keys_from_texts` turns into the same key again.
+
+    A number below 2**64 is written in decimal, any other as a UUID.
+    """
+    number = key_to_int(key)
+    return str(number) if number < 1 << 64 else str(uuid.UUID(int=number))
+
+
 def key_to_uuid_bytes(key: KeyArray) -> bytes:
     """Return the sixteen bytes of one [4] key in network byte order."""
     return key_to_int(key).to_bytes(16, "big")

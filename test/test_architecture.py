@@ -55,12 +55,12 @@ imports the standard library only."""
 OPTIONAL = {
     "mtpgo_core": {"argcomplete", "yaml"},
     "mtpgo_ros": {"bondpy", "tf2_ros"},
-    "msg_adapters": {"ament_index_python"},
+    "msg_adapters": {"ament_index_python", "pandas"},
     "mtpgo_training": {"cloudpickle", "dask", "distributed", "google", "pyarrow"},
 }
 """What a package may import inside a function only: it must do without. A class map is YAML;
-argcomplete completes command lines; the
-google and pyarrow read the files of some data sets; Dask runs several processes."""
+argcomplete completes command lines; pandas makes the data frame of who asks for one; google and
+pyarrow read the files of some data sets; Dask runs several processes."""
 
 WITHOUT_TORCH = (
     "schema",
@@ -336,6 +336,7 @@ def test_a_file_has_a_licence_header_and_a_docstring(path):
 KINDS = {
     ".cfg",
     ".ckpt",
+    ".cpp",
     ".csv",
     ".gz",
     ".j2",

@@ -22,6 +22,8 @@ SOURCES = [
     "resource",
     "config",
     "launch",
+    "include",
+    "cmake",
     "package.xml",
     "setup.py",
     "setup.cfg",
@@ -89,6 +91,8 @@ def check_share(prefix: Path) -> None:
         | shipped("resource/recordings", "recordings")
         | shipped("config", "config")
         | shipped("launch", "launch")
+        | shipped("cmake", "cmake")
+        | shipped("include", "../../include/mtpgo_ros")
     )
     missing = sorted(name for name in expected if not (share / name).is_file())
     assert not missing
@@ -173,6 +177,31 @@ def test_colcon_builds_it(tree, tmp_path, options):
         assert module.is_relative_to(tmp_path)
         assert module.resolve().is_relative_to(tree) == bool(options)
     check_template(Path(modules[-1]).parent)
+    build_with_cmake(tmp_path)
+
+
+CMAKE_PROJECT = """
+cmake_minimum_required(VERSION 3.16)
+project(consumer CXX)
+find_package(mtpgo_ros REQUIRED)
+add_executable(consumer consumer.cpp)
+target_link_libraries(consumer mtpgo_ros::predictions)
+"""
+
+
+def build_with_cmake(workspace: Path) -> None:
+    """Build a C++ consumer of the installed header as the documentation says."""
+    if shutil.which("cmake") is None or shutil.which("c++") is None:
+        return
+    consumer = workspace / "consumer"
+    consumer.mkdir()
+    (consumer / "CMakeLists.txt").write_text(CMAKE_PROJECT)
+    (consumer / "consumer.cpp").write_text(
+        '#include "mtpgo_ros/predictions.hpp"\n'
+        "int main() {return static_cast<int>(mtpgo_ros::Predictions().agents.size());}\n"
+    )
+    script = f"source {workspace}/install/setup.bash; cmake -S . -B out && cmake --build out"
+    run("bash", "-c", f"{script} && out/consumer", cwd=consumer)
 
 
 def test_ros_tools_accept_the_manifest():

@@ -32,6 +32,12 @@ def pose_of(message: Any) -> Pose2:
     )
 
 
+def pose_of_transform(message: Any) -> Pose2:
+    """Return the pose of the child frame of a geometry_msgs/TransformStamped in its header's."""
+    translation, rotation = message.transform.translation, message.transform.rotation
+    return Pose2(x=translation.x, y=translation.y, yaw=yaw_of(rotation))
+
+
 def yaw_of(quaternion: Any) -> float:
     """Return the yaw (rad) of a geometry_msgs/Quaternion."""
     row = np.array([[quaternion.x, quaternion.y, quaternion.z, quaternion.w]])

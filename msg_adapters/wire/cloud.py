@@ -22,9 +22,9 @@ _NUMBERS = {np.dtype(code): number for number, code in _DATATYPES.items()}
 def cloud_to_records(message: Any) -> NDArray[Any]:
     """Return a [points] structured view of a cloud's data, with one name per field.
 
-    Fields with a count other than one are left out. Organised clouds (height above one) are
-    flattened row by row. The sizes are compared before anything is read, and the time grows with
-    the number of bytes and fields only.
+    Fields with a count other than one, or without a name, are left out. Organised clouds (height
+    above one) are flattened row by row. The sizes are compared before anything is read, and the
+    time grows with the number of bytes and fields only.
 
     Raises:
         MessageError: the layout is inconsistent or does not fit the data.
@@ -36,6 +36,8 @@ def cloud_to_records(message: Any) -> NDArray[Any]:
     data = _octets(message.data)
     if rows * columns == 0:
         return np.empty(0, dtype=layout)
+    if layout.itemsize == 0:
+        raise MessageError(f"point cloud has point_step 0, expected the bytes of {columns} points")
     if rows > 1 and row_step < needed:
         raise MessageError(
             f"point cloud has row_step {row_step}, expected at least width x point_step = {needed}"
@@ -113,7 +115,7 @@ def _layout(fields: tuple[tuple[str, int, int, int], ...], step: int, order: str
     names: dict[str, None] = {}
     formats, offsets = [], []
     for name, offset, datatype, count in fields:
-        if count not in (0, 1):
+        if count not in (0, 1) or not name:
             continue
         code = _DATATYPES.get(datatype)
         if code is None:

@@ -25,6 +25,8 @@ ODD_INPUT: dict[str, str] = {
     "frame_changed": "messages in another frame",
     "wrong_frame": "objects in another frame",
     "not_lifted": "messages that could not be lifted into the fixed frame",
+    "ego_missing": "messages at whose time the ego's odometry was not known",
+    "ego_refused": "messages of the ego's odometry that could not be used",
     "qos_incompatible": "publishers with an incompatible QoS",
     "messages_lost": "messages lost by the middleware",
     "input_overruns": "messages replaced by newer ones before they could be decoded",

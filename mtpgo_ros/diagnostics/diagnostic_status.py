@@ -52,6 +52,8 @@ class NodeStatus:
         input_timeout_s: age from which on the input is stale (s).
         frame_error: why the last observation could not be transformed into the fixed frame, empty
             if it was.
+        ego_topic: resolved name of the topic with the ego's odometry, empty without one.
+        ego_problem: why the ego was not known at the last observation, empty if it was.
         degraded: why there is no model, empty if there is one.
         limitations: other reasons why the predictions are worse than they could be.
         overload: what the last prediction lacks because there are many agents, empty if nothing.
@@ -81,6 +83,8 @@ class NodeStatus:
     input: InputAge = field(default_factory=InputAge)
     input_timeout_s: float = 1.0
     frame_error: str = ""
+    ego_topic: str = ""
+    ego_problem: str = ""
     degraded: str = ""
     limitations: list[str] = field(default_factory=list)
     overload: str = ""
@@ -149,8 +153,9 @@ def _input(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
         "age_s": f"{age.age_s:.3f}" if age.usable else "",
         "rejected_in_a_row": str(age.rejected),
         "clock_stands_s": f"{age.clock_stands_s:.1f}",
+        "ego_topic": status.ego_topic,
     }
-    counters = ["messages", "empty_messages", "unknown_class", *ODD_INPUT]
+    counters = ["messages", "empty_messages", "unknown_class", "ego_doubles", *ODD_INPUT]
     values |= _counted(events.counts(), counters)
     return make_status(f"{name}: input", level, message, values)
 
@@ -160,6 +165,8 @@ def _input_causes(status: NodeStatus, events: EventLog) -> list[Cause]:
     causes += _silence(status) + _standing_clock(status)
     if status.frame_error:
         causes.append((ERROR, status.frame_error))
+    if status.ego_problem:
+        causes.append((WARN, f"no ego from {status.ego_topic}: {status.ego_problem}"))
     odd = events.recent(ODD_INPUT)
     if odd:
         causes.append((WARN, "odd input: " + ", ".join(odd)))

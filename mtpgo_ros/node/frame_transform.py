@@ -15,7 +15,7 @@ from rclpy.subscription import Subscription
 from rclpy.time import Time
 
 from msg_adapters.conversions import stamp_to_ns
-from msg_adapters.inputs.odometry import pose_of, yaw_of
+from msg_adapters.inputs.odometry import pose_of, pose_of_transform
 from mtpgo_core.errors import FrameError
 from mtpgo_core.frames import Pose2, PoseBuffer, to_fixed_frame
 from mtpgo_core.schema import TrackedStates
@@ -147,8 +147,7 @@ class _TfPoses:
             raise FrameError(
                 f"TF has no transform from {frame_id!r} to {fixed_frame!r}: {error}"
             ) from error
-        translation, rotation = found.transform.translation, found.transform.rotation
-        return Pose2(x=translation.x, y=translation.y, yaw=yaw_of(rotation))
+        return pose_of_transform(found)
 
     def close(self) -> None:
         """Destroy the subscriptions."""

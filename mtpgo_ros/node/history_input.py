@@ -113,6 +113,8 @@ class HistoryInput:
         now_ns: int,
         ego_key: KeyArray | None = None,
         skipped_objects: int = 0,
+        *,
+        with_ego: bool = False,
     ) -> HistoryWindow | None:
         """Add an observation to the history.
 
@@ -121,6 +123,8 @@ class HistoryInput:
             now_ns: the node's time (ns), 0 while it has none.
             ego_key: [4] identity of the ego.
             skipped_objects: objects of the message that could not be read.
+            with_ego: the ego was added to the objects by its own odometry; it makes a message
+                whose objects are all rejected no more usable.
 
         Returns:
             The window of the prediction that the observation starts, None if none is due.
@@ -139,7 +143,9 @@ class HistoryInput:
         if report.frame_changed and not report.accepted:
             self.rejection = ODD_INPUT["frame_changed"]
             return None
-        self.rejection = _rejection(report, len(states), skipped_objects)
+        own = int(with_ego)
+        accepted = report.accepted - int(own and self._observed(ego_key, states.stamp_ns))
+        self.rejection = _rejection(report, accepted, len(states) - own, skipped_objects)
         if report.clock_reset or report.frame_changed:
             self._predictor.reset()
             self._rate_limiter.reset()
@@ -150,6 +156,13 @@ class HistoryInput:
         delay_ns = self._delay_ns(states.stamp_ns, now_ns)
         window = self._history.window(states.stamp_ns + delay_ns)
         return None if self.rejection and not window.valid[:, -1].any() else window
+
+    def _observed(self, key: KeyArray | None, stamp_ns: int) -> bool:
+        """Return whether the last message was an observation of the agent with a key [4]."""
+        if key is None:
+            return False
+        number = self._history.track_numbers(key[None], stamp_ns)
+        return bool(np.isin(number, self._history.observed).any())
 
     def _reject(self, counter: str) -> None:
         """Count an observation that does not enter the history."""
@@ -183,9 +196,9 @@ class HistoryInput:
         return max(0, delay_ns)
 
 
-def _rejection(report: UpdateReport, objects: int, skipped_objects: int) -> str:
+def _rejection(report: UpdateReport, accepted: int, objects: int, skipped_objects: int) -> str:
     """Return why no object of an observation entered the history, empty if one did."""
-    if report.accepted or objects + skipped_objects == 0:
+    if accepted or objects + skipped_objects == 0:
         return ""
     numbers = {name: int(getattr(report, name)) for name in _COUNTED if name in ODD_INPUT}
     numbers["skipped_objects"] = skipped_objects

@@ -9,6 +9,7 @@ import threading
 
 import numpy as np
 
+from msg_adapters.inputs.ego_odometry import EGO_NAME
 from mtpgo_core.errors import ModelFileError
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.identity import keys_from_integers, keys_from_texts
@@ -73,17 +74,19 @@ class ModelHost:
         """Whether lane lines are an input of the model."""
         return self._runner is not None and self.predictor.task.scene.context == "lanes"
 
-    def configure(self, parameters: PredictorParameters, ego_topic: str) -> None:
+    def configure(self, parameters: PredictorParameters, ego_text: str) -> None:
         """Use other options and another ego from the next prediction on.
 
         Args:
             parameters: the options; their ``ego_id`` has priority over the topic's.
-            ego_topic: text from the topic ``ego_id``, empty if none came.
+            ego_text: text from the topic ``ego_id``, empty if none came.
         """
         with self._settings:
             self.predictor.options = _options(parameters)
         self.calibrator.configure(parameters)
-        text = parameters.ego_id.strip() or ego_topic.strip()
+        text = parameters.ego_id.strip() or ego_text.strip()
+        if parameters.ego_topic:
+            text = text or EGO_NAME
         self._ego_key = keys_from_texts([text])[0] if text else None
 
     def set_lanes(self, lanes: LaneMap) -> None:

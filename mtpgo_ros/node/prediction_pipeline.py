@@ -29,6 +29,7 @@ from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.diagnostics.input_watch import InputWatch
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
+from mtpgo_ros.node.ego.ego_subscription import ego_source
 from mtpgo_ros.node.frame_transform import FixedFrameTransform, FrameTransform, NoTransform
 from mtpgo_ros.node.history_input import HistoryInput
 from mtpgo_ros.node.inference.inference_worker import InferenceWorker
@@ -63,7 +64,8 @@ class PredictionPipeline:
         history: the history and its rate limit.
         quality: scores of the predictions.
         worker: the threads of the model and its watchdog.
-        ego_topic: last text on the topic ``ego_id``.
+        ego: adds the ego by its odometry.
+        ego_text: last text on the topic ``ego_id``.
 
     Raises:
         MtpgoError: the input cannot be subscribed to.
@@ -81,7 +83,7 @@ class PredictionPipeline:
         self._node, self._model, self._publishers = node, model, publishers
         self._parameters, self._events, self._status = parameters, events, status
         self._class_map = class_map(parameters.class_map)
-        self.ego_topic = ""
+        self.ego_text = ""
         # Observations come on the thread of their subscription, all else on the executor's.
         self._history_lock = threading.Lock()
         self.watch = InputWatch()
@@ -90,8 +92,8 @@ class PredictionPipeline:
         self._cycle_ended = threading.Event()
         model.reset()
         model.calibrator.live.clear_stream("clock_reset")
-        model.configure(parameters, self.ego_topic)
-        status.frame_error = ""
+        model.configure(parameters, self.ego_text)
+        status.frame_error = status.ego_problem = ""
         self._tracks = TrackHistory(model.predictor.task.history, parameters.max_tracks)
         self.history = HistoryInput(self._tracks, model, events, parameters)
         self.quality = LiveQuality(model.predictor.task.history)
@@ -102,6 +104,7 @@ class PredictionPipeline:
         self.transform: FrameTransform = NoTransform()
         if parameters.fixed_frame:
             self.transform = FixedFrameTransform(node, parameters.fixed_frame)
+        self.ego = ego_source(node, parameters, events)
         self._context = ContextSubscriptions(
             node, self._on_ego, model.set_lanes if model.uses_lanes else None, events
         )
@@ -113,6 +116,7 @@ class PredictionPipeline:
         """Stop subscribing and predicting; return false if the model is still running."""
         self.objects.close()
         self._context.close()
+        self.ego.close()
         self.transform.close()
         self._quality_publisher.close()
         stopped = self.worker.stop()
@@ -126,12 +130,13 @@ class PredictionPipeline:
         with self._history_lock:
             self.history.configure(parameters)
         self._quality_publisher.configure(parameters)
-        self._model.configure(parameters, self.ego_topic)
+        self._model.configure(parameters, self.ego_text)
 
     def clock_jumped_back(self) -> None:
         """Clear a history that is newer than the node's clock."""
         with self._history_lock:
             if self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds):
+                self.ego.clear()
                 self.quality.clear()
                 self._model.calibrator.live.clear_stream("clock_reset")
 
@@ -171,8 +176,13 @@ class PredictionPipeline:
         now_ns = self._node.get_clock().now().nanoseconds
         try:
             states, skipped = self._read(message, adapter, now_ns)
+            ego_key = self._model.ego_key
+            joined = self.ego.join(states, ego_key, self.transform.apply)
+            states, self._status.ego_problem = joined.states, joined.problem
             with self._history_lock:
-                window = self.history.update(states, now_ns, self._model.ego_key, skipped)
+                window = self.history.update(
+                    states, now_ns, ego_key, skipped, with_ego=joined.added
+                )
         except FrameError as error:
             self._status.frame_error = str(error)
             self._events.count("not_lifted", reason=f"{dropped}: {error}")
@@ -259,6 +269,7 @@ class PredictionPipeline:
         begun_ns = time.monotonic_ns()
         prediction = with_time_origin(prediction, request.stamp_ns)
         prediction = self._model.calibrator.serve(prediction, request.window)
+        prediction = self._without_ego(prediction)
         usable = publishable(prediction)
         if not usable.all():
             self._events.count("not_published", int((~usable).sum()))
@@ -283,8 +294,15 @@ class PredictionPipeline:
         self.quality.published(prediction, request.window, self._parameters.max_modes)
         self._cycle_ended.set()
 
+    def _without_ego(self, prediction: Prediction) -> Prediction:
+        """Return the prediction without the ego if it is not to be predicted."""
+        ego_key = self._model.ego_key
+        if self._parameters.ego_predicted or ego_key is None:
+            return prediction
+        return select(prediction, (prediction.key != ego_key).any(axis=1))
+
     def _on_ego(self, text: str) -> None:
-        changed, self.ego_topic = text != self.ego_topic, text
+        changed, self.ego_text = text != self.ego_text, text
         self._model.configure(self._parameters, text)
         if changed and not self._parameters.ego_id:
             line = f"ego is {text!r}" if text else "no ego is chosen any more"

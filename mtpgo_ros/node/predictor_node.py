@@ -220,6 +220,7 @@ class PredictorNode(LifecycleNode):
             status.limitations = self._model.limitations()
             status.waiting = pipeline.objects.status
             status.topic = pipeline.objects.topic
+            status.ego_topic = pipeline.ego.topic
             status.message_type = pipeline.objects.message_type
             status.idle = pipeline.idle_s() > max(RECENT_S, 3.0 * parameters.period_s)
             status.unanswered_s = pipeline.unanswered_s()

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from msg_adapters.inputs.ego_odometry import EGO_CLASSES, EgoOptions
 from msg_adapters.wire.input_limits import InputLimits
 from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import ConfigurationError
@@ -79,6 +80,50 @@ class PredictorParameters:
         "",
         "Identity of the ego or another chosen object: a number, a UUID or the tracker's text;"
         " empty uses the one published on the topic ego_id.",
+    )
+    ego_topic: str = _field(
+        "",
+        "Topic with the odometry of the ego (nav_msgs/Odometry), which makes it a road user of the"
+        " graph; empty leaves it out.",
+        change=Change.CONFIGURE,
+    )
+    ego_length: float = _field(
+        EgoOptions.length_m,
+        "With ego_topic: length of the ego (m).",
+        low=0.1,
+        high=100.0,
+        change=Change.CONFIGURE,
+    )
+    ego_width: float = _field(
+        EgoOptions.width_m,
+        "With ego_topic: width of the ego (m).",
+        low=0.1,
+        high=20.0,
+        change=Change.CONFIGURE,
+    )
+    ego_class: str = _field(
+        EgoOptions.class_name,
+        "With ego_topic: class of the ego.",
+        choices=EGO_CLASSES,
+        change=Change.CONFIGURE,
+    )
+    ego_offset: float = _field(
+        EgoOptions.offset_m,
+        "With ego_topic: how far the ego's centre is ahead of the odometry's frame (m).",
+        low=-50.0,
+        high=50.0,
+        change=Change.CONFIGURE,
+    )
+    ego_overlap: bool = _field(
+        EgoOptions.overlap,
+        "With ego_topic: an object whose centre lies in the ego's box is the ego, seen by its own"
+        " tracker, and is left out.",
+        change=Change.CONFIGURE,
+    )
+    ego_predicted: bool = _field(
+        True,
+        "The ego is predicted like all others; if false, the others are predicted in its presence"
+        " and it is not published.",
     )
     max_agents: int = _field(
         128,
@@ -275,6 +320,17 @@ class PredictorParameters:
     )
 
     @property
+    def ego_options(self) -> EgoOptions:
+        """What is known of the ego besides its odometry."""
+        return EgoOptions(
+            length_m=self.ego_length,
+            width_m=self.ego_width,
+            class_name=self.ego_class,
+            offset_m=self.ego_offset,
+            overlap=self.ego_overlap,
+        )
+
+    @property
     def input_limits(self) -> InputLimits:
         """The largest messages that are decoded."""
         return InputLimits(self.max_message_bytes, self.max_objects, self.max_fields)
@@ -321,6 +377,11 @@ def check(parameters: PredictorParameters) -> None:
         raise ConfigurationError(
             f"parameter model_sha256 is {parameters.model_sha256!r}, expected the 64 digits that"
             " sha256sum prints, or nothing"
+        )
+    if not re.fullmatch(r"|(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", parameters.ego_topic):
+        raise ConfigurationError(
+            f"parameter ego_topic is {parameters.ego_topic!r}, expected the name of a topic with"
+            " nav_msgs/Odometry, or nothing"
         )
     if not parameters.model.strip():
         raise ConfigurationError(

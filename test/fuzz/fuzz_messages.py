@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Every input adapter, odometry and lane lines, from the CDR bytes of a message."""
+"""Input adapters, odometry, lane lines and predictions, from the CDR bytes of a message."""
 
 from __future__ import annotations
 
@@ -10,13 +10,23 @@ import numpy as np
 from fuzz_target import FuzzTarget
 
 from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.inputs.ego_odometry import EgoOdometry, EgoOptions
 from msg_adapters.inputs.lane_markers import lanes_from_markers, lanes_to_markers
 from msg_adapters.inputs.odometry import pose_of
+from msg_adapters.predictions import (
+    Pose2,
+    at_times,
+    mixture_moments,
+    most_probable,
+    prediction_from_cdr,
+    prediction_to_pointcloud2,
+    to_frame,
+)
 from msg_adapters.registry import INPUTS
 from msg_adapters.types import TypestoreTypes
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.scene.lane_map import LaneMap
-from mtpgo_core.schema import AgentClass, tracked_states
+from mtpgo_core.schema import AgentClass, Prediction, tracked_states
 
 NOW_NS = 1_700_000_000_000_000_000
 ODOMETRY, MARKERS = "nav_msgs/msg/Odometry", "visualization_msgs/msg/MarkerArray"
@@ -81,12 +91,18 @@ def odometry_target():
 
     def run(data):
         message = deserialised(data, ODOMETRY)
-        if message is not None:
-            pose_of(message)
+        if message is None:
+            return
+        pose_of(message)
+        ego = EgoOdometry(EgoOptions())
+        ego.add(message)
+        joined = ego.join(states(3), keys_from_integers([1])[0])
+        assert np.isfinite(joined.states.position).all() or not joined.known
 
     def seeds():
         message = TypestoreTypes(typestore()).make(ODOMETRY)
         message.header.frame_id = "map"
+        message.header.stamp.sec = NOW_NS // 10**9
         return [bytes(typestore().serialize_cdr(message, ODOMETRY))]
 
     return FuzzTarget("cdr_odometry", run, seeds)
@@ -109,6 +125,43 @@ def lanes_target():
     return FuzzTarget("cdr_lanes", run, seeds)
 
 
+def predictions_target():
+    """Return the target of the public decoder of predictions."""
+
+    def run(data):
+        prediction = prediction_from_cdr(data)
+        n, modes, _ = prediction.yaw.shape
+        with np.errstate(invalid="ignore", over="ignore"):
+            later = to_frame(at_times(prediction, [0.0, 0.3, 9.0]), Pose2(1.0, 2.0, 3.0), "odom")
+            mean, _ = mixture_moments(prediction)
+        assert later.mean.shape == (n, modes, 3, 4)
+        assert len(mean) == len(most_probable(prediction)) == n
+
+    def seeds():
+        shape = (2, 2, 3)
+        prediction = Prediction(
+            stamp_ns=NOW_NS,
+            frame_id="map",
+            key=keys_from_integers([1, 2]),
+            agent_class=np.full(2, AgentClass.CAR, dtype=np.uint8),
+            z=np.zeros(2),
+            size=np.ones((2, 2)),
+            initial=np.zeros((2, 4)),
+            initial_yaw=np.zeros(2),
+            time_s=np.array([0.2, 0.4, 0.6]),
+            weight=np.full((2, 2), 0.5),
+            mean=np.ones((*shape, 4)),
+            yaw=np.zeros(shape),
+            covariance=np.broadcast_to(np.eye(2), (*shape, 2, 2)),
+            source=np.zeros(2, dtype=np.uint8),
+        )
+        message = prediction_to_pointcloud2(prediction, TypestoreTypes(typestore()))
+        return [bytes(typestore().serialize_cdr(message, "sensor_msgs/msg/PointCloud2"))]
+
+    return FuzzTarget("cdr_predictions", run, seeds)
+
+
 def targets():
     """Return the targets of this file."""
-    return [*map(adapter_target, INPUTS.values()), odometry_target(), lanes_target()]
+    adapters = map(adapter_target, INPUTS.values())
+    return [*adapters, odometry_target(), lanes_target(), predictions_target()]

@@ -10,6 +10,7 @@ import pytest
 
 from mtpgo_core.identity import (
     key_to_int,
+    key_to_text,
     key_to_uuid_bytes,
     keys_from_integers,
     keys_from_strings,
@@ -83,3 +84,11 @@ def test_uuid_bytes_round_trip():
     key = keys_from_uuid_bytes(np.frombuffer(UUID.bytes, dtype=np.uint8))[0]
     assert key_to_uuid_bytes(key) == UUID.bytes
     assert key_to_int(key) == UUID.int
+
+
+def test_a_key_as_text_leads_back_to_the_key():
+    numbers = [0, 17, 2**64 - 1, 2**64, UUID.int, 2**128 - 1]
+    texts = [key_to_text(key) for key in keys_from_integers(numbers)]
+    assert texts[:3] == ["0", "17", str(2**64 - 1)]
+    assert texts[4] == str(UUID)
+    np.testing.assert_array_equal(keys_from_texts(texts), keys_from_integers(numbers))

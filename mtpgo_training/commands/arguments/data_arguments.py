@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from msg_adapters.inputs.ego_odometry import EGO_CLASSES, EgoOptions
 from mtpgo_core.class_map import PRESETS
 from mtpgo_core.completion import completed_by
 from mtpgo_core.errors import ConfigurationError
@@ -111,6 +112,20 @@ def add_data_arguments(
         help="leave out messages without a stamp (header), or give them the time at which they "
         "were recorded (log)",
     )
+    add(
+        "--ego-topic",
+        metavar="TOPIC",
+        help="topic with the ego's odometry in the bags, which makes it a road user",
+    )
+    add(
+        "--ego-box",
+        nargs="+",
+        type=float,
+        metavar="M",
+        help="with --ego-topic: length and width of the ego, and how far its centre is ahead of "
+        "the odometry's frame (default: 4.5 1.8 0)",
+    )
+    add("--ego-class", choices=EGO_CLASSES, help="with --ego-topic: class of the ego (car)")
 
 
 def data_sources(
@@ -177,7 +192,7 @@ def bag_options(options: Sequence[tuple[str, Any]]) -> ReadingOptions:
         ConfigurationError: an option of recordings, or a value that is none.
     """
     for name, _ in options:
-        if name not in ("topics", "stamps"):
+        if name not in ("topics", "stamps", "ego_topic", "ego_box", "ego_class"):
             raise ConfigurationError(f"--{name.replace('_', '-')} is given without --data")
     return ReadingOptions(bags=_bag_options(dict(options)))
 
@@ -189,7 +204,29 @@ def _bag_options(entry: Mapping[str, Any]) -> BagOptions:
         if not (bag and equals and topic):
             raise ConfigurationError(f"--topics has {text!r}, expected BAG=TOPIC")
         topics[bag] = topic
-    return BagOptions(entry.get("topic", ""), topics, entry.get("stamps", STAMPS[0]))
+    return BagOptions(
+        entry.get("topic", ""),
+        topics,
+        entry.get("stamps", STAMPS[0]),
+        entry.get("ego_topic", ""),
+        _ego_options(entry),
+    )
+
+
+def _ego_options(entry: Mapping[str, Any]) -> EgoOptions:
+    for name in ("ego_box", "ego_class"):
+        if name in entry and not entry.get("ego_topic"):
+            raise ConfigurationError(
+                f"--{name.replace('_', '-')} is given without --ego-topic, which names the ego's"
+                " odometry"
+            )
+    values = dict(zip(("length_m", "width_m", "offset_m"), entry.get("ego_box", ()), strict=False))
+    if len(entry.get("ego_box", (1, 1))) not in (2, 3):
+        raise ConfigurationError(
+            f"--ego-box has {len(entry['ego_box'])} numbers, expected length, width and, if it is"
+            " not 0, how far the centre is ahead (m)"
+        )
+    return EgoOptions(**values, class_name=entry.get("ego_class", EgoOptions.class_name))
 
 
 def add_cache_arguments(parser: argparse.ArgumentParser) -> None:

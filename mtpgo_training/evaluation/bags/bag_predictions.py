@@ -9,11 +9,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from rosbags.interfaces import Connection
 
-from msg_adapters.bags.bag_reader import DecodingBagReader
-from msg_adapters.predictions import REQUIRED_FIELDS, prediction_from_pointcloud2
-from mtpgo_core.errors import MessageError, RecordingError
+from msg_adapters.predictions import predictions_in_bag
+from mtpgo_core.errors import RecordingError
 from mtpgo_core.prediction.output_assembly import select
 from mtpgo_core.schema import BoolArray, Prediction
 from mtpgo_training.data.recording import Recording
@@ -28,8 +26,6 @@ STAMP_SLACK_NS = 1_000_000
 """A prediction this close to a frame is one of the frame (ns): bags and layouts round differently,
 and irregular messages are put on a grid of milliseconds."""
 
-_CLOUD = "sensor_msgs/msg/PointCloud2"
-
 
 def read_predictions(path: Path, topic: str | None = None) -> list[Prediction]:
     """Return the predictions in a bag, ascending in time, the last one of each stamp.
@@ -41,44 +37,8 @@ def read_predictions(path: Path, topic: str | None = None) -> list[Prediction]:
     Raises:
         RecordingError: it is not a bag, it is damaged, or it holds no predictions.
     """
-    found: dict[int, Prediction] = {}
-    with DecodingBagReader(path) as reader:
-        connections = _prediction_topic(reader, topic)
-        for connection, _, message in reader.messages(connections):
-            try:
-                prediction = prediction_from_pointcloud2(message)
-            except MessageError as error:
-                raise RecordingError(f"{path}, topic {connection.topic}: {error}") from error
-            found[prediction.stamp_ns] = prediction
+    found = {one.stamp_ns: one for one in predictions_in_bag(path, topic)}
     return [found[stamp] for stamp in sorted(found)]
-
-
-def _prediction_topic(reader: DecodingBagReader, topic: str | None) -> list[Connection]:
-    clouds = [c for c in reader.connections if c.msgtype == _CLOUD and c.msgcount > 0]
-    if topic is not None:
-        chosen = [c for c in clouds if c.topic == topic]
-        expected = f"a {_CLOUD} on the topic {topic}"
-    else:
-        names = {c.topic for c in clouds if _holds_predictions(reader, c)}
-        if len(names) > 1:
-            raise RecordingError(
-                f"{reader.path} has predictions on the topics {', '.join(sorted(names))}, "
-                "expected --topic with one of them"
-            )
-        chosen = [c for c in clouds if c.topic in names]
-        expected = f"a {_CLOUD} with the fields of predictions, as the node publishes them"
-    if not chosen:
-        topics = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections}))
-        raise RecordingError(
-            f"{reader.path} has no predictions, it has {topics or 'no topic'}; expected {expected}"
-        )
-    return chosen
-
-
-def _holds_predictions(reader: DecodingBagReader, connection: Connection) -> bool:
-    for _, _, message in reader.messages([connection]):
-        return set(REQUIRED_FIELDS) <= {field.name for field in message.fields}
-    return False
 
 
 @dataclasses.dataclass(frozen=True)

@@ -266,7 +266,7 @@ def test_the_ego_comes_by_topic_and_a_missing_one_is_reported(bench):
     b.status("model", WARN, "no ego")
     publisher = b.peer.create_publisher(String, "ego_id", LATCHED)
     publisher.publish(String(data="3"))
-    b.until(lambda: b.node._pipeline.ego_topic == "3")
+    b.until(lambda: b.node._pipeline.ego_text == "3")
     b.predict(traffic(0.2))
     b.status("model", OK)
     assert b.node._model._ego_key.tolist() == [3, 0, 0, 0]

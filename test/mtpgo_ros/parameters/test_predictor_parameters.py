@@ -48,6 +48,9 @@ def test_the_choices_are_those_that_the_adapters_offer():
         ({"model": " "}, ["model", "empty"]),
         ({"class_map": "kitty"}, ["parameter class_map: ", "'kitty'", "'nuscenes'", "YAML file"]),
         ({"model_sha256": "abc"}, ["model_sha256", "'abc'", "64 digits"]),
+        ({"ego_topic": "a b"}, ["ego_topic", "'a b'", "nav_msgs/Odometry"]),
+        ({"ego_class": "tank"}, ["ego_class", "'tank'", "'truck'"]),
+        ({"ego_length": 0.0}, ["ego_length", "0.1 to 100"]),
         ({"rate": 0.5}, ["input_timeout", "rate", "2 s"]),
     ],
 )

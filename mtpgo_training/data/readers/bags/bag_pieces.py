@@ -20,12 +20,15 @@ from rosbags.interfaces import Connection
 from msg_adapters.adapter import InputAdapter
 from msg_adapters.bags.bag_definitions import obstacle
 from msg_adapters.bags.bag_reader import DecodingBagReader
+from msg_adapters.inputs.ego_odometry import EGO_NAME, EgoOdometry
 from msg_adapters.inputs.lane_markers import lanes_from_markers
+from msg_adapters.inputs.odometry import ODOMETRY
 from mtpgo_core.errors import FrameError, MessageError, RecordingError
 from mtpgo_core.frames import VEHICLE_FRAMES
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.stream_guard import MessageStatus, StreamGuard
-from mtpgo_core.schema import Float64Array, TrackedStates
+from mtpgo_core.identity import keys_from_texts
+from mtpgo_core.schema import Float64Array, KeyArray, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.bags.bag_poses import BagPoses
 from mtpgo_training.data.readers.bags.bag_topics import MARKERS, ObjectsTopic
@@ -52,6 +55,7 @@ class BagPiece:
         states: content of each message, in the order in which they were recorded.
         lanes: lane markings.
         ego: last text on the ego's topic.
+        ego_key: [4] identity of the ego that its odometry has added, None without one.
         counts: what was odd, by counter; the rules for single objects are not applied yet.
         received_ns: log time of the last message (ns).
     """
@@ -59,6 +63,7 @@ class BagPiece:
     states: list[TrackedStates] = field(default_factory=list)
     lanes: tuple[Float64Array, ...] = ()
     ego: str | None = None
+    ego_key: KeyArray | None = None
     counts: Counter[str] = field(default_factory=Counter)
     received_ns: int | None = None
 
@@ -69,7 +74,10 @@ class PieceReader:
     Args:
         reader: the bag.
         topic: the topic of the objects.
-        options: where missing stamps come from, and the class map.
+        options: where missing stamps come from, the class map and the ego.
+
+    Raises:
+        RecordingError: the topic of the ego's odometry is not in the bag.
 
     Attributes:
         remarks: what a user should know, one sentence each, known at the end.
@@ -92,6 +100,9 @@ class PieceReader:
         self._messages = 0
         self._problem = ""
         self._piece = BagPiece()
+        self._ego, self._ego_connections = None, _odometry(reader, options.bags.ego_topic)
+        if self._ego_connections:
+            self._ego = EgoOdometry(options.bags.ego)
 
     def pieces(self) -> Iterator[BagPiece]:
         """Yield the pieces that have a road user.
@@ -101,11 +112,15 @@ class PieceReader:
         """
         objects = {id(connection) for connection in self._topic.connections}
         others = [c for c in self._reader.connections if _is_context(c)]
+        odometry = {id(connection) for connection in self._ego_connections}
         found = 0
         for connection, received_ns, message in self._reader.messages(
-            [*self._topic.connections, *others]
+            [*self._topic.connections, *others, *self._ego_connections]
         ):
             done = None
+            if id(connection) in odometry:
+                self._add_odometry(message)
+                continue
             if id(connection) in objects:
                 self._messages += 1
                 states = self._read(self._topic.adapter, message, received_ns)
@@ -151,10 +166,28 @@ class PieceReader:
         if self._is_from_the_future(states.stamp_ns, received_ns):
             return None
         try:
-            return self._poses.lift(states)
+            return self._with_ego(self._poses.lift(states))
         except FrameError as error:
             self._count("not_lifted", str(error))
             return None
+
+    def _add_odometry(self, message: object) -> None:
+        """Keep the ego's pose."""
+        assert self._ego is not None
+        try:
+            self._ego.add(message)
+        except MessageError as error:
+            self._count("ego_refused", str(error))
+
+    def _with_ego(self, states: TrackedStates) -> TrackedStates:
+        """Return the objects with the ego, by its odometry up to then, as in the node."""
+        if self._ego is None:
+            return states
+        self._piece.ego_key = keys_from_texts([self._piece.ego or EGO_NAME])[0]
+        joined = self._ego.join(states, self._piece.ego_key, self._poses.lift)
+        if not joined.known:
+            self._count("ego_missing", f"the ego is not known: {joined.problem}")
+        return joined.states
 
     def _add(self, states: TrackedStates, received_ns: int) -> BagPiece | None:
         """Add a message to the current piece, or to the next one; return a piece that it ends."""
@@ -183,7 +216,7 @@ class PieceReader:
     def _next_piece(self) -> BagPiece | None:
         """Begin another piece and return the one before if it has a road user."""
         before = self._piece
-        self._piece = BagPiece(lanes=before.lanes, ego=before.ego)
+        self._piece = BagPiece(lanes=before.lanes, ego=before.ego, ego_key=before.ego_key)
         if before.states:
             return before
         self._piece.counts = before.counts
@@ -244,6 +277,25 @@ class PieceReader:
         among = f" ({odd})" if odd else ""
         because = f": {self._problem}" if self._problem else ""
         return f"{nothing}{because}{among}"
+
+
+def _odometry(reader: DecodingBagReader, topic: str) -> list[Connection]:
+    """Return the connections of the ego's odometry, none without a topic.
+
+    Raises:
+        RecordingError: the topic is not in the bag.
+    """
+    if not topic:
+        return []
+    there = [c for c in reader.connections if c.msgtype == ODOMETRY and not obstacle(c)]
+    found = [c for c in there if c.topic == "/" + topic.lstrip("/")]
+    if not found:
+        names = ", ".join(sorted({c.topic for c in there})) or "none"
+        raise RecordingError(
+            f"{reader.path} has no {ODOMETRY} on the topic {topic} of the ego, expected one of its"
+            f" topics of that type: {names}"
+        )
+    return found
 
 
 def _is_context(connection: Connection) -> bool:

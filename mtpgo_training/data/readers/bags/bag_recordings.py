@@ -10,6 +10,7 @@ import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.history.track_update import usable_observations
 from mtpgo_core.schema import BoolArray, Float64Array, KeyArray, tracked_states
 from mtpgo_core.task.task_description import HistoryConfig
+from mtpgo_training.data.readers.bags.bag_options import BagOptions
 from mtpgo_training.data.readers.bags.bag_pieces import BagPiece, PieceReader
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
 from mtpgo_training.data.readers.csv_table import sha256_of
@@ -82,10 +84,21 @@ def bag_units(
             "bag",
             _sources(found[name]),
             functools.partial(_read_bag, name, found[name], options),
-            settings={"topic": options.bags.topic_of(name), "stamps": options.bags.stamps},
+            settings={
+                "topic": options.bags.topic_of(name),
+                "stamps": options.bags.stamps,
+                **_ego_settings(options.bags),
+            },
         )
         for name in select_names(list(found), names, directory)
     ]
+
+
+def _ego_settings(options: BagOptions) -> dict[str, Any]:
+    """Return what is read of the ego, nothing where it is not read."""
+    if not options.ego_topic:
+        return {}
+    return {"ego_topic": options.ego_topic, "ego": dataclasses.asdict(options.ego)}
 
 
 def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Recording]:
@@ -189,6 +202,9 @@ def _recording(name: str, piece: BagPiece) -> Recording:
         track_id = np.arange(len(key), dtype=np.int64)
     size, track_class = _of_tracks(column("size")[rows], agent_class[rows], track)
     ego = int(piece.ego) if piece.ego is not None and piece.ego.isdigit() else None
+    if piece.ego_key is not None:
+        rows_of_ego = np.flatnonzero((key == piece.ego_key).all(axis=1))
+        ego = int(track_id[rows_of_ego[0]]) if len(rows_of_ego) else None
     return Recording(
         name=name,
         layout="bag",

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from msg_adapters.inputs.ego_odometry import EgoOptions
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.data_arguments import (
     add_data_arguments,
@@ -144,6 +145,17 @@ def test_options_of_bags_belong_to_the_directory_before_them():
         BagOptions(),
     ]
     assert parsed("--topic /x bag a", "LAYOUT DIRECTORY")[0].options.bags == BagOptions("/x")
+    ego = "--data a --layout bag --ego-topic /odom --ego-box 5.2 2.0 1.4 --ego-class truck"
+    assert parsed(ego)[0].options.bags == BagOptions(
+        ego_topic="/odom", ego=EgoOptions(5.2, 2.0, "truck", 1.4)
+    )
+    for line, words in (
+        ("--ego-box 5 2", "--ego-box is given without --ego-topic"),
+        ("--ego-topic /odom --ego-box 5", "--ego-box has 1 numbers, expected length, width"),
+        ("--ego-topic /odom --ego-box 0 2", "ego length_m is 0"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            parsed(f"--data a --layout bag {line}")
     with pytest.raises(ConfigurationError, match="--topics has '/x', expected BAG=TOPIC"):
         parsed("--data a --layout bag --topics /x")
     with pytest.raises(ConfigurationError, match="--recordings is given without --data"):

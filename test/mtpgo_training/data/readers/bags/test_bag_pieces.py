@@ -10,8 +10,13 @@ import pytest
 from odd_bags import EPOCH_NS, OddBag, bytes_of, states_at, write_stream
 
 from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.conversions import make_header, make_pose, make_vector
+from msg_adapters.inputs.ego_odometry import EgoOptions
+from msg_adapters.types import TypestoreTypes
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.identity import keys_from_texts
+from mtpgo_core.schema import AgentClass
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
@@ -225,3 +230,75 @@ def test_the_counters_are_those_of_the_nodes_history(tmp_path, seed):
     assert all(online[name] for name in ("late", "duplicates", "non_finite", "too_fast"))
     found = {name: offline[name] for name in COMPARED}
     assert found == {name: online[name] for name in COMPARED}
+
+
+def odometry_at(time_s, x, stamped=True):
+    """Odometry of a vehicle at (x, 7) m that drives along x at 10 m/s, as CDR."""
+    types = TypestoreTypes(bag_typestore())
+    twist = types.make("geometry_msgs/msg/Twist", linear=make_vector(types, 10.0, 0.0))
+    message = types.make(
+        "nav_msgs/msg/Odometry",
+        header=make_header(types, EPOCH_NS + round(time_s * 1e9) if stamped else 0, "map"),
+        child_frame_id="base_link",
+        pose=types.make(
+            "geometry_msgs/msg/PoseWithCovariance",
+            pose=make_pose(types, np.array([x, 7.0]), 0.0, 0.0),
+        ),
+        twist=types.make("geometry_msgs/msg/TwistWithCovariance", twist=twist),
+    )
+    return bytes(bag_typestore().serialize_cdr(message, "nav_msgs/msg/Odometry"))
+
+
+@pytest.fixture
+def drive(tmp_path):
+    """4 s of objects at 10 Hz, the ego among them; its odometry, but none from 1 to 2 s."""
+    with OddBag(tmp_path / "drive.mcap") as bag:
+        objects, ego = bag.objects(), bag.channel("/odom", "nav_msgs/msg/Odometry")
+        bag.add(ego, odometry_at(0.0, 0.0, stamped=False), 0.0)
+        for i in range(80):
+            time_s = i / 20 + 0.01
+            if not 1.0 < time_s < 2.0:
+                bag.add(ego, odometry_at(time_s, 10.0 * time_s), time_s)
+            if i % 2 == 0:
+                states = states_at(time_s + 0.02, ids=(1, 2, 9))
+                position = states.position.copy()
+                position[2] = [10.0 * time_s + 0.8, 7.3]  # as the tracker sees it
+                message = bytes_of(dataclasses.replace(states, position=position))
+                bag.add(objects, message, time_s + 0.03)
+    return bag.path
+
+
+def test_the_ego_joins_a_recording_by_its_odometry_as_in_the_node(drive):
+    bags = BagOptions(ego_topic="odom", ego=EgoOptions(class_name="truck", length_m=6.0))
+    (recording,) = load_recordings(drive, "bag", None, ReadingOptions(bags=bags))
+    key = keys_from_texts(["ego"])[0]
+    (track,) = np.flatnonzero((recording.track_key == key).all(axis=1))
+    rows = recording.track == track
+    assert recording.ego_id == recording.track_id[track]
+    assert recording.agent_class[track] == AgentClass.TRUCK
+    assert recording.size[track].tolist() == [6.0, 1.8]
+    elapsed_s = recording.frame[rows] / recording.frame_rate + 0.03
+    np.testing.assert_allclose(recording.position[rows, 0], 10.0 * elapsed_s, atol=1e-3)
+    np.testing.assert_allclose(recording.velocity[rows], [[10.0, 0.0]] * rows.sum())
+    # From 1.23 to 1.93 s the odometry is more than 0.2 s old.
+    missing = recording.counts["ego_missing"]
+    assert missing == 8
+    assert rows.sum() == 40 - missing
+    assert recording.counts["ego_refused"] == 1
+    # The tracker's own ego is there only while nothing is known of it for half a second.
+    double = recording.track == list(recording.track_key[:, 0]).index(9)
+    times_s = recording.frame[double] / recording.frame_rate + 0.03
+    assert times_s.min() > 1.6
+    assert times_s.max() < 2.0
+
+
+def test_without_the_option_the_odometry_makes_no_road_user(drive):
+    (recording,) = load_recordings(drive, "bag", None, ReadingOptions())
+    assert sorted(recording.track_id.tolist()) == [1, 2, 9]
+    assert not any(name.startswith("ego") for name in recording.counts)
+
+
+def test_a_topic_without_odometry_is_refused_with_those_that_have_it(drive):
+    options = ReadingOptions(bags=BagOptions(ego_topic="/localization"))
+    with pytest.raises(RecordingError, match=r"/localization of the ego, expected .*: /odom"):
+        load_recordings(drive, "bag", None, options)

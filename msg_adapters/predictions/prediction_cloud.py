@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The canonical output: a PointCloud2 with one point per agent, mode and step, and its decoder.
+"""The canonical output: a PointCloud2 with one point per agent, mode and step, and back.
 
 88 bytes per point, agent-major, then mode, then step; RViz and Foxglove draw it as it is. The
 layout is described in docs/messages.md. The first 64 bytes stay fixed; fields are only appended.
@@ -17,6 +17,7 @@ from msg_adapters.conversions import positive, stamp_to_ns
 from msg_adapters.inputs.object_cloud import KEY_FIELDS
 from msg_adapters.types import Types
 from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud
+from msg_adapters.wire.cloud_bytes import cloud_from_cdr
 from mtpgo_core.errors import MessageError
 from mtpgo_core.prediction.output_assembly import strongest_modes
 from mtpgo_core.schema import Float64Array, Prediction
@@ -67,6 +68,17 @@ REQUIRED_FIELDS = tuple(name for name, _ in _FIELDS)
 
 _MAX_COUNT = 256
 """Most modes, and most steps: each is counted in a byte."""
+
+_LATEST_S, _SOONEST_S = 1e4, 1e-3
+"""The last step of every prediction is between these times (s). Chosen far around every horizon:
+floats that are read in the wrong byte order are not."""
+
+_WEIGHT_SLACK = 1e-3
+"""A weight above 1 by no more than this is rounding; chosen."""
+
+_FREE_CELLS, _CELLS_PER_POINT = 1 << 20, 16
+"""A cloud with gaps is arranged into at most so many agents x modes x steps, or so many for each
+of its points if that is more. Chosen: 80 MB; a few points must not claim gigabytes."""
 
 
 def prediction_to_pointcloud2(
@@ -129,17 +141,23 @@ def prediction_to_pointcloud2(
 
 
 def prediction_from_pointcloud2(message: Any) -> Prediction:
-    """Return the prediction in a canonical cloud.
+    """Return the prediction in a canonical cloud as arrays.
 
     Points may have any order and some may be missing (a filtered cloud); what is missing is NaN,
-    and its weight zero. A size that is unknown, or that an older cloud lacks, is NaN. State and
-    yaw at the stamp are not in the cloud and are NaN.
+    and a mode that is missing has weight zero. A size that is unknown, or that an older cloud
+    lacks, is NaN. State and yaw at the stamp are not in the cloud and are NaN. Fields are found by
+    name; the data may have either byte order.
 
     Args:
-        message: ``sensor_msgs/PointCloud2`` as :func:`prediction_to_pointcloud2` writes it.
+        message: ``sensor_msgs/PointCloud2`` of rclpy, rosbags or mcap-ros2-support.
+
+    Returns:
+        :class:`~mtpgo_core.schema.Prediction`, in the frame of the message's header: positions in
+        m, velocities in m/s, angles in rad, covariances in m^2, times in s after the stamp.
+        Agents are in the order of their first points.
 
     Raises:
-        MessageError: the cloud does not have the layout of predictions.
+        MessageError: the cloud does not have the layout of predictions, or contradicts itself.
     """
     records = cloud_to_records(message)
     missing = [name for name in REQUIRED_FIELDS if name not in (records.dtype.names or ())]
@@ -147,6 +165,13 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         raise MessageError(
             f"point cloud lacks the field {', '.join(missing)}, so it holds no predictions"
         )
+    _check_types(records.dtype)
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        return _prediction(message, records)
+
+
+def _prediction(message: Any, records: NDArray[Any]) -> Prediction:
+    """Return the prediction of points whose fields are those of predictions."""
     grid, present, first = _grid(records)
     n = len(grid)
 
@@ -161,10 +186,13 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
     xx, xy, yy = np.moveaxis(column("cov_xx", "cov_xy", "cov_yy"), -1, 0)
     weight = np.where(present, grid["weight"], 0.0).astype(np.float64).max(axis=2, initial=0.0)
     times = np.where(present, grid["t"], -np.inf).max(axis=(0, 1), initial=-np.inf)
+    _check_plausible(records, times[np.isfinite(times)], bool(message.is_bigendian))
     return Prediction(
         stamp_ns=stamp_to_ns(message.header.stamp),
         frame_id=str(message.header.frame_id),
-        key=np.stack([first[name] for name in KEY_FIELDS], axis=-1).reshape(n, 4),
+        key=np.stack([first[name] for name in KEY_FIELDS], axis=-1)
+        .astype(np.uint32)
+        .reshape(n, 4),
         agent_class=np.ascontiguousarray(first["class"]),
         z=first["z"].astype(np.float64),
         size=_size(first),
@@ -185,6 +213,68 @@ def _size(first: NDArray[Any]) -> Float64Array:
     if not {"length", "width"} <= set(first.dtype.names or ()):
         return np.full((len(first), 2), np.nan)
     return positive(np.stack([first["length"], first["width"]], axis=-1).astype(np.float64))
+
+
+def prediction_from_cdr(data: bytes | bytearray | memoryview) -> Prediction:
+    """Return the prediction in a serialised cloud; neither rclpy nor rosbags is needed.
+
+    Args:
+        data: CDR bytes with their encoding header, as a subscription with ``raw=True`` or a bag
+            gives them.
+
+    Raises:
+        MessageError: the bytes are no cloud or end too early, or see
+            :func:`prediction_from_pointcloud2`.
+    """
+    return prediction_from_pointcloud2(cloud_from_cdr(data))
+
+
+def _check_types(layout: np.dtype[Any]) -> None:
+    """Check the types of the fields of predictions; floats may have either size.
+
+    Raises:
+        MessageError: a field has another type.
+    """
+    for name, expected in (*_FIELDS, *_LATER_FIELDS):
+        if name not in (layout.names or ()):
+            continue
+        kind = layout.fields[name][0]  # type: ignore[index]
+        wanted = np.dtype(expected)
+        if kind.kind != wanted.kind or (wanted.kind == "u" and kind.itemsize != wanted.itemsize):
+            raise MessageError(
+                f"point cloud field {name!r} is {kind.name}, expected {wanted.name}, so it holds"
+                " no predictions"
+            )
+
+
+def _check_plausible(records: NDArray[Any], times: Float64Array, big_endian: bool) -> None:
+    """Check times and weights, which tell whether the bytes are read as they were written.
+
+    Args:
+        records: [points] as read.
+        times: [steps] time of each step that has a point (s).
+        big_endian: what the message says of its byte order.
+
+    Raises:
+        MessageError: they are not those of predictions.
+    """
+    if not len(records):
+        return
+    weight = records["weight"]
+    rising = bool((np.diff(times) > 0.0).all()) and bool(np.isfinite(records["t"]).all())
+    if (
+        rising
+        and times[0] >= 0.0
+        and _SOONEST_S <= times[-1] <= _LATEST_S
+        and bool(((weight >= 0.0) & (weight <= 1.0 + _WEIGHT_SLACK)).all())
+    ):
+        return
+    raise MessageError(
+        f"point cloud has times from {times.min(initial=np.inf):g} to"
+        f" {times.max(initial=-np.inf):g} s and weights from {weight.min():g} to {weight.max():g},"
+        " expected times that rise from step to step and weights between 0 and 1; are its data"
+        f" really {'big' if big_endian else 'little'}-endian, as it says?"
+    )
 
 
 def _later_fields(grid: NDArray[Any], first: NDArray[Any]) -> dict[str, NDArray[Any]]:
@@ -223,10 +313,21 @@ def _grid(records: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_], NDArr
     rank = np.empty(len(first), dtype=np.intp)
     rank[np.argsort(first)] = np.arange(len(first))
     agent = rank[agent.reshape(-1)]
+    cells = len(first) * modes * steps
+    if cells > max(_FREE_CELLS, _CELLS_PER_POINT * len(records)):
+        raise MessageError(
+            f"point cloud has {len(records)} points of {len(first)} agents, {modes} modes and"
+            f" {steps} steps, expected at least {-(-cells // _CELLS_PER_POINT)} of these {cells}"
+        )
     grid = np.zeros((len(first), modes, steps), dtype=records.dtype)
     present = np.zeros(grid.shape, dtype=bool)
     grid[agent, mode, step] = records
     present[agent, mode, step] = True
+    if np.count_nonzero(present) < len(records):
+        raise MessageError(
+            f"point cloud has {len(records) - np.count_nonzero(present)} points of the same agent,"
+            " mode and step as another one, expected one point for each"
+        )
     return grid, present, records[np.sort(first)]
 
 

@@ -1,0 +1,68 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Predictions from a bag, one message after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from msg_adapters.predictions.prediction_cloud import REQUIRED_FIELDS, prediction_from_pointcloud2
+from mtpgo_core.errors import MessageError, RecordingError
+from mtpgo_core.schema import Prediction
+
+if TYPE_CHECKING:
+    from msg_adapters.bags.bag_reader import DecodingBagReader
+
+_CLOUD = "sensor_msgs/msg/PointCloud2"
+
+
+def predictions_in_bag(path: Path | str, topic: str | None = None) -> Iterator[Prediction]:
+    """Yield the predictions in a bag in the order in which they were recorded.
+
+    Args:
+        path: a rosbag2 directory, or an ``.mcap``, ``.db3`` or ``.bag`` file; one that is cut off
+            is read as far as it goes.
+        topic: their topic; by default the one that holds predictions.
+
+    Raises:
+        RecordingError: it is not a bag, it is damaged, or it holds no predictions.
+    """
+    from msg_adapters.bags.bag_reader import DecodingBagReader
+
+    with DecodingBagReader(Path(path)) as reader:
+        for connection, _, message in reader.messages(_prediction_topic(reader, topic)):
+            try:
+                yield prediction_from_pointcloud2(message)
+            except MessageError as error:
+                raise RecordingError(f"{path}, topic {connection.topic}: {error}") from error
+
+
+def _prediction_topic(reader: DecodingBagReader, topic: str | None) -> list[Any]:
+    """Return the connections of the topic of predictions."""
+    clouds = [c for c in reader.connections if c.msgtype == _CLOUD and c.msgcount > 0]
+    if topic is not None:
+        chosen = [c for c in clouds if c.topic == "/" + topic.lstrip("/")]
+        expected = f"a {_CLOUD} on the topic {topic}"
+    else:
+        names = {c.topic for c in clouds if _holds_predictions(reader, c)}
+        if len(names) > 1:
+            raise RecordingError(
+                f"{reader.path} has predictions on the topics {', '.join(sorted(names))}, "
+                "expected one of them as the topic (--topic)"
+            )
+        chosen = [c for c in clouds if c.topic in names]
+        expected = f"a {_CLOUD} with the fields of predictions, as the node publishes them"
+    if not chosen:
+        topics = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections}))
+        raise RecordingError(
+            f"{reader.path} has no predictions, it has {topics or 'no topic'}; expected {expected}"
+        )
+    return chosen
+
+
+def _holds_predictions(reader: DecodingBagReader, connection: Any) -> bool:
+    for _, _, message in reader.messages([connection]):
+        return set(REQUIRED_FIELDS) <= {field.name for field in message.fields}
+    return False
