@@ -53,14 +53,14 @@ ALLOWED_MODULES = {"models": {"mtpgo_core.errors", "mtpgo_core.options"}}
 imports the standard library only."""
 
 OPTIONAL = {
-    "mtpgo_core": {"argcomplete", "yaml"},
+    "mtpgo_core": {"argcomplete", "pyproj", "yaml"},
     "mtpgo_ros": {"bondpy", "tf2_ros"},
     "msg_adapters": {"ament_index_python", "pandas"},
     "mtpgo_training": {"cloudpickle", "dask", "distributed", "google", "pyarrow"},
 }
 """What a package may import inside a function only: it must do without. A class map is YAML;
-argcomplete completes command lines; pandas makes the data frame of who asks for one; google and
-pyarrow read the files of some data sets; Dask runs several processes."""
+argcomplete completes command lines; pyproj projects lane files; pandas makes the data frame of who
+asks for one; google and pyarrow read the files of some data sets; Dask runs several processes."""
 
 WITHOUT_TORCH = (
     "schema",
@@ -91,6 +91,7 @@ ROOMS = {
         "",
         "task",
         "history",
+        "maps",
         "scene",
         "prediction",
         "quality",

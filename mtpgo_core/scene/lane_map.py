@@ -17,10 +17,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.scene.segment_grid import SegmentGrid
 from mtpgo_core.schema import Float64Array
 
-_POINTS_AT_ONCE = 2_000_000
+_POINTS_AT_ONCE = 500_000
 """Most pairs of agent and segment per pass, which limits the memory to some 100 MB; chosen."""
+
+MAX_ANGLE_RAD = np.radians(60.0)
+"""A line whose direction differs more from the agent's heading belongs to another road (rad);
+chosen: a vehicle that changes its lane or turns in stays below it."""
+
+_SMALL = 256
+"""Segments from which on a grid finds those beside an agent; measured: with fewer, all are as
+fast."""
+
+_REACH_M = 40.0
+"""A road reaches at most this far to either side of an agent where a grid finds its lines (m);
+chosen: eleven lanes."""
 
 
 class LaneMap:
@@ -52,6 +65,10 @@ class LaneMap:
         self._start = np.concatenate(starts) if starts else np.zeros((0, 2))
         self._along = (np.concatenate(ends) if ends else np.zeros((0, 2))) - self._start
         self._max_width_m = max_lane_width_m
+        self._length = np.hypot(self._along[:, 0], self._along[:, 1])
+        self._grid: SegmentGrid | None = None
+        if len(self) > _SMALL and SegmentGrid.fits(self._along):
+            self._grid = SegmentGrid(self._start, self._along)
 
     def __len__(self) -> int:
         return self._start.shape[0]
@@ -67,11 +84,26 @@ class LaneMap:
         result = np.full((points.shape[0], 2), np.nan)
         known = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(headings))
         if len(self) > 0:
-            step = max(1, _POINTS_AT_ONCE // len(self))
+            step = max(1, _POINTS_AT_ONCE // min(len(self), _SMALL if self._grid else len(self)))
             for begin in range(0, known.shape[0], step):
                 some = known[begin : begin + step]
                 result[some] = self._positions(points[some], headings[some])
         return result.reshape(position.shape)
+
+    def distance_m(self, position: Float64Array) -> float:
+        """Return about how far the nearest of [p, 2] points is from a line (m), inf without both.
+
+        Of many lines it may be 16 m too small.
+        """
+        if not len(self) or not len(position):
+            return float("inf")
+        if self._grid is not None:
+            return self._grid.distance_m(position)
+        squared = np.maximum(self._length**2, 1e-18)
+        to_point = position[:, None] - self._start
+        share = np.clip((to_point * self._along).sum(axis=2) / squared, 0.0, 1.0)
+        away = to_point - share[..., None] * self._along
+        return float(np.hypot(away[..., 0], away[..., 1]).min())
 
     def _positions(self, point: Float64Array, yaw: Float64Array) -> Float64Array:
         """Return [p, 2] d_l and d_r of points that are all known."""
@@ -97,20 +129,31 @@ class LaneMap:
         return np.where(inside[:, None], both, np.nan)
 
     def _offsets(self, point: Float64Array, yaw: Float64Array) -> Float64Array:
-        """Return [p, segments + 2] the lateral offset of each segment from each point (m).
+        """Return [p, k] the lateral offsets of the segments beside each point (m).
 
-        Positive to the left, inf where the lateral line does not intersect the segment. A joint of
-        two segments counts once. The two extra columns of inf spare the caller empty arrays.
+        Positive to the left, inf where there are fewer. A joint of two segments counts once. There
+        are at least two columns of inf, which spare the caller empty arrays.
         """
         forward = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-        sideways = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
-        to_start = self._start[None] - point[:, None]
-        ahead = np.einsum("psk,pk->ps", to_start, forward)
-        advance = np.einsum("sk,pk->ps", self._along, forward)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            fraction = -ahead / advance
-            side = np.einsum("psk,pk->ps", to_start, sideways)
-            offset = side + fraction * np.einsum("sk,pk->ps", self._along, sideways)
+        if self._grid is None:
+            who, segment = np.divmod(np.arange(len(point) * len(self)), len(self))
+        else:
+            sideways = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
+            who, segment = self._grid.beside(point, sideways, _REACH_M)
+        to_start, along = self._start[segment] - point[who], self._along[segment]
+        cos, sin = forward[who, 0], forward[who, 1]
+        ahead = to_start[:, 0] * cos + to_start[:, 1] * sin
+        advance = along[:, 0] * cos + along[:, 1] * sin
         met = (ahead <= 0.0) & (ahead + advance > 0.0)  # from behind to before the agent
-        none = np.full((point.shape[0], 2), np.inf)
-        return np.concatenate([np.where(met, offset, np.inf), none], axis=1)
+        met &= advance >= np.cos(MAX_ANGLE_RAD) * self._length[segment]
+        # Of a pair that was found twice, the first counts.
+        kept = np.flatnonzero(met)
+        kept = kept[np.unique(who[kept] * len(self) + segment[kept], return_index=True)[1]]
+        who, to_start, along = who[kept], to_start[kept], along[kept]
+        cos, sin, fraction = cos[kept], sin[kept], -ahead[kept] / advance[kept]
+        at = to_start + fraction[:, None] * along
+        number = np.bincount(who, minlength=len(point))
+        offsets = np.full((len(point), int(number.max(initial=0)) + 2), np.inf)
+        column = np.arange(len(who)) - np.repeat(np.cumsum(number) - number, number)
+        offsets[who, column] = at[:, 1] * cos - at[:, 0] * sin
+        return offsets

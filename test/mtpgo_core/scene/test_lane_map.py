@@ -105,3 +105,34 @@ def test_many_points_are_served_in_pieces(monkeypatch):
 def test_a_line_that_is_none_is_an_error(line, message):
     with pytest.raises(ConfigurationError, match=f"lane line 1 .*{message}"):
         LaneMap([np.array([[0.0, 0.0], [1.0, 0.0]]), np.array(line)])
+
+
+def test_a_line_of_another_direction_belongs_to_another_road():
+    across = np.array([[45.0, -5.0], [52.0, 20.0]])  # 74 degrees
+    road = LaneMap([*(np.array([[0.0, y], [100.0, y]]) for y in (0.0, 4.0)), across])
+    given = road.positions(np.array([[47.0, 1.0]]), np.zeros(1))
+    np.testing.assert_allclose(given, [[paper(3.0, 4.0)] * 2])
+
+
+def test_many_lines_give_the_same_as_few(monkeypatch):
+    draw = np.random.default_rng(2)
+    lines, points, yaw = [], [], []
+    for _ in range(12):
+        heading = draw.uniform(-np.pi, np.pi) + np.linspace(0.0, draw.normal(), 60)
+        steps = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        line = draw.uniform(-100.0, 100.0, 2) + np.cumsum(2.0 * steps, axis=0)
+        left = np.stack([-steps[:, 1], steps[:, 0]], axis=1)
+        lines += [line + offset * left for offset in (-1.7, 1.7, 5.0)]
+        points.append(line + draw.normal(scale=3.0, size=line.shape))
+        yaw.append(heading + draw.normal(scale=0.2, size=60))
+    points, yaw = np.concatenate(points), np.concatenate(yaw)
+    with_grid = LaneMap(lines)
+    assert with_grid._grid is not None
+    monkeypatch.setattr("mtpgo_core.scene.lane_map._SMALL", 10**6)
+    one_by_one = LaneMap(lines)
+    expected = one_by_one.positions(points, yaw)
+    np.testing.assert_allclose(with_grid.positions(points, yaw), expected, atol=1e-12)
+    assert np.isfinite(expected).mean() > 0.3
+    far = points[:5] + 3000.0
+    assert abs(with_grid.distance_m(far) - one_by_one.distance_m(far)) < 23.0
+    assert LaneMap([]).distance_m(far) == LaneMap(lines).distance_m(far[:0]) == np.inf
