@@ -67,6 +67,8 @@ EXTRAS = {
     "simulation": ["eclipse-sumo>=1.20"],
     # Completion of command lines in a shell, docs/command_line.md.
     "completion": ["argcomplete>=3.0"],
+    # Lane files in latitudes and longitudes.
+    "maps": ["pyproj>=3.6"],
     "development": [
         "colcon-common-extensions>=0.3",
         "hypothesis>=6.100",

@@ -3,8 +3,8 @@
 """Lane lines of Lanelet2 maps (OSM XML).
 
 A lanelet is a relation with a left and a right bound. Both run in its direction of travel; where
-the file has one of them the other way round, it is turned, as Lanelet2 does: the left bound has the
-right one on its right. A bound that lanelets of both directions share becomes two lines.
+the file has one of them the other way round, it is turned, as Lanelet2 does: the left bound has
+the right one on its right. A bound that lanelets of both directions share becomes two lines.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Grid of the segments of many lines, so that those beside a place are found without all others.
 
-Every segment is in the cells within a quarter of a cell around points along it, which lie at most a
-quarter of a cell apart. So the cell of a point that is within an eighth of a cell of the segment, in
-x and y, has it.
+Every segment is in the cells within a quarter of a cell around points along it, which lie at most
+a quarter of a cell apart. So the cell of a point that is within an eighth of a cell of the
+segment has it.
 """
 
 from __future__ import annotations

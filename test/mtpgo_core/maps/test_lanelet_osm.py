@@ -87,7 +87,7 @@ def test_latitudes_and_longitudes_around_an_origin(tmp_path, projection):
 
 def test_nodes_without_local_coordinates_need_a_projection(tmp_path):
     path = osm(tmp_path / "map.osm", local=False, degrees=degrees)
-    with pytest.raises(ConfigurationError, match="expected lane_projection .utm"):
+    with pytest.raises(ConfigurationError, match=r"expected lane_projection .utm"):
         read_lane_file(path)
     with pytest.raises(ConfigurationError, match=r"line 3: .* without local_x and local_y"):
         read_lane_file(path, LaneFileOptions("local"))
