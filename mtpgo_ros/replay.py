@@ -15,6 +15,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import MtpgoError, RecordingError
+from mtpgo_core.maps.lane_file import read_lane_file
+from mtpgo_core.maps.lane_file_options import AUTO, PROJECTIONS, LaneFileOptions
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
     answered,
@@ -103,6 +105,22 @@ def _parser() -> argparse.ArgumentParser:
         metavar="S",
         help="time between the publishers' start and the first message, for discovery (0.5 s)",
     )
+    add(
+        "--lane-file",
+        metavar="FILE",
+        help="publish the lanes of a Lanelet2 map (OSM) or GeoJSON on /lane_markings, latched, in "
+        "place of the bag's",
+    )
+    add(
+        "--lane-projection",
+        default=AUTO,
+        choices=PROJECTIONS,
+        help="how its coordinates become metres: those in the file, or of latitude and longitude "
+        "(auto)",
+    )
+    add("--lane-origin", default="", metavar="LAT,LON", help="origin of the metres (degrees)")
+    add("--lane-offset", default="", metavar="X,Y", help="subtracted from the metres (m)")
+    add("--lane-frame", default="map", help="frame of the metres (map)")
     add("--start-paused", action="store_true", help="start when Enter is pressed")
     add("--no-progress", action="store_true", help="no progress bar")
     return parser
@@ -112,10 +130,16 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
     from msg_adapters.bags.bag_reader import BagReader
     from mtpgo_ros.bags.clock_gap import played_part
     from mtpgo_ros.bags.playback import PlaybackTiming
-    from mtpgo_ros.bags.player_node import BagPlayer, Wait
+    from mtpgo_ros.bags.player_node import LANES_TOPIC, BagPlayer, Wait
 
+    how = LaneFileOptions(options.lane_projection, options.lane_origin, options.lane_offset)
+    lanes = None if options.lane_file is None else read_lane_file(options.lane_file, how)
+    if lanes is not None:
+        print(f"replay: lane file: {lanes.sentence}", file=sys.stderr, flush=True)
     with BagReader(options.bag) as bag:
         topics = bag.topics(options.topics)
+        if lanes is not None:
+            topics = [topic for topic in topics if topic.name != LANES_TOPIC]
         for topic, reason in bag.skipped().items():
             if options.topics is None or topic in {chosen.name for chosen in topics}:
                 print(f"replay: skipping {topic}: {reason}", file=sys.stderr, flush=True)
@@ -134,6 +158,8 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
         timing = PlaybackTiming(origin_ns, end_ns, options.rate, options.clock_rate)
         player = BagPlayer(bag, timing, topics)
         try:
+            if lanes is not None:
+                player.publish_lanes(lanes.lines, options.lane_frame)
             wait = Wait(
                 options.wait_for_subscribers,
                 options.wait_timeout,

@@ -18,7 +18,7 @@ from mtpgo_core.schema import Float64Array
 NAMESPACE = "lane_markings"
 _LINE_STRIP, _LINE_LIST = 4, 5
 _ADD = 0
-_MOST_POINTS = 200_000
+MOST_POINTS = 200_000
 """Most points of a site's lane markings; chosen: 200 km of lines with a point each metre."""
 
 
@@ -83,9 +83,9 @@ def lanes_from_markers(message: Any) -> LaneMarkings:
     frames: dict[str, None] = {}
     try:
         number = sum(len(marker.points) for marker in message.markers)
-        if number > _MOST_POINTS:
+        if number > MOST_POINTS:
             raise MessageError(
-                f"lane markings have {number} points, expected at most {_MOST_POINTS}"
+                f"lane markings have {number} points, expected at most {MOST_POINTS}"
             )
         for marker in message.markers:
             if int(marker.action) != _ADD or int(marker.type) not in (_LINE_STRIP, _LINE_LIST):

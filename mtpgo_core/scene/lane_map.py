@@ -12,11 +12,13 @@ paper's formula.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 
 import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.frames import Pose2
 from mtpgo_core.scene.segment_grid import SegmentGrid
 from mtpgo_core.schema import Float64Array
 
@@ -66,12 +68,23 @@ class LaneMap:
         self._along = (np.concatenate(ends) if ends else np.zeros((0, 2))) - self._start
         self._max_width_m = max_lane_width_m
         self._length = np.hypot(self._along[:, 0], self._along[:, 1])
+        self._pose: Pose2 | None = None
         self._grid: SegmentGrid | None = None
         if len(self) > _SMALL and SegmentGrid.fits(self._along):
             self._grid = SegmentGrid(self._start, self._along)
 
     def __len__(self) -> int:
         return self._start.shape[0]
+
+    def seen_from(self, pose: Pose2) -> LaneMap:
+        """Return the same lines for positions in another frame.
+
+        Args:
+            pose: that frame in the frame of the lines.
+        """
+        other = copy.copy(self)
+        other._pose = pose
+        return other
 
     def positions(self, position: Float64Array, yaw: Float64Array) -> Float64Array:
         """Return [..., 2] d_l and d_r in [-1, 1]; NaN where there is no line on one side.
@@ -81,6 +94,8 @@ class LaneMap:
             yaw: [...] headings (rad); NaN gives NaN.
         """
         points, headings = position.reshape(-1, 2), yaw.reshape(-1)
+        if self._pose is not None:
+            points, headings = self._pose.point(points), headings + self._pose.yaw
         result = np.full((points.shape[0], 2), np.nan)
         known = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(headings))
         if len(self) > 0:
@@ -97,6 +112,8 @@ class LaneMap:
         """
         if not len(self) or not len(position):
             return float("inf")
+        if self._pose is not None:
+            position = self._pose.point(position)
         if self._grid is not None:
             return self._grid.distance_m(position)
         squared = np.maximum(self._length**2, 1e-18)

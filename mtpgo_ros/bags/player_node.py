@@ -17,11 +17,16 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from tqdm import tqdm
+from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.bags.bag_reader import BagReader, BagTopic
-from msg_adapters.types import message_class
-from mtpgo_core.errors import MessageError, RecordingError
+from msg_adapters.inputs.lane_markers import MOST_POINTS, lanes_to_markers
+from msg_adapters.types import RclpyTypes, message_class
+from mtpgo_core.errors import ConfigurationError, MessageError, RecordingError
+from mtpgo_core.schema import Float64Array
 from mtpgo_ros.bags.playback import Message, PlaybackTiming, Report, Sinks, play
+
+LANES_TOPIC = "/lane_markings"
 
 _POLL_S = 0.02
 """Polling interval while the player waits (s); chosen: not noticeable."""
@@ -88,6 +93,22 @@ class BagPlayer:
                 depth=min(topic.count, _MOST_LATCHED), durability=DurabilityPolicy.TRANSIENT_LOCAL
             )
         return self._node.create_publisher(message_class(topic.message_type), topic.name, qos)
+
+    def publish_lanes(self, lines: Sequence[Float64Array], frame_id: str) -> None:
+        """Publish lane lines on ``/lane_markings``, for late subscribers as well.
+
+        Raises:
+            ConfigurationError: more points than subscribers take.
+        """
+        number = sum(map(len, lines))
+        if number > MOST_POINTS:
+            raise ConfigurationError(
+                f"--lane-file has {number} points of lane lines, expected at most {MOST_POINTS}"
+                " for a message: give the file to the predictor (lane_file)"
+            )
+        qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        publisher = self._node.create_publisher(MarkerArray, LANES_TOPIC, qos)
+        publisher.publish(lanes_to_markers(lines, RclpyTypes(), stamp_ns=0, frame_id=frame_id))
 
     def wait(self, wait: Wait, stopped: Callable[[], bool]) -> bool:
         """Wait for the subscribers and for discovery; return False when stopped meanwhile.

@@ -34,6 +34,9 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _UNDEMANDING = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Fits every publisher that has no deadline or liveliness of its own to offer."""
 
+OnLanes = Callable[[LaneMap, str], None]
+"""Takes lane lines and their frame."""
+
 
 class ContextSubscriptions:
     """Subscriptions to ``ego_id`` and, for a model that uses lanes, ``lane_markings``.
@@ -41,7 +44,7 @@ class ContextSubscriptions:
     Args:
         node: the node.
         on_ego: called with the text of each message on ``ego_id``.
-        on_lanes: called with the lane lines, None if the model does not use them.
+        on_lanes: called with the lane lines and their frame, None if they are not wanted.
         events: where incompatible publishers and unusable messages are counted and logged.
     """
 
@@ -49,7 +52,7 @@ class ContextSubscriptions:
         self,
         node: Node,
         on_ego: Callable[[str], None],
-        on_lanes: Callable[[LaneMap], None] | None,
+        on_lanes: OnLanes | None,
         events: EventLog,
     ) -> None:
         self._node, self._events = node, events
@@ -59,7 +62,7 @@ class ContextSubscriptions:
         self._lanes: _AnyPublisher | None = None
         self.use_lanes(on_lanes)
 
-    def use_lanes(self, on_lanes: Callable[[LaneMap], None] | None) -> None:
+    def use_lanes(self, on_lanes: OnLanes | None) -> None:
         """Subscribe to ``lane_markings`` if a function is given, else unsubscribe."""
         if self._lanes is not None:
             self._lanes.close()
@@ -73,16 +76,17 @@ class ContextSubscriptions:
                 self._events,
             )
 
-    def _receive_lanes(self, message: Any, on_lanes: Callable[[LaneMap], None]) -> None:
+    def _receive_lanes(self, message: Any, on_lanes: OnLanes) -> None:
         try:
-            lanes = LaneMap(lanes_from_markers(message).polylines)
+            markings = lanes_from_markers(message)
+            lanes = LaneMap(markings.polylines)
         except MtpgoError as error:
             self._events.log("lanes", f"lane markings are not used: {error}", is_error=True)
             return
         self._node.get_logger().info(
             f"lane markings with {len(lanes)} segments taken", throttle_duration_sec=5.0
         )
-        on_lanes(lanes)
+        on_lanes(lanes, markings.frame_id)
 
     def close(self) -> None:
         """Destroy the subscriptions."""

@@ -67,7 +67,7 @@ class FixedFrameTransform:
         self._subscription: Subscription = node.create_subscription(
             Odometry, "odometry", self.add_odometry, _ODOMETRY_QOS
         )
-        self._tf = _TfPoses.if_installed(node)
+        self._tf = TfPoses.if_installed(node)
 
     def add_odometry(self, message: Any) -> None:
         """Add the pose of a nav_msgs/Odometry."""
@@ -112,7 +112,7 @@ class FixedFrameTransform:
             self._tf.close()
 
 
-class _TfPoses:
+class TfPoses:
     """Poses from TF.
 
     Args:
@@ -126,7 +126,7 @@ class _TfPoses:
         self._listener = tf2_ros.TransformListener(self._buffer, node, spin_thread=False)
 
     @classmethod
-    def if_installed(cls, node: Node) -> _TfPoses | None:
+    def if_installed(cls, node: Node) -> TfPoses | None:
         """Return None if tf2_ros is not installed, as with ROS from pip."""
         try:
             import tf2_ros
@@ -135,7 +135,7 @@ class _TfPoses:
         return cls(node, tf2_ros)
 
     def pose(self, fixed_frame: str, frame_id: str, stamp_ns: int) -> Pose2:
-        """Return the pose of ``frame_id`` in ``fixed_frame`` at a time (ns).
+        """Return the pose of ``frame_id`` in ``fixed_frame`` at a time (ns), 0 for the newest.
 
         Raises:
             FrameError: TF has no transform at that time.

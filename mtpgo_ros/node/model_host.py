@@ -17,6 +17,7 @@ from mtpgo_core.live_calibration.live_options import OFF
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import HistoryWindow, KeyArray, Prediction, tracked_states
+from mtpgo_ros.node.lanes.lane_input import LaneInput
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.quality.live_calibrator import LiveCalibrator
 from mtpgo_ros.runtime.model_loading import load_model
@@ -39,9 +40,12 @@ class ModelHost:
         predictor: scenes, model and fallback.
         calibrator: corrects predictions before they are published.
         degraded: why there is no model, empty if there is one.
+        lanes: the lane lines of a model that uses them.
+        lanes_read: what was read from the lane file, empty if nothing was.
 
     Raises:
         ModelFileError: the model cannot be loaded and ``require_model`` is set.
+        ConfigurationError: the model uses lanes and the lane file cannot be used.
     """
 
     def __init__(self, parameters: PredictorParameters) -> None:
@@ -58,11 +62,12 @@ class ModelHost:
         self._runner = runner
         self._predicting = threading.Lock()  # held while a prediction runs or the model changes
         self._settings = threading.Lock()  # held while options or lanes change
-        self._lanes_received = False
         self._ego_key: KeyArray | None = None
         # Without lines the model runs as on a road without markings, which is better than none.
         self.predictor = ScenePredictor(runner, options=_options(parameters), lanes=LaneMap(()))
         self.calibrator = LiveCalibrator(parameters, self.predictor.task)
+        self.lanes = LaneInput(self.set_lanes)
+        self.lanes_read = self.lanes.read(parameters) if self.uses_lanes else ""
 
     @property
     def ego_key(self) -> KeyArray | None:
@@ -84,6 +89,8 @@ class ModelHost:
         with self._settings:
             self.predictor.options = _options(parameters)
         self.calibrator.configure(parameters)
+        if self.uses_lanes:
+            self.lanes.configure(parameters)
         text = parameters.ego_id.strip() or ego_text.strip()
         if parameters.ego_topic:
             text = text or EGO_NAME
@@ -93,7 +100,6 @@ class ModelHost:
         """Use these lane lines from the next prediction on."""
         with self._settings:
             self.predictor.lanes = lanes
-        self._lanes_received = True
 
     def reset(self) -> None:
         """Forget graphs and trails; any thread."""
@@ -125,11 +131,14 @@ class ModelHost:
         try:
             with self._settings:
                 loaded.predictor.continue_from(self.predictor)
+                had_lanes = self.uses_lanes
                 self._runner, self.predictor = loaded._runner, loaded.predictor
                 self.degraded = loaded.degraded
                 # What was learned about the other model's errors does not hold for this one.
                 self.calibrator.close()
                 self.calibrator = loaded.calibrator
+            if self.uses_lanes != had_lanes:
+                self.lanes.continue_with(loaded.lanes)
         finally:
             self._predicting.release()
 
@@ -148,9 +157,7 @@ class ModelHost:
         found = []
         if policy == "ego" and self._ego_key is None:
             found.append("graph is 'ego' but no ego is known, 'cover' is used instead")
-        if self.uses_lanes and not self._lanes_received:
-            found.append("the model wants lanes, but nothing has come on lane_markings")
-        return found
+        return found + (self.lanes.limitations() if self.uses_lanes else [])
 
     def describe(self) -> dict[str, str]:
         """Return name and hashes of the model and its settings, for the diagnostics."""
@@ -165,6 +172,7 @@ class ModelHost:
             "radius_m": f"{options.radius_m or task.scene.radius_m:g}",
             "horizon_s": f"{task.horizon_steps * task.history.dt_s:g}",
             "modes": str(self.predictor.modes),
+            **self.lanes.values(),
         }
 
     def warm_up(self, *, permanent: bool = True) -> None:

@@ -34,6 +34,8 @@ from mtpgo_ros.node.frame_transform import FixedFrameTransform, FrameTransform, 
 from mtpgo_ros.node.history_input import HistoryInput
 from mtpgo_ros.node.inference.inference_worker import InferenceWorker
 from mtpgo_ros.node.inference.prediction_request import PredictionRequest
+from mtpgo_ros.node.lanes.lane_input import no_pose
+from mtpgo_ros.node.lanes.lane_transform import LaneTransform
 from mtpgo_ros.node.load_control import LoadControl, overload
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.objects_subscription import ObjectsSubscription
@@ -105,9 +107,9 @@ class PredictionPipeline:
         if parameters.fixed_frame:
             self.transform = FixedFrameTransform(node, parameters.fixed_frame)
         self.ego = ego_source(node, parameters, events)
-        self._context = ContextSubscriptions(
-            node, self._on_ego, model.set_lanes if model.uses_lanes else None, events
-        )
+        self._context = ContextSubscriptions(node, self._on_ego, None, events)
+        self._lane_transform = LaneTransform(node)
+        self._use_lanes()
         self._quality_publisher = QualityPublisher(node, self.quality, parameters, status)
         self.worker = InferenceWorker(self._predict, model.fallback, self._publish, events)
         self.worker.start()
@@ -117,6 +119,7 @@ class PredictionPipeline:
         self.objects.close()
         self._context.close()
         self.ego.close()
+        self._lane_transform.close()
         self.transform.close()
         self._quality_publisher.close()
         stopped = self.worker.stop()
@@ -130,7 +133,10 @@ class PredictionPipeline:
         with self._history_lock:
             self.history.configure(parameters)
         self._quality_publisher.configure(parameters)
+        from_topic = not self._model.uses_lanes or self._model.lanes.from_topic
         self._model.configure(parameters, self.ego_text)
+        if self._model.uses_lanes and from_topic != self._model.lanes.from_topic:
+            self._use_lanes()
 
     def clock_jumped_back(self) -> None:
         """Clear a history that is newer than the node's clock."""
@@ -168,7 +174,23 @@ class PredictionPipeline:
     def model_changed(self) -> None:
         """Use another model's inputs after a swap, which keeps the history, and score it anew."""
         self.quality.start_anew()
-        self._context.use_lanes(self._model.set_lanes if self._model.uses_lanes else None)
+        self._use_lanes()
+
+    def _use_lanes(self) -> None:
+        """Give the model lane lines if it uses them: of a file, else those that are published."""
+        model, lanes = self._model, self._model.lanes
+        topic = model.uses_lanes and lanes.from_topic
+        self._context.use_lanes(lanes.take_markings if topic else None)
+        lanes.on_read = self._on_lane_file
+        lanes.pose_in = no_pose
+        if model.uses_lanes:
+            lanes.pose_in = self._lane_transform.pose_in()
+
+    def _on_lane_file(self, sentence: str, is_error: bool) -> None:
+        if is_error:
+            self._events.log("lanes", sentence, is_error=True)
+        else:
+            self._node.get_logger().info(sentence)
 
     def _on_objects(self, message: Any, adapter: InputAdapter, received_ns: int) -> None:
         """Handle a message; called by the subscription's thread."""
@@ -183,6 +205,8 @@ class PredictionPipeline:
                 window = self.history.update(
                     states, now_ns, ego_key, skipped, with_ego=joined.added
                 )
+            if self._model.uses_lanes and not self.history.rejection:
+                self._model.lanes.observe(states)
         except FrameError as error:
             self._status.frame_error = str(error)
             self._events.count("not_lifted", reason=f"{dropped}: {error}")

@@ -110,6 +110,13 @@ class PredictorNode(LifecycleNode):
         self._status.degraded = model.degraded
         if model.calibrator.file_error:
             self.get_logger().warning(model.calibrator.file_error)
+        if model.lanes_read:
+            self.get_logger().info(f"lane file: {model.lanes_read}")
+        elif self.parameters.lane_file:
+            self.get_logger().warning(
+                f"lane_file {self.parameters.lane_file} is not read: model"
+                f" {model.predictor.task.name} does not use lanes"
+            )
         if model.degraded:
             self.get_logger().error(f"degraded, constant velocity serves: {model.degraded}")
         self._outputs = Publishers(self, parameters.output, parameters.max_modes, self.events)

@@ -22,6 +22,8 @@ from mtpgo_core.live_calibration.live_options import (
     PREFERENCES,
     LiveOptions,
 )
+from mtpgo_core.maps.lane_file import require_lane_file
+from mtpgo_core.maps.lane_file_options import AUTO, PROJECTIONS, LaneFileOptions
 from mtpgo_core.options import check_options, listed
 from mtpgo_core.quality.quality_report import WINDOWS_S, QualityLimits
 from mtpgo_core.task.task_description import GRAPH_POLICIES
@@ -202,6 +204,28 @@ class PredictorParameters:
         " autoware, ...) or a YAML file; empty takes our own names.",
         change=Change.CONFIGURE,
     )
+    lane_file: str = _field(
+        "",
+        "File with the lanes of the site, for a model that uses lanes: a Lanelet2 map (OSM) or"
+        " GeoJSON; empty takes the topic lane_markings.",
+    )
+    lane_projection: str = _field(
+        AUTO,
+        "How the coordinates of the lane file become metres: auto takes the metres in the file"
+        " (local_x and local_y), the others project latitude and longitude.",
+        choices=PROJECTIONS,
+    )
+    lane_origin: str = _field(
+        "", "Latitude and longitude of the origin of the lane file's metres, '49.01, 8.43'."
+    )
+    lane_offset: str = _field(
+        "", "x and y that are subtracted from the lane file's metres, '1000, -250.5' (m)."
+    )
+    lane_frame: str = _field(
+        "",
+        "Frame of the lane file's metres; TF leads from the objects' fixed frame to it. Empty: the"
+        " objects' fixed frame.",
+    )
     delay_compensation: bool = _field(
         False,
         "The horizon starts at the node's present time, at most 0.5 s after the observation,"
@@ -336,6 +360,11 @@ class PredictorParameters:
         return InputLimits(self.max_message_bytes, self.max_objects, self.max_fields)
 
     @property
+    def lane_options(self) -> LaneFileOptions:
+        """How the coordinates of the lane file become metres."""
+        return LaneFileOptions(self.lane_projection, self.lane_origin, self.lane_offset)
+
+    @property
     def live_options(self) -> LiveOptions:
         """What the live calibration learns."""
         return LiveOptions(
@@ -391,6 +420,12 @@ def check(parameters: PredictorParameters) -> None:
         class_map(parameters.class_map)
     except ConfigurationError as error:
         raise ConfigurationError(f"parameter class_map: {error}") from error
+    try:
+        _ = parameters.lane_options
+        if parameters.lane_file:
+            require_lane_file(parameters.lane_file)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"parameter lane_file: {error}") from error
     if parameters.input_timeout < parameters.period_s:
         raise ConfigurationError(
             f"parameter input_timeout is {parameters.input_timeout:g} s, shorter than a period of"

@@ -11,9 +11,11 @@ from ros_helpers import LATCHED, LIMIT_S, START_NS, one_line, run_process, traff
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.conversions import stamp_to_ns
+from msg_adapters.inputs.lane_markers import lanes_from_markers
 from msg_adapters.registry import INPUTS
 
 
@@ -62,15 +64,23 @@ class Listener:
         self.executor.spin_once(timeout_sec=0.02)
 
 
-def test_the_executable_plays_every_message_with_the_clock(process, peer, bag):
+def test_the_executable_plays_every_message_with_the_clock(process, peer, bag, tmp_path):
     listener = Listener(peer)
-    player = process("replay", bag, "--wait-for-subscribers", "1")
+    lines, path = [], tmp_path / "lanes.geojson"
+    path.write_text('{"type": "LineString", "coordinates": [[0, 2], [900, 2]]}')
+    peer.create_subscription(
+        MarkerArray, "/lane_markings", lambda m: lines.append(lanes_from_markers(m)), LATCHED
+    )
+    player = process("replay", bag, "--wait-for-subscribers", "1", "--lane-file", path)
     listener.spin_until(lambda: player.popen.poll() is not None)
     status, out, err = player.finish()
     listener.spin_until(lambda: len(listener.objects) == 26)
     assert status == 0, err
     assert listener.objects == [40_000_000 * k for k in range(26)]
     assert listener.egos == ["3"]
+    (markings,) = lines
+    assert markings.frame_id == "map"
+    assert markings.polylines[0].tolist() == [[0.0, 2.0], [900.0, 2.0]]
     assert listener.ticks[0] == 0
     assert len(listener.ticks) > 50
     assert np.diff(listener.ticks).min() > 0

@@ -4,10 +4,10 @@
 
 One ``--layout`` holds for all directories, and as many as directories belong to them in order. Of
 another number, each belongs to the ``--data`` before it (or to the first one), and a directory
-without a layout has that of the one before. ``--recordings``, and ``--topic``, ``--topics`` and
-``--stamps`` of bags, belong to the ``--data`` before them, or to the first one. So do
-``--columns`` and ``--class-map``, which also hold for the directories after it. A command may take
-directory, or layout and directory, without an option.
+without a layout has that of the one before. ``--recordings``, ``--lane-file`` with its options,
+and ``--topic``, ``--topics`` and ``--stamps`` of bags, belong to the ``--data`` before them, or to
+the first one. So do ``--columns`` and ``--class-map``, which also hold for the directories after it. A
+command may take directory, or layout and directory, without an option.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from msg_adapters.inputs.ego_odometry import EGO_CLASSES, EgoOptions
 from mtpgo_core.class_map import PRESETS
 from mtpgo_core.completion import completed_by
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.maps.lane_file_options import PROJECTIONS, LaneFileOptions
 from mtpgo_training.commands.arguments.argument_types import make_folder
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.readers import LAYOUTS
@@ -107,6 +108,21 @@ def add_data_arguments(
         help="topic of the tracked objects in single bags of this directory",
     )
     add(
+        "--lane-file",
+        type=Path,
+        metavar="FILE",
+        help="lanes of this directory's recordings, in place of their own: a Lanelet2 map (OSM) "
+        "or GeoJSON",
+    )
+    add(
+        "--lane-projection",
+        choices=PROJECTIONS,
+        help="how its coordinates become metres: those in the file (auto), or of latitude and "
+        "longitude",
+    )
+    add("--lane-origin", metavar="LAT,LON", help="origin of the metres (degrees)")
+    add("--lane-offset", metavar="X,Y", help="subtracted from the metres (m)")
+    add(
         "--stamps",
         choices=STAMPS,
         help="leave out messages without a stamp (header), or give them the time at which they "
@@ -176,8 +192,10 @@ def data_sources(
             columns=entry.get("columns", before.columns),
             class_map=entry.get("class_map", before.class_map),
             bags=_bag_options(entry),
+            **_lane_options(entry),
         )
-        _ = reading.classes  # an unknown class map is found before anything is read
+        # An unknown class map and a lane file that cannot be used are found before all else.
+        _ = reading.classes, reading.lanes
         sources.append(DataSource(entry["data"], layout, tuple(names) if names else None, reading))
     return sources
 
@@ -192,9 +210,22 @@ def bag_options(options: Sequence[tuple[str, Any]]) -> ReadingOptions:
         ConfigurationError: an option of recordings, or a value that is none.
     """
     for name, _ in options:
-        if name not in ("topics", "stamps", "ego_topic", "ego_box", "ego_class"):
+        known = name in ("topics", "stamps", "ego_topic", "ego_box", "ego_class")
+        if not known and not name.startswith("lane_"):
             raise ConfigurationError(f"--{name.replace('_', '-')} is given without --data")
-    return ReadingOptions(bags=_bag_options(dict(options)))
+    entry = dict(options)
+    return ReadingOptions(bags=_bag_options(entry), **_lane_options(entry))
+
+
+def _lane_options(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of :class:`ReadingOptions` for a lane file."""
+    names = ("projection", "origin", "offset")
+    given = {name: entry[f"lane_{name}"] for name in names if f"lane_{name}" in entry}
+    if "lane_file" in entry:
+        return {"lane_file": entry["lane_file"], "lane_options": LaneFileOptions(**given)}
+    if given:
+        raise ConfigurationError(f"--lane-{next(iter(given))} is given without --lane-file")
+    return {}
 
 
 def _bag_options(entry: Mapping[str, Any]) -> BagOptions:

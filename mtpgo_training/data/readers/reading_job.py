@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -15,6 +16,7 @@ from mtpgo_core.history.odd_input import described
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts
+from mtpgo_training.data.recorded_lanes import with_lanes
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.recording_columns import pack, unpack
@@ -66,8 +68,11 @@ class ReadingJob:
         Raises:
             RecordingError: a file cannot be read.
         """
-        parts = [{"part": part.name} for part in self.parts]
-        return [_facts(unit, self.options) for unit in self.units] + parts
+        more = [{"part": part.name} for part in self.parts]
+        if self.options.lanes is not None:
+            how = dataclasses.asdict(self.options.lane_options)
+            more.append({"lanes": self.options.lanes.sha256, **how})
+        return [_facts(unit, self.options) for unit in self.units] + more
 
 
 def _read_unit(
@@ -77,7 +82,7 @@ def _read_unit(
     counts: Counter[str] = Counter()
     for recording in _recordings_of(unit, options, cache):
         counts.update(recording.counts)
-        yield recording
+        yield recording if options.lanes is None else with_lanes(recording, options.lanes)
     if described(counts):
         _log.warning("mtpgo: %s %s: %s", unit.layout, unit.name, described(counts))
 

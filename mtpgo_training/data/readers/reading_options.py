@@ -12,6 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.class_map import ClassMap, class_map
+from mtpgo_core.maps.lane_file import read_lane_file
+from mtpgo_core.maps.lane_file_options import AS_IN_FILE, LaneFileOptions
+from mtpgo_core.maps.lane_lines import LaneLines
 from mtpgo_core.options import listed
 from mtpgo_core.schema import ClassArray
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
@@ -31,11 +34,26 @@ class ReadingOptions:
         class_map: preset or YAML file with our classes by the names and numbers of the data,
             empty for the names that the layout usually has.
         bags: how bags are read (layout ``bag``).
+        lane_file: file with the lanes of the site, in place of those of the recordings.
+        lane_options: how its coordinates become metres of the recordings' frame.
     """
 
     columns: Path | None = None
     class_map: str = ""
     bags: BagOptions = field(default_factory=BagOptions)
+    lane_file: Path | None = None
+    lane_options: LaneFileOptions = AS_IN_FILE
+
+    @cached_property
+    def lanes(self) -> LaneLines | None:
+        """The lane lines of the file, None without one.
+
+        Raises:
+            ConfigurationError: it cannot be used.
+        """
+        return (
+            None if self.lane_file is None else read_lane_file(self.lane_file, self.lane_options)
+        )
 
     @cached_property
     def classes(self) -> ClassMap:

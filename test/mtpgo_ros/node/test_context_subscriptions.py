@@ -41,10 +41,14 @@ def test_messages_published_before_the_subscription_are_received(node):
         lanes_to_markers(lines, RclpyTypes(), stamp_ns=0, frame_id="map")
     )
     egos, lanes = [], []
-    context = ContextSubscriptions(node, egos.append, lanes.append, EventLog())
+    context = ContextSubscriptions(
+        node, egos.append, lambda road, frame_id: lanes.append((road, frame_id)), EventLog()
+    )
     spin(node, lambda: egos and lanes)
     assert egos == ["7"]
-    assert len(lanes[0]) == 4  # two lines of two segments
+    ((road, frame_id),) = lanes
+    assert len(road) == 4  # two lines of two segments
+    assert frame_id == "map"
     context.close()
     assert node.count_subscribers("ego_id") == node.count_subscribers("lane_markings") == 0
 

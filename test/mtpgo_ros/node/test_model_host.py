@@ -68,5 +68,5 @@ def test_a_missing_ego_and_missing_lanes_are_limitations(models):
     assert "no ego" in ego
     assert "lane_markings" in lanes
     host.configure(parameters(models["lanes"], graph="ego"), "1")
-    host.set_lanes(LaneMap(()))
+    host.lanes.take_markings(LaneMap(()), "map")
     assert host.limitations() == []

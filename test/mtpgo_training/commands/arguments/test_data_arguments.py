@@ -160,3 +160,28 @@ def test_options_of_bags_belong_to_the_directory_before_them():
         parsed("--data a --layout bag --topics /x")
     with pytest.raises(ConfigurationError, match="--recordings is given without --data"):
         bag_options([("topics", ["a=/b"]), ("recordings", ["1"])])
+
+
+LINES = '{"type": "MultiLineString", "coordinates": [[[0, 2], [90, 2]], [[0, -2], [90, -2]]]}'
+
+
+def test_a_lane_file_belongs_to_the_directory_before_it(tmp_path):
+    path = tmp_path / "lanes.geojson"
+    path.write_text(LINES)
+    first, second = parsed(f"--data a --lane-file {path} --lane-offset=-1,2 --data b --layout ind")
+    assert [line[0].tolist() for line in first.options.lanes.lines] == [[1.0, 0.0], [1.0, -4.0]]
+    assert second.options.lanes is None
+    assert bag_options([("lane_file", path)]).lanes is not None
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("--lane-file none.osm", "none.osm cannot be read: No such file"),
+        ("--lane-origin 49,8", "--lane-origin is given without --lane-file"),
+        ("--lane-file none.osm --lane-offset x", "lane_offset is 'x', expected x and y"),
+    ],
+)
+def test_a_lane_file_is_checked_before_anything_is_read(line, sentence):
+    with pytest.raises(ConfigurationError, match=sentence):
+        parsed(f"--data a --layout ind {line}")
