@@ -22,7 +22,7 @@ import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.maps.lane_file_options import AUTO, LOCAL, LaneFileOptions
-from mtpgo_core.maps.lane_lines import LaneLines, require_fewer, usable_line
+from mtpgo_core.maps.lane_lines import LaneLines, beside, require_fewer, usable_line
 from mtpgo_core.maps.map_projection import crs_of, degrees_of, to_metres
 from mtpgo_core.options import listed
 from mtpgo_core.schema import Float64Array
@@ -95,7 +95,7 @@ def read_geojson(path: Path, content: bytes, options: LaneFileOptions) -> LaneLi
             continue
         edges = [line]
         if item.width_m:
-            edges = [_beside(line, 0.5 * item.width_m), _beside(line, -0.5 * item.width_m)]
+            edges = [beside(line, 0.5 * item.width_m), beside(line, -0.5 * item.width_m)]
         if item.direction != "backward":
             lines += edges
         if item.direction != "forward":
@@ -277,15 +277,3 @@ def _crs_name(path: Path, crs: Any) -> str:
     if not isinstance(name, str) or not name:
         raise ConfigurationError(f"{path} has crs {crs!r:.80}, expected one with a name")
     return name
-
-
-def _beside(line: Float64Array, left_m: float) -> Float64Array:
-    """Return [k, 2] a line moved to its left (m), corners mitred."""
-    along = np.diff(line, axis=0)
-    along /= np.hypot(along[:, 0], along[:, 1])[:, None]
-    before, after = np.vstack([along[:1], along]), np.vstack([along, along[-1:]])
-    middle = before + after
-    middle /= np.maximum(np.hypot(middle[:, 0], middle[:, 1]), 1e-9)[:, None]
-    # At a corner the mitre is longer than the shift, at most by a half.
-    reach = left_m / np.maximum((middle * after).sum(axis=1), 2.0 / 3.0)
-    return line + reach[:, None] * np.stack([-middle[:, 1], middle[:, 0]], axis=1)

@@ -85,3 +85,15 @@ def require_fewer(number: int, path: Path) -> None:
             f"{path} has {number} points of lane lines, expected at most {MOST_POINTS}: cut the"
             " map to the area of use"
         )
+
+
+def beside(line: Float64Array, left_m: float) -> Float64Array:
+    """Return [k, 2] a line moved to its left (m), corners mitred."""
+    along = np.diff(line, axis=0)
+    along /= np.hypot(along[:, 0], along[:, 1])[:, None]
+    before, after = np.vstack([along[:1], along]), np.vstack([along, along[-1:]])
+    middle = before + after
+    middle /= np.maximum(np.hypot(middle[:, 0], middle[:, 1]), 1e-9)[:, None]
+    # At a corner the mitre is longer than the shift, at most by a half.
+    reach = left_m / np.maximum((middle * after).sum(axis=1), 2.0 / 3.0)
+    return line + reach[:, None] * np.stack([-middle[:, 1], middle[:, 0]], axis=1)

@@ -47,7 +47,7 @@ LARGEST_SIZE = 3.0
 
 _Number = TypeVar("_Number", np.float32, np.float64)
 
-_BY_AGENT = {"leaders": leader_features, "traffic": traffic_features}
+_BY_AGENT = {"leaders": leader_features, "traffic": traffic_features, "road": leader_features}
 """Contexts that do not depend on the graph: computed once per agent."""
 
 
@@ -200,20 +200,22 @@ def _features(
     ]
     if config.context == "polar":
         columns.append(_polar(position, radians))
-    elif config.context == "lanes":
-        if lanes is None:
-            raise ConfigurationError(
-                "the model's context is 'lanes' but no lane lines are given, expected a lane map"
-            )
-        road = lanes  # not None in the function below
-        columns.append(
-            _once_per_agent(
-                agent, lambda some: road.positions(window.position[some], window.yaw[some])
-            )
-        )
     elif config.context in _BY_AGENT:
         around, reach_m = _BY_AGENT[config.context], config.leader_reach_m
         columns.append(_once_per_agent(agent, lambda some: around(window, some, reach_m)))
+    if config.uses_lanes:
+        if lanes is None:
+            raise ConfigurationError(
+                f"the model's context is {config.context!r} but no lane lines are given, expected"
+                " a lane map"
+            )
+        road = lanes  # not None in the function below
+        placed = _once_per_agent(
+            agent, lambda some: road.positions(window.position[some], window.yaw[some])
+        )
+        if config.context == "road":  # an agent outside of all lanes is not in the middle of one
+            columns.append(np.isfinite(placed[..., :1]).astype(np.float64))
+        columns.append(placed)
     features = np.nan_to_num(np.concatenate(columns, axis=-1), nan=0.0)
     features[~valid] = 0.0
     return features.astype(np.float32)

@@ -34,7 +34,7 @@ STATES = (("x", "y"), ("x", "y", "vx", "vy"))
 
 GRAPH_POLICIES = ("ego", "cover", "each", "scene")
 FRAME_POLICIES = ("centre_heading", "driving_direction", "site_origin")
-CONTEXTS = ("none", "polar", "lanes", "leaders", "traffic")
+CONTEXTS = ("none", "polar", "lanes", "leaders", "traffic", "road")
 ANGLES = ("vector", "radians")
 DERIVATIVE_SOURCES = ("message", "estimated")
 BASE_FEATURES = ("x", "y", "vx", "vy", "ax", "ay", "cos_yaw", "sin_yaw")
@@ -56,6 +56,10 @@ CONTEXT_FEATURES = {
         ),
     ),
 }
+CONTEXT_FEATURES["road"] = (*CONTEXT_FEATURES["leaders"], "in_lane", *CONTEXT_FEATURES["lanes"])
+
+LANE_CONTEXTS = ("lanes", "road")
+"""Contexts that need lane lines."""
 
 ANGLE_FEATURES = {("cos_yaw", "sin_yaw"): "yaw", ("cos_theta", "sin_theta"): "theta"}
 """What ``scene.angles: radians`` has in place of two columns (paper, node features, eq. (4b))."""
@@ -134,7 +138,7 @@ class SceneConfig:
         departed_agents: agents that left before t stay in the graphs of the past, as in the paper;
             see :mod:`mtpgo_core.scene.departed_agents`.
         context: context features, one of ``CONTEXTS``.
-        leader_reach_m: range of the contexts ``leaders`` and ``traffic`` (m).
+        leader_reach_m: range of the contexts ``leaders``, ``traffic`` and ``road`` (m).
         classes: class names of the one-hot static feature, in order.
         sizes: length and width are static features, too.
         trails: whether the model gets the ways that earlier road users took from an agent's place,
@@ -195,6 +199,11 @@ class SceneConfig:
                 + listed(self.site_origins)
             )
         return dataclasses.replace(self, site_origin=self.site_origins[location], site_origins={})
+
+    @property
+    def uses_lanes(self) -> bool:
+        """Whether lane lines are an input."""
+        return self.context in LANE_CONTEXTS
 
     @property
     def features(self) -> tuple[str, ...]:

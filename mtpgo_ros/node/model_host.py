@@ -77,7 +77,7 @@ class ModelHost:
     @property
     def uses_lanes(self) -> bool:
         """Whether lane lines are an input of the model."""
-        return self._runner is not None and self.predictor.task.scene.context == "lanes"
+        return self._runner is not None and self.predictor.task.scene.uses_lanes
 
     def configure(self, parameters: PredictorParameters, ego_text: str) -> None:
         """Use other options and another ego from the next prediction on.

@@ -6,16 +6,22 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+from collections.abc import Sequence
 
 import numpy as np
 
 from mtpgo_core.maps.lane_lines import LaneLines
 from mtpgo_core.scene.lane_fit import LaneFit
 from mtpgo_core.scene.lane_map import LaneMap
+from mtpgo_core.schema import Float64Array
 from mtpgo_training.data.recording import Recording
 
 _LOOKS = 20
 """Frames that the lanes are compared with; chosen: spread over the recording."""
+
+_MARGIN_M = 100.0
+"""Lines farther than this from the places of all road users are left out (m); chosen: the range of
+the contexts."""
 
 _log = logging.getLogger("mtpgo")
 
@@ -37,4 +43,16 @@ def with_lanes(recording: Recording, lanes: LaneLines) -> Recording:
             lanes.path,
             fit.problem,
         )
-    return dataclasses.replace(recording, lanes=lanes.lines)
+    return dataclasses.replace(recording, lanes=lines_near(lanes.lines, recording.position))
+
+
+def lines_near(lines: Sequence[Float64Array], position: Float64Array) -> tuple[Float64Array, ...]:
+    """Return the lines within the rectangle around [n, 2] positions (m), and a margin."""
+    if not len(position):
+        return ()
+    low, high = position.min(axis=0) - _MARGIN_M, position.max(axis=0) + _MARGIN_M
+    return tuple(
+        line
+        for line in lines
+        if (line.max(axis=0) >= low).all() and (line.min(axis=0) <= high).all()
+    )

@@ -28,6 +28,7 @@ _PAIRS = (
     ("cos_yaw", "sin_yaw"),
     ("cos_theta", "sin_theta"),
 )
+_UNCHANGED = ("in_lane",)
 _OF_ROAD = frozenset(CONTEXT_FEATURES["leaders"] + CONTEXT_FEATURES["traffic"])
 _NEARNESS = frozenset(name for name in _OF_ROAD if name.endswith("_near"))
 _LENGTHS = (_OF_ROAD - _NEARNESS) | {"r"}
@@ -69,7 +70,15 @@ class Augmentation:
         """
         at = {name: i for i, name in enumerate(names)}
         known = {name for pair in _PAIRS for name in pair}
-        known |= {*_LENGTHS, *_NEARNESS, *_SIDES, *_SIDES.values(), *_LATERAL, *_ANGLES}
+        known |= {
+            *_LENGTHS,
+            *_NEARNESS,
+            *_SIDES,
+            *_SIDES.values(),
+            *_LATERAL,
+            *_ANGLES,
+            *_UNCHANGED,
+        }
         unknown = sorted(set(names) - known)
         if unknown:
             raise ConfigurationError(

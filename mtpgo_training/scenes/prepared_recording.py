@@ -200,7 +200,7 @@ def prepare(
         future=future,
         chance=centre_chances(windows, recording, future, data, history.dt_s),
         changes=changes,
-        lanes=LaneMap(recording.lanes) if scene.context == "lanes" else None,
+        lanes=LaneMap(recording.lanes) if scene.uses_lanes else None,
         weight=weight,
         trails=trails,
         tracked=tuple(tracked),

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mtpgo_core.schema import AgentClass, BoolArray, Float64Array
+from mtpgo_training.data.recorded_lanes import lines_near
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 from mtpgo_training.simulate.sumo import FloatingCarData, SimulationError, VehicleType
@@ -41,7 +42,8 @@ def make_recording(
         config: length, frame rate, and seed of the wander.
         name: name of the recording.
         layout: layout whose numbering it follows.
-        lanes: lane markings, each [points, 2] (m).
+        lanes: lane markings, each [points, 2] (m); by default those of the network near the
+            vehicles in view.
 
     Raises:
         SimulationError: no vehicle was in view.
@@ -83,5 +85,5 @@ def make_recording(
             [AgentClass.from_name(own[i].label) for i in present], dtype=np.uint8
         ),
         size=size[present],
-        lanes=lanes,
+        lanes=lanes or lines_near(seen.lanes, moved.position[rows]),
     )

@@ -8,6 +8,7 @@ that ``SUMO_HOME`` or ``PATH`` points to.
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import math
 import os
@@ -24,6 +25,7 @@ import pandas as pd
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.schema import Float64Array
 from mtpgo_training.simulate.motion_config import MotionConfig
+from mtpgo_training.simulate.network_lanes import network_lanes
 from mtpgo_training.simulate.simulation_config import SimulationConfig
 
 EXTRA_S = 1.5
@@ -92,6 +94,7 @@ class FloatingCarData:
         heading: [rows] heading, counter-clockwise from x (rad).
         names: [vehicles] SUMO's names.
         types: [vehicles] names of their types.
+        lanes: edges of the lanes, [k, 2] each (m), along the direction of travel.
     """
 
     vehicle: np.ndarray
@@ -101,6 +104,7 @@ class FloatingCarData:
     heading: Float64Array
     names: list[str]
     types: list[str]
+    lanes: tuple[Float64Array, ...] = ()
 
 
 def program(name: str) -> Path:
@@ -153,7 +157,8 @@ def run_simulation(
         _build_network(network, folder)
         _write_xml(folder / "traffic.rou.xml", "routes", [*(t.xml() for t in types), *demand])
         _write_xml(folder / "signs.add.xml", "additional", additional)
-        return _simulate(folder, config, observed_edges)
+        seen = _simulate(folder, config, observed_edges)
+        return dataclasses.replace(seen, lanes=network_lanes(folder / "road.net.xml"))
 
 
 def _build_network(network: RoadNetwork, folder: Path) -> None:

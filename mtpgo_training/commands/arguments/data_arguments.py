@@ -6,8 +6,8 @@ One ``--layout`` holds for all directories, and as many as directories belong to
 another number, each belongs to the ``--data`` before it (or to the first one), and a directory
 without a layout has that of the one before. ``--recordings``, ``--lane-file`` with its options,
 and ``--topic``, ``--topics`` and ``--stamps`` of bags, belong to the ``--data`` before them, or to
-the first one. So do ``--columns`` and ``--class-map``, which also hold for the directories after it. A
-command may take directory, or layout and directory, without an option.
+the first one. So do ``--columns`` and ``--class-map``, which also hold for the directories after
+it. A command may take directory, or layout and directory, without an option.
 """
 
 from __future__ import annotations

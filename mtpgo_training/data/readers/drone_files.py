@@ -23,17 +23,20 @@ class DroneFiles:
         tracks: one row per frame and road user.
         tracks_meta: one row per road user.
         recording_meta: one row.
+        lanes: lane lines of a simulated recording, None without.
     """
 
     name: str
     tracks: Path
     tracks_meta: Path
     recording_meta: Path
+    lanes: Path | None = None
 
     @property
-    def all(self) -> tuple[Path, Path, Path]:
+    def all(self) -> tuple[Path, ...]:
         """The files in the order in which they are hashed."""
-        return self.tracks, self.tracks_meta, self.recording_meta
+        files = (self.tracks, self.tracks_meta, self.recording_meta)
+        return files if self.lanes is None else (*files, self.lanes)
 
 
 def existing_directory(directory: Path) -> Path:
@@ -93,6 +96,7 @@ def find_drone_files(directory: Path, names: Sequence[str] | None = None) -> lis
             tracks=tracks[name],
             tracks_meta=_belonging_to(tracks[name], "_tracksMeta"),
             recording_meta=_belonging_to(tracks[name], "_recordingMeta"),
+            lanes=_lanes_of(tracks[name]),
         )
         for name in select_names(sorted(tracks), names, directory)
     ]
@@ -113,6 +117,11 @@ def _belonging_to(tracks: Path, ending: str) -> Path:
         if path.is_file():
             return path
     raise RecordingError(f"{candidates[0]} is missing, it belongs to {tracks.name}")
+
+
+def _lanes_of(tracks: Path) -> Path | None:
+    path = tracks.with_name(tracks.name.split("_tracks.csv")[0] + "_lanes.geojson")
+    return path if path.is_file() else None
 
 
 def detect_layout(path: Path) -> str | None:

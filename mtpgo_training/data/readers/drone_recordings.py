@@ -18,6 +18,8 @@ import pandas as pd
 
 from mtpgo_core.class_map import OWN_NAMES, ClassMap
 from mtpgo_core.errors import RecordingError
+from mtpgo_core.maps.lane_file import read_lane_file
+from mtpgo_core.maps.lane_file_options import LOCAL, LaneFileOptions
 from mtpgo_core.schema import Float64Array
 from mtpgo_training.data.readers.csv_table import read_header, read_table, sha256_of
 from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
@@ -78,7 +80,10 @@ def read_ind(files: DroneFiles, classes: ClassMap = OWN_NAMES, layout: str = "in
     )
     size = _sizes(table, meta)
     general, frame_rate = _recording_meta(files.recording_meta)
-    return _assemble(files, layout, rows, meta, size, general, frame_rate, (), classes)
+    lanes: tuple[Float64Array, ...] = ()
+    if files.lanes is not None:
+        lanes = read_lane_file(files.lanes, LaneFileOptions(LOCAL)).lines
+    return _assemble(files, layout, rows, meta, size, general, frame_rate, lanes, classes)
 
 
 def read_highd(files: DroneFiles, classes: ClassMap = OWN_NAMES) -> Recording:

@@ -12,6 +12,7 @@ import pandas as pd
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.writers.csv_writer import write_tables
+from mtpgo_training.data.writers.lane_writer import write_lanes
 
 _CLASSES = {
     AgentClass.TRUCK: "truck_bus",
@@ -27,7 +28,7 @@ def write_ind(recording: Recording, directory: Path, *, compress: bool = True) -
 
     Accelerations and the longitudinal and lateral parts are those of the recording's vectors.
     Vans become cars and buses ``truck_bus``, as inD has no other classes. The layout has no lane
-    markings.
+    markings; a recording that has some gets a file ``NN_lanes.geojson`` beside the three.
 
     Raises:
         RecordingError: the directory cannot be written to.
@@ -99,7 +100,7 @@ def write_ind(recording: Recording, directory: Path, *, compress: bool = True) -
             "orthoPxToMeter": [0.1],
         }
     )
-    return write_tables(
+    written = write_tables(
         directory,
         recording.name,
         tracks=pd.DataFrame(columns),
@@ -107,3 +108,4 @@ def write_ind(recording: Recording, directory: Path, *, compress: bool = True) -
         recording_meta=recording_meta,
         compress=compress,
     )
+    return written + write_lanes(recording.lanes, directory / f"{recording.name}_lanes.geojson")
