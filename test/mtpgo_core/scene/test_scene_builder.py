@@ -113,6 +113,22 @@ def test_lane_context_is_the_lane_maps():
         build_scenes(window_of(), config)
 
 
+def test_the_context_road_is_leaders_and_lanes():
+    lanes = LaneMap([np.array([[-50.0, y], [50.0, y]]) for y in (-2.0, 2.0, 6.0)])
+    given = {"centres": np.array([0]), "lanes": lanes}
+    features = {
+        context: build_scenes(window_of(heading=0.0), SceneConfig(context=context), **given)
+        for context in ("road", "leaders", "lanes")
+    }
+    road = features["road"].features[0, :, :, 8:]
+    assert SceneConfig(context="road").features[8:][-3:] == ("in_lane", "d_l", "d_r")
+    np.testing.assert_array_equal(road[..., :-3], features["leaders"].features[0, :, :, 8:])
+    np.testing.assert_array_equal(road[..., -2:], features["lanes"].features[0, :, :, 8:])
+    np.testing.assert_array_equal(road[..., -3], [[1.0] * 4, [0.0] * 4])
+    with pytest.raises(ConfigurationError, match="'road' but no lane lines are given"):
+        build_scenes(window_of(), SceneConfig(context="road"))
+
+
 def test_absence_is_zero_and_masked():
     history = TrackHistory(HISTORY)
     for k in range(4):

@@ -14,6 +14,7 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
 from ros_helpers import LATCHED, START_NS, message_of, parameters_of, traffic
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, String
@@ -258,6 +259,42 @@ def test_lane_markings_come_latched_to_a_model_that_wants_them(bench):
     b.until(lambda: len(b.node._model.predictor.lanes) == 2)
     assert len(b.predict(traffic(0.2))) == 4
     b.status("model", OK)
+
+
+def test_lanes_come_from_a_file_that_may_change(bench, tmp_path):
+    def lane_file(name, x, y):
+        lines = [[[x - 100.0, y + side], [x + 500.0, y + side]] for side in (2.0, -2.0)]
+        text = f'{{"type": "MultiLineString", "coordinates": {lines}}}'
+        (tmp_path / name).write_text(text)
+        return str(tmp_path / name)
+
+    path = lane_file("lanes.geojson", 0.0, 1.0)
+    b = bench("lanes", lane_file=path)
+    assert b.peer.count_subscribers(f"{b.namespace}/lane_markings") == 0
+    assert len(b.predict(traffic(0.0))) == 4
+    values = {v.key: v.value for v in b.status("model", OK).values}
+    assert (values["lanes"], values["lane_segments"], values["in_lane"]) == (path, "2", "1.00")
+    refused = b.node.set_parameters([Parameter("lane_file", value="/none.osm")])[0]
+    assert "parameter lane_file: /none.osm cannot be read" in refused.reason
+    far = lane_file("far.geojson", 30_000.0, 0.0)
+    assert b.node.set_parameters([Parameter("lane_file", value=far)])[0].successful
+    b.node._model.lanes._reader.join(30.0)
+    b.predict(traffic(0.2))
+    b.status("model", WARN, "no lane line within 1 km")
+    assert b.node.set_parameters([Parameter("lane_offset", value="30000,1")])[0].successful
+    b.node._model.lanes._reader.join(30.0)
+    b.predict(traffic(0.4))
+    b.status("model", OK)
+    assert b.node.set_parameters([Parameter("lane_file", value="")])[0].successful
+    b.status("model", WARN, "nothing has come on lane_markings")
+    assert b.peer.count_subscribers(f"{b.namespace}/lane_markings") == 1
+
+
+def test_a_lane_file_that_cannot_be_used_refuses_the_configuration(bench, tmp_path):
+    (tmp_path / "lanes.osm").write_text("<osm/>")
+    b = bench("lanes", started=False, lane_file=str(tmp_path / "lanes.osm"))
+    assert str(b.node.trigger_configure()).endswith("FAILURE")
+    assert "lanes.osm has no lanelet" in b.node.failure
 
 
 def test_the_ego_comes_by_topic_and_a_missing_one_is_reported(bench):
