@@ -24,7 +24,7 @@ _ROAD_USERS_WITHOUT_MOTOR = (AgentClass.BICYCLE, AgentClass.PEDESTRIAN)
 
 
 def write_ind(recording: Recording, directory: Path, *, compress: bool = True) -> list[Path]:
-    """Write a recording in inD layout and return the paths.
+    """Write a recording in inD layout and return the paths of its three tables.
 
     Accelerations and the longitudinal and lateral parts are those of the recording's vectors.
     Vans become cars and buses ``truck_bus``, as inD has no other classes. The layout has no lane
@@ -108,4 +108,5 @@ def write_ind(recording: Recording, directory: Path, *, compress: bool = True) -
         recording_meta=recording_meta,
         compress=compress,
     )
-    return written + write_lanes(recording.lanes, directory / f"{recording.name}_lanes.geojson")
+    write_lanes(recording.lanes, directory / f"{recording.name}_lanes.geojson")
+    return written

@@ -12,15 +12,15 @@ from mtpgo_core.schema import Float64Array
 from mtpgo_training.atomic_files import write_text
 
 
-def write_lanes(lanes: Sequence[Float64Array], path: Path) -> list[Path]:
-    """Write lane lines (m), one feature each, and return the path; without lines remove the file.
+def write_lanes(lanes: Sequence[Float64Array], path: Path) -> None:
+    """Write lane lines (m), one feature each; without lines remove the file.
 
     Raises:
         ConfigurationError: the file cannot be written.
     """
     if not lanes:
         path.unlink(missing_ok=True)
-        return []
+        return
     features = [
         {
             "type": "Feature",
@@ -31,4 +31,3 @@ def write_lanes(lanes: Sequence[Float64Array], path: Path) -> list[Path]:
     ]
     collection = {"type": "FeatureCollection", "features": features}
     write_text(path, json.dumps(collection) + "\n")
-    return [path]

@@ -39,6 +39,10 @@ def test_ind_round_trip_and_turned_vectors(tmp_path: Path) -> None:
     np.testing.assert_allclose(back.yaw, scene.yaw, atol=1e-6)
     np.testing.assert_array_equal(back.size, scene.size)
     np.testing.assert_array_equal(back.agent_class, scene.agent_class)
+    assert [line.tolist() for line in back.lanes] == [line.tolist() for line in scene.lanes]
+    write_ind(dataclasses.replace(scene, lanes=()), tmp_path, compress=False)
+    (back,) = load_recordings(tmp_path, "ind")
+    assert back.lanes == ()  # those of the earlier recording are gone
 
 
 def classes(*names: AgentClass) -> np.ndarray:
