@@ -123,7 +123,7 @@ def _document(path: Path, content: bytes) -> dict[str, Any]:
 
 def _features(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the place and content of each feature; a bare geometry is one."""
-    kind = document["type"]
+    kind = str(document["type"])
     if kind == "FeatureCollection":
         features = document.get("features")
         if not isinstance(features, list):
@@ -173,7 +173,7 @@ def _take_geometry(
     if geometry is None:
         found.left_out["features without geometry"] += 1
         return
-    kind = geometry.get("type") if isinstance(geometry, dict) else None
+    kind = str(geometry.get("type")) if isinstance(geometry, dict) else ""
     if kind in _NO_LINES:
         found.left_out["points"] += 1
     elif kind == "GeometryCollection" and isinstance(geometry.get("geometries"), list):

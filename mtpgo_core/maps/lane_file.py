@@ -14,7 +14,7 @@ from mtpgo_core.maps.lane_file_options import AS_IN_FILE, LaneFileOptions
 from mtpgo_core.maps.lane_lines import LaneLines
 from mtpgo_core.maps.lanelet_osm import read_lanelets
 
-MOST_BYTES = 256 * 2**20
+MOST_BYTES = 128 * 2**20
 """Size of the largest lane file that is read (bytes); chosen: maps of cities have tens of MB."""
 
 _READERS = {b"<": read_lanelets, b"{": read_geojson, b"[": read_geojson}
@@ -35,7 +35,10 @@ def read_lane_file(path: str | Path, options: LaneFileOptions = AS_IN_FILE) -> L
     if reader is None:
         what = "is empty" if not content else "is neither XML nor JSON"
         raise ConfigurationError(f"{path} {what}, expected a Lanelet2 map (OSM XML) or GeoJSON")
-    found = reader(path, content, options)
+    try:
+        found = reader(path, content, options)
+    except RecursionError as error:
+        raise ConfigurationError(f"{path} is nested too deeply, expected a lane file") from error
     offset = options.offset_m
     return dataclasses.replace(
         found,

@@ -95,6 +95,8 @@ class _Elements:
                 f"{self._path}, line {error.lineno}, column {error.offset + 1}: no XML:"
                 f" {expat.ErrorString(error.code)}"
             ) from error
+        except (LookupError, ValueError) as error:
+            raise ConfigurationError(f"{self._path}, line {self._line}: {error}") from error
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         if not self._begun:

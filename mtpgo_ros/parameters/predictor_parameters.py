@@ -422,8 +422,6 @@ def check(parameters: PredictorParameters) -> None:
         raise ConfigurationError(f"parameter class_map: {error}") from error
     try:
         _ = parameters.lane_options
-        if parameters.lane_file:
-            require_lane_file(parameters.lane_file)
     except ConfigurationError as error:
         raise ConfigurationError(f"parameter lane_file: {error}") from error
     if parameters.input_timeout < parameters.period_s:
@@ -449,4 +447,9 @@ def updated(current: PredictorParameters, values: Mapping[str, Any]) -> Predicto
     """
     new = replaced(current, values)
     check(new)
+    if new.lane_file and new.lane_file != current.lane_file:
+        try:
+            require_lane_file(new.lane_file)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"parameter lane_file: {error}") from error
     return new
