@@ -67,6 +67,8 @@ EXTRAS = {
     "simulation": ["eclipse-sumo>=1.20"],
     # Completion of command lines in a shell, docs/command_line.md.
     "completion": ["argcomplete>=3.0"],
+    # The documentation site; MkDocs 2 has another configuration and no plugins.
+    "docs": ["latex2mathml>=3.77", "mkdocs>=1.6,<2", "mkdocs-material>=9.6,<10"],
     "development": [
         "colcon-common-extensions>=0.3",
         "hypothesis>=6.100",
