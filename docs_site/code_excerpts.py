@@ -70,7 +70,8 @@ def excerpt(root: Path, path: str, name: str) -> Excerpt:
     source = file.read_text(encoding="utf-8")
     found: ast.AST = ast.parse(source, path)
     for part in name.split("."):
-        parts = {node.name: node for node in ast.iter_child_nodes(found) if _is_definition(node)}
+        inside = ast.iter_child_nodes(found)
+        parts = {node.name: node for node in inside if isinstance(node, Definition)}
         if part not in parts:
             raise ExcerptError(f"{path} has no {name}, expected one of {', '.join(parts)}")
         found = parts[part]
@@ -83,10 +84,6 @@ def excerpt(root: Path, path: str, name: str) -> Excerpt:
         if number not in hidden
     ]
     return Excerpt(path, name, found.lineno, textwrap.dedent("\n".join(kept)).strip("\n"))
-
-
-def _is_definition(node: ast.AST) -> bool:
-    return isinstance(node, Definition)
 
 
 def _docstring_lines(top: Definition) -> set[int]:

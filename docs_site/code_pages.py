@@ -24,13 +24,13 @@ _CHANGES = {Change.NOW: "now", Change.CONFIGURE: "configure", Change.START: "sta
 _PARAMETERS_HEAD = """\
 # Parameters and topics
 
-Made of the code of this version. [The node](../node.md#parameters) explains parameters and topics and
-how they belong together.
+Made of the code of this version. [The node](../node.md#parameters) explains parameters and topics
+and how they belong together.
 
 ## Parameters of `predictor`
 
-*now*: may change at any time. *configure*: may change while the node is unconfigured. *start*: only at
-the start of the process.
+*now*: may change at any time. *configure*: may change while the node is unconfigured. *start*: only
+at the start of the process.
 
 | parameter | type | default | allowed | changes | |
 | --- | --- | --- | --- | --- | --- |

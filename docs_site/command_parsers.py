@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The argument parsers of all commands, for the page of commands and for the tests of the pages."""
+"""The argument parsers of all commands, for the page of commands and for tests of the pages."""
 
 from __future__ import annotations
 

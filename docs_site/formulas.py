@@ -27,7 +27,9 @@ def with_mathml(page: str) -> str:
 def _block(formula: str) -> str:
     """Return a formula on a line of its own, with its number at the right."""
     tag = _TAG.search(formula)
-    drawn = convert(_TAG.sub("", formula).strip(), display="block")
+    # The converter knows align* only, which displays of Markdown do not take within $$.
+    lines = _TAG.sub("", formula).strip().replace("{aligned}", "{align*}")
+    drawn = convert(lines, display="block")
     number = f'<span class="equation-number">({html.escape(tag[1])})</span>' if tag else ""
     anchor = f' id="eq-{html.escape(tag[1])}"' if tag else ""
     return f'<div class="equation"{anchor}>{drawn}{number}</div>'

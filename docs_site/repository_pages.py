@@ -3,8 +3,8 @@
 """Files of the repository as pages of the site, and links that lead to them.
 
 The pages of docs/ link to files of the repository as they are there, so that the links work in a
-checkout as well. In the site README and the model cards are pages, and every other file that a page
-links to is shown on a page of its own.
+checkout as well. In the site README and the model cards are pages, and every other file that a
+page links to is shown on a page of its own.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _CODE = re.compile(r"(^ *(?P<fence>`{3,}|~{3,}).*?^ *(?P=fence) *$|`[^`\n]+`)", 
 
 
 def markdown_pages(root: Path) -> dict[str, str]:
-    """Return the pages of the site that are Markdown files: path in the repository -> in the site."""
+    """Return the Markdown files that are pages: path in the repository -> path in the site."""
     pages = {name: target for name, target in PAGES.items() if (root / name).is_file()}
     for card in sorted((root / CARDS).glob("*.md")):
         pages[f"{CARDS}/{card.name}"] = f"models/{card.name}"
@@ -141,9 +141,10 @@ def linked_files(root: Path) -> set[str]:
     for page in pages:
         for link in links_in((root / page).read_text(encoding="utf-8")):
             path = repository_path(root, page, link.partition("#")[0])
-            if path and path not in pages and not path.startswith(f"{DOCS}/"):
-                if (root / path).is_file():
-                    found.add(path)
+            if not path or path in pages or path.startswith(f"{DOCS}/"):
+                continue
+            if (root / path).is_file():
+                found.add(path)
     return found
 
 

@@ -6,18 +6,23 @@ from __future__ import annotations
 
 import os
 import posixpath
+import re
 from pathlib import Path
 from typing import Any
+
+from mkdocs.structure.files import File, Files
 
 from docs_site import repository_pages
 from docs_site.code_excerpts import REQUEST, excerpt, requests_in
 from docs_site.formulas import with_mathml
-from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parents[1]
 STYLE = Path(__file__).with_name("site.css")
 LICENCE = "project/licence.md"
 PARAMETERS, COMMANDS = "generated/parameters.md", "generated/commands.md"
+
+_SAME_FILE = re.compile(r"^\[[^\]\n]+\]\([^)\n]+\):\n\n(?=<!-- code: )", re.MULTILINE)
+"""A link to a file on a line of its own before its excerpt, whose title is the same link."""
 
 _paths: dict[str, str] = {}
 """Page of the site -> its path in the repository."""
@@ -89,9 +94,7 @@ def on_files(files: Files, config: Any) -> Files:
         text = (ROOT / path).read_text(encoding="utf-8")
         shown |= {name for name, _ in requests_in(text)}
     for path in sorted(shown):
-        add(
-            repository_pages.source_page(path), repository_pages.source_markdown(ROOT, path)
-        )
+        add(repository_pages.source_page(path), repository_pages.source_markdown(ROOT, path))
     add("assets/site.css", STYLE.read_text(encoding="utf-8"))
     add(PARAMETERS, _parameter_page())
     add(COMMANDS, _command_page())
@@ -105,6 +108,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     if path is None:
         return markdown
     text = repository_pages.rewritten(ROOT, path, here, markdown)
+    text = _SAME_FILE.sub("", text)
     return REQUEST.sub(lambda found: _shown(here, found["path"], found["name"]), text)
 
 
