@@ -29,8 +29,8 @@ and how they belong together.
 
 ## Parameters of `predictor`
 
-*now*: may change at any time. *configure*: may change while the node is unconfigured. *start*: only
-at the start of the process.
+*now*: may change at any time. *configure*: may change while the node is unconfigured. *start*:
+only at the start of the process.
 
 | parameter | type | default | allowed | changes | |
 | --- | --- | --- | --- | --- | --- |

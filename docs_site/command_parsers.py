@@ -23,7 +23,7 @@ def all_parsers() -> list[Named]:
     commands = [item for parent in found for item in _with_subcommands(*parent)]
     for name, module in (("replay", replay), ("record", record)):
         parser = module._parser()
-        commands.append((name, (parser.description or "").partition(": ")[2], parser))
+        commands.append((name, (parser.description or "").partition(": ")[2].rstrip("."), parser))
     return commands
 
 

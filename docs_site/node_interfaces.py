@@ -17,6 +17,7 @@ from msg_adapters.registry import OUTPUTS
 from mtpgo_ros.node import publishers
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
 from mtpgo_ros.node.predictor_node import PredictorNode
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
 _OF_EVERY_NODE = ("/parameter_events", "/rosout", "/clock")
 _SERVICES_OF_EVERY_NODE = ("rcl_interfaces/srv/", "lifecycle_msgs/srv/", "type_description_")
@@ -99,7 +100,9 @@ def node_interfaces() -> list[Interface]:
         context=context,
         signal_handler_options=SignalHandlerOptions.NO,
     )
-    overrides = [Parameter(name, value=value) for name, value in _EVERYTHING.items()]
+    named = {name: name for name in PredictorParameters.__dataclass_fields__ if _is_topic(name)}
+    settings = _EVERYTHING | named
+    overrides = [Parameter(name, value=value) for name, value in settings.items()]
     node = _NotingNode(context=context, parameter_overrides=overrides)
     try:
         node.trigger_configure()
@@ -116,6 +119,11 @@ def node_interfaces() -> list[Interface]:
             qos = next(item.qos for item in found if item.name == "~/predictions")
             found.append(Interface("publishes", topic, OUTPUTS[kind].message_type, qos))
     return found
+
+
+def _is_topic(parameter: str) -> bool:
+    """Whether a parameter is the name of a topic, which is shown under the parameter's name."""
+    return parameter.endswith("_topic")
 
 
 def _is_own(item: Interface) -> bool:

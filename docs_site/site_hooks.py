@@ -21,7 +21,7 @@ STYLE = Path(__file__).with_name("site.css")
 LICENCE = "project/licence.md"
 PARAMETERS, COMMANDS = "generated/parameters.md", "generated/commands.md"
 
-_SAME_FILE = re.compile(r"^\[[^\]\n]+\]\([^)\n]+\):\n\n(?=<!-- code: )", re.MULTILINE)
+_SAME_FILE = re.compile(r"(?<=\n\n)\[[^\]\n]+\]\([^)\n]+\):\n\n(?=<!-- code: )")
 """A link to a file on a line of its own before its excerpt, whose title is the same link."""
 
 _paths: dict[str, str] = {}

@@ -102,7 +102,7 @@ def test_python_blocks_are_run(page, message, folder, monkeypatch):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_blocks_name_a_language_that_is_checked(page):
     for block in BLOCKS:
-        if block.page == page and not run_elsewhere(page, block.language):
+        if block.page == page and not run_elsewhere(page, ""):
             assert block.language in LANGUAGES, f"{block.place}: no test reads {block.language}"
 
 
