@@ -12,11 +12,18 @@ import dataclasses
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from docs_site.node_interfaces import Interface
 from mtpgo_core.options import Limits
-from mtpgo_ros.parameters.predictor_parameters import Change, PredictorParameters
+from mtpgo_ros.parameters.parameter_change import Change
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.parameters.risk_parameters import RiskParameters
+
+if TYPE_CHECKING:
+    from docs_site.node_interfaces import Interface
+
+NODES: dict[str, type] = {"predictor": PredictorParameters, "risk": RiskParameters}
+"""The nodes with their parameters."""
 
 _CHANGES = {Change.NOW: "now", Change.CONFIGURE: "configure", Change.START: "start"}
 """The words of docs/node.md for when a parameter may change."""
@@ -24,13 +31,15 @@ _CHANGES = {Change.NOW: "now", Change.CONFIGURE: "configure", Change.START: "sta
 _PARAMETERS_HEAD = """\
 # Parameters and topics
 
-Made of the code of this version. [The node](../node.md#parameters) explains parameters and topics
-and how they belong together.
-
-## Parameters of `predictor`
+Made of the code of this version. [The node](../node.md#parameters) and [risk](../risk.md) explain
+parameters and topics and how they belong together.
 
 *now*: may change at any time. *configure*: may change while the node is unconfigured. *start*:
 only at the start of the process.
+"""
+
+_PARAMETERS_TABLE = """
+## Parameters of `{node}`
 
 | parameter | type | default | allowed | changes | |
 | --- | --- | --- | --- | --- | --- |
@@ -44,8 +53,8 @@ What every command prints with `--help`, made of the code of this version.
 """
 
 
-def parameter_rows() -> list[str]:
-    """Return a row for each parameter of the predictor."""
+def parameter_rows(node: str) -> list[str]:
+    """Return a row for each parameter of a node."""
     return [
         _row(
             f"`{field.name}`",
@@ -55,7 +64,7 @@ def parameter_rows() -> list[str]:
             _CHANGES[field.metadata["change"]],
             field.metadata["description"],
         )
-        for field in dataclasses.fields(PredictorParameters)
+        for field in dataclasses.fields(NODES[node])
     ]
 
 
@@ -69,17 +78,19 @@ def parameter_page(interfaces: Iterable[Interface], node_page: str) -> str:
     Raises:
         LookupError: docs/node.md has no row for a topic or service.
     """
-    page = _PARAMETERS_HEAD + "\n".join(parameter_rows()) + "\n"
+    page = _PARAMETERS_HEAD
+    for node in NODES:
+        page += _PARAMETERS_TABLE.format(node=node) + "\n".join(parameter_rows(node)) + "\n"
     for title, way in (
-        ("Topics that it subscribes to", "subscribes"),
-        ("Topics that it publishes", "publishes"),
+        ("Topics that `predictor` subscribes to", "subscribes"),
+        ("Topics that `predictor` publishes", "publishes"),
     ):
         page += f"\n## {title}\n\n| topic | type | QoS | |\n| --- | --- | --- | --- |\n"
         for item in interfaces:
             if item.way == way:
                 about = described(node_page, item.name)
                 page += _row(f"`{item.name}`", f"`{item.type_name}`", item.qos, about) + "\n"
-    page += "\n## Services\n\nBesides those that every lifecycle node has.\n\n"
+    page += "\n## Services of `predictor`\n\nBesides those that every lifecycle node has.\n\n"
     page += "| service | type | |\n| --- | --- | --- |\n"
     for item in interfaces:
         if item.way == "serves":

@@ -22,9 +22,11 @@ from xml.etree import ElementTree
 import yaml
 from page_blocks import PLACEHOLDERS, ROOT
 
+from docs_site.code_pages import NODES
 from docs_site.command_parsers import all_parsers
 from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.parameters.predictor_parameters import PredictorParameters, updated
+from mtpgo_core.options import check_options
+from mtpgo_ros.parameters.parameter_change import replaced
 from mtpgo_training.cli import COMMANDS, build_parser
 
 SHELL = {".", "cd", "echo", "exec", "exit", "export", "set", "source", "wait"}
@@ -203,9 +205,9 @@ def _ros_arguments(name: str, words: Sequence[str]) -> str:
 
 def _parameter(name: str, text: str) -> str:
     parameter, _, value = text.partition(":=")
-    if name != "predictor" or parameter in NODE_ARGUMENTS:
+    if name not in NODES or parameter in NODE_ARGUMENTS:
         return ""
-    fields = {field.name: field for field in dataclasses.fields(PredictorParameters)}
+    fields = {field.name: field for field in dataclasses.fields(NODES[name])}
     if parameter not in fields:
         return f"{name} has no parameter {parameter}"
     wanted = type(fields[parameter].default)
@@ -213,7 +215,7 @@ def _parameter(name: str, text: str) -> str:
     with contextlib.suppress(TypeError, ValueError):
         given = wanted([given] if wanted is tuple and isinstance(given, str) else given)
     try:
-        updated(PredictorParameters(), {parameter: given})
+        check_options(replaced(NODES[name](), {parameter: given}), "parameter ")
     except MtpgoError as error:
         return str(error)
     return ""

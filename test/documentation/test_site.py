@@ -20,7 +20,6 @@ from docs_site.code_excerpts import ExcerptError, excerpt, requests_in
 from docs_site.command_parsers import all_parsers
 from docs_site.formulas import with_mathml
 from docs_site.site_hooks import navigation
-from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
 THEORY = ROOT / "docs" / "theory.md"
 
@@ -51,9 +50,11 @@ def test_every_page_and_model_card_is_in_the_site(site):
 
 def test_the_page_of_parameters_has_those_of_the_code(site):
     text = page(site, "generated/parameters.html")
-    for field in dataclasses.fields(PredictorParameters):
-        assert field.name in text
-        assert field.metadata["description"] in text
+    for node, parameters in code_pages.NODES.items():
+        assert f"Parameters of {node}" in text
+        for field in dataclasses.fields(parameters):
+            assert field.name in text
+            assert field.metadata["description"] in text
     for topic in ("objects", "lane_markings", "~/predictions", "~/predicted_objects"):
         assert topic in text
     assert "~/swap_model" in text
