@@ -37,10 +37,10 @@ TRAIN_ARGS ?=
 FUZZ_ARGS ?=
 SOAK_ARGS ?=
 
-.PHONY: help demo test numerics interruption fuzz soak benchmark default data-given check lint types format environment clean distclean
+.PHONY: help demo docs docs-serve test numerics interruption fuzz soak benchmark default data-given check lint types format environment clean distclean
 
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
 
 demo: $(STAMP) ## play a recording through the real node and score the predictions; DATA=DIR LAYOUT=ind [RECORDINGS="04 16"] [ALL=1] [OUTPUT=DIR]
 	@$(BIN)/mtpgo demo $(if $(DATA),"$(DATA)") $(if $(LAYOUT),--layout "$(LAYOUT)") \
@@ -127,6 +127,13 @@ $(SIMULATED)/.ramps: SIMULATE := ramps --count 8 --seconds 120 --seed 1
 $(SIMULATED)/.%: | $(STAMP)
 	@$(BIN)/mtpgo simulate $(SIMULATE) -o "$(SIMULATED)/$*"
 	@touch $@
+
+docs: $(STAMP) ## build the documentation site in build/site
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo "Built build/site: open build/site/index.html, or make docs-serve"
+
+docs-serve: $(STAMP) ## show the documentation site at http://127.0.0.1:8000, built again at every change
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs serve
 
 check: lint types
 

@@ -69,6 +69,8 @@ EXTRAS = {
     "completion": ["argcomplete>=3.0"],
     # Lane files in latitudes and longitudes.
     "maps": ["pyproj>=3.6"],
+    # The documentation site; MkDocs 2 has another configuration and no plugins.
+    "docs": ["latex2mathml>=3.77", "mkdocs>=1.6,<2", "mkdocs-material>=9.6,<10"],
     "development": [
         "colcon-common-extensions>=0.3",
         "hypothesis>=6.100",

@@ -28,7 +28,7 @@ from mtpgo_ros.runtime.work_queue import WorkQueue
 _QOS = QoSProfile(depth=5)
 """Reliable; a subscriber may fall behind by one second at 5 Hz."""
 _CLOUD, _MARKERS = "pointcloud2", "markers"
-_TOPICS = {
+OUTPUT_TOPICS = {
     _CLOUD: "~/predictions",
     _MARKERS: "~/markers",
     "autoware": "~/predicted_objects",
@@ -93,7 +93,7 @@ class Publishers:
             message_class = self._types.message_class(adapter.message_type)
             publisher = self._node.create_lifecycle_publisher(
                 message_class,
-                _TOPICS[kind],
+                OUTPUT_TOPICS[kind],
                 _QOS,
                 event_callbacks=PublisherEventCallbacks(
                     matched=self._on_matched if kind == _CLOUD else None
@@ -108,7 +108,7 @@ class Publishers:
         # Nothing is sent to a new subscriber before discovery has ended on this side. Scripts that
         # must not miss the first prediction wait for this line.
         if event.current_count_change > 0:
-            topic = self._node.resolve_topic_name(_TOPICS[_CLOUD])
+            topic = self._node.resolve_topic_name(OUTPUT_TOPICS[_CLOUD])
             self._node.get_logger().info(
                 f"heard by {event.current_count} subscriber(s) on {topic}"
             )
