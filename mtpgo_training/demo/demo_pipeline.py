@@ -48,6 +48,10 @@ SHIPPED = ("recordings", "roundabout", "roundabout.mcap")
 PICTURE = "prediction.png"
 """File of the picture in the output folder."""
 
+PAGE, PAGE_S = "demo.html", 60.0
+"""File of the page that shows the predictions over time, and the longest time on it (s); chosen: a
+minute has a few MB."""
+
 PANELS = 3
 """Most scenes in the picture."""
 
@@ -99,6 +103,7 @@ def run_demo(options: DemoOptions) -> None:
     durations_s = [recording.duration_s for recording in plan.recordings]
     run_session(paths, durations_s, recorded=predictions, logs=logs, parameters=parameters)
 
+    page = _write_page(predictions, output / PAGE)
     print("  scoring the recorded predictions", flush=True)
     recorded = read_messages(predictions)
     if not recorded.predictions:
@@ -123,6 +128,8 @@ def run_demo(options: DemoOptions) -> None:
     ]
     drawn = _draw(choose_moments(played, PANELS), output / PICTURE)
     _print_results(content, options, output, drawn)
+    if page is not None:
+        print(f"To see the predictions over time, open {page.as_uri()} in a browser.")
 
 
 def shipped_source() -> DataSource:
@@ -130,10 +137,23 @@ def shipped_source() -> DataSource:
     return DataSource(find_resource(*SHIPPED), "bag")
 
 
+def _write_page(bag: Path, path: Path) -> Path | None:
+    """Write the page of the viewer and say where it is; return None where there is no viewer."""
+    if importlib.util.find_spec("mtpgo_training.view") is None:
+        return None
+    from mtpgo_training.view.scene_outputs import write_outputs
+    from mtpgo_training.view.view_source import ViewOptions, load_scene
+
+    scene = load_scene(DataSource(bag, "bag"), ViewOptions(longest_s=PAGE_S))
+    for sentence in write_outputs(scene, {"html": path}):
+        print(f"  {sentence}", flush=True)
+    return path
+
+
 def _draw(moments: Sequence[Moment], path: Path) -> str:
     """Draw the picture; return its name, or in brackets why there is none."""
     if not moments:
-        return "(no picture: no road user moves)"
+        return "(no picture: no moving road user was predicted by the model)"
     if importlib.util.find_spec("matplotlib") is None:
         return "(no picture: matplotlib is missing, it comes with the extra 'training')"
     print("  drawing", flush=True)
@@ -167,7 +187,7 @@ def _make_folders(output: Path) -> tuple[Path, Path, Path]:
         for folder in (bags, recorded, logs):
             if folder.exists():
                 shutil.rmtree(folder)
-        for name in ("summary.json", PICTURE):
+        for name in ("summary.json", PICTURE, PAGE):
             (output / name).unlink(missing_ok=True)
         bags.mkdir()
         logs.mkdir()
