@@ -69,6 +69,7 @@ EXTRAS = {
     # Completion of command lines in a shell, docs/command_line.md.
     "completion": ["argcomplete>=3.0,<4"],
     "development": [
+        "build>=1.2",
         "colcon-common-extensions>=0.3",
         "hypothesis>=6.100",
         "mcap-ros2-support>=0.5",

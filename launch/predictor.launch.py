@@ -129,7 +129,7 @@ def _rviz(context: object) -> list[Node | LogInfo]:
         return [LogInfo(msg=f"rviz2 is not installed, so it is left out. {HINT}")]
     layout, notes = CONFIG / "predictor.rviz", []
     try:
-        from mtpgo_core.display_layouts import DisplayNames, rviz_layout
+        from mtpgo_core.displays.display_layouts import DisplayNames, rviz_layout
     except ImportError:  # installed into an environment of which ros2 knows the share folder only
         notes = [LogInfo(msg=f"RViz shows {layout} as it is: this Python has no mtpgo_core")]
     else:

@@ -89,6 +89,7 @@ ROOMS = {
     ),
     "mtpgo_core": (
         "",
+        "displays",
         "task",
         "history",
         "scene",

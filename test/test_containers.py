@@ -182,7 +182,9 @@ def test_the_development_container_is_built_from_the_dockerfile():
     assert (folder / build["dockerfile"]).resolve() == ROOT / "Dockerfile"
     assert (folder / build["context"]).resolve() == ROOT
     assert build["target"] in STAGES
-    users = [rest for stage, word, rest in INSTRUCTIONS if (stage, word) == ("development", "USER")]
+    users = [
+        rest for stage, word, rest in INSTRUCTIONS if (stage, word) == ("development", "USER")
+    ]
     assert users == [content["remoteUser"]]
     tool, target = content["postCreateCommand"].split()
     assert tool == "make"

@@ -8,7 +8,12 @@ import argparse
 import shlex
 from pathlib import Path
 
-from mtpgo_core.display_layouts import FOXGLOVE_FILE, RVIZ_FILE, DisplayNames, layout_texts
+from mtpgo_core.displays.display_layouts import (
+    FOXGLOVE_FILE,
+    RVIZ_FILE,
+    DisplayNames,
+    layout_texts,
+)
 from mtpgo_training.atomic_files import write_text
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import yaml
 
-from mtpgo_core.display_layouts import DisplayNames, rviz_layout
+from mtpgo_core.displays.display_layouts import DisplayNames, rviz_layout
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_core.quality.quality_report import QUALITY_ROW, WINDOWS_S
@@ -118,7 +118,7 @@ def test_the_frame_of_rviz_can_be_given(start):
 
 
 def test_without_the_python_package_rviz_shows_the_layout_that_ships(start, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mtpgo_core.display_layouts", None)
+    monkeypatch.setitem(sys.modules, "mtpgo_core.displays.display_layouts", None)
     _, nodes, _, messages = start("predictor.launch.py", "rviz2", rviz="true")
     assert nodes["rviz2"].arguments == ["-d", str(ROOT / "config" / "predictor.rviz")]
     assert len(messages) == 1

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mtpgo_core.display_layouts import DisplayNames, layout_texts
+from mtpgo_core.displays.display_layouts import DisplayNames, layout_texts
 from mtpgo_training.cli import main
 
 

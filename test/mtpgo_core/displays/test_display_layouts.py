@@ -8,7 +8,7 @@ import re
 import pytest
 import yaml
 
-from mtpgo_core.display_layouts import (
+from mtpgo_core.displays.display_layouts import (
     DisplayNames,
     foxglove_layout,
     layout_texts,
