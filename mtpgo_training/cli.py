@@ -39,7 +39,6 @@ EXTRA_MODULES = {
             "jinja2",
             "lightning_fabric",
             "matplotlib",
-            "pandas",
             "psutil",
             "scipy",
             "tensorboard",

@@ -75,7 +75,7 @@ def prefix(tree, tmp_path_factory) -> Path:
     run(sys.executable, "-m", "venv", "--without-pip", str(prefix), cwd=tree)
     pip = (sys.executable, "-m", "pip", "--disable-pip-version-check")
     wheels = tree.parent / "wheels"
-    # The wheel is built from the source distribution, so that what is missing there is missing here.
+    # The wheel is built from the source distribution: what is missing there is missing here.
     run(sys.executable, "-m", "build", "--no-isolation", "--outdir", str(wheels), ".", cwd=tree)
     (wheel,) = wheels.glob("*.whl")
     assert list(wheels.glob("*.tar.gz"))
