@@ -10,7 +10,6 @@
 # several GB that the node does not use.
 
 FROM ros:jazzy-ros-base AS jazzy
-SHELL ["/bin/bash", "-o", "pipefail", "-c"]
 # rosdep installs what package.xml depends on.
 COPY package.xml /tmp/mtpgo_ros/package.xml
 # hadolint ignore=DL3008
@@ -27,7 +26,7 @@ RUN pip install --index-url https://download.pytorch.org/whl/cpu "torch>=2.13,<3
  && pip install -r /tmp/mtpgo_ros/robot.txt
 WORKDIR /ws
 COPY . src/mtpgo_ros
-RUN source /opt/ros/jazzy/setup.bash \
+RUN . /opt/ros/jazzy/setup.sh \
  && colcon build --packages-select mtpgo_ros \
  && rm -rf build log
 COPY docker/entrypoint.sh /entrypoint.sh
@@ -46,10 +45,11 @@ RUN pip install --index-url https://download.pytorch.org/whl/cpu "torch>=2.13,<3
       /usr/local/lib/python3.12/site-packages/torch/include
 WORKDIR /src
 COPY . .
+# hadolint ignore=DL3013
 RUN pip install ".[ros]" \
  && rm -rf build mtpgo_ros.egg-info \
  && useradd --create-home --uid 1000 mtpgo
-USER mtpgo
+USER 1000
 WORKDIR /home/mtpgo
 CMD ["predictor"]
 
@@ -60,6 +60,6 @@ RUN apt-get update \
  && apt-get install -y --no-install-recommends git make \
  && rm -rf /var/lib/apt/lists/* \
  && useradd --create-home --uid 1000 --shell /bin/bash mtpgo
-USER mtpgo
+USER 1000
 WORKDIR /home/mtpgo
 CMD ["bash"]

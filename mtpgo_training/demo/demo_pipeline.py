@@ -103,13 +103,13 @@ def run_demo(options: DemoOptions) -> None:
     durations_s = [recording.duration_s for recording in plan.recordings]
     run_session(paths, durations_s, recorded=predictions, logs=logs, parameters=parameters)
 
-    page = _write_page(predictions, output / PAGE)
     print("  scoring the recorded predictions", flush=True)
     recorded = read_messages(predictions)
     if not recorded.predictions:
         raise MtpgoError(
             f"the predictor published nothing on {sum(durations_s):.0f} s of traffic, see {logs}"
         )
+    page = _write_page(predictions, output / PAGE)
     total, parts = score_recordings(plan, recorded, task, options.rate_hz)
     replayed = replayed_quality(
         predictions, [r.prediction for r in recorded.predictions], task.history
@@ -138,15 +138,19 @@ def shipped_source() -> DataSource:
 
 
 def _write_page(bag: Path, path: Path) -> Path | None:
-    """Write the page of the viewer and say where it is; return None where there is no viewer."""
+    """Write the page of the viewer and say where it is; return None where there is none."""
     if importlib.util.find_spec("mtpgo_training.view") is None:
         return None
     from mtpgo_training.view.scene_outputs import write_outputs
     from mtpgo_training.view.view_source import ViewOptions, load_scene
 
-    scene = load_scene(DataSource(bag, "bag"), ViewOptions(longest_s=PAGE_S))
-    for sentence in write_outputs(scene, {"html": path}):
-        print(f"  {sentence}", flush=True)
+    try:
+        scene = load_scene(DataSource(bag, "bag"), ViewOptions(longest_s=PAGE_S))
+        for sentence in write_outputs(scene, {"html": path}):
+            print(f"  {sentence}", flush=True)
+    except MtpgoError as error:  # the scores are worth having without it
+        print(f"  no page: {error}", flush=True)
+        return None
     return path
 
 
