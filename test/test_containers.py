@@ -182,10 +182,9 @@ def test_the_development_container_is_built_from_the_dockerfile():
     assert (folder / build["dockerfile"]).resolve() == ROOT / "Dockerfile"
     assert (folder / build["context"]).resolve() == ROOT
     assert build["target"] in STAGES
-    users = [
-        rest for stage, word, rest in INSTRUCTIONS if (stage, word) == ("development", "USER")
-    ]
-    assert users == [content["remoteUser"]]
+    (added,) = [words for stage, words in commands("useradd") if stage == "development"]
+    assert added[-1] == content["remoteUser"]
+    assert ("development", "USER", added[added.index("--uid") + 1]) in INSTRUCTIONS
     tool, target = content["postCreateCommand"].split()
     assert tool == "make"
     assert re.search(rf"(?m)^{target}:", (ROOT / "Makefile").read_text())
