@@ -37,7 +37,7 @@ TRAIN_ARGS ?=
 FUZZ_ARGS ?=
 SOAK_ARGS ?=
 
-.PHONY: help demo docs docs-serve test numerics interruption fuzz soak benchmark default data-given check lint types format environment clean distclean
+.PHONY: help demo small docs docs-serve test numerics interruption fuzz soak benchmark default data-given check lint types format environment clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -46,6 +46,9 @@ demo: $(STAMP) ## play a recording through the real node and score the predictio
 	@$(BIN)/mtpgo demo $(if $(DATA),"$(DATA)") $(if $(LAYOUT),--layout "$(LAYOUT)") \
 	  $(if $(RECORDINGS),--recordings $(RECORDINGS)) $(if $(ALL),--all) \
 	  $(if $(OUTPUT),--output "$(OUTPUT)") $(DEMO_ARGS)
+
+small: $(STAMP) ## install the wheel with the extra `ros` alone into .venv-small, print its size and play the demo
+	@$(BIN)/python test/small/run_small.py .venv-small
 
 test: check ## run ruff, mypy and pytest
 	@echo "== pytest"

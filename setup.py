@@ -33,45 +33,47 @@ EXECUTABLES = {
     "mtpgo": "mtpgo_training.cli:main",
 }
 
-# docs/design.md, Dependencies, gives the purpose of each package.
+# docs/design.md, Dependencies, gives the purpose of each package. A package stays below its next
+# major version, or minor version while it is at 0, except those that count years or quarters.
 REQUIREMENTS = [
-    "backports.zstd>=1.0",
-    "lz4>=4.0",
-    "numpy>=1.26",
-    "torch>=2.4",
-    "torch-geometric>=2.6",
-    "mcap>=1.2",
-    "rosbags>=0.11",
-    "ruamel.yaml>=0.18",
-    "tqdm>=4.60",
+    "backports.zstd>=1.0,<2",
+    "filelock>=3.12,<5",
+    "lz4>=4.0,<5",
+    "numpy>=1.26,<3",
+    "pandas>=2.2,<4",
+    "platformdirs>=4.0,<5",
+    "torch>=2.13,<3",
+    "mcap>=1.2,<2",
+    "rosbags>=0.11,<0.12",
+    "ruamel.yaml>=0.18,<0.20",
+    "tqdm>=4.60,<5",
 ]
 EXTRAS = {
     # ROS 2 Jazzy as wheels, for machines without ROS. Where ROS is installed, that one is used.
     "ros": ["ros-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
     "training": [
-        "filelock>=3.12",
-        "Jinja2>=3.1",
-        "lightning-fabric>=2.5",
-        "matplotlib>=3.8",
-        "pandas>=2.2",
-        "platformdirs>=4.0",
-        "psutil>=5.9",
-        "PyYAML>=6.0",
-        "scipy>=1.11",
-        "tensorboard>=2.16",
+        "Jinja2>=3.1,<4",
+        "lightning-fabric>=2.5,<3",
+        "matplotlib>=3.8,<4",
+        "psutil>=5.9,<8",
+        "PyYAML>=6.0,<7",
+        "scipy>=1.11,<2",
+        "tensorboard>=2.16,<3",
+        "torch-geometric>=2.6,<3",
     ],
     # Parquet and Feather files, and Waymo's protocol buffers.
-    "datasets": ["protobuf>=4.21", "pyarrow>=14.0"],
+    "datasets": ["protobuf>=4.21,<8", "pyarrow>=14.0"],
     # Many recordings on several processes or machines; cryptography encrypts what they exchange.
     "fleet": ["cryptography>=42.0", "distributed>=2024.8"],
-    "simulation": ["eclipse-sumo>=1.20"],
+    "simulation": ["eclipse-sumo>=1.20,<2"],
     # Completion of command lines in a shell, docs/command_line.md.
-    "completion": ["argcomplete>=3.0"],
+    "completion": ["argcomplete>=3.0,<4"],
     # Lane files in latitudes and longitudes.
-    "maps": ["pyproj>=3.6"],
+    "maps": ["pyproj>=3.6,<4"],
     # The documentation site; MkDocs 2 has another configuration and no plugins.
-    "docs": ["latex2mathml>=3.77", "mkdocs>=1.6,<2", "mkdocs-material>=9.6,<10"],
+    "docs": ["latex2mathml>=3.77,<4", "mkdocs>=1.6,<2", "mkdocs-material>=9.6,<10"],
     "development": [
+        "build>=1.2",
         "colcon-common-extensions>=0.3",
         "hypothesis>=6.100",
         "mcap-ros2-support>=0.5",

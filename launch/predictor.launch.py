@@ -4,13 +4,16 @@
 
     ros2 launch mtpgo_ros predictor.launch.py objects:=/perception/objects rate:=10.0 rviz:=true
 
-Arguments have priority over the parameter file; an empty argument keeps the file's value.
+Arguments have priority over the parameter file; an empty argument keeps the file's value. RViz
+shows the node under its namespace and name; without rviz2 a message says so and the rest starts.
 """
 
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.conditions import IfCondition
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
@@ -34,6 +37,12 @@ PARAMETERS = {
 RESPAWN_DELAY_S = 2.0
 """Time between the end of a process and the start of its successor; chosen."""
 
+HINT = (
+    "To see the predictions: apt install ros-jazzy-rviz2, or Foxglove with the layout that "
+    "`mtpgo layouts` writes"
+)
+"""What to do without RViz."""
+
 TOPICS = ("objects", "odometry", "lane_markings", "ego_id")
 """Topics that may be remapped by an argument; ego_id by ego_id_topic."""
 
@@ -47,10 +56,16 @@ def generate_launch_description() -> LaunchDescription:
             description="parameter file",
         ),
         DeclareLaunchArgument("namespace", default_value="", description="of the node"),
+        DeclareLaunchArgument("name", default_value="predictor", description="of the node"),
         DeclareLaunchArgument(
             "respawn", default_value="false", description="start the node again when it ends"
         ),
         DeclareLaunchArgument("rviz", default_value="false", description="start RViz"),
+        DeclareLaunchArgument(
+            "frame",
+            default_value="",
+            description="frame that RViz draws in, empty: fixed_frame, or map",
+        ),
     ]
     for name, (_, description) in PARAMETERS.items():
         arguments.append(DeclareLaunchArgument(name, default_value="", description=description))
@@ -60,25 +75,23 @@ def generate_launch_description() -> LaunchDescription:
                 _argument(topic), default_value=topic, description=f"topic for {topic}"
             )
         )
-    rviz = Node(
-        package="rviz2",
-        executable="rviz2",
-        arguments=["-d", str(CONFIG / "predictor.rviz")],
-        condition=IfCondition(LaunchConfiguration("rviz")),
+    return LaunchDescription(
+        [*arguments, OpaqueFunction(function=_predictor), OpaqueFunction(function=_rviz)]
     )
-    return LaunchDescription([*arguments, OpaqueFunction(function=_predictor), rviz])
 
 
 def _argument(topic: str) -> str:
     return "ego_id_topic" if topic == "ego_id" else topic
 
 
+def _given(context: object) -> Callable[[str], str]:
+    """Return the function from an argument's name to its text."""
+    return lambda name: LaunchConfiguration(name).perform(context)
+
+
 def _predictor(context: object) -> list[Node]:
     """Return the node with the parameters from the command line."""
-
-    def given(name: str) -> str:
-        return LaunchConfiguration(name).perform(context)
-
+    given = _given(context)
     overrides = {
         name: _value(kind, name, given(name))
         for name, (kind, _) in PARAMETERS.items()
@@ -88,7 +101,7 @@ def _predictor(context: object) -> list[Node]:
         Node(
             package="mtpgo_ros",
             executable="predictor",
-            name="predictor",
+            name=given("name"),
             namespace=given("namespace"),
             parameters=[given("params_file"), overrides],
             remappings=[
@@ -103,6 +116,33 @@ def _predictor(context: object) -> list[Node]:
             output="screen",
         )
     ]
+
+
+def _rviz(context: object) -> list[Node | LogInfo]:
+    """Return RViz with a layout for the node, or a message where it cannot be started."""
+    given = _given(context)
+    if not _value(bool, "rviz", given("rviz")):
+        return []
+    try:
+        get_package_prefix("rviz2")
+    except PackageNotFoundError:
+        return [LogInfo(msg=f"rviz2 is not installed, so it is left out. {HINT}")]
+    layout, notes = CONFIG / "predictor.rviz", []
+    try:
+        from mtpgo_core.displays.display_layouts import DisplayNames, rviz_layout
+    except ImportError:  # installed into an environment of which ros2 knows the share folder only
+        notes = [LogInfo(msg=f"RViz shows {layout} as it is: this Python has no mtpgo_core")]
+    else:
+        names = DisplayNames(
+            namespace=given("namespace"),
+            node=given("name"),
+            frame=given("frame") or given("fixed_frame") or "map",
+            objects=given("objects"),
+            lane_markings=given("lane_markings"),
+        )
+        layout = Path(tempfile.mkdtemp(prefix="mtpgo_rviz_")) / layout.name
+        layout.write_text(rviz_layout(names), encoding="utf-8")
+    return [*notes, Node(package="rviz2", executable="rviz2", arguments=["-d", str(layout)])]
 
 
 def _value(kind: type, name: str, text: str) -> str | float | bool:

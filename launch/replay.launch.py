@@ -4,7 +4,8 @@
 
     ros2 launch mtpgo_ros replay.launch.py bag:=recording.mcap speed:=2.0 rviz:=true
 
-Everything ends with the bag. Other settings of the predictor come from its parameter file.
+Everything ends with the bag, unless it is looped. Other settings of the predictor come from its
+parameter file.
 """
 
 from pathlib import Path
@@ -12,6 +13,7 @@ from pathlib import Path
 from launch.actions import (
     DeclareLaunchArgument,
     IncludeLaunchDescription,
+    OpaqueFunction,
     RegisterEventHandler,
     Shutdown,
 )
@@ -27,6 +29,47 @@ HERE = Path(__file__).resolve().parent
 
 def generate_launch_description() -> LaunchDescription:
     """Return what ``ros2 launch`` starts."""
+    predictor = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(str(HERE / "predictor.launch.py")),
+        launch_arguments={
+            "use_sim_time": "true",
+            "model": LaunchConfiguration("model"),
+            "rviz": LaunchConfiguration("rviz"),
+            "namespace": LaunchConfiguration("namespace"),
+            "frame": LaunchConfiguration("frame"),
+            "objects": LaunchConfiguration("objects"),
+            "lane_markings": "/lane_markings",
+        }.items(),
+    )
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("bag", description="bag to play"),
+            DeclareLaunchArgument(
+                "speed", default_value="1.0", description="speed of the playback"
+            ),
+            DeclareLaunchArgument(
+                "loop", default_value="false", description="start the bag again at its end"
+            ),
+            DeclareLaunchArgument("model", default_value="", description="model of the predictor"),
+            DeclareLaunchArgument("rviz", default_value="false", description="start RViz"),
+            DeclareLaunchArgument(
+                "objects", default_value="/objects", description="topic of the objects in the bag"
+            ),
+            DeclareLaunchArgument("namespace", default_value="", description="of the predictor"),
+            DeclareLaunchArgument(
+                "frame", default_value="", description="frame of the bag's objects, empty: map"
+            ),
+            predictor,
+            OpaqueFunction(function=_player),
+        ]
+    )
+
+
+def _player(context: object) -> list[object]:
+    """Return the player, with whose end everything ends."""
+    loop = LaunchConfiguration("loop").perform(context).lower()
+    if loop not in ("true", "false"):
+        raise ValueError(f"argument loop is {loop!r}, expected true or false")
     player = Node(
         package="mtpgo_ros",
         executable="replay",
@@ -37,27 +80,11 @@ def generate_launch_description() -> LaunchDescription:
             "--wait-for-subscribers",
             "1",
             "--no-progress",
+            *(["--loop"] if loop == "true" else []),
         ],
         output="screen",
     )
-    predictor = IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(str(HERE / "predictor.launch.py")),
-        launch_arguments={
-            "use_sim_time": "true",
-            "model": LaunchConfiguration("model"),
-            "rviz": LaunchConfiguration("rviz"),
-        }.items(),
-    )
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument("bag", description="bag to play"),
-            DeclareLaunchArgument(
-                "speed", default_value="1.0", description="speed of the playback"
-            ),
-            DeclareLaunchArgument("model", default_value="", description="model of the predictor"),
-            DeclareLaunchArgument("rviz", default_value="false", description="start RViz"),
-            predictor,
-            player,
-            RegisterEventHandler(OnProcessExit(target_action=player, on_exit=[Shutdown()])),
-        ]
-    )
+    return [
+        player,
+        RegisterEventHandler(OnProcessExit(target_action=player, on_exit=[Shutdown()])),
+    ]

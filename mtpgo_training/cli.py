@@ -29,6 +29,7 @@ COMMANDS = {
     "info": "print the description of a model file",
     "benchmark": "measure the speed of model, node and tools",
     "demo": "play a recording through the node and score it",
+    "layouts": "write layouts for RViz and Foxglove",
 }
 """Subcommand -> help; its ``add_parser`` is in the module ``commands.NAME``."""
 
@@ -38,9 +39,10 @@ EXTRA_MODULES = {
             "jinja2",
             "lightning_fabric",
             "matplotlib",
-            "pandas",
             "psutil",
+            "scipy",
             "tensorboard",
+            "torch_geometric",
             "yaml",
         ),
         "training",
@@ -51,6 +53,8 @@ EXTRA_MODULES = {
     "distributed": "fleet",
     "google": "datasets",
     "pyarrow": "datasets",
+    "rclpy": "ros",
+    "sumo": "simulation",
 }
 """Extra of the package by the top-level modules of the packages in it."""
 

@@ -3,7 +3,10 @@
 """Environment variables of all tests, set before any module reads them."""
 
 import os
+import sys
+from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parent))
 # By default rclpy does not check the types of message fields and publishes wrong values.
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 # Separate simultaneous test runs on one machine. Domains up to 101 do not use the ports that

@@ -89,6 +89,7 @@ ROOMS = {
     ),
     "mtpgo_core": (
         "",
+        "displays",
         "task",
         "history",
         "maps",
@@ -138,6 +139,7 @@ ROOMS = {
         "study",
         "sweep",
         "simulate",
+        "view",
         "demo",
         "benchmark",
         "commands",
@@ -342,6 +344,7 @@ KINDS = {
     ".gz",
     ".j2",
     ".json",
+    ".mcap",
     ".md",
     ".png",
     ".pt",
@@ -354,9 +357,10 @@ KINDS = {
     ".yaml",
 }
 LARGEST_BYTES = 8 * 2**20
+LARGEST_BAG_BYTES = 2 * 2**20
 
 
-def test_no_bag_archive_or_cache_is_among_the_shipped_files():
+def test_no_archive_cache_or_large_bag_is_among_the_shipped_files():
     for folder in (*PACKAGES, "resource", "config", "launch", "docs", "benchmarks", "test"):
         for path in (ROOT / folder).rglob("*"):
             if not path.is_file() or "__pycache__" in path.parts:
@@ -366,5 +370,10 @@ def test_no_bag_archive_or_cache_is_among_the_shipped_files():
             assert path.stat().st_size <= LARGEST_BYTES, f"{where} is too large"
             if path.suffix in (".pt", ".ckpt"):
                 assert where.parts[:2] == ("resource", "weights"), f"{where} is out of place"
+            if path.suffix == ".mcap":
+                assert where.parts[:2] == ("resource", "recordings"), f"{where} is out of place"
+                assert path.stat().st_size <= LARGEST_BAG_BYTES, f"{where} is too large"
+                card = path.with_suffix(".md").read_text()
+                assert "licence" in card, f"{where}: the card does not say the licence"
             if path.suffix in (".csv", ".gz"):
                 assert where.parts[0] in ("resource", "test"), f"{where} is out of place"

@@ -14,7 +14,6 @@ from __future__ import annotations
 import dataclasses
 import io
 import itertools
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -36,6 +35,7 @@ from mtpgo_core.task.calibration import Calibration
 from mtpgo_core.task.model_file import ModelFile, find_model, is_shipped, load_task, read_model
 from mtpgo_core.task.model_trial import try_out
 from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_core.task.torchscript import torchscript
 
 __all__ = ["ModelRunner", "find_model", "load_task"]
 
@@ -148,8 +148,7 @@ class ModelRunner:
             ModelFileError: torch cannot load it, or the graph does what a model may not do.
         """
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit as a whole
+            with torchscript():
                 module = torch.jit.load(io.BytesIO(file.archive.data), map_location="cpu").eval()
             fault = next(faults(module), None)
         except Exception as error:  # torch raises whatever it likes on a foreign file

@@ -90,6 +90,7 @@ class PredictionPipeline:
         self._history_lock = threading.Lock()
         self.watch = InputWatch()
         self._published_s: float | None = None
+        self._said_first = False
         self._unanswered_since_s: float | None = None
         self._cycle_ended = threading.Event()
         model.reset()
@@ -315,6 +316,12 @@ class PredictionPipeline:
             unserved = 0 < status.agents == status.fallback_agents
             status.without_model_in_a_row = status.without_model_in_a_row + 1 if unserved else 0
         self._publishers.publish_secondary(prediction, latency_ns * 1e-6)
+        if status.agents and not self._said_first:
+            self._said_first = True
+            self._node.get_logger().info(
+                f"first prediction: {status.agents} road user(s), {latency_ns * 1e-6:.0f} ms"
+                " after their observation"
+            )
         self.quality.published(prediction, request.window, self._parameters.max_modes)
         self._cycle_ended.set()
 

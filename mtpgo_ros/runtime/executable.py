@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import ctypes
+import importlib.util
 import math
 import os
 import signal
@@ -126,15 +127,24 @@ def answered(
 
     Returns:
         Whether nothing else is to be done.
+
+    Raises:
+        SystemExit: something else is to be done, and ROS 2 is not installed.
     """
     complete(parser)
     own = list(arguments)
     if ROS_ARGUMENTS in own:
         own = own[: own.index(ROS_ARGUMENTS)]
-    if "--version" not in own:
-        return False
-    print(version_text(program), flush=True)
-    return True
+    if "--version" in own:
+        print(version_text(program), flush=True)
+        return True
+    if importlib.util.find_spec("rclpy") is None:
+        sentence = (
+            "rclpy is not installed for this Python: source ROS 2 Jazzy, or install this package "
+            "with its extra 'ros': pip install 'mtpgo_ros[ros]'"
+        )
+        raise SystemExit(fail(program, sentence))
+    return False
 
 
 class ArgumentParser(argparse.ArgumentParser):

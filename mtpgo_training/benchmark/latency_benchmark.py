@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import tempfile
 import time
-import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from tqdm import tqdm
 from models import MTPGO, ModelConfig
 from models.inference import deployable
 from mtpgo_core.errors import ModelFileError
+from mtpgo_core.task.torchscript import torchscript
 from mtpgo_training.benchmark.measurement.machine import print_heading, table, write_json
 from mtpgo_training.benchmark.reference_mtp_go import ReferenceMTPGO
 from mtpgo_training.training.torch_process import prepare_process
@@ -104,8 +104,7 @@ def make_scene(agents: int, config: ModelConfig, seed: int = 0) -> Inputs:
 
 def exported(model: MTPGO) -> torch.jit.ScriptModule:
     """Return the model after a round trip through a file, as the node loads it."""
-    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
-        warnings.simplefilter("ignore", DeprecationWarning)  # torch.jit as a whole
+    with torchscript(), tempfile.TemporaryDirectory() as folder:
         path = str(Path(folder, "model.pt"))
         torch.jit.save(torch.jit.freeze(torch.jit.script(deployable(model))), path)
         return torch.jit.load(path).eval()

@@ -17,7 +17,7 @@ from mtpgo_training.commands.arguments.early_checks import require_folder
 DESCRIPTION = (
     "Play recordings at real time through the predictor, started as its own process, score its "
     "predictions against what the recordings then show, and draw a picture. Without arguments "
-    "the recording that ships with the package is played."
+    "the simulated roundabout that ships with the package is played."
 )
 
 

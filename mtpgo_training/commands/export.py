@@ -64,7 +64,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo export``."""
-    # Imported here: torch takes seconds to load, and the parser does not need it.
+    # Imported here: the parser needs neither torch nor the extra `training`.
     from mtpgo_training.calibration.calibration_samples import load_samples
     from mtpgo_training.export.exporter import export_runs
     from mtpgo_training.export.model_info import model_text

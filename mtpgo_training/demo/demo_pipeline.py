@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,14 +37,20 @@ from mtpgo_training.demo.recorded_messages import (
     read_messages,
 )
 from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replayed_quality
-from mtpgo_training.evaluation.moments import choose_moments
+from mtpgo_training.evaluation.moments import Moment, choose_moments
 from mtpgo_training.evaluation.scorer import add_scores
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
-from mtpgo_training.reports.scene_plot import draw_picture
 from mtpgo_training.table_format import to_text
 
-SHIPPED, SHIPPED_LAYOUT = "highway", "highd"
-"""Folder and layout of the recording that ships with the package."""
+SHIPPED = ("recordings", "roundabout", "roundabout.mcap")
+"""The bag that ships with the package, described in the Markdown file beside it."""
+
+PICTURE = "prediction.png"
+"""File of the picture in the output folder."""
+
+PAGE, PAGE_S = "demo.html", 60.0
+"""File of the page that shows the predictions over time, and the longest time on it (s); chosen: a
+minute has a few MB."""
 
 PANELS = 3
 """Most scenes in the picture."""
@@ -102,6 +109,7 @@ def run_demo(options: DemoOptions) -> None:
         raise MtpgoError(
             f"the predictor published nothing on {sum(durations_s):.0f} s of traffic, see {logs}"
         )
+    page = _write_page(predictions, output / PAGE)
     total, parts = score_recordings(plan, recorded, task, options.rate_hz)
     replayed = replayed_quality(
         predictions, [r.prediction for r in recorded.predictions], task.history
@@ -114,20 +122,49 @@ def run_demo(options: DemoOptions) -> None:
     content = report.summary(total, parts, task, recorded)
     content |= {"live": live, "calibration": effect}
     write_text(output / "summary.json", report.to_json(content))
-    print("  drawing", flush=True)
     played = [
         (recording, [r.prediction for r in part.predictions])
         for recording, part in zip(plan.recordings, parts, strict=True)
     ]
-    moments = choose_moments(played, PANELS)
-    if moments:
-        draw_picture(moments, output / "prediction.png")
-    _print_results(content, options, output, bool(moments))
+    drawn = _draw(choose_moments(played, PANELS), output / PICTURE)
+    _print_results(content, options, output, drawn)
+    if page is not None:
+        print(f"To see the predictions over time, open {page.as_uri()} in a browser.")
 
 
 def shipped_source() -> DataSource:
-    """Return the recordings that ship with the package."""
-    return DataSource(find_resource("recordings", SHIPPED), SHIPPED_LAYOUT)
+    """Return the recording that ships with the package."""
+    return DataSource(find_resource(*SHIPPED), "bag")
+
+
+def _write_page(bag: Path, path: Path) -> Path | None:
+    """Write the page of the viewer and say where it is; return None where there is none."""
+    if importlib.util.find_spec("mtpgo_training.view") is None:
+        return None
+    from mtpgo_training.view.scene_outputs import write_outputs
+    from mtpgo_training.view.view_source import ViewOptions, load_scene
+
+    try:
+        scene = load_scene(DataSource(bag, "bag"), ViewOptions(longest_s=PAGE_S))
+        for sentence in write_outputs(scene, {"html": path}):
+            print(f"  {sentence}", flush=True)
+    except MtpgoError as error:  # the scores are worth having without it
+        print(f"  no page: {error}", flush=True)
+        return None
+    return path
+
+
+def _draw(moments: Sequence[Moment], path: Path) -> str:
+    """Draw the picture; return its name, or in brackets why there is none."""
+    if not moments:
+        return "(no picture: no moving road user was predicted by the model)"
+    if importlib.util.find_spec("matplotlib") is None:
+        return "(no picture: matplotlib is missing, it comes with the extra 'training')"
+    print("  drawing", flush=True)
+    from mtpgo_training.reports.scene_plot import draw_picture
+
+    draw_picture(moments, path)
+    return f"and {path.name}"
 
 
 def _read(sources: Sequence[DataSource]) -> list[Recording]:
@@ -154,7 +191,7 @@ def _make_folders(output: Path) -> tuple[Path, Path, Path]:
         for folder in (bags, recorded, logs):
             if folder.exists():
                 shutil.rmtree(folder)
-        for name in ("summary.json", "prediction.png"):
+        for name in ("summary.json", PICTURE, PAGE):
             (output / name).unlink(missing_ok=True)
         bags.mkdir()
         logs.mkdir()
@@ -233,7 +270,7 @@ def score_recordings(
     return report.DemoResult("all", recorded.predictions, together, whole.averages()), parts
 
 
-def _print_results(content: Json, options: DemoOptions, output: Path, drawn: bool) -> None:
+def _print_results(content: Json, options: DemoOptions, output: Path, drawn: str) -> None:
     print()
     print(report.terminal_table(content))
     print()
@@ -247,9 +284,4 @@ def _print_results(content: Json, options: DemoOptions, output: Path, drawn: boo
     print()
     for sentence in report.sentences(content, options.rate_hz):
         print(sentence)
-    files = (
-        "summary.json and prediction.png"
-        if drawn
-        else "summary.json (no picture: no road user moves)"
-    )
-    print(f"Written to {output}: {files}, the bags and the logs.")
+    print(f"Written to {output}: summary.json {drawn}, the bags and the logs.")

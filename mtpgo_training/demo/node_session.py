@@ -27,6 +27,9 @@ LAST_ANSWER_S = 0.5
 """Wait after the last observation (s); a later prediction counts as missed. Chosen: more than two
 periods of 0.2 s."""
 
+FIRST_PREDICTION = "first prediction"
+"""Begin of the line by which the predictor reports its first prediction with a road user."""
+
 LAST_REPORT_S = 1.5
 """Wait for the last diagnostics (s): the node publishes them once a second."""
 
@@ -104,6 +107,7 @@ def _watch(
 
     def meanwhile() -> None:
         progress.advance(duration_s)
+        progress.announce(others[0])
         for other in others:
             other.check()
 
@@ -123,6 +127,7 @@ class _Progress:
             total=total_s, bar_format=form, leave=False, disable=not sys.stderr.isatty()
         )
         self._done_s = self._began_s = 0.0
+        self._announced = False
 
     def __enter__(self) -> _Progress:
         return self
@@ -133,6 +138,19 @@ class _Progress:
     def begin(self) -> None:
         """Mark the start of a recording."""
         self._began_s = time.monotonic()
+
+    def announce(self, predictor: ChildProcess) -> None:
+        """Print the predictor's line about its first prediction, as soon as there is one."""
+        if self._announced:
+            return
+        _, found, rest = predictor.text().partition(FIRST_PREDICTION)
+        line, ended, _ = rest.partition("\n")
+        if found and ended:
+            self._announced = True
+            self._bar.write(
+                f"  {found}{line.rstrip()}, {_since_start_s(predictor):.1f} s after the start"
+            )
+            sys.stdout.flush()
 
     def advance(self, duration_s: float) -> None:
         """Show the time since the start of the current recording, at most its duration (s)."""
@@ -145,3 +163,8 @@ class _Progress:
 
     def _show(self, seconds: float) -> None:
         self._bar.update(seconds - self._bar.n)
+
+
+def _since_start_s(process: ChildProcess) -> float:
+    """Return the time since a process was started (s)."""
+    return (time.monotonic_ns() - process.started_ns) * 1e-9

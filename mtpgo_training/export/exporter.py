@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
@@ -24,6 +23,7 @@ from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_core.task.model_file import content_sha256, read_model
 from mtpgo_core.task.task_description import TASK_FILE, TaskDescription
+from mtpgo_core.task.torchscript import torchscript
 from mtpgo_training.atomic_files import replacing
 from mtpgo_training.calibration.calibration_fit import fit_calibration
 from mtpgo_training.calibration.calibration_report import (
@@ -163,8 +163,7 @@ def export_model(model: TrajectoryPredictor, task: TaskDescription, path: Path) 
         model={"network": name, **model.config.to_dict()},
         weights_sha256=weights_hash(model),
     )
-    with warnings.catch_warnings(), replacing(path) as temporary:
-        warnings.simplefilter("ignore", DeprecationWarning)  # all of torch.jit, since 2.13
+    with torchscript(), replacing(path) as temporary:
         frozen = torch.jit.freeze(torch.jit.script(NETWORKS[name].deployed(model)))
         torch.jit.save(frozen, str(temporary), _extra_files={TASK_FILE: task.to_json()})
         # The hash of the content is known once it has been written.

@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, from_dict, option, require
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
@@ -254,6 +252,8 @@ def _read(path: Path, inside: tuple[Path, ...] = ()) -> Any:
     Raises:
         ConfigurationError: a file cannot be read, or is its own base.
     """
+    import yaml  # here and below, so that `mtpgo train --help` works without the extra `training`
+
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -292,6 +292,8 @@ def _with_setting(data: Any, setting: str) -> Any:
         ConfigurationError: it is not such a pair or not YAML, or a part of its key is not a
             mapping.
     """
+    import yaml
+
     key, equals, text = setting.partition("=")
     try:
         value = yaml.safe_load(text)
@@ -316,6 +318,8 @@ def _with_setting(data: Any, setting: str) -> Any:
 
 def dump_config(config: TrainingConfig) -> str:
     """Return YAML text from which :func:`load_config` reads the same configuration."""
+    import yaml
+
     return yaml.safe_dump(_plain(dataclasses.asdict(config)), sort_keys=False)
 
 

@@ -8,19 +8,22 @@ import importlib.util
 import json
 import re
 import sys
-import unittest.mock
 from pathlib import Path
 
+import launch_stub
 import numpy as np
 import pytest
 import yaml
 
+from mtpgo_core.displays.display_layouts import DisplayNames, rviz_layout
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_core.quality.quality_report import QUALITY_ROW, WINDOWS_S
+from mtpgo_core.resources import find_resource
 from mtpgo_core.task.calibration import GROUPS
 from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_training.demo.demo_pipeline import SHIPPED
 
 ROOT = Path(__file__).resolve().parents[2]
 LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))
@@ -51,16 +54,99 @@ def test_launch_files_are_what_ros2_launch_expects(path):
 
 @pytest.fixture
 def predictor_launch(monkeypatch):
-    """The launch file as a module; ROS' launch is not on pip, a stub stands for it."""
-    if not importlib.util.find_spec("launch_ros"):
-        names = ("launch", "launch.actions", "launch.conditions", "launch.substitutions")
-        for name in (*names, "launch_ros", "launch_ros.actions"):
-            monkeypatch.setitem(sys.modules, name, unittest.mock.MagicMock())
-    path = ROOT / "launch" / "predictor.launch.py"
-    spec = importlib.util.spec_from_file_location("launch_file", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    """The launch file as a module."""
+    return launch_stub.load(ROOT / "launch" / "predictor.launch.py", monkeypatch)
+
+
+@pytest.fixture
+def start(monkeypatch, tmp_path):
+    """A function that starts a launch file, with the given packages installed."""
+
+    def start(file, /, *packages, **arguments):
+        index = tmp_path / "share/ament_index/resource_index/packages"
+        index.mkdir(parents=True, exist_ok=True)
+        for package in {"rviz2", *packages}:
+            (index / package).unlink(missing_ok=True)
+        for package in packages:
+            (index / package).touch()
+        monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+        monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+        found = launch_stub.launched(ROOT / "launch" / file, arguments, monkeypatch)
+        nodes = {one.package: one for one in found if isinstance(one, launch_stub.Node)}
+        executables = [one.executable for one in found if isinstance(one, launch_stub.Node)]
+        messages = [one.msg for one in found if isinstance(one, launch_stub.LogInfo)]
+        return found, nodes, executables, messages
+
+    return start
+
+
+def test_without_rviz2_the_predictor_starts_and_a_message_says_so(start):
+    _, _, executables, messages = start("predictor.launch.py", rviz="true")
+    assert executables == ["predictor"]
+    (message,) = messages
+    assert message.startswith("rviz2 is not installed")
+    assert "mtpgo layouts" in message
+    assert start("predictor.launch.py", rviz="false")[2:] == (["predictor"], [])
+
+
+def test_rviz_shows_the_node_under_its_namespace_name_frame_and_topics(start):
+    _, nodes, executables, messages = start(
+        "predictor.launch.py",
+        "rviz2",
+        rviz="true",
+        namespace="robot1",
+        name="p2",
+        fixed_frame="odom",
+        objects="/perception/objects",
+    )
+    assert (executables, messages) == (["predictor", "rviz2"], [])
+    option, path = nodes["rviz2"].arguments
+    names = DisplayNames("robot1", "p2", "odom", objects="/perception/objects")
+    assert option == "-d"
+    assert Path(path).read_text() == rviz_layout(names)
+    node = nodes["mtpgo_ros"]
+    assert (node.name, node.namespace) == ("p2", "robot1")
+    assert node.remappings == [("objects", "/perception/objects")]
+    assert node.parameters[1] == {"fixed_frame": "odom"}
+
+
+def test_the_frame_of_rviz_can_be_given(start):
+    nodes = start("predictor.launch.py", "rviz2", rviz="true", frame="utm", fixed_frame="odom")[1]
+    assert "Fixed Frame: utm" in Path(nodes["rviz2"].arguments[1]).read_text()
+    nodes = start("predictor.launch.py", "rviz2", rviz="true")[1]
+    assert "Fixed Frame: map" in Path(nodes["rviz2"].arguments[1]).read_text()
+
+
+def test_without_the_python_package_rviz_shows_the_layout_that_ships(start, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mtpgo_core.displays.display_layouts", None)
+    _, nodes, _, messages = start("predictor.launch.py", "rviz2", rviz="true")
+    assert nodes["rviz2"].arguments == ["-d", str(ROOT / "config" / "predictor.rviz")]
+    assert len(messages) == 1
+
+
+def test_the_demo_plays_the_bag_that_ships_again_and_again(start):
+    found, _, executables, _ = start("demo.launch.py", "rviz2")
+    assert executables == ["predictor", "rviz2", "replay"]
+    predictor, _, replay = [one for one in found if isinstance(one, launch_stub.Node)]
+    assert Path(replay.arguments[0]) == find_resource(*SHIPPED)
+    assert "--loop" in replay.arguments
+    assert predictor.parameters[1]["use_sim_time"] is True
+    # The bag's topics are where they were recorded, also for a predictor in a namespace.
+    found = start("demo.launch.py", namespace="robot1", loop="false")[0]
+    predictor, replay = [one for one in found if isinstance(one, launch_stub.Node)]
+    assert ("objects", "/objects") in predictor.remappings
+    assert "--loop" not in replay.arguments
+
+
+def test_replay_ends_everything_with_the_bag(start):
+    found = start("replay.launch.py", bag="x.mcap", speed="2.0", objects="/tracks")[0]
+    predictor, replay, end = found
+    assert replay.arguments[:3] == ["x.mcap", "--rate", "2.0"]
+    assert ("objects", "/tracks") in predictor.remappings
+    assert end.handler.target_action is replay
+    assert isinstance(end.handler.on_exit[0], launch_stub.Shutdown)
+    with pytest.raises(ValueError, match="argument loop is 'maybe', expected true or false"):
+        start("replay.launch.py", bag="x.mcap", loop="maybe")
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import psutil
-
 from mtpgo_core.errors import ConfigurationError
 
 SAMPLE_PERIOD_S = 0.1
@@ -71,6 +69,8 @@ class ProcessMonitor:
 
 def read_usage(pid: int) -> Usage | None:
     """Return the current usage of a process, None if it has ended."""
+    import psutil  # only here: `mtpgo benchmark --help` works without the extra `training`
+
     try:
         process = psutil.Process(pid)
         with process.oneshot():

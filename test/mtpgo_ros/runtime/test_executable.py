@@ -11,6 +11,7 @@ import pytest
 
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
+    answered,
     fail,
     not_negative,
     positive,
@@ -57,3 +58,16 @@ def test_numbers_of_the_command_line():
             convert(text)
     with pytest.raises(argparse.ArgumentTypeError, match="'x' given, expected a finite number"):
         positive("x")
+
+
+def test_without_ros_an_executable_says_how_to_get_it(monkeypatch, capsys):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert answered("replay", ["--version"], ArgumentParser)
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as ended:
+        answered("replay", ["x.mcap"], ArgumentParser)
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert error.startswith("replay: rclpy is not installed")
+    assert error.count("\n") == 1
+    assert "mtpgo_ros[ros]" in error
