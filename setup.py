@@ -67,6 +67,8 @@ EXTRAS = {
     "simulation": ["eclipse-sumo>=1.20"],
     # Completion of command lines in a shell, docs/command_line.md.
     "completion": ["argcomplete>=3.0"],
+    # Animations, films (imageio-ffmpeg carries ffmpeg) and rerun; the viewer's page needs none.
+    "view": ["imageio-ffmpeg>=0.5", "matplotlib>=3.8", "rerun-sdk>=0.24"],
     "development": [
         "colcon-common-extensions>=0.3",
         "hypothesis>=6.100",
@@ -129,7 +131,10 @@ setup(
     install_requires=REQUIREMENTS,
     extras_require=EXTRAS,
     packages=find_packages(include=[*PACKAGES, *(f"{name}.*" for name in PACKAGES)]),
-    package_data={"mtpgo_training.reports": ["*.j2"]},
+    package_data={
+        "mtpgo_training.reports": ["*.j2"],
+        "mtpgo_training.view": ["page/*"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),

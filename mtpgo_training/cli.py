@@ -29,6 +29,7 @@ COMMANDS = {
     "info": "print the description of a model file",
     "benchmark": "measure the speed of model, node and tools",
     "demo": "play a recording through the node and score it",
+    "view": "show predictions over time: page, animation, rerun",
 }
 """Subcommand -> help; its ``add_parser`` is in the module ``commands.NAME``."""
 
@@ -45,12 +46,15 @@ EXTRA_MODULES = {
         ),
         "training",
     ),
+    "PIL": "view",
     "cloudpickle": "fleet",
     "cryptography": "fleet",
     "dask": "fleet",
     "distributed": "fleet",
     "google": "datasets",
+    "imageio_ffmpeg": "view",
     "pyarrow": "datasets",
+    "rerun": "view",
 }
 """Extra of the package by the top-level modules of the packages in it."""
 

@@ -29,6 +29,7 @@ ALLOWED = {
         "pandas",
         "platformdirs",
         "psutil",
+        "rerun",
         "rosbags",
         "scipy",
         "sumo",
@@ -56,11 +57,20 @@ OPTIONAL = {
     "mtpgo_core": {"argcomplete", "yaml"},
     "mtpgo_ros": {"bondpy", "tf2_ros"},
     "msg_adapters": {"ament_index_python", "pandas"},
-    "mtpgo_training": {"cloudpickle", "dask", "distributed", "google", "pyarrow"},
+    "mtpgo_training": {
+        "PIL",
+        "cloudpickle",
+        "dask",
+        "distributed",
+        "google",
+        "imageio_ffmpeg",
+        "pyarrow",
+    },
 }
 """What a package may import inside a function only: it must do without. A class map is YAML;
 argcomplete completes command lines; pandas makes the data frame of who asks for one; google and
-pyarrow read the files of some data sets; Dask runs several processes."""
+pyarrow read the files of some data sets; Dask runs several processes; PIL and imageio_ffmpeg write
+animations."""
 
 WITHOUT_TORCH = (
     "schema",
@@ -138,6 +148,7 @@ ROOMS = {
         "sweep",
         "simulate",
         "demo",
+        "view",
         "benchmark",
         "commands",
         "cli",
@@ -337,9 +348,13 @@ KINDS = {
     ".cfg",
     ".ckpt",
     ".cpp",
+    ".css",
     ".csv",
+    ".gif",
     ".gz",
+    ".html",
     ".j2",
+    ".js",
     ".json",
     ".md",
     ".png",
