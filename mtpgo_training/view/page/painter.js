@@ -128,12 +128,15 @@ class Painter {
     const times = this.scene.head.path_s;
     for (let m = agent.modes.length - 1; m >= 0; m--) {
       const mode = agent.modes[m], share = mode.weight / strongest;
-      if (shown.ellipses) this.drawEllipses(mode, color, age, faint * mode.weight);
+      // The ellipses of other modes than the heaviest would hide each other in dense traffic.
+      if (shown.ellipses && (m === 0 || selected === index)) {
+        this.drawEllipses(mode, color, age, faint * (0.4 + 0.6 * share));
+      }
       if (!shown.modes) continue;
       const points = [[pose.x, pose.y]];
       times.forEach((s, i) => { if (s > age) points.push([mode.x[i], mode.y[i]]); });
       const dash = agent.source === 0 ? [] : [5, 4];
-      this.line(points, color, 1 + 1.4 * share, faint * (0.15 + 0.8 * share), dash);
+      this.line(points, color, 1 + 1.4 * share, faint * (0.08 + 0.87 * share ** 1.5), dash);
       const [x, y] = points[points.length - 1];
       const g = this.context;
       g.beginPath();
@@ -150,10 +153,10 @@ class Painter {
       g.beginPath();
       g.ellipse(mode.x[point], mode.y[point], mode.major[i], mode.minor[i], mode.angle[i], 0,
         2 * Math.PI);
-      g.globalAlpha = 0.13 * alpha;
+      g.globalAlpha = 0.1 * alpha;
       g.fillStyle = color;
       g.fill();
-      g.globalAlpha = 0.5 * alpha;
+      g.globalAlpha = 0.35 * alpha;
       g.strokeStyle = color;
       g.lineWidth = this.px;
       g.stroke();
