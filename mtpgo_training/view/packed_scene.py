@@ -28,8 +28,8 @@ from mtpgo_training.view.view_scene import (
     drawn_speeds,
     drawn_yaws,
     ellipse_indices,
+    identity_texts,
     rows_by_track,
-    track_text,
 )
 
 POSITION_M = 0.02
@@ -171,8 +171,7 @@ def _tracks(scene: ViewScene, origin: Float64Array, head: dict[str, Any]) -> Col
         [round(1e3 * scene.since_start_s(recording.stamp_ns(f))) for f in frames.tolist()],
         dtype=np.int64,
     )
-    tracks = range(len(recording.track_id))
-    head["ids"] = [track_text(recording, track) for track in tracks]
+    head["ids"] = identity_texts(recording.key)
     head["ego"] = (
         recording.track_id.tolist().index(recording.ego_id)
         if recording.ego_id is not None and recording.ego_id in recording.track_id

@@ -14,36 +14,23 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from mtpgo_core.frames import rotate, rotate_covariance
-from mtpgo_core.quality.metrics import average, radius_squared
+from mtpgo_core.frames import rotate
+from mtpgo_core.quality.metrics import average
 from mtpgo_core.schema import AgentClass, Float64Array, Source
 from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT
+from mtpgo_training.view.ellipse_rings import ellipse_rings
 from mtpgo_training.view.packed_scene import shown_frames
+from mtpgo_training.view.view_colours import CLASS_COLOURS, FALLBACK_COLOUR
 from mtpgo_training.view.view_scene import (
-    ELLIPSE_LEVEL,
     SeenPrediction,
+    TrackWays,
     ViewScene,
     drawn_sizes,
     drawn_yaws,
     ellipse_indices,
-    rows_by_track,
 )
 
-COLOURS = {
-    AgentClass.CAR: "#1f6fd1",
-    AgentClass.VAN: "#2a9cc4",
-    AgentClass.TRUCK: "#d9730d",
-    AgentClass.BUS: "#8a4fc9",
-    AgentClass.TRAILER: "#b5651d",
-    AgentClass.MOTORCYCLE: "#0f9d8c",
-    AgentClass.BICYCLE: "#3d9a3d",
-    AgentClass.PEDESTRIAN: "#d6336c",
-    AgentClass.ANIMAL: "#8d6e3f",
-    AgentClass.UNKNOWN: "#68737d",
-}
-"""Colours of the classes, those of the page."""
-
-GROUND, ROAD, LANE, TEXT, FALLBACK = "#f4f5f3", "#e6e8e8", "#b9bfc5", "#1c2126", "#7b858e"
+GROUND, ROAD, LANE, TEXT = "#f4f5f3", "#e6e8e8", "#b9bfc5", "#1c2126"
 
 PAST_S, STALE_S = 3.0, 1.0
 """Length of the past that is drawn, and longest time for which a prediction is (s); chosen."""
@@ -55,7 +42,6 @@ LOWEST, HIGHEST = 0.42, 0.62
 """Limits of the height of the picture relative to its width; chosen."""
 
 _CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
 _DPI = 100
 
 
@@ -75,11 +61,11 @@ class ScenePainter:
         self._frames = shown_frames(scene)
         self.times_s = [scene.since_start_s(recording.stamp_ns(int(f))) for f in self._frames]
         self._angle = _turn(recording.position)
-        self._order, self._starts = rows_by_track(recording)
+        self._ways = TrackWays(scene)
         self._position = rotate(recording.position, -self._angle)
         self._yaw, self._size = drawn_yaws(recording) - self._angle, drawn_sizes(recording)
         self._colour = np.array(
-            [to_rgba(COLOURS[AgentClass(int(c))]) for c in recording.agent_class]
+            [to_rgba(CLASS_COLOURS[AgentClass(int(c))]) for c in recording.agent_class]
         )
         self._stamps = np.array([p.prediction.stamp_ns for p in scene.predictions], dtype=np.int64)
         lower, upper = _window(self._position)
@@ -91,7 +77,8 @@ class ScenePainter:
         axes.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), aspect="equal")
         axes.set_axis_off()
         pixel_m = span[0] / width
-        ground = [rotate(line, -self._angle) for line in recording.lanes] or self._ways()
+        # Without lanes, the ways of all road users show where the road is.
+        ground = [rotate(line, -self._angle) for line in recording.lanes or self._ways.all()]
         road_points = 1.0 if recording.lanes else 3.0 / pixel_m * 72 / _DPI
         axes.add_collection(
             LineCollection(
@@ -133,11 +120,6 @@ class ScenePainter:
                 self._canvas.draw()
                 yield np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
-    def _ways(self) -> list[Float64Array]:
-        """Return the ways of all tracks, which show where the road is."""
-        parts = np.split(self._order, self._starts[1:-1])
-        return [self._position[rows] for rows in parts if len(rows) > 1]
-
     def _draw_scale(self, axes: mpl.axes.Axes, lower: Float64Array, span: Float64Array) -> None:
         length = 10.0 if span[0] < 130.0 else 20.0 if span[0] < 300.0 else 50.0
         x, y = lower[0] + 0.988 * span[0] - length, lower[1] + 0.014 * span[0]
@@ -174,13 +156,8 @@ class ScenePainter:
         self._bodies.set_facecolor(self._colour[track])
 
     def _way(self, track: int, from_s: float, to_s: float) -> Float64Array:
-        """Return [k, 2] where a track was between two times."""
-        recording = self._scene.recording
-        rows = self._order[self._starts[track] : self._starts[track + 1]]
-        offset = recording.frames[0]
-        passed_s = (recording.frame[rows] - offset) / recording.frame_rate
-        begin, end = np.searchsorted(passed_s, [from_s - 1e-4, to_s + 1e-4])
-        return self._position[rows[begin:end]]
+        """Return [k, 2] where a track was between two times, in the axes of the picture."""
+        return rotate(self._ways.between(track, from_s, to_s), -self._angle)
 
     def _latest(self, stamp_ns: int) -> SeenPrediction | None:
         place = int(np.searchsorted(self._stamps, stamp_ns, side="right")) - 1
@@ -204,7 +181,7 @@ class ScenePainter:
             for agent in np.flatnonzero(np.isin(seen.track, track)).tolist():
                 colour = self._colour[seen.track[agent]]
                 if p.source[agent] != Source.MODEL:
-                    colour = np.array(to_rgba(FALLBACK))
+                    colour = np.array(to_rgba(FALLBACK_COLOUR))
                 strongest = float(p.weight[agent].max())
                 for mode in np.argsort(p.weight[agent]).tolist():
                     weight = float(p.weight[agent, mode])
@@ -216,7 +193,9 @@ class ScenePainter:
                     colours.append(colour * (1.0, 1.0, 1.0, 0.08 + 0.82 * share**1.5))
                     widths.append(0.7 + 0.9 * share)
                     if weight == strongest:
-                        rings += _rings(seen, agent, mode, age_s, self._angle)
+                        steps = [k for k in ellipse_indices(p.time_s).tolist() if later[k]]
+                        found = ellipse_rings(p, agent, mode, np.array(steps, dtype=np.int64))
+                        rings += [rotate(ring, -self._angle) for ring in found]
                         faces += [colour] * (len(rings) - len(faces))
         self._modes.set(segments=segments, colors=colours, linewidths=widths or [1.0])
         self._ellipses.set_verts(rings)
@@ -233,23 +212,6 @@ class ScenePainter:
         return (
             f" | error of the predictions of {horizon_s:.0f} s ago {average(seen.final_m):.1f} m"
         )
-
-
-def _rings(
-    seen: SeenPrediction, agent: int, mode: int, age_s: float, angle: float
-) -> list[Float64Array]:
-    """Return the ellipses of a mode as polygons."""
-    p, rings = seen.prediction, []
-    radius = float(np.sqrt(radius_squared(ELLIPSE_LEVEL)))
-    circle = radius * np.stack([np.cos(_CIRCLE), np.sin(_CIRCLE)], axis=-1)
-    for step in ellipse_indices(p.time_s).tolist():
-        covariance = rotate_covariance(p.covariance[agent, mode, step], -angle)
-        if p.time_s[step] <= age_s or not np.isfinite(covariance).all():
-            continue
-        value, vector = np.linalg.eigh(covariance)
-        centre = rotate(p.mean[agent, mode, step, :2], -angle)
-        rings.append(centre + (circle * np.sqrt(np.maximum(value, 0.0))) @ vector.T)
-    return rings
 
 
 def _turn(position: Float64Array) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mtpgo_core.identity import key_to_int
 from mtpgo_core.quality.metrics import ade, fde, is_inside, nees
-from mtpgo_core.schema import MOVING_MPS, AgentClass, Float64Array, Prediction
+from mtpgo_core.schema import MOVING_MPS, AgentClass, Float64Array, KeyArray, Prediction
 from mtpgo_training.data.ground_truth import FutureTable
 from mtpgo_training.data.recording import Int64Array, Recording
 from mtpgo_training.reports.drawn_bodies import CAR_SIZE_M, DEFAULT_SIZE_M
@@ -184,12 +184,36 @@ def drawn_yaws(recording: Recording) -> Float64Array:
     return _filled(yaw, recording)
 
 
-def track_text(recording: Recording, track: int) -> str:
-    """Return the identity of a track as users know it: a number, or a UUID."""
-    if recording.track_key is None:
-        return str(int(recording.track_id[track]))
-    number = key_to_int(recording.track_key[track])
-    return str(number) if number < 1 << 63 else str(uuid.UUID(int=number))
+def identity_texts(key: KeyArray) -> list[str]:
+    """Return identities as users know them: [n, 4] numbers, or UUIDs."""
+    numbers = [key_to_int(one) for one in key]
+    return [str(n) if n < 1 << 63 else str(uuid.UUID(int=n)) for n in numbers]
+
+
+class TrackWays:
+    """Where each track of a scene was over time.
+
+    Args:
+        scene: the scene.
+    """
+
+    def __init__(self, scene: ViewScene) -> None:
+        recording = scene.recording
+        self._order, self._starts = rows_by_track(recording)
+        self._position = recording.position[self._order]
+        passed = recording.frame[self._order] - recording.frames[0]
+        self._time_s = passed / recording.frame_rate
+
+    def between(self, track: int, from_s: float, to_s: float) -> Float64Array:
+        """Return [k, 2] the positions of a track from one time to another (m)."""
+        mine = slice(self._starts[track], self._starts[track + 1])
+        begin, end = np.searchsorted(self._time_s[mine], [from_s - 1e-4, to_s + 1e-4])
+        return self._position[mine][begin:end]
+
+    def all(self) -> list[Float64Array]:
+        """Return [k, 2] the whole way of each track with two positions or more (m)."""
+        parts = np.split(self._position, self._starts[1:-1])
+        return [part for part in parts if len(part) > 1]
 
 
 def rows_by_track(recording: Recording) -> tuple[Int64Array, Int64Array]:

@@ -14,7 +14,7 @@ from mtpgo_training.view.view_scene import (
     drawn_speeds,
     drawn_yaws,
     ellipse_indices,
-    track_text,
+    identity_texts,
     view_scene,
 )
 
@@ -67,9 +67,8 @@ def test_only_the_time_asked_for_is_shown(recording):
 def test_frame_and_identity_are_as_published(recording):
     moved = dataclasses.replace(perfect_prediction(recording, 0), frame_id="odom")
     assert view_scene(recording, [moved], name="made").frame_id == "odom"
-    assert track_text(recording, 1) == "8"
-    texts = dataclasses.replace(recording, track_key=keys_from_strings(["a", "b"]))
-    assert len(track_text(texts, 0)) == 36
+    assert identity_texts(recording.key) == ["7", "8"]
+    assert [len(text) for text in identity_texts(keys_from_strings(["a", "b"]))] == [36, 36]
 
 
 def test_unknown_sizes_headings_and_speeds_are_drawn(recording):
