@@ -350,7 +350,6 @@ KINDS = {
     ".cpp",
     ".css",
     ".csv",
-    ".gif",
     ".gz",
     ".html",
     ".j2",
@@ -364,6 +363,7 @@ KINDS = {
     ".service",
     ".toml",
     ".txt",
+    ".webp",
     ".xml",
     ".yaml",
 }
