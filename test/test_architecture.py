@@ -134,6 +134,7 @@ ROOMS = {
     "mtpgo_training": (
         "atomic_files",
         "table_format",
+        "processes",
         "data",
         "parallel",
         "scenes",
@@ -147,8 +148,8 @@ ROOMS = {
         "study",
         "sweep",
         "simulate",
-        "demo",
         "view",
+        "demo",
         "benchmark",
         "commands",
         "cli",

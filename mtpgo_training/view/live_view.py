@@ -23,9 +23,7 @@ from mtpgo_core.errors import ConfigurationError, MessageError
 from mtpgo_core.frames import VEHICLE_FRAMES
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.recording_bag import LANES_TOPIC, OBJECTS_TOPIC
-from mtpgo_training.demo.child_process import ChildProcess
-from mtpgo_training.demo.node_session import READY_S, require_ros
-from mtpgo_training.demo.recorded_messages import DIAGNOSTICS, PREDICTIONS
+from mtpgo_training.processes.child_process import READY_S, ChildProcess, require_ros
 from mtpgo_training.view.scene_outputs import prepare_outputs, write_outputs
 from mtpgo_training.view.view_scene import identity_texts
 from mtpgo_training.view.view_source import ViewOptions, load_scene
@@ -33,7 +31,10 @@ from mtpgo_training.view.view_source import ViewOptions, load_scene
 if TYPE_CHECKING:
     from mtpgo_training.view.rerun_scene import RerunScene
 
-CONTEXT = (LANES_TOPIC, "/tf", "/tf_static", "/odometry", DIAGNOSTICS)
+PREDICTIONS_TOPIC = "/predictor/predictions"
+"""Topic of the predictions if none is named."""
+
+CONTEXT = (LANES_TOPIC, "/tf", "/tf_static", "/odometry", "/diagnostics")
 """Topics that are recorded as well: lanes, what lifts objects into a fixed frame, the model."""
 
 LONGEST_S = 600.0
@@ -67,7 +68,7 @@ def live_topics(topic: str, objects: str, predictions: str | None) -> LiveTopics
     """
     if topic.endswith("predictions"):
         return LiveTopics(objects or OBJECTS_TOPIC, topic)
-    return LiveTopics(topic, predictions or PREDICTIONS)
+    return LiveTopics(topic, predictions or PREDICTIONS_TOPIC)
 
 
 def view_live(

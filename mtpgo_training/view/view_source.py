@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from msg_adapters.bags.bag_reader import DecodingBagReader, bag_name, is_bag
+from msg_adapters.predictions import NoPredictionsError
 from mtpgo_core.errors import ConfigurationError, FrameError, MessageError, RecordingError
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
 from mtpgo_core.schema import Prediction
@@ -18,11 +19,7 @@ from mtpgo_training.data.readers import reading_jobs
 from mtpgo_training.data.readers.bags.bag_poses import BagPoses
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.evaluation.bags.bag_predictions import (
-    NoPredictionsError,
-    match,
-    read_predictions,
-)
+from mtpgo_training.evaluation.bags.bag_predictions import match, read_predictions
 from mtpgo_training.evaluation.offline_predictor import predict_as_the_node
 from mtpgo_training.scenes.windows import frames_every
 from mtpgo_training.view.view_scene import ViewScene, view_scene
