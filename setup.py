@@ -72,6 +72,8 @@ EXTRAS = {
     "maps": ["pyproj>=3.6,<4"],
     # The documentation site; MkDocs 2 has another configuration and no plugins.
     "docs": ["latex2mathml>=3.77,<4", "mkdocs>=1.6,<2", "mkdocs-material>=9.6,<10"],
+    # Animations, films (imageio-ffmpeg carries ffmpeg) and rerun; the viewer's page needs none.
+    "view": ["imageio-ffmpeg>=0.5,<1", "matplotlib>=3.8,<4", "rerun-sdk>=0.24"],
     "development": [
         "build>=1.2",
         "colcon-common-extensions>=0.3",
@@ -135,7 +137,10 @@ setup(
     install_requires=REQUIREMENTS,
     extras_require=EXTRAS,
     packages=find_packages(include=[*PACKAGES, *(f"{name}.*" for name in PACKAGES)]),
-    package_data={"mtpgo_training.reports": ["*.j2"]},
+    package_data={
+        "mtpgo_training.reports": ["*.j2"],
+        "mtpgo_training.view": ["page/*"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),

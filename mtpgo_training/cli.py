@@ -30,6 +30,7 @@ COMMANDS = {
     "benchmark": "measure the speed of model, node and tools",
     "demo": "play a recording through the node and score it",
     "layouts": "write layouts for RViz and Foxglove",
+    "view": "show predictions over time: page, animation, rerun",
 }
 """Subcommand -> help; its ``add_parser`` is in the module ``commands.NAME``."""
 
@@ -47,14 +48,17 @@ EXTRA_MODULES = {
         ),
         "training",
     ),
+    "PIL": "view",
     "cloudpickle": "fleet",
     "cryptography": "fleet",
     "dask": "fleet",
     "distributed": "fleet",
     "google": "datasets",
+    "imageio_ffmpeg": "view",
     "pyarrow": "datasets",
     "rclpy": "ros",
     "sumo": "simulation",
+    "rerun": "view",
 }
 """Extra of the package by the top-level modules of the packages in it."""
 

@@ -29,6 +29,7 @@ ALLOWED = {
         "pandas",
         "platformdirs",
         "psutil",
+        "rerun",
         "rosbags",
         "scipy",
         "sumo",
@@ -56,11 +57,20 @@ OPTIONAL = {
     "mtpgo_core": {"argcomplete", "pyproj", "yaml"},
     "mtpgo_ros": {"bondpy", "tf2_ros"},
     "msg_adapters": {"ament_index_python", "pandas"},
-    "mtpgo_training": {"cloudpickle", "dask", "distributed", "google", "pyarrow"},
+    "mtpgo_training": {
+        "PIL",
+        "cloudpickle",
+        "dask",
+        "distributed",
+        "google",
+        "imageio_ffmpeg",
+        "pyarrow",
+    },
 }
 """What a package may import inside a function only: it must do without. A class map is YAML;
 argcomplete completes command lines; pyproj projects lane files; pandas makes the data frame of who
-asks for one; google and pyarrow read the files of some data sets; Dask runs several processes."""
+asks for one; google and pyarrow read the files of some data sets; Dask runs several processes; PIL
+and imageio_ffmpeg write animations."""
 
 WITHOUT_TORCH = (
     "schema",
@@ -126,6 +136,7 @@ ROOMS = {
     "mtpgo_training": (
         "atomic_files",
         "table_format",
+        "processes",
         "data",
         "parallel",
         "scenes",
@@ -340,9 +351,12 @@ KINDS = {
     ".cfg",
     ".ckpt",
     ".cpp",
+    ".css",
     ".csv",
     ".gz",
+    ".html",
     ".j2",
+    ".js",
     ".json",
     ".mcap",
     ".md",
@@ -353,6 +367,7 @@ KINDS = {
     ".service",
     ".toml",
     ".txt",
+    ".webp",
     ".xml",
     ".yaml",
 }

@@ -14,7 +14,8 @@ from mtpgo_core.task.model_file import find_checkpoint, find_model, load_task, m
 from mtpgo_training.calibration.calibration_text import moving_coverage
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.evaluation.evaluator import evaluate, make_predictor
+from mtpgo_training.evaluation.evaluator import evaluate
+from mtpgo_training.evaluation.offline_predictor import make_predictor
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.export.model_calibration import check_coverage, own_calibration
 from mtpgo_training.scenes.history_replay import replay

@@ -33,7 +33,7 @@ from msg_adapters.bags.bag_loss import BagLoss, LibraryFile, reason_of
 from msg_adapters.bags.bag_metadata import METADATA, BagMetadata, qos_of, read_metadata
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
-from msg_adapters.bags.mcap_records import MAGIC, McapChannel, McapError
+from msg_adapters.bags.mcap_records import MAGIC, McapChannel, McapError, McapSchema
 from msg_adapters.bags.ros1_file import MAGIC_ROS1, Ros1File
 from msg_adapters.bags.sqlite_file import SqliteFile
 from mtpgo_core.errors import RecordingError
@@ -88,6 +88,35 @@ def _bag_name(path: Path) -> str:
     return match[1] if match else _stem(path)
 
 
+def mcap_connection(
+    number: int, channel: McapChannel, schema: McapSchema | None, count: int, owner: object
+) -> Connection:
+    """Return a channel of an MCAP file as rosbags describes it.
+
+    Args:
+        number: of the channel.
+        channel: topic, encoding and QoS.
+        schema: type and definition, None where the file has none.
+        count: messages of the channel.
+        owner: what the channel is read from.
+    """
+    definition = MessageDefinition(MessageDefinitionFormat.NONE, "")
+    if schema is not None and schema.encoding in _DEFINITIONS and schema.text:
+        definition = MessageDefinition(_DEFINITIONS[schema.encoding], schema.text)
+    return Connection(
+        id=number,
+        topic=channel.topic,
+        msgtype=_full_name(schema.name) if schema else "",
+        msgdef=definition,
+        digest="",
+        msgcount=count,
+        ext=ConnectionExtRosbag2(
+            channel.encoding, qos_of(channel.metadata.get("offered_qos_profiles"))
+        ),
+        owner=owner,
+    )
+
+
 class _McapStorage:
     """An MCAP file with connections as rosbags describes them."""
 
@@ -95,27 +124,15 @@ class _McapStorage:
         self.file = McapFile(path)
         self.start_ns, self.end_ns = self.file.start_ns, self.file.end_ns
         self.connections = {
-            number: self._connection(number, channel)
+            number: mcap_connection(
+                number,
+                channel,
+                self.file.schemas.get(channel.schema_id),
+                self.file.counts[number],
+                self.file,
+            )
             for number, channel in self.file.channels.items()
         }
-
-    def _connection(self, number: int, channel: McapChannel) -> Connection:
-        schema = self.file.schemas.get(channel.schema_id)
-        definition = MessageDefinition(MessageDefinitionFormat.NONE, "")
-        if schema is not None and schema.encoding in _DEFINITIONS and schema.text:
-            definition = MessageDefinition(_DEFINITIONS[schema.encoding], schema.text)
-        return Connection(
-            id=number,
-            topic=channel.topic,
-            msgtype=_full_name(schema.name) if schema else "",
-            msgdef=definition,
-            digest="",
-            msgcount=self.file.counts[number],
-            ext=ConnectionExtRosbag2(
-                channel.encoding, qos_of(channel.metadata.get("offered_qos_profiles"))
-            ),
-            owner=self.file,
-        )
 
     def messages(
         self, numbers: Collection[int], start_ns: int | None, stop_ns: int | None

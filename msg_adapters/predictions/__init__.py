@@ -7,7 +7,7 @@ needed, rosbags only for bags and pandas only for :func:`prediction_frame`.
 """
 
 from msg_adapters.inputs.odometry import pose_of, pose_of_transform
-from msg_adapters.predictions.prediction_bag import predictions_in_bag
+from msg_adapters.predictions.prediction_bag import NoPredictionsError, predictions_in_bag
 from msg_adapters.predictions.prediction_cloud import (
     POINT,
     REQUIRED_FIELDS,
@@ -33,6 +33,7 @@ __all__ = [
     "REQUIRED_FIELDS",
     "AgentClass",
     "CalibrationStage",
+    "NoPredictionsError",
     "Pose2",
     "Prediction",
     "Source",

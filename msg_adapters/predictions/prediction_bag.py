@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.predictions.prediction_cloud import REQUIRED_FIELDS, prediction_from_pointcloud2
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_core.schema import Prediction
@@ -18,21 +19,32 @@ if TYPE_CHECKING:
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
-def predictions_in_bag(path: Path | str, topic: str | None = None) -> Iterator[Prediction]:
+class NoPredictionsError(RecordingError):
+    """A bag without predictions."""
+
+
+def predictions_in_bag(
+    path: Path | str, topic: str | None = None, *, span_ns: tuple[int, int] | None = None
+) -> Iterator[Prediction]:
     """Yield the predictions in a bag in the order in which they were recorded.
 
     Args:
         path: a rosbag2 directory, or an ``.mcap``, ``.db3`` or ``.bag`` file; one that is cut off
             is read as far as it goes.
         topic: their topic; by default the one that holds predictions.
+        span_ns: first and last stamp of those wanted (ns), None for all.
 
     Raises:
-        RecordingError: it is not a bag, it is damaged, or it holds no predictions.
+        NoPredictionsError: it holds no predictions.
+        RecordingError: it is not a bag, or it is damaged.
     """
     from msg_adapters.bags.bag_reader import DecodingBagReader
 
     with DecodingBagReader(Path(path)) as reader:
         for connection, _, message in reader.messages(_prediction_topic(reader, topic)):
+            stamp_ns = stamp_to_ns(message.header.stamp)
+            if span_ns is not None and not span_ns[0] <= stamp_ns <= span_ns[1]:
+                continue
             try:
                 yield prediction_from_pointcloud2(message)
             except MessageError as error:
@@ -56,7 +68,7 @@ def _prediction_topic(reader: DecodingBagReader, topic: str | None) -> list[Any]
         expected = f"a {_CLOUD} with the fields of predictions, as the node publishes them"
     if not chosen:
         topics = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections}))
-        raise RecordingError(
+        raise NoPredictionsError(
             f"{reader.path} has no predictions, it has {topics or 'no topic'}; expected {expected}"
         )
     return chosen

@@ -17,7 +17,7 @@ from mtpgo_training.benchmark.measurement.machine import print_heading, table, w
 from mtpgo_training.benchmark.measurement.process_usage import require_linux
 from mtpgo_training.benchmark.node_case import NodeCase, NodeRow
 from mtpgo_training.benchmark.node_measurement import measure
-from mtpgo_training.demo.node_session import require_ros
+from mtpgo_training.processes.child_process import require_ros
 
 RESIDENT_MB = 450.0
 """Most resident memory allowed to the node (10^6 bytes); measured: 376 to 401."""

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from mtpgo_training.benchmark.measurement.process_usage import ProcessMonitor
 from mtpgo_training.benchmark.node_case import NodeCase, NodeRow, evaluate
-from mtpgo_training.demo.child_process import ChildProcess, isolated
-from mtpgo_training.demo.node_session import READY_S
+from mtpgo_training.processes.child_process import READY_S, ChildProcess, isolated
 
 _MOST_AGENTS = 4096
 """Largest value of the parameter max_agents."""

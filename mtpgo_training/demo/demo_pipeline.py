@@ -28,7 +28,7 @@ from mtpgo_training.demo.live_comparison import (
     largest_difference_m,
     live_comparison_table,
 )
-from mtpgo_training.demo.node_session import require_ros, run_session
+from mtpgo_training.demo.node_session import run_session
 from mtpgo_training.demo.playback_plan import PlaybackPlan, make_plan
 from mtpgo_training.demo.publication_timing import merge_timings, timing
 from mtpgo_training.demo.recorded_messages import (
@@ -40,6 +40,7 @@ from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replay
 from mtpgo_training.evaluation.moments import Moment, choose_moments
 from mtpgo_training.evaluation.scorer import add_scores
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
+from mtpgo_training.processes.child_process import require_ros
 from mtpgo_training.table_format import to_text
 
 SHIPPED = ("recordings", "roundabout", "roundabout.mcap")

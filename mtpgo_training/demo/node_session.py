@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 import time
 from collections.abc import Sequence
@@ -12,13 +11,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.demo.child_process import ChildProcess, isolated
 from mtpgo_training.demo.recorded_messages import TOPICS
-
-READY_S = 120.0
-"""Longest wait for a process to become ready (s). Chosen: on a busy machine a cold
-start, which loads torch and ROS, takes long."""
+from mtpgo_training.processes.child_process import READY_S, ChildProcess, isolated
 
 SUBSCRIBERS = 2
 """Subscribers of the objects before the first is played: the predictor and the recorder."""
@@ -32,22 +26,6 @@ FIRST_PREDICTION = "first prediction"
 
 LAST_REPORT_S = 1.5
 """Wait for the last diagnostics (s): the node publishes them once a second."""
-
-
-def require_ros(purpose: str = "the demo") -> None:
-    """Check that ROS 2 is installed, which starting the node needs.
-
-    Args:
-        purpose: what starts the node, for the error message.
-
-    Raises:
-        ConfigurationError: it is not installed.
-    """
-    if importlib.util.find_spec("rclpy") is None:
-        raise ConfigurationError(
-            f"{purpose} starts the ROS 2 node, but rclpy is not installed for this Python: source "
-            "ROS 2 Jazzy, or install this package with its extra `ros`"
-        )
 
 
 def run_session(

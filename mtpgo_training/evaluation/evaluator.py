@@ -22,14 +22,13 @@ from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
 from mtpgo_core.live_calibration.live_options import OFF, SHIPPED, LiveOptions
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
-from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
-from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import HistoryWindow, Prediction, Source
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.evaluation.honesty.agent_honesty import PredictedPaths
 from mtpgo_training.evaluation.honesty.honesty_table import HonestyTable
+from mtpgo_training.evaluation.offline_predictor import make_predictor
 from mtpgo_training.evaluation.scorer import ScoredBaselines, ScoredPrediction, Scorer
 from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
 from mtpgo_training.scenes.history_replay import replay
@@ -42,9 +41,6 @@ CENTRE_EVERY = 5
 
 HONESTY_PROTOCOL = "all"
 """The protocol whose predictions are also judged by honesty and plausibility: what users get."""
-
-MAX_AGENTS = 10_000
-"""Limit of the predictor offline (agents); chosen so high that the model predicts all of them."""
 
 
 @dataclass(frozen=True)
@@ -213,18 +209,6 @@ def load_models(given: Sequence[str]) -> dict[str, ModelRunner]:
     if taken is not None:
         raise ConfigurationError(f"a model is called {taken}, which is the name of a baseline")
     return dict(zip(names, (runner for _, runner in loaded), strict=True))
-
-
-def make_predictor(
-    runner: ModelRunner, recording: Recording, policy: str | None = None
-) -> ScenePredictor:
-    """Return the predictor that the node would run on this recording."""
-    return ScenePredictor(
-        runner,
-        options=PredictorOptions(policy=policy, max_agents=MAX_AGENTS),
-        lanes=LaneMap(recording.lanes) if recording.lanes else None,
-        site=recording.location,
-    )
 
 
 def evaluate_recording(

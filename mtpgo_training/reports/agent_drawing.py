@@ -12,21 +12,14 @@ from matplotlib.patches import Ellipse, Polygon
 from mtpgo_core.frames import rotate
 from mtpgo_core.schema import AgentClass, Float64Array
 from mtpgo_training.evaluation.moments import Moment
+from mtpgo_training.reports.drawn_bodies import CAR_SIZE_M, DEFAULT_SIZE_M, SHOWN_WEIGHT
 from mtpgo_training.reports.local_view import LocalView
 
 PREDICTED, FOCAL, TRUTH, CV = "#2a6fbb", "#e07b16", "#1a1a1a", "#c0392b"
 PAST, LANE, BODY, GROUND = "#7d8790", "#c3c7cb", "#dfe4ea", "#f7f7f5"
 
-SHOWN_WEIGHT = 0.05
-"""Modes below this weight are not drawn; chosen."""
-
 STEPS_S = (1.0, 2.0, 3.0, 4.0, 5.0)
 """Times ahead at which the ellipses of the road user in focus are drawn (s); chosen."""
-
-DEFAULT_SIZE_M = {AgentClass.PEDESTRIAN: (0.6, 0.6), AgentClass.BICYCLE: (1.8, 0.7)}
-CAR_SIZE_M = (4.6, 1.9)
-"""Length and width drawn for a road user without a size, by class and for all other classes (m);
-chosen."""
 
 
 def draw_agent(axes: Any, moment: Moment, around: LocalView, agent: int, *, focal: bool) -> None:

@@ -30,10 +30,10 @@ from mtpgo_training.reports.agent_drawing import (
     GROUND,
     LANE,
     PREDICTED,
-    SHOWN_WEIGHT,
     TRUTH,
     draw_agent,
 )
+from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT
 from mtpgo_training.reports.local_view import LocalView, surroundings
 
 LOWEST, HIGHEST = 0.2, 0.46

@@ -57,7 +57,8 @@ def add_data_arguments(
     Args:
         parser: the command's.
         form: ``--data`` for options alone, ``[DIR]`` for a directory without an option (that may
-            be left out) besides them, ``LAYOUT DIRECTORY`` for both without options.
+            be left out) besides them, ``LAYOUT DIRECTORY`` for both without options,
+            ``BAG|TOPIC`` for a bag, directory or topic without an option.
         required: a directory must be given.
         topic_help: help of ``--topic``.
     """
@@ -70,6 +71,9 @@ def add_data_arguments(
     if form == "LAYOUT DIRECTORY":
         completed_by(add("layout", help=f"layout of the recordings: {layouts}"), lambda: LAYOUTS)
         add("data", type=Path, metavar="directory", help="directory with the recordings")
+    elif form == "BAG|TOPIC":
+        add("data", type=Path, metavar=form, help="bag, directory of recordings, or live topic")
+        add("--layout", help=f"layout of recordings that are no bags: {layouts}")
     else:
         if form == "[DIR]":
             add("data", nargs="?", type=Path, metavar="DIR", help="directory with recordings")

@@ -13,7 +13,7 @@ from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.schema import Float64Array, Prediction, Source
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.evaluation.evaluator import make_predictor
+from mtpgo_training.evaluation.offline_predictor import make_predictor
 from mtpgo_training.scenes.history_replay import replay
 
 _SAME_WEIGHT = 1e-5

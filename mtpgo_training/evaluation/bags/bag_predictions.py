@@ -27,17 +27,21 @@ STAMP_SLACK_NS = 1_000_000
 and irregular messages are put on a grid of milliseconds."""
 
 
-def read_predictions(path: Path, topic: str | None = None) -> list[Prediction]:
+def read_predictions(
+    path: Path, topic: str | None = None, *, span_ns: tuple[int, int] | None = None
+) -> list[Prediction]:
     """Return the predictions in a bag, ascending in time, the last one of each stamp.
 
     Args:
         path: a rosbag2 directory or an ``.mcap`` file.
         topic: their topic; by default the one that holds predictions.
+        span_ns: first and last stamp of those wanted (ns), None for all.
 
     Raises:
-        RecordingError: it is not a bag, it is damaged, or it holds no predictions.
+        NoPredictionsError: it holds no predictions.
+        RecordingError: it is not a bag, or it is damaged.
     """
-    found = {one.stamp_ns: one for one in predictions_in_bag(path, topic)}
+    found = {one.stamp_ns: one for one in predictions_in_bag(path, topic, span_ns=span_ns)}
     return [found[stamp] for stamp in sorted(found)]
 
 

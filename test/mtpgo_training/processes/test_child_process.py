@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from mtpgo_training.demo.child_process import ChildProcess, ProcessError, wait_until
+from mtpgo_training.processes.child_process import ChildProcess, ProcessError, wait_until
 
 
 def test_a_failing_process_is_quoted(tmp_path):

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 import signal
 import subprocess
@@ -14,7 +15,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
-from mtpgo_core.errors import MtpgoError
+from mtpgo_core.errors import ConfigurationError, MtpgoError
+
+READY_S = 120.0
+"""Longest wait for a process to become ready (s). Chosen: on a busy machine a cold
+start, which loads torch and ROS, takes long."""
 
 POLL_S = 0.02
 """Time between two checks of a condition (s). Chosen: short against a process start, 1 s."""
@@ -22,6 +27,22 @@ POLL_S = 0.02
 
 class ProcessError(MtpgoError):
     """A child process that ended early, did not become ready or did not end."""
+
+
+def require_ros(purpose: str = "the demo") -> None:
+    """Check that ROS 2 is installed, which starting the node needs.
+
+    Args:
+        purpose: what starts the node, for the error message.
+
+    Raises:
+        ConfigurationError: it is not installed.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise ConfigurationError(
+            f"{purpose} starts the ROS 2 node, but rclpy is not installed for this Python: source "
+            "ROS 2 Jazzy, or install this package with its extra `ros`"
+        )
 
 
 def isolated() -> dict[str, str]:

@@ -1,0 +1,60 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The predictor that the node runs, on a recording; needs no table of scores."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mtpgo_core.history.stream_guard import UpdateReport
+from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.live_calibration.live_calibration import LiveCalibration
+from mtpgo_core.live_calibration.live_options import LiveOptions
+from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
+from mtpgo_core.scene.lane_map import LaneMap
+from mtpgo_core.schema import Prediction
+from mtpgo_training.data.recording import Recording
+from mtpgo_training.scenes.history_replay import replay
+
+MAX_AGENTS = 10_000
+"""Limit of the predictor offline (agents); chosen so high that the model predicts all of them."""
+
+
+def make_predictor(
+    runner: ModelRunner, recording: Recording, policy: str | None = None
+) -> ScenePredictor:
+    """Return the predictor that the node would run on this recording."""
+    return ScenePredictor(
+        runner,
+        options=PredictorOptions(policy=policy, max_agents=MAX_AGENTS),
+        lanes=LaneMap(recording.lanes) if recording.lanes else None,
+        site=recording.location,
+    )
+
+
+def predict_as_the_node(
+    runner: ModelRunner,
+    recording: Recording,
+    stamps_ns: Sequence[int],
+    live: LiveOptions | None = None,
+) -> list[Prediction]:
+    """Return what the node would publish at ascending stamps, live calibration included.
+
+    Args:
+        runner: the model.
+        recording: what is observed, from its first frame on.
+        stamps_ns: times of the predictions (ns).
+        live: what is learned from outcomes meanwhile; by default as in the node.
+    """
+    history = runner.task.history
+    predictor = make_predictor(runner, recording)
+    calibration = LiveCalibration(live or LiveOptions(), history, runner.task.horizon_steps)
+
+    def learn(history: TrackHistory, report: UpdateReport) -> None:
+        calibration.observe(history, report)
+
+    return [
+        calibration.serve(predictor.predict(window), window)
+        for window in replay(recording, history, stamps_ns, on_update=learn)
+    ]

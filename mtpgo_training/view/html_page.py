@@ -1,0 +1,47 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The page: one HTML file with everything in it, that needs no server and no network."""
+
+from __future__ import annotations
+
+import base64
+import html
+from pathlib import Path
+
+from mtpgo_training.atomic_files import write_text
+from mtpgo_training.view.packed_scene import pack_scene
+from mtpgo_training.view.view_scene import ViewScene
+
+_PAGE = Path(__file__).parent / "page"
+
+_SCRIPTS = ("packed_data.js", "timeline.js", "camera.js", "painter.js", "controls.js")
+"""In the order in which they use each other."""
+
+
+def write_page(scene: ViewScene, path: Path) -> int:
+    """Write the page of a scene and return its size (bytes).
+
+    Args:
+        scene: what it shows.
+        path: the file.
+
+    Raises:
+        ConfigurationError: it cannot be written.
+    """
+    text = page_text(scene)
+    write_text(path, text)
+    return len(text.encode())
+
+
+def page_text(scene: ViewScene) -> str:
+    """Return the page of a scene."""
+    parts = {
+        "title": html.escape(f"{scene.name}: predictions over time"),
+        "style": (_PAGE / "viewer.css").read_text(encoding="utf-8"),
+        "script": "\n".join((_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS),
+        "data": base64.b64encode(pack_scene(scene)).decode(),
+    }
+    text = (_PAGE / "viewer.html").read_text(encoding="utf-8")
+    for name, value in parts.items():
+        text = text.replace("{{" + name + "}}", value)
+    return text

@@ -1,0 +1,248 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What is viewed: a recording, the predictions made on it, and what became of them."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtpgo_core.identity import key_to_int
+from mtpgo_core.quality.metrics import ade, fde, is_inside, nees
+from mtpgo_core.schema import MOVING_MPS, AgentClass, Float64Array, KeyArray, Prediction
+from mtpgo_training.data.ground_truth import FutureTable
+from mtpgo_training.data.recording import Int64Array, Recording
+from mtpgo_training.reports.drawn_bodies import CAR_SIZE_M, DEFAULT_SIZE_M
+
+ELLIPSE_LEVEL = 0.9
+"""Share of the truths that a drawn ellipse should hold: the one that calibration is judged by."""
+
+ELLIPSE_TIMES_S = (1.0, 3.0, 5.0)
+"""Times ahead at which ellipses are drawn (s): those of the headline scores."""
+
+
+@dataclass(frozen=True)
+class SeenPrediction:
+    """A prediction and what became of it.
+
+    Attributes:
+        prediction: of n agents, as published.
+        track: [n] index of each agent's track in the recording, -1 for none.
+        ade_m: [n] mean displacement of the heaviest mode over the observed steps (m), NaN where
+            none was observed.
+        final_m: [n] displacement at the last step (m), NaN where it was not observed.
+        inside: [n] 1 where the truth of the last step is inside the heaviest mode's ellipse, 0
+            where it is not, NaN where it was not observed.
+    """
+
+    prediction: Prediction
+    track: Int64Array
+    ade_m: Float64Array
+    final_m: Float64Array
+    inside: Float64Array
+
+
+@dataclass(frozen=True)
+class ViewScene:
+    """Everything that a viewer shows.
+
+    Attributes:
+        name: of the bag or recording.
+        model: name of the model, empty if it is not known.
+        frame_id: frame of all positions.
+        recording: what was observed, cut to the time that is shown.
+        predictions: ascending in time.
+        offset_s: time from the beginning of the whole recording to what is shown (s).
+    """
+
+    name: str
+    model: str
+    frame_id: str
+    recording: Recording
+    predictions: tuple[SeenPrediction, ...] = ()
+    offset_s: float = 0.0
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first frame shown (ns)."""
+        return self.recording.stamp_ns(int(self.recording.frames[0]))
+
+    def since_start_s(self, stamp_ns: int) -> float:
+        """Return the time of a stamp after the first frame (s)."""
+        return (stamp_ns - self.start_ns) * 1e-9
+
+    @property
+    def horizon_s(self) -> float:
+        """Farthest time ahead of the predictions (s), 0 without any."""
+        times = [
+            float(p.prediction.time_s[-1]) for p in self.predictions if len(p.prediction.time_s)
+        ]
+        return max(times, default=0.0)
+
+
+def view_scene(
+    recording: Recording,
+    predictions: Sequence[Prediction],
+    *,
+    name: str,
+    model: str = "",
+    frame_id: str = "",
+    start_s: float | None = None,
+    end_s: float | None = None,
+) -> ViewScene:
+    """Return what is to be viewed of a recording.
+
+    Args:
+        recording: all that was observed; what happened after the end is used for the scores.
+        predictions: made on it, ascending in time.
+        name: of the bag or recording.
+        model: name of the model.
+        frame_id: frame of the positions; by default that of the predictions.
+        start_s: begin, from the recording's first frame (s).
+        end_s: end, from the recording's first frame (s).
+    """
+    first_ns = recording.stamp_ns(int(recording.frames[0]))
+    begin_ns = first_ns + round(1e9 * (start_s or 0.0))
+    end_ns = (
+        recording.stamp_ns(int(recording.frames[-1]))
+        if end_s is None
+        else first_ns + round(1e9 * end_s)
+    )
+    shown = recording.between(start_s, end_s)
+    future = FutureTable(recording)
+    seen = tuple(
+        _seen(prediction, recording, shown, future)
+        for prediction in predictions
+        if begin_ns <= prediction.stamp_ns <= end_ns and len(prediction)
+    )
+    frames = [one.prediction.frame_id for one in seen]
+    return ViewScene(
+        name=name,
+        model=model,
+        frame_id=frame_id or next(iter(frames), "map"),
+        recording=shown,
+        predictions=seen,
+        offset_s=(shown.stamp_ns(int(shown.frames[0])) - first_ns) * 1e-9 if len(shown) else 0.0,
+    )
+
+
+def _seen(
+    prediction: Prediction, recording: Recording, shown: Recording, future: FutureTable
+) -> SeenPrediction:
+    """Return a prediction with its scores."""
+    steps = len(prediction.time_s)
+    dt_s = float(np.median(np.diff(prediction.time_s, prepend=0.0)[-max(1, steps - 1) :]))
+    delay_s = float(prediction.time_s[0]) - dt_s  # where the predictor compensates its delay
+    start_ns = prediction.stamp_ns + round(1e9 * delay_s)
+    truth = future.at(recording.find_tracks(prediction.key), start_ns, steps, dt_s)
+    mean = prediction.mean[..., :2]
+    with np.errstate(invalid="ignore"):
+        squared = nees(mean, prediction.weight, prediction.covariance, truth.position)
+        inside = is_inside(squared, ELLIPSE_LEVEL, prediction.sigma_factor_50)[:, -1]
+    return SeenPrediction(
+        prediction=prediction,
+        track=shown.find_tracks(prediction.key),
+        ade_m=np.asarray(ade(mean, prediction.weight, truth.position, truth.known), np.float64),
+        final_m=np.asarray(fde(mean, prediction.weight, truth.position, truth.known), np.float64),
+        inside=np.where(truth.known[:, -1], inside, np.nan),
+    )
+
+
+def ellipse_indices(time_s: Float64Array) -> Int64Array:
+    """Return the steps with ellipses: those nearest to ELLIPSE_TIMES_S, else the last one."""
+    if not len(time_s):
+        return np.empty(0, dtype=np.int64)
+    wanted = [t for t in ELLIPSE_TIMES_S if t <= float(time_s[-1]) + 1e-6]
+    wanted = wanted or [float(time_s[-1])]
+    return np.unique([int(np.argmin(np.abs(time_s - t))) for t in wanted])
+
+
+def drawn_sizes(recording: Recording) -> Float64Array:
+    """[tracks, 2] length and width (m), by class where they are not known."""
+    usual = [
+        DEFAULT_SIZE_M.get(AgentClass(int(c)), CAR_SIZE_M) for c in recording.agent_class.tolist()
+    ]
+    known = recording.size
+    return np.where(np.isfinite(known) & (known > 0.0), known, np.array(usual).reshape(-1, 2))
+
+
+def drawn_speeds(recording: Recording) -> Float64Array:
+    """[rows] speed (m/s): observed, or of the way between neighbouring rows of a track."""
+    speed = np.linalg.norm(recording.velocity, axis=1)
+    return np.where(np.isfinite(speed), speed, np.linalg.norm(_way(recording), axis=1))
+
+
+def drawn_yaws(recording: Recording) -> Float64Array:
+    """[rows] heading (rad): observed, or the direction of motion, or 0 where nothing tells."""
+    velocity = np.where(np.isfinite(recording.velocity), recording.velocity, _way(recording))
+    moving = np.linalg.norm(velocity, axis=1) > MOVING_MPS
+    course = np.where(moving, np.arctan2(velocity[:, 1], velocity[:, 0]), np.nan)
+    yaw = np.where(np.isfinite(recording.yaw), recording.yaw, course)
+    return _filled(yaw, recording)
+
+
+def identity_texts(key: KeyArray) -> list[str]:
+    """Return identities as users know them: [n, 4] numbers, or UUIDs."""
+    numbers = [key_to_int(one) for one in key]
+    return [str(n) if n < 1 << 63 else str(uuid.UUID(int=n)) for n in numbers]
+
+
+class TrackWays:
+    """Where each track of a scene was over time.
+
+    Args:
+        scene: the scene.
+    """
+
+    def __init__(self, scene: ViewScene) -> None:
+        recording = scene.recording
+        self._order, self._starts = rows_by_track(recording)
+        self._position = recording.position[self._order]
+        passed = recording.frame[self._order] - recording.frames[0]
+        self._time_s = passed / recording.frame_rate
+
+    def between(self, track: int, from_s: float, to_s: float) -> Float64Array:
+        """Return [k, 2] the positions of a track from one time to another (m)."""
+        mine = slice(self._starts[track], self._starts[track + 1])
+        begin, end = np.searchsorted(self._time_s[mine], [from_s - 1e-4, to_s + 1e-4])
+        return self._position[mine][begin:end]
+
+    def all(self) -> list[Float64Array]:
+        """Return [k, 2] the whole way of each track with two positions or more (m)."""
+        parts = np.split(self._position, self._starts[1:-1])
+        return [part for part in parts if len(part) > 1]
+
+
+def rows_by_track(recording: Recording) -> tuple[Int64Array, Int64Array]:
+    """Return the rows in order of track and time, and [tracks + 1] where each track begins."""
+    order = np.lexsort((recording.frame, recording.track))
+    starts = np.searchsorted(recording.track[order], np.arange(len(recording.track_id) + 1))
+    return order, starts.astype(np.int64)
+
+
+def _way(recording: Recording) -> Float64Array:
+    """[rows, 2] velocity from the positions before and after (m/s), 0 where there are none."""
+    order, starts = rows_by_track(recording)
+    way = np.zeros((len(recording), 2))
+    time_s = recording.frame / recording.frame_rate
+    for begin, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+        rows = order[begin:end]
+        if len(rows) > 1:
+            way[rows] = np.gradient(recording.position[rows], time_s[rows], axis=0)
+    return way
+
+
+def _filled(values: Float64Array, recording: Recording) -> Float64Array:
+    """[rows] values whose gaps have the nearest known value of the track before, or after."""
+    order, starts = rows_by_track(recording)
+    filled = np.zeros(len(values))
+    for begin, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+        rows = order[begin:end]
+        known = np.flatnonzero(np.isfinite(values[rows]))
+        if len(known):
+            before = np.searchsorted(known, np.arange(len(rows)), side="right") - 1
+            filled[rows] = values[rows][known[np.maximum(before, 0)]]
+    return filled

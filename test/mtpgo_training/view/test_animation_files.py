@@ -1,0 +1,66 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Animations, read back."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.view import animation_files
+from mtpgo_training.view.animation_files import ffmpeg_path, write_animation
+from mtpgo_training.view.view_scene import view_scene
+
+
+@pytest.fixture(scope="module")
+def short(recording, scene):
+    predictions = [one.prediction for one in scene.predictions]
+    return view_scene(recording, predictions, name="short", end_s=0.4)
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    monkeypatch.setattr(animation_files, "WIDTH", {"gif": 240, "mp4": 240})
+
+
+@pytest.mark.parametrize("name", ["a.gif", "a.webp"])
+def test_an_animation_moves(short, tmp_path, name):
+    write_animation(short, tmp_path / name, "gif")
+    with Image.open(tmp_path / name) as image:
+        assert (image.n_frames, image.width) == (5, 240)
+        first = np.asarray(image.convert("RGB"))
+        image.seek(4)
+        assert (np.asarray(image.convert("RGB")) != first).any(axis=-1).mean() > 0.001
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 10
+
+
+def test_a_film_has_the_frames(short, tmp_path):
+    try:
+        program = ffmpeg_path()
+    except ConfigurationError:
+        pytest.skip("no ffmpeg is installed")
+    write_animation(short, tmp_path / "a.mp4", "mp4")
+    read = subprocess.run(
+        [program, "-i", str(tmp_path / "a.mp4"), "-f", "null", "-"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "frame=5" in read.stderr.replace(" ", "")
+
+
+def test_a_machine_without_ffmpeg_is_told_the_extra(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    with pytest.raises(ConfigurationError, match=r"extra 'view': pip install 'mtpgo_ros\[view\]'"):
+        ffmpeg_path()
+
+
+def test_what_ffmpeg_says_is_the_error(short, tmp_path, monkeypatch):
+    monkeypatch.setattr(animation_files, "ffmpeg_path", lambda: "false")
+    with pytest.raises(ConfigurationError, match="ffmpeg failed: no reason is given"):
+        write_animation(short, tmp_path / "a.mp4", "mp4")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,156 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The page, opened in a real browser without a window."""
+
+import base64
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from headless_browser import HeadlessBrowser, find_browser
+
+from mtpgo_training.view.html_page import page_text, write_page
+
+needs_browser = pytest.mark.skipif(
+    find_browser() is None,
+    reason="no Chromium or Chrome is installed (Debian: apt-get install chromium)",
+)
+
+COLOURS = """(() => {
+  const c = document.getElementById("view");
+  const d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
+  const seen = new Set();
+  for (let i = 0; i < d.length; i += 4) seen.add((d[i] << 16) | (d[i + 1] << 8) | d[i + 2]);
+  return seen.size;
+})()"""
+PICTURE = 'document.getElementById("view").toDataURL()'
+
+
+def test_the_page_holds_everything(scene):
+    text = page_text(dataclasses.replace(scene, name="a <b> & c"))
+    assert "{{" not in text
+    assert "<title>a &lt;b&gt; &amp; c" in text
+    assert not re.search(r"(src|href)\s*=\s*[\"'](?!data:)", text)
+    assert "default-src 'none'" in text
+
+
+@pytest.fixture(scope="module")
+def browser(scene, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("browser")
+    write_page(scene, folder / "page.html")
+    browser = HeadlessBrowser(folder / "profile")
+    browser.open((folder / "page.html").as_uri())
+    yield browser
+    browser.close()
+
+
+def slide(browser, time_s):
+    browser.value(
+        f"""(() => {{
+          const s = document.getElementById("slider");
+          s.value = {round(1000 * time_s)};
+          s.dispatchEvent(new Event("input", {{ bubbles: true }}));
+        }})()"""
+    )
+    browser.wait_for("!viewer.dirty")
+
+
+def text(browser, name):
+    return browser.value(f'document.getElementById("{name}").innerText')
+
+
+@needs_browser
+@pytest.mark.timeout(300)
+class TestInABrowser:
+    @pytest.fixture(autouse=True)
+    def no_error(self, browser):
+        yield
+        assert browser.problems == []
+
+    def test_it_draws(self, browser):
+        assert browser.value(COLOURS) > 20
+        assert base64.b64encode(browser.screenshot())
+        assert "perfect" in text(browser, "facts")
+        assert "map" in text(browser, "facts")
+
+    def test_the_slider_moves_the_picture_and_the_scores(self, browser):
+        slide(browser, 1.0)
+        before = browser.value(PICTURE)
+        assert "–" in text(browser, "scores")
+        slide(browser, 7.0)
+        assert browser.value(PICTURE) != before
+        assert "0.00 m" in text(browser, "scores")
+        assert text(browser, "clock").startswith("7.0 / 12.0")
+        slide(browser, 1.0)
+        assert browser.value(PICTURE) == before
+
+    def test_positions_are_those_of_the_recording(self, browser, scene):
+        slide(browser, 5.0)
+        poses = browser.value(
+            "viewer.present.map((p) => [p.track.id, p.pose.x, p.pose.y, p.pose.yaw])"
+        )
+        origin = browser.value("viewer.scene.head.origin")
+        rows = scene.recording.frame == 50
+        found = np.array([pose[1:3] for pose in poses]) + origin
+        np.testing.assert_allclose(found, scene.recording.position[rows], atol=0.011)
+        np.testing.assert_allclose(
+            [pose[3] for pose in poses], scene.recording.yaw[rows], atol=0.011
+        )
+        ends = browser.value(
+            """[...viewer.timeline.predictionAt(5).agents.values()].map(
+              (a) => [a.modes[0].x.at(-1), a.modes[0].y.at(-1)])"""
+        )
+        later = scene.recording.position[scene.recording.frame == 100]
+        np.testing.assert_allclose(np.array(ends) + origin, later, atol=0.03)
+
+    def test_it_plays_and_pauses(self, browser):
+        slide(browser, 2.0)
+        browser.value('document.getElementById("play").click()')
+        browser.wait_for("viewer.t > 2.3")
+        browser.value('document.getElementById("play").click()')
+        assert not browser.value("viewer.playing")
+
+    def test_a_click_on_a_road_user_tells_about_it(self, browser):
+        slide(browser, 3.0)
+        x, y = browser.value(
+            """(() => {
+              const p = viewer.present[1].pose, [x, y] = viewer.camera.toPixels(p.x, p.y);
+              const r = document.getElementById("view").getBoundingClientRect();
+              return [x + r.left, y + r.top];
+            })()"""
+        )
+        for kind in ("mousePressed", "mouseReleased"):
+            browser.call(
+                "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1
+            )
+        browser.wait_for("!viewer.dirty && viewer.selected !== null")
+        told = text(browser, "agent")
+        assert "road user 8" in told
+        assert "truck" in told
+        assert "36 km/h" in told
+        assert "model" in told
+
+    def test_switches_keys_wheel_and_theme_change_the_picture(self, browser):
+        slide(browser, 3.0)
+        seen = {browser.value(PICTURE)}
+        for act in (
+            'document.getElementById("ellipses").click()',
+            'document.dispatchEvent(new KeyboardEvent("keydown", { key: "m" }))',
+            "document.getElementById('view').dispatchEvent("
+            "new WheelEvent('wheel', { deltaY: -300, cancelable: true }))",
+            "viewer.camera.pan(40, 0); viewer.change({})",
+            'document.getElementById("theme").click()',
+            'document.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }))',
+        ):
+            browser.value(act)
+            browser.wait_for("!viewer.dirty")
+            seen.add(browser.value(PICTURE))
+        assert len(seen) == 7
+
+    def test_it_fits_a_phone(self, browser):
+        browser.resize(390, 780, mobile=True, scale=2)
+        browser.wait_for("document.documentElement.clientWidth === 390")
+        assert browser.value("document.documentElement.scrollWidth") <= 390
+        assert browser.value('document.getElementById("view").clientHeight') > 350
+        browser.resize(1280, 800)

@@ -1,0 +1,114 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Bags and recordings with and without predictions."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from viewed_bags import write_bag
+
+from models.mtp_go import MTPGO
+from models.mtp_go_config import ModelConfig
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_training.data.data_sources import DataSource
+from mtpgo_training.data.writers.ind_writer import write_ind
+from mtpgo_training.export.exporter import export_model
+from mtpgo_training.view.view_source import ViewOptions, load_scene
+
+
+@pytest.fixture(scope="module")
+def bag(recording, tmp_path_factory):
+    return write_bag(tmp_path_factory.mktemp("bag") / "drive.mcap", recording)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    torch.manual_seed(0)
+    path = tmp_path_factory.mktemp("model") / "made.pt"
+    network = MTPGO(ModelConfig(modes=2, hidden=8))
+    export_model(network, TaskDescription(name="made"), path)
+    return path
+
+
+def load(directory, layout="bag", **options):
+    return load_scene(DataSource(directory, layout), ViewOptions(**options))
+
+
+def test_recorded_predictions_are_shown_with_their_model(bag):
+    scene = load(bag)
+    assert (scene.name, scene.model, scene.frame_id) == ("drive", "perfect", "map")
+    assert len(scene.predictions) == 51
+    assert scene.predictions[0].ade_m.max() < 0.01
+
+
+def test_a_part_is_shown(bag, caplog):
+    scene = load(bag, start_s=2.0, longest_s=3.0)
+    assert scene.recording.duration_s == pytest.approx(3.0)
+    assert len(scene.predictions) == 16
+    assert "2 to 5 s of the 12.0 s of drive are shown" in caplog.text
+
+
+def test_a_model_predicts_what_has_no_predictions(recording, tmp_path, model):
+    bag = write_bag(tmp_path / "bare.mcap", recording, predictions=False)
+    scene = load(bag, model=str(model), end_s=2.0)
+    assert scene.model == "made"
+    assert len(scene.predictions) == 11
+    assert [len(one.prediction) for one in scene.predictions] == [2] * 11
+
+
+def test_the_shipped_model_predicts_where_none_is_named(recording, tmp_path, model, monkeypatch):
+    monkeypatch.setattr("mtpgo_training.view.view_source.DEFAULT_MODEL", str(model))
+    write_ind(recording, tmp_path)
+    scene = load(tmp_path, "ind", end_s=1.0)
+    assert (scene.name, scene.model) == ("made", "made")
+    assert len(scene.predictions) == 6
+
+
+def test_the_frame_is_that_of_the_objects(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr("mtpgo_training.data.recording.FRAME_ID", "odom")
+    bag = write_bag(tmp_path / "odom.mcap", recording)
+    monkeypatch.undo()
+    assert load(bag).frame_id == "odom"
+
+
+def test_a_bag_of_several_recordings_shows_the_first(recording, tmp_path, caplog):
+    later = dataclasses.replace(
+        recording, start_time_ns=recording.start_time_ns + 60_000_000_000, name="later"
+    )
+    write_bag(tmp_path / "a.mcap", recording)
+    write_bag(tmp_path / "b.mcap", later)
+    assert load(tmp_path).name == "a"
+    assert "a of" in caplog.text
+    assert "b" in caplog.text
+    chosen = load_scene(DataSource(tmp_path, "bag", ("b",)), ViewOptions())
+    assert chosen.name == "b"
+    assert len(chosen.predictions) == 51
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"start_s": 20.0}, "no road user from 20 s on, it lasts 12.0 s"),
+        ({"predictions_topic": "/other"}, "expected a sensor_msgs/msg/PointCloud2 on the topic"),
+    ],
+)
+def test_what_is_not_there_is_an_error(bag, options, message):
+    with pytest.raises(RecordingError, match=message):
+        load(bag, **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"start_s": -1.0}, "--start is -1.0, expected at least 0 s"),
+        ({"start_s": 3.0, "end_s": 2.0}, "--end is 2.0, expected more than the start, 3 s"),
+        ({"start_s": np.nan}, "--start is nan"),
+        ({"model": "default", "predictions_topic": "/p"}, "--model is given with --predictions"),
+    ],
+)
+def test_options_that_cannot_be_are_errors(options, message):
+    with pytest.raises(ConfigurationError, match=message):
+        ViewOptions(**options)
