@@ -44,6 +44,14 @@ REQUIREMENTS = [
     "ruamel.yaml>=0.18",
     "tqdm>=4.60",
 ]
+# What the test suite imports. The extra is called `test`: colcon runs pytest for packages whose
+# requirements for tests name it, and unittest, which finds nothing here, for others.
+TEST = [
+    "hypothesis>=6.100",
+    "mcap-ros2-support>=0.5",
+    "pytest>=7.4",
+    "pytest-timeout>=2.2",
+]
 EXTRAS = {
     # ROS 2 Jazzy as wheels, for machines without ROS. Where ROS is installed, that one is used.
     "ros": ["ros-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
@@ -64,14 +72,12 @@ EXTRAS = {
     # Many recordings on several processes or machines; cryptography encrypts what they exchange.
     "fleet": ["cryptography>=42.0", "distributed>=2024.8"],
     "simulation": ["eclipse-sumo>=1.20"],
+    "test": TEST,
     "development": [
+        *TEST,
         "colcon-common-extensions>=0.3",
-        "hypothesis>=6.100",
-        "mcap-ros2-support>=0.5",
         "mypy>=1.11",
-        "pytest>=8.0",
         "pytest-benchmark>=5.0",
-        "pytest-timeout>=2.3",
         "pytest-xdist>=3.6",
         "ruff>=0.6",
         "setuptools>=68,<80",
