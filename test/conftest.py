@@ -6,9 +6,10 @@ import os
 import sys
 from pathlib import Path
 
-TEST = Path(__file__).resolve().parent
-sys.path.insert(0, str(TEST))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 from needed_packages import is_installed, left_out, missing_for
+
+TEST = Path(__file__).resolve().parent
 
 # By default rclpy does not check the types of message fields and publishes wrong values.
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which tests need packages that a robot may lack: `colcon test` leaves them out there, and says so.
+"""Which tests need packages that a robot may lack; there they are left out with a sentence.
 
 Where everything is installed, as by `make`, nothing is left out.
 """
