@@ -37,7 +37,7 @@ TRAIN_ARGS ?=
 FUZZ_ARGS ?=
 SOAK_ARGS ?=
 
-.PHONY: help demo test numerics interruption fuzz soak benchmark default data-given check lint types format environment clean distclean
+.PHONY: help demo test numerics interruption fuzz soak benchmark default data-given interfaces check lint types format environment clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -120,6 +120,9 @@ $(SIMULATED)/.crowd: SIMULATE := crowd --count 4 --seconds 120 --seed 1
 $(SIMULATED)/.%: | $(STAMP)
 	@$(BIN)/mtpgo simulate $(SIMULATE) -o "$(SIMULATED)/$*"
 	@touch $@
+
+interfaces: $(STAMP) ## fetch the message definitions of Autoware, CARLA and vision_msgs, for the tests of the recipes
+	@$(BIN)/python test/recipes/interface_files.py
 
 check: lint types
 

@@ -6,7 +6,7 @@ import os
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parent / "selection"))
 from needed_packages import is_installed, left_out, missing_for
 
 TEST = Path(__file__).resolve().parent

@@ -50,9 +50,12 @@ def workspace(tmp_path) -> Path:
     (test / "test_passes.py").write_text(PASSING)
     (test / "test_fails.py").write_text(FAILING)
     shutil.copy2(ROOT / "test" / "conftest.py", test)
-    needed = (ROOT / "test" / "needed_packages.py").read_text()
+    (test / "selection").mkdir()
+    needed = (ROOT / "test" / "selection" / "needed_packages.py").read_text()
     nobody_has = '{"test_needs.py": ("a_package_that_nobody_has",)}'
-    (test / "needed_packages.py").write_text(f"{needed}\nNEEDED.update({nobody_has})\n")
+    (test / "selection" / "needed_packages.py").write_text(
+        f"{needed}\nNEEDED.update({nobody_has})\n"
+    )
     (test / "test_needs.py").write_text(NEEDING)
     # What `colcon test` asks for of the build, which test_packaging.py tests.
     environment = tmp_path / "install" / "mtpgo_ros" / "share" / "mtpgo_ros" / "package.sh"
