@@ -22,7 +22,7 @@ def colcon(*arguments: str, cwd: Path) -> subprocess.CompletedProcess:
     folder = Path(sys.executable).parent
     command = shutil.which("colcon", path=f"{folder}:{os.environ['PATH']}")
     assert command, "colcon is not installed, expected from requirements/development.txt"
-    hidden = ("PYTHONPATH", "AMENT_PREFIX_PATH", "PYTEST_ADDOPTS", "PYTEST_CURRENT_TEST")
+    hidden = ("PYTHONPATH", "AMENT_PREFIX_PATH", "PYTEST_")
     env = {k: v for k, v in os.environ.items() if not k.startswith(hidden)}
     env["PATH"] = f"{folder}:{env['PATH']}"
     return subprocess.run(

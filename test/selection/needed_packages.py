@@ -24,6 +24,8 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "mtpgo_ros/node/test_predictor_node_quality.py": _OFFLINE,
     "mtpgo_ros/runtime/test_model_loading.py": ("psutil",),
     "mtpgo_training": (*_OFFLINE, "mcap_ros2", "rclpy"),
+    "recipes": ("rclpy", "yaml"),
+    "test_manifest.py": ("yaml",),
     "test_offline_half.py": _OFFLINE,
     "test_shipped_models.py": _OFFLINE,
 }
