@@ -37,7 +37,7 @@ TRAIN_ARGS ?=
 FUZZ_ARGS ?=
 SOAK_ARGS ?=
 
-.PHONY: help demo small docs docs-serve test numerics interruption fuzz soak benchmark default data-given check lint types format environment clean distclean
+.PHONY: help demo small docs docs-serve test numerics interruption fuzz soak benchmark default data-given interfaces check lint types format environment clean distclean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 14
@@ -137,6 +137,9 @@ docs: $(STAMP) ## build the documentation site in build/site
 
 docs-serve: $(STAMP) ## show the documentation site at http://127.0.0.1:8000, built again at every change
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs serve
+
+interfaces: $(STAMP) ## fetch the message definitions of Autoware, CARLA and vision_msgs, for the tests of the recipes
+	@$(BIN)/python test/recipes/interface_files.py
 
 check: lint types
 

@@ -48,6 +48,14 @@ REQUIREMENTS = [
     "ruamel.yaml>=0.18,<0.20",
     "tqdm>=4.60,<5",
 ]
+# What the test suite imports. The extra is called `test`: colcon runs pytest for packages whose
+# requirements for tests name it, and unittest, which finds nothing here, for others.
+TEST = [
+    "hypothesis>=6.100",
+    "mcap-ros2-support>=0.5",
+    "pytest>=7.4",
+    "pytest-timeout>=2.2",
+]
 EXTRAS = {
     # ROS 2 Jazzy as wheels, for machines without ROS. Where ROS is installed, that one is used.
     "ros": ["ros-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
@@ -74,15 +82,13 @@ EXTRAS = {
     "docs": ["latex2mathml>=3.77,<4", "mkdocs>=1.6,<2", "mkdocs-material>=9.6,<10"],
     # Animations, films (imageio-ffmpeg carries ffmpeg) and rerun; the viewer's page needs none.
     "view": ["imageio-ffmpeg>=0.5,<1", "matplotlib>=3.8,<4", "rerun-sdk>=0.24"],
+    "test": TEST,
     "development": [
+        *TEST,
         "build>=1.2",
         "colcon-common-extensions>=0.3",
-        "hypothesis>=6.100",
-        "mcap-ros2-support>=0.5",
         "mypy>=1.11",
-        "pytest>=8.0",
         "pytest-benchmark>=5.0",
-        "pytest-timeout>=2.3",
         "pytest-xdist>=3.6",
         "ruff>=0.6",
         "setuptools>=68,<80",

@@ -28,6 +28,7 @@ PARAMETERS = {
     "input_type": (str, "message type of the objects, auto: as published"),
     "ego_id": (str, "identity of the ego"),
     "ego_topic": (str, "topic with the ego's odometry, which makes it a road user of the graph"),
+    "output": (tuple, "what is published, separated by commas: pointcloud2, markers, autoware"),
     "fixed_frame": (str, "frame into which objects are transformed"),
     "use_sim_time": (bool, "use the time of /clock"),
     "autostart": (bool, "false: a lifecycle manager configures and activates the node"),
@@ -145,8 +146,10 @@ def _rviz(context: object) -> list[Node | LogInfo]:
     return [*notes, Node(package="rviz2", executable="rviz2", arguments=["-d", str(layout)])]
 
 
-def _value(kind: type, name: str, text: str) -> str | float | bool:
+def _value(kind: type, name: str, text: str) -> str | float | bool | list[str]:
     """Return an argument's text as the parameter's type."""
+    if kind is tuple:
+        return [item.strip(" '\"") for item in text.strip().strip("[]").split(",")]
     if kind is bool:
         if text.lower() not in ("true", "false"):
             raise ValueError(f"argument {name} is {text!r}, expected true or false")

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import threading
 from typing import Any, Protocol
 
@@ -22,6 +23,11 @@ from mtpgo_core.schema import TrackedStates
 
 _ODOMETRY_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Queue of odometry: half a second at 100 Hz."""
+
+
+_LEAST_UPRIGHT = 0.5
+"""Smallest vertical component of a frame's z axis; chosen: 60 degrees, more than any road or mount
+of a lidar, less than the 90 degrees of a camera's optical frame."""
 
 
 class FrameTransform(Protocol):
@@ -138,7 +144,7 @@ class TfPoses:
         """Return the pose of ``frame_id`` in ``fixed_frame`` at a time (ns), 0 for the newest.
 
         Raises:
-            FrameError: TF has no transform at that time.
+            FrameError: TF has no transform at that time, or the frame does not stand upright.
         """
         time = Time(nanoseconds=stamp_ns, clock_type=self._clock_type)
         try:
@@ -147,6 +153,15 @@ class TfPoses:
             raise FrameError(
                 f"TF has no transform from {frame_id!r} to {fixed_frame!r}: {error}"
             ) from error
+        rotation = found.transform.rotation
+        upright = 1.0 - 2.0 * (rotation.x**2 + rotation.y**2)
+        if upright < _LEAST_UPRIGHT:
+            raise FrameError(
+                f"objects come in frame {frame_id!r}, whose z axis is tilted by"
+                f" {math.degrees(math.acos(max(-1.0, upright))):.0f} degrees in {fixed_frame!r},"
+                " expected z up: an optical frame of a camera cannot be used, publish the objects"
+                " in its body frame"
+            )
         return pose_of_transform(found)
 
     def close(self) -> None:

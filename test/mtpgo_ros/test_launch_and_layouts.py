@@ -158,6 +158,8 @@ def test_a_wrong_launch_argument_is_named(predictor_launch, kind, name, text, ex
         predictor_launch._value(kind, name, text)
     assert predictor_launch._value(float, "rate", "10") == 10.0
     assert predictor_launch._value(bool, "respawn", "True") is True
+    for text in ("markers,autoware", "[markers, autoware]", "['markers', 'autoware']"):
+        assert predictor_launch._value(tuple, "output", text) == ["markers", "autoware"]
 
 
 def test_the_service_unit_has_a_watchdog_and_starts_the_predictor():

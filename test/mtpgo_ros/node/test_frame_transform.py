@@ -2,8 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Transform into the fixed frame by odometry, by hand; TF is tested with the node."""
 
+import sys
+import types
+
 import numpy as np
 import pytest
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from ros_helpers import START_NS, traffic
@@ -82,3 +86,38 @@ def test_poses_of_other_frames_are_not_mixed(transform):
     # The pose of 0.0 s was dropped with the change of frames: it is 0.2 s before the first one.
     states = transform.apply(traffic(0.0, agents=1, frame_id="base_link"))
     assert states.position == pytest.approx(np.array([[200.0, -1.0]]))
+
+
+def test_an_optical_frame_of_a_camera_is_refused(monkeypatch):
+    """Its z axis points forward, x to the right: quaternion (-0.5, 0.5, -0.5, 0.5)."""
+    turn = [-0.5, 0.5, -0.5, 0.5]
+
+    class Buffer:
+        def __init__(self, node):
+            pass
+
+        def lookup_transform(self, target, source, when):
+            transform = TransformStamped()
+            rotation = transform.transform.rotation
+            rotation.x, rotation.y, rotation.z, rotation.w = turn
+            return transform
+
+    class TransformListener:
+        def __init__(self, buffer, node, *, spin_thread):
+            pass
+
+        def unregister(self):
+            pass
+
+    module = types.SimpleNamespace(Buffer=Buffer, TransformListener=TransformListener)
+    monkeypatch.setitem(sys.modules, "tf2_ros", module)
+    node = Node("transform")
+    one = FixedFrameTransform(node, "odom")
+    states = traffic(0.0, agents=1, frame_id="camera_optical_frame")
+    with pytest.raises(FrameError, match=r"'camera_optical_frame'.* tilted by 90 degrees"):
+        one.apply(states)
+    # A lidar that looks down by 15 degrees is used.
+    turn[:] = [0.0, float(np.sin(np.radians(7.5))), 0.0, float(np.cos(np.radians(7.5)))]
+    assert one.apply(states).frame_id == "odom"
+    one.close()
+    node.destroy_node()
