@@ -51,6 +51,10 @@ class Interface:
     qos: str
 
 
+def _ignore(*_: Any) -> None:
+    """Take what a subscription would pass on."""
+
+
 class _NotingNode(PredictorNode):
     """A predictor that notes what it creates."""
 
@@ -107,7 +111,7 @@ def node_interfaces() -> list[Interface]:
     try:
         node.trigger_configure()
         node.trigger_activate()
-        ContextSubscriptions(node, lambda text: None, lambda lanes: None, node.events).close()
+        ContextSubscriptions(node, _ignore, _ignore, node.events).close()
         found = list(dict.fromkeys(map(_general, filter(_is_own, node.noted))))
     finally:
         node.stop()
