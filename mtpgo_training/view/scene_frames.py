@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -89,18 +90,18 @@ class ScenePainter:
                 zorder=1,
             )
         )
-        self._ellipses = axes.add_collection(PolyCollection([], linewidths=0.5, zorder=2))
-        self._past = axes.add_collection(LineCollection([], linewidths=1.2, zorder=3))
-        self._modes = axes.add_collection(LineCollection([], capstyle="round", zorder=4))
-        self._truth = axes.add_collection(
+        self._ellipses: Any = axes.add_collection(PolyCollection([], linewidths=0.5, zorder=2))
+        self._past: Any = axes.add_collection(LineCollection([], linewidths=1.2, zorder=3))
+        self._modes: Any = axes.add_collection(LineCollection([], capstyle="round", zorder=4))
+        self._truth: Any = axes.add_collection(
             LineCollection(
                 [], colors=TEXT, alpha=0.6, linewidths=0.9, linestyles=[(0, (2.5, 2))], zorder=5
             )
         )
-        self._bodies = axes.add_collection(
+        self._bodies: Any = axes.add_collection(
             PolyCollection([], edgecolors=GROUND, linewidths=0.6, zorder=6)
         )
-        style = {
+        style: dict[str, Any] = {
             "transform": axes.transAxes,
             "fontsize": 9,
             "color": TEXT,
@@ -120,7 +121,7 @@ class ScenePainter:
                 self._canvas.draw()
                 yield np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
-    def _draw_scale(self, axes: mpl.axes.Axes, lower: Float64Array, span: Float64Array) -> None:
+    def _draw_scale(self, axes: Any, lower: Float64Array, span: Float64Array) -> None:
         length = 10.0 if span[0] < 130.0 else 20.0 if span[0] < 300.0 else 50.0
         x, y = lower[0] + 0.988 * span[0] - length, lower[1] + 0.014 * span[0]
         axes.plot([x, x + length], [y, y], color=TEXT, lw=1.8, solid_capstyle="butt")
