@@ -6,46 +6,19 @@ import dataclasses
 
 import numpy as np
 import pytest
+from risk_scene import ERROR, OK, START, WARN, prediction
 
 from mtpgo_core.errors import MessageError
 from mtpgo_core.frames import Pose2
-from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.risk.collision_risk import Unknown
 from mtpgo_core.risk.ego_plan import make_plan, plan_of_motion
-from mtpgo_core.schema import Prediction
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.diagnostics.input_watch import InputAge
 from mtpgo_ros.parameters.risk_parameters import RiskParameters
 from mtpgo_ros.risk_node.risk_assessor import RiskAssessor
 from mtpgo_ros.risk_node.risk_status import RiskStatus, risk_statuses
 
-START = 1_700_000_000_000_000_000
 STILL = plan_of_motion(START, "map", Pose2(0.0, 0.0, 0.0))
-OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
-
-
-def prediction(x=(3.0, 40.0), **changes):
-    """Return cars that stand on the x axis, named 1, 2, ..."""
-    n = len(x)
-    mean = np.zeros((n, 1, 2, 4))
-    mean[..., 0] = np.array(x)[:, None, None]
-    made = Prediction(
-        stamp_ns=START,
-        frame_id="map",
-        key=keys_from_integers(range(1, n + 1)),
-        agent_class=np.ones(n, np.uint8),
-        z=np.zeros(n),
-        size=np.tile([4.0, 2.0], (n, 1)),
-        initial=np.full((n, 4), np.nan),
-        initial_yaw=np.zeros(n),
-        time_s=np.array([1.0, 2.0]),
-        weight=np.ones((n, 1)),
-        mean=mean,
-        yaw=np.zeros((n, 1, 2)),
-        covariance=np.tile(np.eye(2), (n, 1, 2, 1, 1)),
-        source=np.zeros(n, np.uint8),
-    )
-    return dataclasses.replace(made, **changes)
 
 
 @pytest.fixture
