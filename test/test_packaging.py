@@ -32,7 +32,7 @@ SOURCES = [
     "README.md",
     "MANIFEST.in",
 ]
-EXECUTABLES = ("predictor", "replay", "record", "mtpgo")
+EXECUTABLES = ("predictor", "replay", "record", "risk", "mtpgo")
 
 
 def run(*command: str, cwd: Path, **environment: str) -> str:

@@ -74,7 +74,7 @@ def test_an_unknown_risk_is_nan_and_says_why(prediction, offline):
 
 
 def test_other_clouds_are_refused(prediction, offline):
-    with pytest.raises(MessageError, match="lacks the field at_least"):
+    with pytest.raises(MessageError, match="lacks the field probability, at_least"):
         agents_from_cloud(prediction_to_pointcloud2(prediction, offline))
 
 

@@ -121,7 +121,9 @@ def test_the_errors_are_those_of_a_standard_normal():
     # In every direction, about as many are beyond 1 as of a Gaussian.
     angle = np.linspace(0.0, np.pi, 12)
     aside = np.stack([np.cos(angle), np.sin(angle)], -1) @ STANDARD_ERRORS
-    np.testing.assert_allclose((np.abs(aside) > 1.0).mean(axis=1), 0.317, atol=0.14)
+    beyond = (np.abs(aside) > 1.0).mean(axis=1)
+    np.testing.assert_allclose(beyond, 0.317, atol=0.2)
+    assert abs(beyond.mean() - 0.317) < 0.05
 
 
 def test_weighted_quantiles():

@@ -1,0 +1,89 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The executable, its launch file, and the parameter file for nav2."""
+
+import ast
+import dataclasses
+import signal
+from pathlib import Path
+
+import yaml
+
+from mtpgo_ros.parameters.risk_parameters import RiskParameters
+
+ROOT = Path(__file__).resolve().parents[2]
+
+COSTMAP = {
+    "global_frame": str,
+    "robot_base_frame": str,
+    "update_frequency": float,
+    "publish_frequency": float,
+    "transform_tolerance": float,
+    "rolling_window": bool,
+    "width": int,
+    "height": int,
+    "resolution": float,
+    "robot_radius": float,
+    "plugins": list,
+    "use_maximum": bool,
+    "trinary_costmap": bool,
+    "lethal_cost_threshold": int,
+    "unknown_cost_value": int,
+    "track_unknown_space": bool,
+}
+"""Parameters of nav2's Costmap2DROS in Jazzy that the file uses, with the types it declares."""
+
+STATIC_LAYER = {
+    "plugin": str,
+    "enabled": bool,
+    "map_topic": str,
+    "map_subscribe_transient_local": bool,
+    "subscribe_to_updates": bool,
+}
+"""Those of its StaticLayer."""
+
+
+def test_it_starts_and_ends_with_a_signal_and_bad_input_is_one_sentence(process):
+    running = process("risk")
+    refused = process("risk", "--ros-args", "-p", "plan_type:=spline")
+    running.wait_for("ready: waiting for predictions on /predictor/predictions")
+    status, out, err = refused.finish()
+    assert (status, out) == (2, "")
+    assert err.startswith("risk: parameter plan_type is 'spline', expected one of")
+    assert running.interrupt(signal.SIGTERM)[0] == 0
+
+
+def test_the_launch_arguments_are_parameters_of_the_node():
+    tree = ast.parse((ROOT / "launch" / "risk.launch.py").read_text())
+    table = next(
+        node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "PARAMETERS"
+    )
+    arguments = {
+        key.value: value.elts[0].id for key, value in zip(table.keys, table.values, strict=True)
+    }
+    assert arguments.pop("use_sim_time") == "bool"
+    kinds = {f.name: type(f.default).__name__ for f in dataclasses.fields(RiskParameters)}
+    assert arguments == {name: kinds[name] for name in arguments}
+
+
+def test_the_costmap_of_nav2_has_the_grid_as_a_layer():
+    file = yaml.safe_load((ROOT / "config" / "nav2_predicted_occupancy.yaml").read_text())
+    costmap = file["local_costmap"]["local_costmap"]["ros__parameters"]
+    layers = {name for name, value in costmap.items() if isinstance(value, dict)}
+    assert layers == set(costmap["plugins"])
+    assert {k: type(v) for k, v in costmap.items() if k not in layers} == COSTMAP
+    layer = costmap["predicted_occupancy"]
+    assert {k: type(v) for k, v in layer.items()} == STATIC_LAYER
+    assert layer["plugin"] == "nav2_costmap_2d::StaticLayer"
+    assert layer["map_topic"] == "/risk/occupancy"
+    # See the comments in the file: what the layer does to the costmap depends on these.
+    assert layer["map_subscribe_transient_local"]
+    assert costmap["rolling_window"]
+    assert costmap["use_maximum"]
+    assert not costmap["trinary_costmap"]
+    assert 0 < costmap["lethal_cost_threshold"] < 100
+    assert costmap["unknown_cost_value"] == 255
+    assert costmap["plugins"][0] == "predicted_occupancy"
+    assert costmap["plugins"][-1] == "inflation_layer"
