@@ -180,7 +180,8 @@ def test_colcon_builds_it(tree, tmp_path, options):
         assert module.is_relative_to(tmp_path)
         assert module.resolve().is_relative_to(tree) == bool(options)
     check_template(Path(modules[-1]).parent)
-    build_with_cmake(tmp_path)
+    if options:  # the folder of a symbolic link is not that of its target
+        build_with_cmake(tmp_path)
 
 
 CMAKE_PROJECT = """

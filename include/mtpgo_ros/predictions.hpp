@@ -119,6 +119,9 @@ struct Agent
   std::uint8_t source{0};       ///< Source
   std::uint8_t calibration{0};  ///< Calibration
   double z{0.0};                ///< height at the stamp, 0 if unknown (m)
+  /// Size (m); NaN if unknown or in a cloud from before it was published.
+  double length{std::numeric_limits<double>::quiet_NaN()};
+  double width{std::numeric_limits<double>::quiet_NaN()};
 };
 
 /// Planar pose of a frame in another one.
@@ -587,6 +590,12 @@ inline Predictions decode(const Cloud & cloud)
   const auto calibration = layout.find("calibration", UINT8);
   const auto x_rest = layout.find("x_rest", FLOAT32);
   const auto y_rest = layout.find("y_rest", FLOAT32);
+  const auto length = layout.find("length", FLOAT32);
+  const auto width = layout.find("width", FLOAT32);
+  const auto positive = [&layout](const std::uint8_t * point, const detail::Column & column) {
+      const double value = layout.number(point, column);
+      return value > 0.0 && std::isfinite(value) ? value : std::numeric_limits<double>::quiet_NaN();
+    };
 
   Predictions found;
   found.stamp_ns = std::int64_t{cloud.sec} * 1000000000 + std::int64_t{cloud.nanosec};
@@ -609,6 +618,10 @@ inline Predictions decode(const Cloud & cloud)
       agent.source = point[source.offset];
       agent.calibration = factor && calibration ? point[calibration->offset] : 0;
       agent.z = layout.number(point, z);
+      if (length && width) {
+        agent.length = positive(point, *length);
+        agent.width = positive(point, *width);
+      }
       found.agents.push_back(agent);
     }
     row_of.push_back(row->second);

@@ -167,7 +167,9 @@ class EgoOdometry:
             self._objects_frame = states.frame_id
         try:
             ego = to_frame(self._state(stamp_ns, key))
-            expected = self._objects_frame or states.frame_id or ego.frame_id
+            expected = states.frame_id
+            if not len(states):  # some empty messages name no frame
+                expected = self._objects_frame or states.frame_id or ego.frame_id
             if ego.frame_id != expected:
                 raise FrameError(
                     f"its odometry is in the frame {ego.frame_id!r}, the objects are in"

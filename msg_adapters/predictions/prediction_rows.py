@@ -23,9 +23,9 @@ def prediction_frame(predictions: Prediction | Iterable[Prediction]) -> Any:
 
     The columns: ``stamp_ns`` (ns), ``frame_id``, ``agent`` (identity as text: a number below
     2**64, or a UUID), ``class`` (name), ``source`` and ``calibration`` (names), ``mode``,
-    ``step``, ``t`` (s after the stamp), ``weight``, ``x``, ``y``, ``z`` (m), ``vx``, ``vy``
-    (m/s), ``yaw`` (rad), ``cov_xx``, ``cov_xy``, ``cov_yy`` (m^2), ``sigma_factor_50``. Texts are
-    categorical. Missing points are rows with NaN.
+    ``step``, ``t`` (s after the stamp), ``weight``, ``x``, ``y``, ``z``, ``length``, ``width``
+    (m), ``vx``, ``vy`` (m/s), ``yaw`` (rad), ``cov_xx``, ``cov_xy``, ``cov_yy`` (m^2),
+    ``sigma_factor_50``. Texts are categorical. Missing points are rows with NaN.
 
     Args:
         predictions: one, or several, for instance of :func:`predictions_in_bag`.
@@ -89,6 +89,8 @@ def _columns(one: Prediction) -> dict[str, NDArray[Any]]:
         "x": one.mean[..., 0].reshape(-1),
         "y": one.mean[..., 1].reshape(-1),
         "z": of_agent(one.z),
+        "length": of_agent(one.size[:, 0]),
+        "width": of_agent(one.size[:, 1]),
         "vx": one.mean[..., 2].reshape(-1),
         "vy": one.mean[..., 3].reshape(-1),
         "yaw": one.yaw.reshape(-1),

@@ -216,6 +216,7 @@ def test_another_frame_is_a_problem_unless_there_is_a_transform(make):
     joined = ego.join(objects(0.1, frame="odom"), EGO)
     assert (joined.known, len(joined.states)) == (False, 2)
     assert "odometry is in the frame 'map', the objects are in 'odom'" in joined.problem
+    assert not ego.join(objects(0.1, frame=""), EGO).known  # objects that name no frame
     pose = Pose2(x=0.0, y=100.0, yaw=np.pi / 2)
     joined = ego.join(
         objects(0.2, frame="odom"), EGO, lambda one: to_fixed_frame(one, pose, "odom")

@@ -37,9 +37,9 @@ void print(const mtpgo_ros::Predictions & found)
   for (std::size_t a = 0; a < found.agents.size(); ++a) {
     const auto & agent = found.agents[a];
     std::printf(
-      "agent %u %u %u %u %u %u %u %.17g %zu %zu\n", agent.key[0], agent.key[1], agent.key[2],
+      "agent %u %u %u %u %u %u %u %.17g %.17g %.17g %zu %zu\n", agent.key[0], agent.key[1], agent.key[2],
       agent.key[3], agent.agent_class, agent.source, agent.calibration, agent.z,
-      found.most_probable_mode(a), found.find(agent.key).value());
+      agent.length, agent.width, found.most_probable_mode(a), found.find(agent.key).value());
     for (std::size_t h = 0; h < found.steps(); ++h) {
       std::printf("factor %.17g\n", found.sigma_factor_50(a, h));
     }

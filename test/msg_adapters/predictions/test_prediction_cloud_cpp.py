@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from msg_adapters.predictions import (
+    POINT,
     Pose2,
     at_times,
     mixture_moments,
@@ -29,6 +30,7 @@ from mtpgo_core.errors import MessageError
 ROOT = Path(__file__).resolve().parents[3]
 MESSAGES = ROOT / "docs" / "messages.md"
 TYPE = "sensor_msgs/msg/PointCloud2"
+STEP = POINT.itemsize
 FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
 SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 COMPILER = shutil.which("g++") or shutil.which("clang++")
@@ -113,7 +115,7 @@ def assert_same(found, data):
         np.testing.assert_allclose(found[name], values, err_msg=name, **tolerance)
 
     same("time", wanted.time_s[:, None])
-    agents = [wanted.agent_class, wanted.source, wanted.calibration, wanted.z]
+    agents = [wanted.agent_class, wanted.source, wanted.calibration, wanted.z, wanted.size]
     agents = np.column_stack([wanted.key, *agents, most_probable_mode(wanted), np.arange(n)])
     same("agent", agents)
     same("factor", wanted.sigma_factor_50.reshape(-1, 1))
@@ -140,6 +142,12 @@ def big_endian(message):
     return dataclasses.replace(message, data=data.reshape(-1), is_bigendian=True)
 
 
+def lacking(message, *names):
+    """The cloud without some of its fields."""
+    fields = [field for field in message.fields if field.name not in names]
+    return dataclasses.replace(message, fields=fields)
+
+
 def without(message, rows):
     """The cloud without some of its points."""
     data = np.frombuffer(bytes(message.data), np.uint8).reshape(-1, message.point_step)
@@ -152,10 +160,10 @@ def variants(prediction, offline):
     whole = prediction_to_pointcloud2(prediction, offline)
     far = prediction.mean + np.array([691_000.123, 5_334_000.456, 0.0, 0.0])
     far_off = dataclasses.replace(prediction, mean=far)
-    shuffled = np.frombuffer(bytes(whole.data), "V80").copy()
+    shuffled = np.frombuffer(bytes(whole.data), f"V{STEP}").copy()
     np.random.default_rng(5).shuffle(shuffled)
-    rows = np.zeros((4, 15 * 80 + 16), np.uint8)  # organised and padded
-    rows[:, : 15 * 80] = np.frombuffer(bytes(whole.data), np.uint8).reshape(4, -1)
+    rows = np.zeros((4, 15 * STEP + 16), np.uint8)  # organised and padded
+    rows[:, : 15 * STEP] = np.frombuffer(bytes(whole.data), np.uint8).reshape(4, -1)
     return {
         "whole": whole,
         "far from the origin": prediction_to_pointcloud2(far_off, offline),
@@ -166,8 +174,10 @@ def variants(prediction, offline):
         "a step missing": without(whole, list(range(2, 60, 5))),
         "one point": without(whole, list(range(1, 60))),
         "no points": without(whole, list(range(60))),
-        "first layout": dataclasses.replace(whole, fields=whole.fields[:-4]),
-        "without rests": dataclasses.replace(whole, fields=whole.fields[:-2]),
+        "first layout": lacking(
+            whole, "sigma_factor_50", "calibration", "x_rest", "y_rest", "length", "width"
+        ),
+        "without rests": lacking(whole, "x_rest", "y_rest", "length"),
         "padded rows": dataclasses.replace(
             whole, height=4, width=15, row_step=rows.shape[1], data=rows.reshape(-1)
         ),
@@ -198,7 +208,7 @@ def contradictions(prediction, states, offline):
             setattr(edited[number], name, value)
         return dataclasses.replace(whole, fields=edited)
 
-    far_apart = data.reshape(-1, 80)[:40].copy()
+    far_apart = data.reshape(-1, STEP)[:40].copy()
     far_apart[:, 61:63] = 255
     far_apart[:, 44] = np.arange(40)
     return {
@@ -227,7 +237,7 @@ def contradictions(prediction, states, offline):
         "id as float": (changed(11, datatype=7), "no predictions"),
         "two of a name": (changed(1, name="x"), "two fields of the name 'x'"),
         "a point twice": (
-            dataclasses.replace(whole, data=np.concatenate([data[:80], data[:80]]), width=2),
+            dataclasses.replace(whole, data=np.concatenate([data[:STEP]] * 2), width=2),
             "same agent",
         ),
         "few points of many": (
@@ -255,7 +265,7 @@ def test_bytes_that_are_cut_off_or_damaged_are_refused_or_read_alike(
     prediction, offline, typestore, dumps
 ):
     whole = bytes(typestore.serialize_cdr(prediction_to_pointcloud2(prediction, offline), TYPE))
-    start = len(whole) - 60 * 80 - 1
+    start = len(whole) - 60 * STEP - 1
     rng = np.random.default_rng(11)
     contents = [whole[:length] for length in (*range(0, start, 7), start + 100, len(whole) - 1)]
     contents += [b"\x00\x03" + whole[2:], b"\x01" + whole[1:]]

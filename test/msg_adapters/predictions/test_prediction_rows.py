@@ -30,7 +30,7 @@ def test_one_row_for_each_agent_mode_and_step(prediction):
     numbers = [*prediction.mean[a, m, h], prediction.yaw[a, m, h], prediction.weight[a, m]]
     assert row[["x", "y", "vx", "vy", "yaw", "weight"]].tolist() == pytest.approx(numbers)
     assert row["t"] == pytest.approx(0.8)
-    assert row["z"] == 2.0
+    assert row[["z", "length", "width"]].tolist() == [2.0, 12.0, 2.5]
     assert row[["cov_xx", "cov_xy", "cov_yy"]].tolist() == pytest.approx(
         prediction.covariance[a, m, h].reshape(4)[[0, 1, 3]].tolist()
     )
