@@ -154,7 +154,10 @@ class LaneInput:
         """Place the lines into the frame of an observation, and compare them with it."""
         now_s = self._clock()
         with self._lock:
-            if not self._called or not len(states):
+            if not len(states):
+                return
+            if not self._called:
+                self._frame_id = states.frame_id
                 return
             if states.frame_id == self._frame_id and now_s - self._looked_s < LOOK_EVERY_S:
                 return

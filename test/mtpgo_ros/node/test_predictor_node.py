@@ -272,8 +272,7 @@ def test_lanes_come_from_a_file_that_may_change(bench, tmp_path):
     b = bench("lanes", lane_file=path)
     assert b.peer.count_subscribers(f"{b.namespace}/lane_markings") == 0
     assert len(b.predict(traffic(0.0))) == 4
-    values = b.status("model", OK, lanes=path)
-    assert (values["lane_segments"], values["in_lane"]) == ("2", "1.00")
+    b.status("model", OK, lanes=path, lane_segments="2", in_lane="1.00")
     refused = b.node.set_parameters([Parameter("lane_file", value="/none.osm")])[0]
     assert "parameter lane_file: /none.osm cannot be read" in refused.reason
     far = lane_file("far.geojson", 30_000.0, 0.0)

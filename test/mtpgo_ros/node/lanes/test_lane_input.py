@@ -131,6 +131,7 @@ def test_markings_wait_for_the_frame_of_the_objects(bench):
     road = LaneMap([np.array([[-500.0, y], [2000.0, y]]) for y in (2.0, -2.0)])
     assert "nothing has come" in bench.lanes.limitations()[0]
     bench.lanes.take_markings(road, "map")
+    assert bench.placed == []
     bench.observe("map")
     assert bench.placed[-1] is road
     other = LaneMap([np.array([[-500.0, y], [2000.0, y]]) for y in (90.0, 95.0)])
@@ -140,6 +141,12 @@ def test_markings_wait_for_the_frame_of_the_objects(bench):
         bench.observe("map", float(number))
     (problem,) = bench.lanes.limitations()
     assert problem.startswith("lane_markings: no vehicle that moves is in a lane")
+
+
+def test_markings_in_a_known_frame_serve_at_once(bench):
+    bench.observe("map")
+    bench.lanes.take_markings(LaneMap([np.array([[0.0, 2.0], [9.0, 2.0]])]), "map")
+    assert len(bench.placed[-1]) == 1
 
 
 def test_reading_takes_place_beside_the_node(bench, tmp_path, monkeypatch):
