@@ -157,7 +157,7 @@ class TfPoses:
         upright = 1.0 - 2.0 * (rotation.x**2 + rotation.y**2)
         if upright < _LEAST_UPRIGHT:
             raise FrameError(
-                f"objects come in frame {frame_id!r}, whose z axis is tilted by"
+                f"the z axis of frame {frame_id!r} is tilted by"
                 f" {math.degrees(math.acos(max(-1.0, upright))):.0f} degrees in {fixed_frame!r},"
                 " expected z up: an optical frame of a camera cannot be used, publish the objects"
                 " in its body frame"
