@@ -1,5 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
+# PYTHON_ARGCOMPLETE_OK
 """``risk``: the executable that tells how likely predicted road users are in the ego's way.
 
 All settings are ROS parameters (``--ros-args -p plan_type:=path -r plan:=/planner/path``). SIGINT
@@ -13,7 +14,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.runtime.executable import ArgumentParser, fail, leave, stop_on_signals
+from mtpgo_ros.runtime.executable import (
+    ArgumentParser,
+    answered,
+    fail,
+    leave,
+    stop_on_signals,
+)
 from mtpgo_ros.runtime.supervision import ServiceNotifier, end_with_parent
 
 if TYPE_CHECKING:
@@ -31,6 +38,8 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     """
     stopped = stop_on_signals()
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if answered("risk", arguments, _parser):
+        return 0
     import rclpy
 
     from mtpgo_ros.runtime.ros_start import own_arguments, start
@@ -39,13 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     node: RiskNode | None = None
     notifier = ServiceNotifier.from_environment()
     try:
-        parser = ArgumentParser(prog="risk", description=__doc__)
-        parser.add_argument(
-            "--end-with-parent",
-            action="store_true",
-            help="end when the parent process ends; the launch files set this",
-        )
-        if parser.parse_args(own_arguments(arguments)).end_with_parent:
+        if _parser().parse_args(own_arguments(arguments)).end_with_parent:
             end_with_parent()
         start(arguments)
         from mtpgo_ros.lifecycle.lifecycle_run import run_lifecycle
@@ -61,6 +64,16 @@ def main(argv: Sequence[str] | None = None) -> int | None:
         node.destroy_node()
     rclpy.try_shutdown()
     return status
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(prog="risk", description=__doc__)
+    parser.add_argument(
+        "--end-with-parent",
+        action="store_true",
+        help="end when the parent process ends; the launch files set this",
+    )
+    return parser
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ PROGRAMS = {
     "predictor": "mtpgo_ros.predictor",
     "replay": "mtpgo_ros.replay",
     "record": "mtpgo_ros.record",
+    "risk": "mtpgo_ros.risk",
     "load_generator": "mtpgo_ros.load_generator",
 }
 
