@@ -10,13 +10,14 @@
 # several GB that the node does not use.
 
 FROM ros:jazzy-ros-base AS jazzy
-# rosdep installs what package.xml depends on.
+# rosdep installs what package.xml depends on, except what requirements/robot.txt has by pip.
 COPY package.xml /tmp/mtpgo_ros/package.xml
 # hadolint ignore=DL3008
 RUN apt-get update \
  && apt-get install -y --no-install-recommends python3-pip \
  && rosdep update --rosdistro jazzy \
- && rosdep install -y --rosdistro jazzy --from-paths /tmp/mtpgo_ros --ignore-src \
+ && rosdep install -y --rosdistro jazzy --from-paths /tmp/mtpgo_ros --ignore-src -t exec \
+      --skip-keys "mcap-ros2-support python3-pytorch-pip python3-rosbags-pip" \
  && rm -rf /var/lib/apt/lists/*
 # Ubuntu's Python takes packages from pip only by this word. numpy is left as apt has it, because
 # rclpy was built against it.

@@ -14,10 +14,14 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def _value(name: str) -> object:
-    for node in ast.parse((ROOT / "setup.py").read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Assign) and node.targets[0].id == name:
-            return ast.literal_eval(node.value)
-    raise KeyError(name)
+    tree = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
+    wanted = ("REQUIREMENTS", "TEST", "EXTRAS")
+    tree.body = [
+        node for node in tree.body if isinstance(node, ast.Assign) and node.targets[0].id in wanted
+    ]
+    values: dict[str, object] = {}
+    exec(compile(tree, "setup.py", "exec"), values)
+    return values[name]
 
 
 def requirements() -> list[Requirement]:

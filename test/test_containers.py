@@ -12,6 +12,7 @@ from pathlib import Path
 
 import declared
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 CPU_INDEX = "https://download.pytorch.org/whl/cpu"
@@ -130,6 +131,8 @@ def test_apt_leaves_nothing_behind_and_takes_no_recommendations():
     # package.xml names the rest, and rosdep reads it.
     (words,) = [words for _, words in commands("rosdep install")]
     assert words[words.index("--from-paths") + 1] == "/tmp/mtpgo_ros"
+    by_pip = yaml.safe_load((ROOT / "requirements" / "rosdep.yaml").read_text())
+    assert set(words[words.index("--skip-keys") + 1].split()) == set(by_pip)
 
 
 def test_what_is_copied_exists_and_is_not_ignored():

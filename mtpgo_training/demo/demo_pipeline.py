@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -139,9 +138,7 @@ def shipped_source() -> DataSource:
 
 
 def _write_page(bag: Path, path: Path) -> Path | None:
-    """Write the page of the viewer and say where it is; return None where there is none."""
-    if importlib.util.find_spec("mtpgo_training.view") is None:
-        return None
+    """Write the page of the viewer and say where it is; return None if there is none to write."""
     from mtpgo_training.view.scene_outputs import write_outputs
     from mtpgo_training.view.view_source import ViewOptions, load_scene
 
@@ -159,11 +156,13 @@ def _draw(moments: Sequence[Moment], path: Path) -> str:
     """Draw the picture; return its name, or in brackets why there is none."""
     if not moments:
         return "(no picture: no moving road user was predicted by the model)"
-    if importlib.util.find_spec("matplotlib") is None:
+    try:
+        from mtpgo_training.reports.scene_plot import draw_picture
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "matplotlib":
+            raise
         return "(no picture: matplotlib is missing, it comes with the extra 'training')"
     print("  drawing", flush=True)
-    from mtpgo_training.reports.scene_plot import draw_picture
-
     draw_picture(moments, path)
     return f"and {path.name}"
 
