@@ -104,6 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add(
         "--topics",
+        action="extend",
         nargs="+",
         metavar="TOPIC",
         help="record these; by default the predictions, their processing time and scores, and the "

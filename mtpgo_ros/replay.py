@@ -76,7 +76,7 @@ def _parser() -> argparse.ArgumentParser:
         help="skip this much of the bag (s)",
     )
     add("--duration", type=positive, metavar="S", help="play this much of the bag (s)")
-    add("--topics", nargs="+", metavar="TOPIC", help="play only these topics")
+    add("--topics", action="extend", nargs="+", metavar="TOPIC", help="play only these topics")
     add(
         "--clock-rate",
         type=not_negative,

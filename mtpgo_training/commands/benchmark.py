@@ -64,7 +64,15 @@ def _node_arguments(add: Add) -> None:
     _duration(add, 60.0)
     add("--markers", action="store_true", help="also subscribe to the markers")
     _model(add)
-    add("-p", "--parameters", nargs="+", default=[], metavar="NAME:=VALUE", help="of the node")
+    add(
+        "-p",
+        "--parameters",
+        action="extend",
+        nargs="+",
+        default=[],
+        metavar="NAME:=VALUE",
+        help="of the node",
+    )
     add(
         "--bars",
         action="store_true",

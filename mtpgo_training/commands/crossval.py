@@ -53,6 +53,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--out", type=Path, metavar="DIR", help="folder of the results and of all folds")
     add(
         "--folds",
+        action="extend",
         nargs="+",
         metavar="NAME",
         help="folds to run, each by its name or that of a site in it (default: all); the "

@@ -62,6 +62,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     completed_by(
         add(
             "--model",
+            action="extend",
             nargs="+",
             default=[],
             metavar="FILE",
@@ -77,6 +78,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_cache_arguments(parser)
     add(
         "--predictions",
+        action="extend",
         nargs="+",
         type=Path,
         default=[],
@@ -136,6 +138,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--markdown", action="store_true", help="print the table of a model card")
     add(
         "--results",
+        action="extend",
         nargs="+",
         type=Path,
         metavar="JSON",

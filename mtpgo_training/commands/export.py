@@ -40,6 +40,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     calibration.add_argument(
         "--calibration",
         type=Path,
+        action="extend",
         nargs="+",
         metavar="PATH",
         help="calibrate on the sites that `mtpgo crossval` left out (its folder, or "

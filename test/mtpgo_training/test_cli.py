@@ -115,3 +115,19 @@ def test_an_output_that_is_closed_early_is_no_error() -> None:
     finally:
         os.close(writer)
     assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.parametrize(
+    ("words", "attribute"),
+    [
+        (["evaluate", "--model", "a", "--model", "b"], "model"),
+        (["evaluate", "--predictions", "a", "--predictions", "b"], "predictions"),
+        (["crossval", "--folds", "a", "--folds", "b"], "folds"),
+        (["study", "layers", "--rows", "a", "--rows", "b"], "rows"),
+        (["export", "run", "-o", "m", "--calibration", "a", "--calibration", "b"], "calibration"),
+    ],
+)
+def test_an_option_with_several_values_may_be_repeated(words: list[str], attribute: str) -> None:
+    """None of the values is dropped in silence."""
+    given = cli.build_parser(words[0]).parse_args(words)
+    assert [str(value) for value in getattr(given, attribute)] == ["a", "b"]

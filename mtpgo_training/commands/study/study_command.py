@@ -57,7 +57,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add_data_arguments(parser)
     add("--out", type=Path, metavar="DIR", help="folder of the results and of all runs")
-    add("--rows", nargs="+", metavar="ROW", help="rows to run, by name (default: all)")
+    add(
+        "--rows",
+        action="extend",
+        nargs="+",
+        metavar="ROW",
+        help="rows to run, by name (default: all)",
+    )
     add("--seeds", type=positive_integer, default=10, metavar="N", help="trainings of a row (10)")
     add(
         "--data-set",
