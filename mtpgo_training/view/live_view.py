@@ -19,7 +19,7 @@ from msg_adapters.bags.live.growing_bag import FollowedMessage, GrowingBag
 from msg_adapters.inputs.lane_markers import lanes_from_markers
 from msg_adapters.predictions import prediction_from_pointcloud2
 from msg_adapters.registry import adapter_for_type
-from mtpgo_core.errors import ConfigurationError, MessageError
+from mtpgo_core.errors import ConfigurationError, MessageError, RecordingError
 from mtpgo_core.frames import VEHICLE_FRAMES
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.recording_bag import LANES_TOPIC, OBJECTS_TOPIC
@@ -40,6 +40,9 @@ CONTEXT = (LANES_TOPIC, "/tf", "/tf_static", "/odometry", "/diagnostics")
 LONGEST_S = 600.0
 """Time after which a live view ends if none is given (s); chosen: the recording behind it grows by
 some 2 MB/s with 64 road users."""
+
+FIRST_S = 30.0
+"""Longest wait for the first message (s); chosen: more than discovery takes on a busy machine."""
 
 POLL_S = 0.2
 """Time between two looks at the recording (s); it is written once a second."""
@@ -85,11 +88,13 @@ def view_live(
         source: options of its reading.
         options: what of it is shown.
         outputs: name -> file; an empty path for ``rerun`` is its viewer, live.
-        seconds: how long to listen (s); the viewer of rerun ends by itself after LONGEST_S.
+        seconds: how long to listen from the first message on (s), None for LONGEST_S with
+            the viewer of rerun alone.
 
     Raises:
         ConfigurationError: no output, or one that needs an end, or ROS is not installed.
-        ProcessError: nothing came, or the recorder failed.
+        RecordingError: nothing came.
+        ProcessError: the recorder failed.
     """
     live = outputs.get("rerun") == Path()
     files = {name: path for name, path in outputs.items() if path != Path()}
@@ -104,11 +109,17 @@ def view_live(
     chosen = live_topics(topic, source.options.bags.topic_of(""), options.predictions_topic)
     with tempfile.TemporaryDirectory(prefix="mtpgo_view_") as folder:
         bag = Path(folder) / f"{topic.strip('/').replace('/', '_')}.mcap"
-        with _recording(bag, chosen, seconds or LONGEST_S) as recorder:
+        with _recording(bag, chosen) as recorder:
+            listened_s = seconds or LONGEST_S
+            _wait_for_first(bag, chosen, recorder)
+            print(f"listening for {listened_s:g} s", flush=True)
+            end_s = time.monotonic() + listened_s
             if live:
-                _show(bag, chosen, recorder)
+                _show(bag, chosen, recorder, end_s)
             else:
-                recorder.wait((seconds or LONGEST_S) + READY_S)
+                while time.monotonic() < end_s:
+                    recorder.check()
+                    time.sleep(POLL_S)
         if files or not live:
             bags = dataclasses.replace(source.options.bags, topic=chosen.objects)
             reading = dataclasses.replace(source.options, bags=bags)
@@ -119,26 +130,43 @@ def view_live(
 
 
 @contextmanager
-def _recording(bag: Path, topics: LiveTopics, seconds: float) -> Iterator[ChildProcess]:
-    """Record the topics while the block runs."""
+def _recording(bag: Path, topics: LiveTopics) -> Iterator[ChildProcess]:
+    """Record the topics while the block runs; at its end, nothing recorded is an error."""
     names = [topics.objects, topics.predictions, *CONTEXT]
-    arguments = ["-o", str(bag), "--duration", f"{seconds:g}", "--topics", *names]
+    arguments = ["-o", str(bag), "--topics", *names]
     with ChildProcess("record", arguments, bag.parent / "record.log", {}) as recorder:
         recorder.wait_for("ready", READY_S)
-        print(
-            f"listening to {topics.objects} and {topics.predictions} for {seconds:g} s", flush=True
-        )
+        print(f"waiting for {topics.objects} and {topics.predictions}", flush=True)
         yield recorder
 
 
-def _show(bag: Path, topics: LiveTopics, recorder: ChildProcess) -> None:
-    """Show what comes in the viewer of rerun, until the recorder or the user ends it."""
+def _wait_for_first(bag: Path, topics: LiveTopics, recorder: ChildProcess) -> None:
+    """Wait until objects or predictions came.
+
+    Raises:
+        RecordingError: nothing came within FIRST_S.
+    """
+    growing, end_s = GrowingBag(bag), time.monotonic() + FIRST_S
+    wanted = (topics.objects, topics.predictions)
+    while not any(came.topic in wanted for came in growing.new_messages()):
+        if time.monotonic() > end_s:
+            raise RecordingError(
+                f"nothing came on {topics.objects} or {topics.predictions} within {FIRST_S:g} s, "
+                "expected a publisher of one of them"
+            )
+        recorder.check()
+        time.sleep(POLL_S)
+
+
+def _show(bag: Path, topics: LiveTopics, recorder: ChildProcess, end_s: float) -> None:
+    """Show what comes in the viewer of rerun, until a time (s, monotonic) or the user ends it."""
     from mtpgo_training.view.rerun_scene import RerunScene
 
     target = RerunScene(topics.objects, None)
     shown, growing = LiveScene(target, topics), GrowingBag(bag)
     try:
-        while recorder.running:
+        while time.monotonic() < end_s:
+            recorder.check()
             for came in growing.new_messages():
                 shown.add(came)
             time.sleep(POLL_S)

@@ -10,7 +10,7 @@ from viewed_bags import PREDICTIONS, write_bag
 
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.live.growing_bag import FollowedMessage
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.processes.child_process import ChildProcess
 from mtpgo_training.view.live_view import LiveScene, LiveTopics, live_topics, view_live
@@ -72,6 +72,14 @@ def test_a_file_needs_an_end(outputs):
         view_live("/objects", DataSource(Path("/objects"), "bag"), ViewOptions(), outputs, None)
 
 
+@pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="rclpy is not installed")
+def test_a_topic_without_a_publisher_is_an_error(monkeypatch, tmp_path):
+    monkeypatch.setattr("mtpgo_training.view.live_view.FIRST_S", 0.5)
+    outputs = {"html": tmp_path / "a.html"}
+    with pytest.raises(RecordingError, match="nothing came on /silent or /predictor/predictions"):
+        view_live("/silent", DataSource(Path("/silent"), "bag"), ViewOptions(), outputs, 2.0)
+
+
 @pytest.mark.timeout(300)
 @pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="rclpy is not installed")
 def test_a_page_of_a_live_topic(bag, tmp_path, capsys):
@@ -79,9 +87,9 @@ def test_a_page_of_a_live_topic(bag, tmp_path, capsys):
     playing = [str(bag), "--wait-for-subscribers", "1", "--no-progress", "--clock-rate", "0"]
     with ChildProcess("replay", [*playing, "--loop"], tmp_path / "replay.log", {}) as replay:
         source = DataSource(Path("/objects"), "bag")
-        assert view_live("/objects", source, ViewOptions(), {"html": page}, 4.0) == 0
+        assert view_live("/objects", source, ViewOptions(), {"html": page}, 2.0) == 0
         replay.check()
     told = capsys.readouterr().out
     assert "2 road users" in told
-    assert int(told.split(" predictions, ")[0].split()[-1]) > 3
+    assert int(told.split(" predictions, ")[0].split()[-1]) > 0
     assert page.stat().st_size > 10_000
