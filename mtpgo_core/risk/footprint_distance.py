@@ -18,8 +18,8 @@ from mtpgo_core.frames import rotate
 from mtpgo_core.schema import Float32Array, Float64Array, IndexArray
 
 ERRORS = 16
-"""Errors per mode. Chosen: quantiles are then within 0.3 standard deviations of the smallest
-distance of those of thousands of errors, mostly within 0.1 (measured)."""
+"""Errors per mode. Chosen: quantiles are then within 0.6 standard deviations of the smallest
+distance of those of thousands of errors, mostly within 0.2 (measured)."""
 
 _LEAST_SIGMA_M = 1e-3
 """Smaller standard deviations count as a millimetre."""

@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 
+from msg_adapters.inputs.ego_odometry import EGO_NAME
 from mtpgo_core.errors import FrameError, MtpgoError
 from mtpgo_core.identity import key_to_int, keys_from_texts
 from mtpgo_core.prediction.output_assembly import select
@@ -61,9 +62,10 @@ class RiskAssessor:
 
     def others(self, prediction: Prediction) -> Prediction:
         """Return the prediction without the ego."""
-        text = self._parameters.ego_id or self._ego_topic
-        if not text or not len(prediction):
+        if not len(prediction):
             return prediction
+        # Without a given identity, the ego is the one that the predictor adds by odometry.
+        text = self._parameters.ego_id or self._ego_topic or EGO_NAME
         key = keys_from_texts([text])[0]
         return select(prediction, (prediction.key != key).any(axis=1))
 

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from risk_scene import ERROR, OK, START, WARN, prediction
 
+from msg_adapters.inputs.ego_odometry import EGO_NAME
 from mtpgo_core.errors import MessageError
 from mtpgo_core.frames import Pose2
+from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.risk.collision_risk import Unknown
 from mtpgo_core.risk.ego_plan import make_plan, plan_of_motion
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -145,6 +147,13 @@ def test_the_ego_is_left_out_by_parameter_or_topic(setup):
     assert assessor.others(prediction()).key[:, 0].tolist() == [2]
     assessor.configure(RiskParameters(ego_id="2"))
     assert assessor.others(prediction()).key[:, 0].tolist() == [1]
+
+
+def test_the_ego_that_the_predictor_adds_by_odometry_is_left_out(setup):
+    assessor, _ = setup
+    given = prediction()
+    given.key[0] = keys_from_texts([EGO_NAME])[0]
+    assert assessor.others(given).key[:, 0].tolist() == [2]
 
 
 def test_an_empty_road_is_no_problem(setup):
