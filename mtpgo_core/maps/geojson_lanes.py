@@ -210,7 +210,7 @@ def _points(path: Path, place: str, positions: Any) -> Float64Array:
         pairs = [(position[0], position[1]) for position in positions]
         numbers = not any(isinstance(value, str | bool) for pair in pairs for value in pair)
         points = np.array(pairs, dtype=np.float64).reshape(-1, 2)
-    except (TypeError, ValueError, IndexError, KeyError):
+    except (TypeError, ValueError, IndexError, KeyError, OverflowError):
         numbers, points = False, np.empty((0, 2))
     if not numbers or len(points) < 2 or not np.isfinite(points).all():
         raise ConfigurationError(
@@ -223,7 +223,7 @@ def _points(path: Path, place: str, positions: Any) -> Float64Array:
 def _width(path: Path, place: str, value: Any) -> float:
     try:
         width = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         width = math.nan
     if not _LEAST_WIDTH_M <= width <= _MOST_WIDTH_M:
         raise ConfigurationError(

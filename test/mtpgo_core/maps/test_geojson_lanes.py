@@ -103,6 +103,7 @@ def test_a_named_reference_system(tmp_path, name):
         ('{"type": "LineString", "coordinates": [[1, 2]]}', "expected two or more positions"),
         ('{"type": "LineString", "coordinates": [[1, 2], ["3", 4]]}', "two or more positions"),
         ('{"type": "LineString", "coordinates": [[1, 2], [NaN, 4]]}', "two or more positions"),
+        (f'{{"type": "LineString", "coordinates": [[1, 2], [1{"0" * 400}, 4]]}}', "two or more"),
         ('{"type": "MultiLineString", "coordinates": [[[1, 2], 3]]}', r"coordinates\[0\]: coord"),
         ('{"type": "Feature", "geometry": {"type": "Circle"}}', "geometry of type 'Circle'"),
         ('{"type": "Feature", "geometry": null}', "1 features without geometry"),
