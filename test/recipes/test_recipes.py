@@ -11,11 +11,11 @@ import yaml
 from recipe_file import RECIPES, ROOT, arguments_of, read_recipe
 
 from mtpgo_ros.node.objects_subscription import TOPIC
-from mtpgo_ros.node.publishers import _TOPICS
+from mtpgo_ros.node.publishers import OUTPUT_TOPICS
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters, updated
 
 STACKS = sorted(RECIPES)
-TOPICS = {TOPIC, "odometry", "/tf", "/tf_static", *_TOPICS.values()}
+TOPICS = {TOPIC, "odometry", "/tf", "/tf_static", *OUTPUT_TOPICS.values()}
 GIVEN = {"vision": {"objects": "/tracks"}, "nav2": {"objects": "/tracks"}}
 NAMES = {field.name for field in dataclasses.fields(PredictorParameters)}
 
