@@ -93,23 +93,28 @@ DEFAULT_DATA = $(foreach name,$(DEFAULT_REAL),--data "$(DATA)/$(name)" --layout 
 	  $(foreach name,$(DEFAULT_SIMULATED),--data "$(SIMULATED)/$(name)" \
 	  --layout $(if $(filter highway%,$(name)),highd,ind))
 
-# The shipped model `default`, in two stages. The first begins with random weights on half of the
-# sites; the second goes on from them with a learning rate of its own. Both are done without each half
-# of the sites, which the covariances and weights are calibrated on and the card's figures are of
-# (crossval), and with all sites (train).
+# The shipped model `default`, in three stages. The first begins with random weights on half of the
+# sites; the others go on from them, with losses of their own. All are done without each half of the
+# sites, which the covariances and weights are calibrated on and the card's figures are of (crossval),
+# and with all sites (train).
 FIRST_STAGE := --set optimisation.warm_up_share=0.25 --set optimisation.learning_rate=0.0025 \
-  --set optimisation.heaviest_weight=0
+  --set optimisation.heaviest_weight=0 --set optimisation.huber_delta=1 --set optimisation.mean_weight=0.5
+SECOND_STAGE := --set optimisation.heaviest_weight=1 --set optimisation.huber_delta=1 \
+  --set optimisation.mean_weight=0.5
+DEFAULT_CROSSVAL = $(BIN)/mtpgo crossval default --folds first_half second_half --jobs 2 $(DEFAULT_DATA)
 default: data-given $(STAMP) $(DEFAULT_SIMULATED:%=$(SIMULATED)/.%) ## train, calibrate and export the shipped model `default`; DATA=DIR of the real recordings [RUNS=DIR]
-	@$(BIN)/mtpgo crossval default --out "$(RUNS)/default-crossval-first" \
-	  --folds first_half second_half --steps-per-fold 1200 --jobs 2 $(DEFAULT_DATA) $(FIRST_STAGE)
-	@$(BIN)/mtpgo crossval default --out "$(RUNS)/default-crossval" \
-	  --folds first_half second_half --jobs 2 $(DEFAULT_DATA) \
-	  --init-from "$(RUNS)/default-crossval-first"
-	@$(BIN)/mtpgo train default --out "$(RUNS)/default-first" $(DEFAULT_DATA) \
-	  --set optimisation.learning_rate=0.0015 $(if $(wildcard $(RUNS)/default-first/last.pt),--resume,\
-	  --init-from "$(RUNS)/default-crossval-first/folds/first_half/run") $(TRAIN_ARGS)
-	@$(BIN)/mtpgo train default --out "$(RUNS)/default" $(DEFAULT_DATA) \
-	  $(if $(wildcard $(RUNS)/default/last.pt),--resume,--init-from "$(RUNS)/default-first") $(TRAIN_ARGS)
+	@$(DEFAULT_CROSSVAL) --out "$(RUNS)/default-crossval-1" --steps-per-fold 1200 $(FIRST_STAGE)
+	@$(DEFAULT_CROSSVAL) --out "$(RUNS)/default-crossval-2" $(SECOND_STAGE) \
+	  --init-from "$(RUNS)/default-crossval-1"
+	@$(DEFAULT_CROSSVAL) --out "$(RUNS)/default-crossval" --seed 2 \
+	  --init-from "$(RUNS)/default-crossval-2"
+	@$(BIN)/mtpgo train default --out "$(RUNS)/default-1" $(DEFAULT_DATA) $(SECOND_STAGE) \
+	  --set optimisation.learning_rate=0.0015 $(if $(wildcard $(RUNS)/default-1/last.pt),--resume,\
+	  --init-from "$(RUNS)/default-crossval-1/folds/first_half/run") $(TRAIN_ARGS)
+	@$(BIN)/mtpgo train default --out "$(RUNS)/default-2" $(DEFAULT_DATA) $(SECOND_STAGE) \
+	  $(if $(wildcard $(RUNS)/default-2/last.pt),--resume,--init-from "$(RUNS)/default-1") $(TRAIN_ARGS)
+	@$(BIN)/mtpgo train default --out "$(RUNS)/default" $(DEFAULT_DATA) --seed 2 \
+	  $(if $(wildcard $(RUNS)/default/last.pt),--resume,--init-from "$(RUNS)/default-2") $(TRAIN_ARGS)
 	@$(BIN)/mtpgo export "$(RUNS)/default" -o "$(RUNS)/default.pt" \
 	  --checkpoint "$(RUNS)/default.ckpt" --calibration "$(RUNS)/default-crossval"
 

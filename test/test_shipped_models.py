@@ -38,7 +38,7 @@ def motorway() -> Recording:
 def test_one_model_is_shipped_with_its_checkpoint_and_recipe():
     assert SHIPPED == ["default"]
     assert CHECKPOINTS == ["default"]
-    assert [path.stem for path in RECIPES] == ["default", "own_recordings"]
+    assert [path.stem for path in RECIPES] == ["default", "own_recordings", "road"]
 
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda path: path.stem)
