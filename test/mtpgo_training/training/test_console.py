@@ -83,16 +83,17 @@ def test_the_setting_counts_recordings_scenes_and_agents():
     assert last[1] == f"r, seed {CONFIG.seed}, epochs 3 to 8, from batch 6"
 
 
+AGAIN = "mtpgo train c.yaml --out r --resume"
+
+
 def test_the_summary_says_how_to_continue():
     run = new_run()
     run.state.epoch, run.state.seconds, run.state.epoch_seconds = 3, 100.0, 20.0
-    assert summary(run, Path("r")) == "3 of 8 epochs done in 2.0 min, see r"
+    assert summary(run, Path("r"), AGAIN) == "3 of 8 epochs done in 2.0 min, see r"
     run.stopping = True
-    assert summary(run, Path("r")).splitlines()[1] == (
-        "to continue: the same command with --resume"
-    )
+    assert summary(run, Path("r"), AGAIN).splitlines()[1] == f"to continue: {AGAIN}"
     run.state.epoch = 8
-    assert "--resume" not in summary(run, Path("r"))
+    assert "--resume" not in summary(run, Path("r"), AGAIN)
 
 
 def test_the_summary_of_a_validated_run_names_its_epoch_and_the_export():
@@ -103,7 +104,7 @@ def test_the_summary_of_a_validated_run_names_its_epoch_and_the_export():
     run.state.metrics = {"model": {"all": {**values, "n": 7, "n_final": 7}}}
     run.state.metrics["model"]["all"] |= {"moving_n": 5, "coverage_90_moving_1s": 0.9125}
     run.state.best_epoch = 4
-    first, *_, coverage, _, last = summary(run, Path("r")).splitlines()
+    first, *_, coverage, _, last = summary(run, Path("r"), AGAIN).splitlines()
     assert first == "last epoch 4, validation, all agents, calibrated:"
     assert coverage.startswith("0.912 of moving road users are inside their 90 % ellipse after 1")
     assert last == "next: mtpgo export r -o tiny.pt"
