@@ -155,7 +155,9 @@ def run(args: argparse.Namespace) -> int:
     folder = CrossvalFolder(args.out)
     folder.require_usable()
     if args.init_from is not None and not args.init_from.is_dir():
-        raise ConfigurationError(f"--init-from is {args.init_from}, which is no folder")
+        raise ConfigurationError(
+            f"--init-from is {args.init_from}, which is no folder, expected a cross-validation"
+        )
     recordings = read_all(sources, cache)
     config = with_site_origins(config, recordings)
     sites = find_sites(recordings, config.crossval.sites)

@@ -64,7 +64,9 @@ def require_sources(sources: Sequence[DataSource]) -> list[SourceJob]:
     for source in sources:
         columns = source.options.columns
         if columns is not None and not columns.is_file():
-            raise ConfigurationError(f"--columns is {columns}, which is no file")
+            raise ConfigurationError(
+                f"--columns is {columns}, which is no file, expected one with the columns"
+            )
     jobs = source_jobs(sources)
     for source in sources:
         if source.layout in MODULES_OF_LAYOUT:

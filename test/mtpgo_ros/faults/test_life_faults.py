@@ -235,7 +235,7 @@ NONSENSE = (True, -1, 10**12, float("nan"), float("inf"), "nonsense", ["a", "b"]
 def is_allowed(field, value):
     """Return whether a parameter may have a value of :data:`NONSENSE` while the node is active."""
     return (type(value) is bool and type(field.default) is bool) or (
-        field.name == "ego_id" and type(value) in (str, int)
+        field.name in ("ego_id", "lane_frame") and type(value) in (str, int)
     )
 
 

@@ -262,7 +262,7 @@ def test_a_volatile_publisher_of_lane_markings(node, models):
     node.fresh().healthy()
     node.level("model", WARN, "lane_markings")
     publisher = node.peer.create_publisher(MarkerArray, "lane_markings", 10)
-    lines = [np.array([[-100.0, y], [500.0, y]]) for y in (2.0, -2.0)]
+    lines = [np.array([[-5000.0, y], [5000.0, y]]) for y in (2.0, -2.0)]
     message = lanes_to_markers(lines, RclpyTypes(), stamp_ns=0, frame_id="map")
 
     def heard():

@@ -93,7 +93,7 @@ def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this
     in_this_process.undo()
     said_first, errors = capsys.readouterr()
     assert errors == ""
-    assert "interrupted; to continue: the same command" in said_first
+    assert "interrupted; to continue: mtpgo crossval " in said_first
     stopped = load_checkpoint(both / "run" / "last.pt")["step"]
     assert 0 < stopped < STEPS
     assert not (both / "training.json").exists()
@@ -179,7 +179,10 @@ def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this
         (["--set", "crossval.folds={1: [east]}"], "a name in crossval.folds is 1, expected text"),
         (["--set", "model.layer=gat3"], "layer is 'gat3', expected one of"),
         (["--minutes-per-fold", "3"], "--minutes-per-fold and --steps-per-fold are given"),
-        (["--init-from", "nowhere"], "--init-from is nowhere, which has no trained fold 'both'"),
+        (
+            ["--init-from", "nowhere"],
+            "--init-from is nowhere, which is no folder, expected a cross",
+        ),
         (["--compare", "a", "b"], "--compare is given with a configuration, --data or --out"),
     ],
 )

@@ -85,7 +85,7 @@ def test_bad_input_gives_one_line_and_status_2(folder, model, tmp_path, capsys, 
         ((str(folder), "--model", str(model)), "expected --layout with one of"),
         ((str(folder), "--layout", "none", "--model", str(model)), "'none' is unknown"),
         ((*data, "--recordings", "01"), "trained on all 1 recordings"),
-        ((*data, "-o", str(tmp_path / "taken")), "taken cannot be written"),
+        ((*data, "-o", str(tmp_path / "taken")), "taken is a file, expected a folder"),
         ((*data[:3], "--model", "none"), "none"),
     ):
         assert main(["demo", *arguments]) == 2

@@ -92,7 +92,7 @@ def test_a_study_of_two_rows_interrupted_continued_and_with_a_failed_run(
     out = place / "out"
     assert cli.main(arguments(place, *TWO_ROWS)) == 128 + signal.SIGINT
     printed = capsys.readouterr()
-    assert "interrupted; to continue: the same command" in printed.out
+    assert "interrupted; to continue: mtpgo study comparison " in printed.out
     assert not (out / "runs" / "seq2seq-seed1" / "scores.json").exists()
     content = json.loads((out / "result.json").read_text(encoding="utf-8"))
     assert [row["gap"] for row in content["rows"]] == [

@@ -67,7 +67,8 @@ def test_the_live_scores_are_those_of_the_metrics(bag):
         place = (WINDOWS_S.index(300), group, t)
         assert report.predictions[place] == number > 40
         found = dict(zip(SCORES, report.scores[place], strict=True))
-        assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
+        # The published positions are float32, whose steps are 2e-6 to 4e-6 m at these distances.
+        assert found == pytest.approx(expected, rel=1e-6, abs=4e-6)
     assert report.agents[2, group, 0] == 8
 
 

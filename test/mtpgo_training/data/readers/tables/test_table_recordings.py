@@ -242,7 +242,7 @@ def test_what_the_command_line_says(tmp_path, capsys):
     assert cli.main(command) == 2
     assert "the layout 'table' needs --columns FILE" in capsys.readouterr().err
     assert cli.main([*command, "--columns", str(tmp_path / "none.yaml")]) == 2
-    assert "none.yaml cannot be read: No such file" in capsys.readouterr().err
+    assert "none.yaml, which is no file, expected one with the columns" in capsys.readouterr().err
     assert cli.main([*command, "--class-map", "kitti"]) == 2
     assert "class map 'kitti' is neither a preset nor a file" in capsys.readouterr().err
     assert cli.main([*command, "--columns", str(tmp_path / "c.yaml")]) == 0
