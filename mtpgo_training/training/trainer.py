@@ -68,8 +68,9 @@ STATISTICS_SCENES = 512
 """Scenes from which the scales of the network's inputs are taken (chosen)."""
 
 CALIBRATED_PARTS = ("noise", "initial_covariance")
-"""Parts of MTP-GO that give its covariances. Weights trained on which mode is nearest made the
-heaviest mode's ADE 7 % larger (measured); they get a temperature when the model is exported."""
+"""Parts of the networks that give their covariances: MTP-GO has both, baselines and ablations the
+first. Weights trained on which mode is nearest made the heaviest mode's ADE 7 % larger (measured);
+they get a temperature when the model is exported."""
 
 TENSORBOARD_STEPS = 10
 """Steps between two points of the loss in TensorBoard (chosen: small files)."""
@@ -333,7 +334,7 @@ def _fit(
             run.out_of_time = run.stopping = bool(fabric.broadcast(limit.is_up(validation_s)))
             if run.stopping:
                 break
-        _freeze(run.model, CALIBRATED_PARTS if run.calibrates else options.train_only)
+        _freeze(run.model, calibrated_parts(run.model) if run.calibrates else options.train_only)
         loader, steps = epoch_loader(scenes.training, config, state, rank, processes)
         title = f"epoch {state.epoch + 1}/{options.epochs} {run.loss_weights().name}"
         bar = tqdm(loader, title, steps, initial=state.batch, leave=False, disable=not progress)
@@ -521,6 +522,12 @@ def _threads(config: TrainingConfig) -> int:
         options.accelerator == "auto" and not torch.cuda.is_available()
     )
     return 1 if on_cpu and options.devices != 1 else config.num_threads
+
+
+def calibrated_parts(model: nn.Module) -> list[str]:
+    """Return those of :data:`CALIBRATED_PARTS` that a network has."""
+    parts = {name.partition(".")[0] for name, _ in model.named_parameters()}
+    return [part for part in CALIBRATED_PARTS if part in parts]
 
 
 def _freeze(model: nn.Module, train_only: Sequence[str]) -> None:

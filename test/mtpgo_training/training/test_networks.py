@@ -29,7 +29,7 @@ from mtpgo_training.training.networks import (
     rebuild,
 )
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
-from mtpgo_training.training.trainer import train
+from mtpgo_training.training.trainer import calibrated_parts, train
 from mtpgo_training.training.training_config import DataConfig, OptimisationConfig, TrainingConfig
 
 HISTORY, SCENE = HistoryConfig(), SceneConfig(max_neighbours=3, context="polar")
@@ -183,3 +183,14 @@ def test_a_baseline_is_trained_by_the_same_trainer(name, tmp_path):
     assert name_of(export.load_model(checkpoint)) == name
     scores = checkpoint["metrics"]
     assert scores["model"]["all"]["ade"] < 0.6 * scores["cv"]["all"]["ade"]
+
+
+@ALL
+def test_every_network_has_covariances_to_train_alone(name):
+    """What the last epochs of a recipe train: of the baselines the noise."""
+    own = ["initial_covariance"] if name == "mtp-go" else []
+    assert calibrated_parts(build(name)) == ["noise", *own]
+
+
+def test_without_its_filter_mtp_go_has_the_noise_to_train_alone():
+    assert calibrated_parts(build("mtp-go", ekf=False)) == ["noise"]
