@@ -9,20 +9,11 @@ SIGINT and SIGTERM end it with status 0, bad input with status 2 and one sentenc
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
-from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.runtime.executable import (
-    ArgumentParser,
-    answered,
-    fail,
-    leave,
-    share_interpreter,
-    stop_on_signals,
-    tune_allocator,
-)
-from mtpgo_ros.runtime.supervision import ServiceNotifier, end_with_parent
+from mtpgo_ros.lifecycle.node_executable import run_executable
+from mtpgo_ros.runtime.executable import leave, share_interpreter, stop_on_signals, tune_allocator
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
@@ -37,43 +28,13 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     stopped = stop_on_signals()
     tune_allocator()
     share_interpreter()
-    arguments = list(sys.argv[1:] if argv is None else argv)
-    if answered("predictor", arguments, _parser):
-        return 0
-    import rclpy
-
-    from mtpgo_ros.runtime.ros_start import own_arguments, start
-
-    status, node = 0, None
-    notifier = ServiceNotifier.from_environment()
-    try:
-        if _parser().parse_args(own_arguments(arguments)).end_with_parent:
-            end_with_parent()
-        start(arguments)
-        from mtpgo_ros.lifecycle.lifecycle_run import run_lifecycle
-        from mtpgo_ros.node.predictor_node import PredictorNode
-
-        node = PredictorNode(arguments=arguments)
-        run_lifecycle(node, stopped, notifier)
-    except MtpgoError as error:
-        status = fail("predictor", error)
-    notifier.stopping()
-    if node is not None:
-        if not node.stop():
-            leave(status)
-        node.destroy_node()
-    rclpy.try_shutdown()
-    return status
+    return run_executable("predictor", __doc__, argv, stopped, _node_class)
 
 
-def _parser() -> ArgumentParser:
-    parser = ArgumentParser(prog="predictor", description=__doc__)
-    parser.add_argument(
-        "--end-with-parent",
-        action="store_true",
-        help="end when the parent process ends; the launch files set this",
-    )
-    return parser
+def _node_class() -> Callable[..., Any]:
+    from mtpgo_ros.node.predictor_node import PredictorNode
+
+    return PredictorNode
 
 
 if __name__ == "__main__":

@@ -15,17 +15,17 @@ from typing import Any, cast
 
 from rclpy.clock import JumpThreshold, ROSClock
 from rclpy.duration import Duration
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus, diagnostic_statuses
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
-from mtpgo_ros.diagnostics.event_log import RECENT_S, EventLog
+from mtpgo_ros.diagnostics.event_log import RECENT_S
 from mtpgo_ros.diagnostics.health import Verdict
 from mtpgo_ros.diagnostics.input_watch import InputAge
 from mtpgo_ros.diagnostics.latency import LatencyStatistics
 from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions, state_of
-from mtpgo_ros.lifecycle.manager_bond import ManagerBond, NoBond, form_bond
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
+from mtpgo_ros.lifecycle.resource_node import ResourceNode
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.model_swap import ModelSwap
 from mtpgo_ros.node.prediction_pipeline import PredictionPipeline
@@ -37,7 +37,7 @@ _NAMES_PERIOD_S = 1.0
 """Time between two searches for another node of the same name (s); chosen."""
 
 
-class PredictorNode(LifecycleNode):
+class PredictorNode(ResourceNode):
     """Predicts the objects on ``objects`` and publishes the predictions under its own name.
 
     Args:
@@ -55,13 +55,9 @@ class PredictorNode(LifecycleNode):
 
     def __init__(self, *, arguments: Sequence[str] = (), **node_options: Any) -> None:
         super().__init__("predictor", **node_options)
-        self.failure = ""
-        self.starting = False
         self._model: ModelHost | None = None
         self._outputs: Publishers | None = None
         self._pipeline: PredictionPipeline | None = None
-        self._bond: ManagerBond = NoBond()
-        self.events = EventLog(self.get_logger())
         self._server = ParameterServer(
             self,
             PredictorParameters(),
@@ -130,8 +126,7 @@ class PredictorNode(LifecycleNode):
         self._pipeline = PredictionPipeline(
             self, self._model, self._outputs, self.parameters, self.events, self._status
         )
-        done = super().on_activate(state)
-        self._bond = form_bond(self)
+        done = self._activated(state)
         about = self._model.describe()
         self.get_logger().info(
             f"ready: {about['model']} predicts {about['horizon_s']} s ahead at"
@@ -139,42 +134,11 @@ class PredictorNode(LifecycleNode):
         )
         return done
 
-    @record_failure
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop subscribing and predicting."""
-        self._close_pipeline()
-        return super().on_deactivate(state)
-
-    @record_failure
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Release model and publishers."""
-        done = super().on_cleanup(state)
-        self._release()
-        return done
-
-    @record_failure
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop finally."""
-        self._close_pipeline()
-        done = super().on_shutdown(state)
-        self._release()
-        return done
-
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Return to unconfigured after a transition that raised."""
-        self._close_pipeline()
-        self._release()
-        return super().on_error(state)
-
     def stop(self) -> bool:
         """End all threads before the process ends; return false if the model is still running."""
-        idle = self._close_pipeline()
-        self._release()
-        return idle and not self._swap.busy
+        return super().stop() and not self._swap.busy
 
-    def _close_pipeline(self) -> bool:
-        bond, self._bond = self._bond, NoBond()
-        bond.close()
+    def _close(self) -> bool:
         pipeline, self._pipeline = self._pipeline, None
         return pipeline is None or pipeline.close()
 

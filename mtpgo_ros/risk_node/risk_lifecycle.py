@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 from rclpy.clock import Clock, ClockType, ROSClock
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
@@ -19,12 +19,11 @@ from msg_adapters.types import message_class
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.schema import Prediction
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
-from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.diagnostics.health import Verdict
 from mtpgo_ros.diagnostics.input_watch import InputWatch
 from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions, state_of
-from mtpgo_ros.lifecycle.manager_bond import ManagerBond, NoBond, form_bond
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
+from mtpgo_ros.lifecycle.resource_node import ResourceNode
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
 from mtpgo_ros.parameters.parameter_server import ParameterServer
 from mtpgo_ros.parameters.risk_parameters import RiskParameters, updated_risk
@@ -43,7 +42,7 @@ _CHECK_PERIOD_S = 0.1
 """Time between two looks for predictions that no longer come (s); chosen."""
 
 
-class RiskNode(LifecycleNode):
+class RiskNode(ResourceNode):
     """Publishes the risk of predicted road users for the plan of the ego.
 
     Args:
@@ -61,14 +60,10 @@ class RiskNode(LifecycleNode):
 
     def __init__(self, *, arguments: Sequence[str] = (), **node_options: Any) -> None:
         super().__init__("risk", **node_options)
-        self.failure = ""
-        self.starting = False
-        self.events = EventLog(self.get_logger())
         self._outputs: RiskPublishers | None = None
         self._assessor: RiskAssessor | None = None
         self._inputs: list[Subscription] = []
         self._ego: ContextSubscriptions | None = None
-        self._bond: ManagerBond = NoBond()
         self._watch = InputWatch()
         self._last: Prediction | None = None
         self._server = ParameterServer(
@@ -121,60 +116,25 @@ class RiskNode(LifecycleNode):
                 message_class(adapter.message_type), adapter.topic, self._on_plan, _ANY
             ),
         ]
-        done = super().on_activate(state)
-        self._bond = form_bond(self)
+        done = self._activated(state)
         self.get_logger().info(
             f"ready: waiting for predictions on {status.topic} and {adapter.message_type} on"
             f" {status.plan_topic}"
         )
         return done
 
-    @record_failure
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop subscribing."""
-        self._unsubscribe()
-        return super().on_deactivate(state)
-
-    @record_failure
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Release the publishers."""
-        done = super().on_cleanup(state)
-        self._release()
-        return done
-
-    @record_failure
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop finally."""
-        self._unsubscribe()
-        done = super().on_shutdown(state)
-        self._release()
-        return done
-
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Return to unconfigured after a transition that raised."""
-        self._unsubscribe()
-        self._release()
-        return super().on_error(state)
-
-    def stop(self) -> bool:
-        """End everything before the process ends; return true."""
-        self._unsubscribe()
-        self._release()
-        return True
-
     @property
     def _plan_adapter(self) -> PlanAdapter:
         return PLANS[self.parameters.plan_type]
 
-    def _unsubscribe(self) -> None:
-        bond, self._bond = self._bond, NoBond()
-        bond.close()
+    def _close(self) -> bool:
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
         self._inputs = []
         if self._ego is not None:
             self._ego.close()
         self._ego = self._assessor = self._last = None
+        return True
 
     def _release(self) -> None:
         if self._outputs is not None:

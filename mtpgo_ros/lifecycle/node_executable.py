@@ -1,0 +1,73 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What the executables of the lifecycle nodes have in common: arguments, start, end, status."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from mtpgo_core.errors import MtpgoError
+from mtpgo_ros.runtime.executable import ArgumentParser, answered, fail, leave
+from mtpgo_ros.runtime.supervision import ServiceNotifier, end_with_parent
+
+
+def run_executable(
+    name: str,
+    description: str | None,
+    argv: Sequence[str] | None,
+    stopped: Callable[[], bool],
+    node_class: Callable[[], Callable[..., Any]],
+) -> int:
+    """Run a lifecycle node until a signal comes.
+
+    Args:
+        name: of the executable.
+        description: for ``--help``.
+        argv: arguments, default those of the process.
+        stopped: returns whether a signal was received.
+        node_class: imports and returns the node's class, a
+            :class:`mtpgo_ros.lifecycle.resource_node.ResourceNode`; not called for ``--help`` and
+            ``--version``, which need no rclpy.
+
+    Returns:
+        0 after a signal, 2 for bad input. Where a part of the node cannot be ended, the process
+        ends here.
+    """
+
+    def parser() -> ArgumentParser:
+        options = ArgumentParser(prog=name, description=description)
+        options.add_argument(
+            "--end-with-parent",
+            action="store_true",
+            help="end when the parent process ends; the launch files set this",
+        )
+        return options
+
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if answered(name, arguments, parser):
+        return 0
+    import rclpy
+
+    from mtpgo_ros.runtime.ros_start import own_arguments, start
+
+    status, node = 0, None
+    notifier = ServiceNotifier.from_environment()
+    try:
+        if parser().parse_args(own_arguments(arguments)).end_with_parent:
+            end_with_parent()
+        start(arguments)
+        from mtpgo_ros.lifecycle.lifecycle_run import run_lifecycle
+
+        node = node_class()(arguments=arguments)
+        run_lifecycle(node, stopped, notifier)
+    except MtpgoError as error:
+        status = fail(name, error)
+    notifier.stopping()
+    if node is not None:
+        if not node.stop():
+            leave(status)
+        node.destroy_node()
+    rclpy.try_shutdown()
+    return status
