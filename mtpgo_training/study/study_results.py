@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -29,7 +28,8 @@ def results(
     """Return what is known by now.
 
     ``rows``: for each row its ``name``, ``title``, ``seeds`` that are done, ``values`` by column
-    (``mean``, ``low``, ``high``, ``seeds``), ``kernels`` (the same by kernel density estimates),
+    (``mean``, ``low``, ``high``, ``seeds``), ``cv`` (constant velocity in the first
+    column, for the same road users), ``kernels`` (the same by kernel density estimates),
     ``paper`` by column, ``gap`` (why it is not complete, None if it is), and the ``training`` of
     each seed. ``ranking``: rows by their first column, ADE.
 
@@ -66,6 +66,7 @@ def results(
                 "trained": row.is_trained,
                 "seeds": [one["seed"] for one in own] if row.is_trained else [],
                 "values": {key: _mean(own, series, key) for key in study.columns},
+                "cv": _mean(own, "cv", study.columns[0]) if row.is_trained else None,
                 "kernels": {key: _mean(own, series, f"{key}_kde") for key in ("anll", "fnll")}
                 if row.is_trained
                 else {},
@@ -132,8 +133,8 @@ def ranking(rows: Sequence[Json], column: str) -> list[Json]:
     """Return the rows from the smallest value on.
 
     ``value`` is that of the column; ``apart``: whether its interval and that of the row before do
-    not overlap, None where there is no interval; ``beats_cv``: whether its mean is below that of
-    constant velocity, None where that is not known.
+    not overlap, None where there is no interval; ``cv``: constant velocity for the same road
+    users; ``beats_cv``: whether the mean is below it, None of baselines and where it is unknown.
 
     Args:
         rows: see :func:`results`.
@@ -141,7 +142,6 @@ def ranking(rows: Sequence[Json], column: str) -> list[Json]:
     """
     known = [row for row in rows if row["values"][column] is not None]
     known.sort(key=lambda row: row["values"][column]["mean"])
-    cv = next((r["values"][column]["mean"] for r in known if r["name"] == "cv"), math.nan)
     found: list[Json] = []
     before: Json | None = None
     for row in known:
@@ -149,12 +149,13 @@ def ranking(rows: Sequence[Json], column: str) -> list[Json]:
         apart = None
         if before is not None and None not in (before["high"], value["low"]):
             apart = bool(value["low"] > before["high"])
-        beats = None if math.isnan(cv) or row["name"] == "cv" else value["mean"] < cv
+        beats = None if row["cv"] is None else value["mean"] < row["cv"]["mean"]
         found.append(
             {
                 "name": row["name"],
                 "title": row["title"],
                 "value": value,
+                "cv": row["cv"],
                 "apart": apart,
                 "beats_cv": beats,
             }

@@ -106,8 +106,10 @@ def ranking_table(content: Json) -> Table:
     for rank, row in enumerate(content["ranking"], 1):
         beats = {True: "yes", False: "no", None: MISSING}[row["beats_cv"]]
         apart = {True: "yes", False: "no", None: MISSING}[row["apart"]]
-        rows.append(Row(f"{rank}. {row['title']}", [value_cell(row["value"]), apart, beats]))
-    return Table(["", title, "interval apart from the row above", "better than CV"], rows)
+        cells = [value_cell(row["value"]), apart, value_cell(row["cv"]), beats]
+        rows.append(Row(f"{rank}. {row['title']}", cells))
+    heads = ["", title, "interval apart from the row above", "CV", "better than CV"]
+    return Table(heads, rows)
 
 
 def training_table(content: Json) -> Table:

@@ -8,7 +8,13 @@ import pytest
 
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.study.output.study_output import write_results
-from mtpgo_training.study.output.study_tables import gaps, main_table, to_csv, to_latex
+from mtpgo_training.study.output.study_tables import (
+    gaps,
+    main_table,
+    ranking_table,
+    to_csv,
+    to_latex,
+)
 from mtpgo_training.study.study_folder import StudyFolder
 from mtpgo_training.study.study_results import half_width, results
 from mtpgo_training.study.study_rows import STUDIES
@@ -73,6 +79,17 @@ def test_ranking_says_who_is_worse_than_constant_velocity(content):
         ("cv", None),
         ("seq2seq", False),
     ]
+
+
+def test_studies_without_a_row_of_constant_velocity_tell_it_as_well(tmp_path):
+    folder = StudyFolder(tmp_path)
+    write_scores(folder, "1", 1, 1.5, cv=2.0)
+    write_scores(folder, "2", 1, 2.5, cv=2.25)
+    study, rows = rows_of(STUDIES["ablation"], "1", "2")
+    content = results(study, "highd", folder, rows, [1], {})
+    found = [(row["name"], row["cv"]["mean"], row["beats_cv"]) for row in content["ranking"]]
+    assert found == [("1", 2.0, True), ("2", 2.25, False)]
+    assert [str(row.cells[2]) for row in ranking_table(content).rows] == ["2.000", "2.250"]
 
 
 def test_latex_and_csv_have_ours_and_the_papers(content):
