@@ -7,6 +7,7 @@ import os
 import resource
 import signal
 import socket
+import statistics
 import subprocess
 import sys
 import time
@@ -218,12 +219,18 @@ rclpy.spin(node)
 """
 
 
-def _seconds(node, cycles):
-    """Return how long some healthy cycles take (s)."""
-    begin_s = time.monotonic()
+def _usual_s(node, cycles):
+    """Return the median time of healthy cycles (s).
+
+    Not the sum: the harness waits long for the answer to an observation that was lost, which
+    happens once in a while with or without the fault.
+    """
+    durations = []
     for _ in range(cycles):
+        begin_s = time.monotonic()
         node.healthy_in_odom()
-    return time.monotonic() - begin_s
+        durations.append(time.monotonic() - begin_s)
+    return statistics.median(durations)
 
 
 def test_a_subscriber_that_is_stopped(node):
@@ -235,10 +242,10 @@ def test_a_subscriber_that_is_stopped(node):
     try:
         os.set_blocking(other.stdout.fileno(), False)
         node.until(lambda: node.healthy_in_odom() is not None and other.stdout.readline())
-        reading_s = _seconds(node, 15)
+        reading_s = _usual_s(node, 15)
         other.send_signal(signal.SIGSTOP)
         # Beside the same while it reads, since the machine may be busy.
-        assert _seconds(node, 30) < 3.0 * 2.0 * reading_s
+        assert _usual_s(node, 30) < 3.0 * reading_s
     finally:
         other.kill()
         other.wait()
