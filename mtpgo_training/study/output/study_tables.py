@@ -106,7 +106,12 @@ def ranking_table(content: Json) -> Table:
     for rank, row in enumerate(content["ranking"], 1):
         beats = {True: "yes", False: "no", None: MISSING}[row["beats_cv"]]
         apart = {True: "yes", False: "no", None: MISSING}[row["apart"]]
-        cells = [value_cell(row["value"]), apart, value_cell(row["cv"]), beats]
+        cells: list[Cell | str] = [
+            value_cell(row["value"]),
+            apart,
+            value_cell(row["cv"]),
+            beats,
+        ]
         rows.append(Row(f"{rank}. {row['title']}", cells))
     heads = ["", title, "interval apart from the row above", "CV", "better than CV"]
     return Table(heads, rows)
