@@ -8,16 +8,20 @@ Arguments have priority over the parameter file; an empty argument keeps the fil
 shows the node under its namespace and name; without rviz2 a message says so and the rest starts.
 """
 
+import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
-from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
+
+# launch_arguments.py is beside this file, in no package.
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from launch_arguments import declared, overrides, texts, typed
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 
@@ -68,8 +72,7 @@ def generate_launch_description() -> LaunchDescription:
             description="frame that RViz draws in, empty: fixed_frame, or map",
         ),
     ]
-    for name, (_, description) in PARAMETERS.items():
-        arguments.append(DeclareLaunchArgument(name, default_value="", description=description))
+    arguments += declared(PARAMETERS)
     for topic in TOPICS:
         arguments.append(
             DeclareLaunchArgument(
@@ -85,26 +88,16 @@ def _argument(topic: str) -> str:
     return "ego_id_topic" if topic == "ego_id" else topic
 
 
-def _given(context: object) -> Callable[[str], str]:
-    """Return the function from an argument's name to its text."""
-    return lambda name: LaunchConfiguration(name).perform(context)
-
-
 def _predictor(context: object) -> list[Node]:
     """Return the node with the parameters from the command line."""
-    given = _given(context)
-    overrides = {
-        name: _value(kind, name, given(name))
-        for name, (kind, _) in PARAMETERS.items()
-        if given(name) != ""
-    }
+    given = texts(context)
     return [
         Node(
             package="mtpgo_ros",
             executable="predictor",
             name=given("name"),
             namespace=given("namespace"),
-            parameters=[given("params_file"), overrides],
+            parameters=[given("params_file"), overrides(PARAMETERS, given)],
             remappings=[
                 (topic, given(_argument(topic)))
                 for topic in TOPICS
@@ -112,7 +105,7 @@ def _predictor(context: object) -> list[Node]:
             ],
             # launch leaves its processes behind when it is ended by SIGTERM.
             arguments=["--end-with-parent"],
-            respawn=_value(bool, "respawn", given("respawn")),
+            respawn=typed(bool, "respawn", given("respawn")),
             respawn_delay=RESPAWN_DELAY_S,
             output="screen",
         )
@@ -121,8 +114,8 @@ def _predictor(context: object) -> list[Node]:
 
 def _rviz(context: object) -> list[Node | LogInfo]:
     """Return RViz with a layout for the node, or a message where it cannot be started."""
-    given = _given(context)
-    if not _value(bool, "rviz", given("rviz")):
+    given = texts(context)
+    if not typed(bool, "rviz", given("rviz")):
         return []
     try:
         get_package_prefix("rviz2")
@@ -144,17 +137,3 @@ def _rviz(context: object) -> list[Node | LogInfo]:
         layout = Path(tempfile.mkdtemp(prefix="mtpgo_rviz_")) / layout.name
         layout.write_text(rviz_layout(names), encoding="utf-8")
     return [*notes, Node(package="rviz2", executable="rviz2", arguments=["-d", str(layout)])]
-
-
-def _value(kind: type, name: str, text: str) -> str | float | bool | list[str]:
-    """Return an argument's text as the parameter's type."""
-    if kind is tuple:
-        return [item.strip(" '\"") for item in text.strip().strip("[]").split(",")]
-    if kind is bool:
-        if text.lower() not in ("true", "false"):
-            raise ValueError(f"argument {name} is {text!r}, expected true or false")
-        return text.lower() == "true"
-    try:
-        return kind(text)
-    except ValueError:
-        raise ValueError(f"argument {name} is {text!r}, expected a number") from None

@@ -8,6 +8,7 @@ Everything ends with the bag, unless it is looped. Other settings of the predict
 parameter file.
 """
 
+import sys
 from pathlib import Path
 
 from launch.actions import (
@@ -25,6 +26,10 @@ from launch_ros.actions import Node
 from launch import LaunchDescription
 
 HERE = Path(__file__).resolve().parent
+# launch_arguments.py is beside this file, in no package.
+sys.path.insert(0, str(HERE))
+
+from launch_arguments import texts, typed  # noqa: E402
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -67,9 +72,7 @@ def generate_launch_description() -> LaunchDescription:
 
 def _player(context: object) -> list[object]:
     """Return the player, with whose end everything ends."""
-    loop = LaunchConfiguration("loop").perform(context).lower()
-    if loop not in ("true", "false"):
-        raise ValueError(f"argument loop is {loop!r}, expected true or false")
+    loop = typed(bool, "loop", texts(context)("loop"))
     player = Node(
         package="mtpgo_ros",
         executable="replay",
@@ -80,7 +83,7 @@ def _player(context: object) -> list[object]:
             "--wait-for-subscribers",
             "1",
             "--no-progress",
-            *(["--loop"] if loop == "true" else []),
+            *(["--loop"] if loop else []),
         ],
         output="screen",
     )

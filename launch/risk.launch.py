@@ -7,13 +7,18 @@
 Arguments have priority over the parameter file; an empty argument keeps the file's value.
 """
 
+import sys
 from pathlib import Path
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
+
+# launch_arguments.py is beside this file, in no package.
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from launch_arguments import declared, overrides, texts
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 
@@ -44,8 +49,7 @@ def generate_launch_description() -> LaunchDescription:
         ),
         DeclareLaunchArgument("namespace", default_value="", description="of the node"),
     ]
-    for name, (_, description) in PARAMETERS.items():
-        arguments.append(DeclareLaunchArgument(name, default_value="", description=description))
+    arguments += declared(PARAMETERS)
     for name, topic in TOPICS.items():
         arguments.append(
             DeclareLaunchArgument(name, default_value=topic, description=f"topic for {topic}")
@@ -55,22 +59,14 @@ def generate_launch_description() -> LaunchDescription:
 
 def _risk(context: object) -> list[Node]:
     """Return the node with the parameters from the command line."""
-
-    def given(name: str) -> str:
-        return LaunchConfiguration(name).perform(context)
-
-    overrides = {
-        name: _value(kind, name, given(name))
-        for name, (kind, _) in PARAMETERS.items()
-        if given(name) != ""
-    }
+    given = texts(context)
     return [
         Node(
             package="mtpgo_ros",
             executable="risk",
             name="risk",
             namespace=given("namespace"),
-            parameters=[given("params_file"), overrides],
+            parameters=[given("params_file"), overrides(PARAMETERS, given)],
             remappings=[
                 (topic, given(name)) for name, topic in TOPICS.items() if given(name) != topic
             ],
@@ -79,15 +75,3 @@ def _risk(context: object) -> list[Node]:
             output="screen",
         )
     ]
-
-
-def _value(kind: type, name: str, text: str) -> str | float | bool:
-    """Return an argument's text as the parameter's type."""
-    if kind is bool:
-        if text.lower() not in ("true", "false"):
-            raise ValueError(f"argument {name} is {text!r}, expected true or false")
-        return text.lower() == "true"
-    try:
-        return kind(text)
-    except ValueError:
-        raise ValueError(f"argument {name} is {text!r}, expected a number") from None

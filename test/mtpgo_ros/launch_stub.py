@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import sys
 import types
@@ -97,6 +98,9 @@ def load(path: Path, monkeypatch: Any) -> types.ModuleType:
     """Return a launch file as a module, its imports of launch being the classes above."""
     for module in MODULES:
         monkeypatch.setitem(sys.modules, module.__name__, module)
+    # Imported again by the launch file, with the classes above.
+    monkeypatch.delitem(sys.modules, "launch_arguments", raising=False)
+    monkeypatch.syspath_prepend(str(path.parent))
     spec = importlib.util.spec_from_file_location("launch_file", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -140,3 +144,15 @@ def launched(path: Path, arguments: dict[str, str], monkeypatch: Any) -> list[Ac
                 for one in getattr(action, "arguments", [])
             ]
     return found
+
+
+def parameter_types(path: Path) -> dict[str, str]:
+    """Return the names of the types in a launch file's ``PARAMETERS``, without running it."""
+    table = next(
+        node.value
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "PARAMETERS"
+    )
+    return {
+        key.value: value.elts[0].id for key, value in zip(table.keys, table.values, strict=True)
+    }

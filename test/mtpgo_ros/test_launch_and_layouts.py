@@ -155,11 +155,11 @@ def test_replay_ends_everything_with_the_bag(start):
 )
 def test_a_wrong_launch_argument_is_named(predictor_launch, kind, name, text, expected):
     with pytest.raises(ValueError, match=f"argument {name} is '{text}', expected {expected}"):
-        predictor_launch._value(kind, name, text)
-    assert predictor_launch._value(float, "rate", "10") == 10.0
-    assert predictor_launch._value(bool, "respawn", "True") is True
+        predictor_launch.typed(kind, name, text)
+    assert predictor_launch.typed(float, "rate", "10") == 10.0
+    assert predictor_launch.typed(bool, "respawn", "True") is True
     for text in ("markers,autoware", "[markers, autoware]", "['markers', 'autoware']"):
-        assert predictor_launch._value(tuple, "output", text) == ["markers", "autoware"]
+        assert predictor_launch.typed(tuple, "output", text) == ["markers", "autoware"]
 
 
 def test_the_service_unit_has_a_watchdog_and_starts_the_predictor():
@@ -171,15 +171,7 @@ def test_the_service_unit_has_a_watchdog_and_starts_the_predictor():
 
 
 def test_the_launch_arguments_are_parameters_of_the_node():
-    tree = ast.parse((ROOT / "launch" / "predictor.launch.py").read_text())
-    table = next(
-        node.value
-        for node in tree.body
-        if isinstance(node, ast.Assign) and node.targets[0].id == "PARAMETERS"
-    )
-    arguments = {
-        key.value: value.elts[0].id for key, value in zip(table.keys, table.values, strict=True)
-    }
+    arguments = launch_stub.parameter_types(ROOT / "launch" / "predictor.launch.py")
     assert arguments.pop("use_sim_time") == "bool"
     assert {"model", "graph", "rate"} <= set(arguments)
     assert arguments == {name: NAMES[name].__name__ for name in arguments}

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executable, its launch file, and the parameter file for nav2."""
 
-import ast
 import dataclasses
 import signal
 from pathlib import Path
 
+import launch_stub
 import yaml
 
 from mtpgo_ros.parameters.risk_parameters import RiskParameters
@@ -54,15 +54,7 @@ def test_it_starts_and_ends_with_a_signal_and_bad_input_is_one_sentence(process)
 
 
 def test_the_launch_arguments_are_parameters_of_the_node():
-    tree = ast.parse((ROOT / "launch" / "risk.launch.py").read_text())
-    table = next(
-        node.value
-        for node in tree.body
-        if isinstance(node, ast.Assign) and node.targets[0].id == "PARAMETERS"
-    )
-    arguments = {
-        key.value: value.elts[0].id for key, value in zip(table.keys, table.values, strict=True)
-    }
+    arguments = launch_stub.parameter_types(ROOT / "launch" / "risk.launch.py")
     assert arguments.pop("use_sim_time") == "bool"
     kinds = {f.name: type(f.default).__name__ for f in dataclasses.fields(RiskParameters)}
     assert arguments == {name: kinds[name] for name in arguments}

@@ -1,0 +1,57 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What the launch files have in common: arguments that are parameters of a node.
+
+Nothing but the standard library and launch: ``ros2`` may know only the share folder of a package
+whose modules are in another environment.
+"""
+
+from collections.abc import Callable, Mapping
+
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+
+Parameters = Mapping[str, tuple[type, str]]
+"""Type and description of parameters by name; ``tuple`` is a list of texts."""
+
+
+def declared(parameters: Parameters) -> list[DeclareLaunchArgument]:
+    """Return an argument for each parameter; an empty one keeps the parameter file's value."""
+    return [
+        DeclareLaunchArgument(name, default_value="", description=description)
+        for name, (_, description) in parameters.items()
+    ]
+
+
+def texts(context: object) -> Callable[[str], str]:
+    """Return the function from an argument's name to its text."""
+    return lambda name: LaunchConfiguration(name).perform(context)
+
+
+def overrides(
+    parameters: Parameters, given: Callable[[str], str]
+) -> dict[str, str | float | bool | list[str]]:
+    """Return the parameters that the command line sets, see :func:`texts`."""
+    return {
+        name: typed(kind, name, given(name))
+        for name, (kind, _) in parameters.items()
+        if given(name) != ""
+    }
+
+
+def typed(kind: type, name: str, text: str) -> str | float | bool | list[str]:
+    """Return an argument's text as the parameter's type.
+
+    Raises:
+        ValueError: it cannot be one; the sentence names the argument.
+    """
+    if kind is tuple:
+        return [item.strip(" '\"") for item in text.strip().strip("[]").split(",")]
+    if kind is bool:
+        if text.lower() not in ("true", "false"):
+            raise ValueError(f"argument {name} is {text!r}, expected true or false")
+        return text.lower() == "true"
+    try:
+        return kind(text)
+    except ValueError:
+        raise ValueError(f"argument {name} is {text!r}, expected a number") from None
