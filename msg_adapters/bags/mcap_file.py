@@ -20,10 +20,10 @@ from typing import TypeVar
 from msg_adapters.bags.bag_loss import BagLoss
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_records import (
-    CHANNEL,
     CHUNK,
     CHUNK_INDEX,
     DATA_END,
+    DEFINITIONS,
     FOOTER,
     FOOTER_BYTES,
     HEADER,
@@ -31,19 +31,17 @@ from msg_adapters.bags.mcap_records import (
     MESSAGE,
     MESSAGE_INDEX,
     PREFIX_BYTES,
-    SCHEMA,
     STATISTICS,
     ChunkContent,
     McapChannel,
     McapError,
     McapSchema,
     RecordFields,
-    channel_of,
     decompress,
+    note_definition,
     prefix_of,
     read_content,
     records,
-    schema_of,
 )
 
 _RUN_BYTES = 1 << 16
@@ -239,12 +237,8 @@ class McapFile:
             raise McapError("the check sum of the summary is wrong")
         statistics = None
         for kind, data in records(summary):
-            if kind == SCHEMA:
-                number, schema = schema_of(data)
-                self.schemas[number] = schema
-            elif kind == CHANNEL:
-                channel_id, channel = channel_of(data)
-                self.channels[channel_id] = channel
+            if kind in DEFINITIONS:
+                note_definition(kind, data, self.schemas, self.channels)
             elif kind == CHUNK_INDEX:
                 self.chunks.append(self._indexed_chunk(data))
             elif kind == STATISTICS:
@@ -308,12 +302,9 @@ class McapFile:
                 elif kind == MESSAGE_INDEX and self.chunks:
                     # A channel and a list of 16 bytes for each of its messages.
                     indexed[self.chunks[-1].position] += max(0, length - 6) // 16
-                elif kind == SCHEMA:
-                    number, schema = schema_of(self._read(position + PREFIX_BYTES, length))
-                    self.schemas[number] = schema
-                elif kind == CHANNEL:
-                    number, channel = channel_of(self._read(position + PREFIX_BYTES, length))
-                    self.channels[number] = channel
+                elif kind in DEFINITIONS:
+                    data = self._read(position + PREFIX_BYTES, length)
+                    note_definition(kind, data, self.schemas, self.channels)
                 position = end
             except McapError as error:
                 following = self._next_chunk(position + 1)

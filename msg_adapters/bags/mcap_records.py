@@ -25,6 +25,9 @@ FOOTER_BYTES = 9 + 20 + len(MAGIC)
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
 CHUNK_INDEX, STATISTICS, DATA_END = 0x08, 0x0B, 0x0F
 
+DEFINITIONS = (SCHEMA, CHANNEL)
+"""Kinds of the records that :func:`note_definition` takes."""
+
 _PREFIX = struct.Struct("<BQ")
 """Before every record: its kind and the length of its content (bytes)."""
 
@@ -173,13 +176,13 @@ class RecordFields:
         return found
 
 
-def schema_of(data: bytes) -> tuple[int, McapSchema]:
+def _schema_of(data: bytes) -> tuple[int, McapSchema]:
     """Return number and schema of a schema record."""
     fields = RecordFields(data)
     return fields.number(2), McapSchema(fields.text(), fields.text(), fields.text())
 
 
-def channel_of(data: bytes) -> tuple[int, McapChannel]:
+def _channel_of(data: bytes) -> tuple[int, McapChannel]:
     """Return number and channel of a channel record."""
     fields = RecordFields(data)
     number, schema_id = fields.number(2), fields.number(2)
@@ -199,6 +202,28 @@ def prefix_of(data: bytes, position: int = 0) -> tuple[int, int]:
     if not (HEADER <= kind <= DATA_END or kind >= 0x80):
         raise McapError(f"no record begins there (kind {kind:#04x})")
     return kind, length
+
+
+def note_definition(
+    kind: int, data: bytes, schemas: dict[int, McapSchema], channels: dict[int, McapChannel]
+) -> None:
+    """Add what a record defines, by its number.
+
+    Args:
+        kind: of the record, one of :data:`DEFINITIONS`.
+        data: its content.
+        schemas: to which a schema is added.
+        channels: to which a channel is added.
+
+    Raises:
+        McapError: the record is broken.
+    """
+    if kind == SCHEMA:
+        number, schema = _schema_of(data)
+        schemas[number] = schema
+    else:
+        number, channel = _channel_of(data)
+        channels[number] = channel
 
 
 def records(data: bytes) -> Iterator[tuple[int, bytes]]:
@@ -246,12 +271,8 @@ def read_content(data: bytes, start_ns: int = 0, end_ns: int = _LAST_NS) -> Chun
                 if not start_ns <= time_ns <= end_ns:
                     raise McapError("a message lies outside the times of its chunk")
                 add(StoredMessage(time_ns, channel_id, start, end))
-            elif kind == SCHEMA:
-                number, schema = schema_of(data[begin:end])
-                content.schemas[number] = schema
-            elif kind == CHANNEL:
-                number, channel = channel_of(data[begin:end])
-                content.channels[number] = channel
+            elif kind in DEFINITIONS:
+                note_definition(kind, data[begin:end], content.schemas, content.channels)
             else:
                 prefix_of(data, position)
             position = content.used = end

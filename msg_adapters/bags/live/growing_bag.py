@@ -10,22 +10,20 @@ from typing import Any, NamedTuple
 
 from msg_adapters.bags.bag_definitions import BagDefinitions, Decoder
 from msg_adapters.bags.mcap_records import (
-    CHANNEL,
     CHUNK,
     DATA_END,
+    DEFINITIONS,
     FOOTER,
     MAGIC,
     PREFIX_BYTES,
-    SCHEMA,
     McapChannel,
     McapError,
     McapSchema,
     RecordFields,
-    channel_of,
     decompress,
+    note_definition,
     prefix_of,
     read_content,
-    schema_of,
 )
 from msg_adapters.bags.stored_bag import mcap_connection
 from mtpgo_core.errors import MessageError, RecordingError
@@ -95,12 +93,8 @@ class GrowingBag:
 
     def _messages_in(self, kind: int, data: bytes) -> list[FollowedMessage]:
         """Return the messages of a record; note its definitions."""
-        if kind == SCHEMA:
-            number, schema = schema_of(data)
-            self._schemas[number] = schema
-        elif kind == CHANNEL:
-            number, channel = channel_of(data)
-            self._channels[number] = channel
+        if kind in DEFINITIONS:
+            note_definition(kind, data, self._schemas, self._channels)
         if kind != CHUNK:
             return []
         fields = RecordFields(data)
