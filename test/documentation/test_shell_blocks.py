@@ -88,7 +88,7 @@ def test_cheap_commands_are_run(command, folder, monkeypatch, capsys):
     [
         ("mtpgo train", "required"),
         ("mtpgo evaluate --modell default", "unrecognized"),
-        ("mtpgo teach x", "no command teach"),
+        ("mtpgo improve x", "no command improve"),
         ("predictor --ros-args -p modell:=x", "no parameter modell"),
         ("predictor --ros-args -p rate:=1000", "rate is 1000"),
         ("replay 07.mcap --speed 2", "unrecognized"),

@@ -207,7 +207,7 @@ def _predict(seconds: float, model: str) -> list[str]:
 
 
 def _coming_and_going(states, time_s: float):
-    """Return the road users that are seen at a time; whoever returns has a new identity."""
+    """Return the road users that are seen at a time; one that returns has a new identity."""
     import dataclasses
 
     import numpy as np
