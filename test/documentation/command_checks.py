@@ -14,11 +14,11 @@ import importlib.util
 import io
 import re
 import subprocess
-import sys
-import unittest.mock
 from collections.abc import Callable, Sequence
 from xml.etree import ElementTree
 
+import launch_stub
+import pytest
 import yaml
 from page_blocks import PLACEHOLDERS, ROOT
 
@@ -256,37 +256,16 @@ def launch_problem(words: Sequence[str]) -> str:
 
 @functools.cache
 def launch_arguments(name: str) -> frozenset[str]:
-    """Return the arguments that a launch file declares, by running it on stand-ins for launch."""
+    """Return the arguments that a launch file declares, which runs without ROS' launch."""
     path = ROOT / "launch" / name
     if path.suffix == ".xml":
         root = ElementTree.parse(path).getroot()
         return frozenset(arg.get("name", "") for arg in root.findall("arg"))
-    stand_in = unittest.mock.MagicMock()
-    modules = dict.fromkeys(
-        (
-            "ament_index_python",
-            "ament_index_python.packages",
-            "launch",
-            "launch.actions",
-            "launch.conditions",
-            "launch.event_handlers",
-            "launch.launch_description_sources",
-            "launch.substitutions",
-            "launch_ros",
-            "launch_ros.actions",
-            "launch_ros.substitutions",
-        ),
-        stand_in,
+    with pytest.MonkeyPatch.context() as patch:
+        entities = launch_stub.load(path, patch).generate_launch_description().entities
+    return frozenset(
+        one.name for one in entities if isinstance(one, launch_stub.DeclareLaunchArgument)
     )
-    with unittest.mock.patch.dict(sys.modules, modules):
-        spec = importlib.util.spec_from_file_location("shown_launch_file", path)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        module.generate_launch_description()
-    calls = stand_in.DeclareLaunchArgument.call_args_list
-    return frozenset(call.args[0] if call.args else call.kwargs["name"] for call in calls)
 
 
 def _make(words: Sequence[str]) -> str:

@@ -98,12 +98,12 @@ def load(path: Path, monkeypatch: Any) -> types.ModuleType:
     """Return a launch file as a module, its imports of launch being the classes above."""
     for module in MODULES:
         monkeypatch.setitem(sys.modules, module.__name__, module)
-    # Imported again by the launch file, with the classes above.
-    monkeypatch.delitem(sys.modules, "launch_arguments", raising=False)
-    monkeypatch.syspath_prepend(str(path.parent))
     spec = importlib.util.spec_from_file_location("launch_file", path)
     module = importlib.util.module_from_spec(spec)
+    monkeypatch.setattr(sys, "path", [*sys.path])  # launch files add their folder
     spec.loader.exec_module(module)
+    # It has the classes above, which no other test shall get.
+    sys.modules.pop("launch_arguments", None)
     return module
 
 
