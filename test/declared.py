@@ -1,27 +1,38 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The dependencies that setup.py declares, read without running it."""
+"""What setup.py and the files of requirements declare, read without running anything."""
 
 from __future__ import annotations
 
 import ast
 import re
 from pathlib import Path
+from typing import Any
 
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def _value(name: str) -> object:
+def _value(name: str) -> Any:
     tree = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
-    wanted = ("REQUIREMENTS", "TEST", "EXTRAS")
+    wanted = ("PACKAGES", "EXECUTABLES", "REQUIREMENTS", "TEST", "EXTRAS")
     tree.body = [
         node for node in tree.body if isinstance(node, ast.Assign) and node.targets[0].id in wanted
     ]
-    values: dict[str, object] = {}
+    values: dict[str, Any] = {}
     exec(compile(tree, "setup.py", "exec"), values)
     return values[name]
+
+
+def packages() -> list[str]:
+    """Return the packages that are installed."""
+    return list(_value("PACKAGES"))
+
+
+def executables() -> dict[str, str]:
+    """Return the modules that the executables call, by the name of the executable."""
+    return {name: call.partition(":")[0] for name, call in _value("EXECUTABLES").items()}
 
 
 def requirements() -> list[Requirement]:
@@ -42,11 +53,8 @@ def listed(path: Path) -> list[Requirement]:
     return [Requirement(line) for line in lines if line and not line.startswith("#")]
 
 
-def pins() -> dict[str, str]:
-    """Return the tested version of each direct dependency, by its name in lower case."""
-    found = {}
-    for line in (ROOT / "requirements" / "development.txt").read_text().splitlines():
-        pin = re.fullmatch(r"([\w.-]+)(?:\[\w+\])?==(\S+)", line)
-        if pin:
-            found[pin[1].lower()] = pin[2]
-    return found
+def pins(name: str = "development.txt") -> dict[str, str]:
+    """Return the versions that a file of requirements pins, by the package in lower case."""
+    lines = (ROOT / "requirements" / name).read_text(encoding="utf-8").splitlines()
+    found = [re.fullmatch(r"([\w.-]+)(?:\[\w+\])?==(\S+)", line) for line in lines]
+    return {pin[1].lower(): pin[2] for pin in found if pin}

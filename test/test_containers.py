@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dockerfile and development container, read as text: they agree with setup.py and the tree."""
 
-import ast
 import fnmatch
 import json
 import os
@@ -141,13 +140,8 @@ def test_what_is_copied_exists_and_is_not_ignored():
             source = rest.split()[0]
             assert (ROOT / source).exists(), source
             assert source == "." or not ignored(source), source
-    (packages,) = [
-        ast.literal_eval(node.value)
-        for node in ast.parse((ROOT / "setup.py").read_text()).body
-        if isinstance(node, ast.Assign) and node.targets[0].id == "PACKAGES"
-    ]
     needed = ("setup.py", "setup.cfg", "pyproject.toml", "package.xml", "README.md", "launch")
-    for name in (*packages, *needed, "config/training", "resource/weights/default.pt"):
+    for name in (*declared.packages(), *needed, "config/training", "resource/weights/default.pt"):
         assert (ROOT / name).exists()
         assert not ignored(name), name
     for name in (".git", ".venv", ".venv-3.12", "models/__pycache__", "test/conftest.py"):

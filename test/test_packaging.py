@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What pip and colcon install, tested on a copy of the source tree."""
 
+import itertools
 import os
 import re
 import shutil
@@ -221,14 +222,8 @@ def test_ros_tools_accept_the_manifest():
     assert "## [" in (ROOT / "CHANGELOG.md").read_text()
 
 
-def pins(name: str) -> dict[str, str]:
-    lines = (ROOT / "requirements" / name).read_text().splitlines()
-    found = [re.fullmatch(r"([\w.-]+)(?:\[\w+\])?==(\S+)", line) for line in lines]
-    return {m[1].lower(): m[2] for m in found if m}
-
-
 def test_everything_is_pinned_and_the_pins_agree():
-    direct, lock = pins("development.txt"), pins("lock.txt")
+    direct, lock = declared.pins(), declared.pins("lock.txt")
     lines = (ROOT / "requirements" / "development.txt").read_text().splitlines()
     assert len(direct) == sum(bool(x) and not x.startswith("#") for x in lines), "a line is no pin"
     assert direct["torch"] == "2.13.0"
@@ -237,16 +232,11 @@ def test_everything_is_pinned_and_the_pins_agree():
 
 
 def test_declared_ranges_admit_the_pinned_versions():
-    from packaging.requirements import Requirement
-
-    source = (ROOT / "setup.py").read_text()
-    direct = pins("development.txt")
-    declared = [
-        Requirement(text) for text in re.findall(r'"([\w-]+(?:\[\w+\])?[>=][^"]+)"', source)
-    ]
-    names = {r.name.lower() for r in declared}
+    direct = declared.pins()
+    every = [*declared.requirements(), *itertools.chain(*declared.extras().values())]
+    names = {r.name.lower() for r in every}
     assert {"numpy", "torch", "torch-geometric", "mcap", "rosbags", "ros-rclpy"} <= names
-    for requirement in declared:
+    for requirement in every:
         version = direct[requirement.name.lower()]
         assert version in requirement.specifier, f"{requirement} does not admit {version}"
 

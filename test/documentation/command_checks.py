@@ -6,7 +6,6 @@ Each check returns what is wrong in a sentence, nothing if nothing is.
 """
 
 import argparse
-import ast
 import contextlib
 import dataclasses
 import functools
@@ -17,6 +16,7 @@ import subprocess
 from collections.abc import Callable, Sequence
 from xml.etree import ElementTree
 
+import declared
 import launch_stub
 import pytest
 import yaml
@@ -88,7 +88,7 @@ def problem_with(words: Sequence[str]) -> str:
     }
     if name in checks:
         return _missing_files(words) or checks[name](words[1:])
-    if name in executables():
+    if name in declared.executables():
         return _node(name, words[1:])
     return f"{name} is no command of this project, nor one of {', '.join(sorted(OTHERS))}"
 
@@ -103,27 +103,6 @@ def inline_problem(code: str) -> str:
     if words[1] not in COMMANDS:
         return f"mtpgo has no command {words[1]}"
     return _options_exist([word.strip("[].,") for word in words[1:]])
-
-
-@functools.cache
-def executables() -> dict[str, str]:
-    """Return the executables of setup.py and the modules that they call."""
-    tree = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
-    for node in tree.body:
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "EXECUTABLES":
-            return {k: v.partition(":")[0] for k, v in ast.literal_eval(node.value).items()}
-    raise AssertionError("setup.py has no EXECUTABLES")
-
-
-@functools.cache
-def extras() -> set[str]:
-    """Return the extras of setup.py."""
-    tree = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
-    for node in tree.body:
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "EXTRAS":
-            assert isinstance(node.value, ast.Dict)
-            return {ast.literal_eval(key) for key in node.value.keys if key is not None}
-    raise AssertionError("setup.py has no EXTRAS")
 
 
 @functools.cache
@@ -178,7 +157,7 @@ def _parsed(parser: argparse.ArgumentParser, words: Sequence[str]) -> str:
 
 def _node(name: str, words: Sequence[str]) -> str:
     own, _, ros = _split(words, "--ros-args")
-    module = importlib.import_module(executables()[name])
+    module = importlib.import_module(declared.executables()[name])
     if hasattr(module, "_parser"):
         said = _parsed(module._parser(), own)
     else:
@@ -228,7 +207,7 @@ def _ros2(words: Sequence[str]) -> str:
     if verb == "run":
         if words[1] != "mtpgo_ros":
             return ""
-        if words[2] not in executables():
+        if words[2] not in declared.executables():
             return f"mtpgo_ros has no executable {words[2]}"
         return _node(words[2], words[3:])
     if verb not in ROS_VERBS:
@@ -287,7 +266,7 @@ def _pip(words: Sequence[str]) -> str:
         return ""
     for number, word in enumerate(words):
         found = re.fullmatch(r"(?:\.|mtpgo_ros|\S*\.whl)\[([\w,-]+)\]", word)
-        if found and not set(found[1].split(",")) <= extras():
+        if found and not set(found[1].split(",")) <= declared.extras().keys():
             return f"{word} names an extra that is not in setup.py"
         if word == "-r":
             path = words[number + 1].rpartition("mtpgo_ros/")[2]
