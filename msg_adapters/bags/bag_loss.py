@@ -112,10 +112,9 @@ class LibraryFile:
                 read, last_ns = read + 1, time_ns
         except Exception as error:  # a damaged file fails the library in many ways
             count = sum(c.msgcount for c in wanted)
-            reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
             self._loss = BagLoss(
                 self._path,
-                f"is damaged ({reason})",
+                f"is damaged ({reason_of(error)})",
                 read,
                 (last_ns - self.start_ns) * 1e-9,
                 max(0, count - read),
