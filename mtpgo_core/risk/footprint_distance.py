@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtpgo_core.frames import rotate
+from mtpgo_core.frames import along_and_across, rotate
 from mtpgo_core.schema import Float32Array, Float64Array, IndexArray
 
 ERRORS = 16
@@ -158,12 +158,11 @@ def _roots(covariance: Float64Array, yaw: Float64Array) -> tuple[Float64Array, .
     Returns:
         [...] along by the first, across by the first, across by the second.
     """
-    xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
-    c, s = np.cos(yaw), np.sin(yaw)
-    along = np.sqrt(np.maximum(c * c * xx + 2.0 * c * s * xy + s * s * yy, _LEAST_SIGMA_M**2))
-    mixed = (c * s * (yy - xx) + (c * c - s * s) * xy) / along
-    across = s * s * xx - 2.0 * c * s * xy + c * c * yy - mixed * mixed
-    return along, mixed, np.sqrt(np.maximum(across, _LEAST_SIGMA_M**2))
+    var_along, both, var_across = along_and_across(covariance, yaw)
+    along = np.sqrt(np.maximum(var_along, _LEAST_SIGMA_M**2))
+    mixed = both / along
+    across = np.sqrt(np.maximum(var_across - mixed * mixed, _LEAST_SIGMA_M**2))
+    return along, mixed, across
 
 
 def _projections(

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.class_size import known_sizes
+from mtpgo_core.frames import along_and_across
 from mtpgo_core.options import check_options, option
 from mtpgo_core.risk.footprint_overlap import is_covariance
 from mtpgo_core.schema import Float32Array, Float64Array, IndexArray, Prediction
@@ -188,14 +189,13 @@ def _boxes(
         the mean along the box with the place across; variance along where the place across is
         known, and what it may grow by; half length and half width; weight is in the last column.
     """
-    c, s = np.cos(yaw), np.sin(yaw)
-    xx, xy, yy = spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
-    var_along = np.maximum(c * c * xx + 2.0 * c * s * xy + s * s * yy, _LEAST_VARIANCE)
-    var_across = np.maximum(s * s * xx - 2.0 * c * s * xy + c * c * yy, _LEAST_VARIANCE)
-    slope = (c * s * (yy - xx) + (c * c - s * s) * xy) / var_across
+    var_along, both, var_across = along_and_across(spread, yaw)
+    var_across = np.maximum(var_across, _LEAST_VARIANCE)
+    slope = both / var_across
     growth = slope * slope * var_across
-    rest = np.maximum(var_along - growth, _LEAST_VARIANCE)
-    columns = (*mean.T, c, s, np.sqrt(var_across), slope, rest, growth, *(0.5 * size.T), weight)
+    rest = np.maximum(np.maximum(var_along, _LEAST_VARIANCE) - growth, _LEAST_VARIANCE)
+    direction, sigma, half = (np.cos(yaw), np.sin(yaw)), np.sqrt(var_across), 0.5 * size.T
+    columns = (*mean.T, *direction, sigma, slope, rest, growth, *half, weight)
     return np.stack(columns, axis=1).astype(np.float32)
 
 
