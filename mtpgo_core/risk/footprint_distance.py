@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from mtpgo_core.frames import along_and_across, rotate
+from mtpgo_core.risk.footprint_overlap import within_right_angle
 from mtpgo_core.schema import Float32Array, Float64Array, IndexArray
 
 ERRORS = 16
@@ -62,13 +63,8 @@ def footprint_distance(
         size: [k, 2] length, width of the other box (m).
     """
     place = rotate(offset, -ego_yaw[:, None])
-    turn = yaw - ego_yaw
-    quarter = np.floor(turn / (0.5 * np.pi))
-    turn = turn - quarter * (0.5 * np.pi)
-    swapped = quarter.astype(np.int64) % 2 == 1
+    turn, a, b = within_right_angle(yaw - ego_yaw, 0.5 * size)
     c, s = np.cos(turn), np.sin(turn)
-    a = 0.5 * np.where(swapped, size[:, 1], size[:, 0])
-    b = 0.5 * np.where(swapped, size[:, 0], size[:, 1])
     ego_a, ego_b = 0.5 * ego_size[:, 0], 0.5 * ego_size[:, 1]
     x, y = place[..., 0], place[..., 1]
     u = c[:, None] * x + s[:, None] * y
