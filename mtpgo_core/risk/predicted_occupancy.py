@@ -28,8 +28,7 @@ _LEAST_WEIGHT = 0.01
 """Modes lighter than this are left out; chosen as the step of the values."""
 
 _CELLS_AT_A_TIME = 20_000
-"""Cells of footprints that are computed together; chosen so that they stay in
-the cache."""
+"""Cells of footprints that are computed together; chosen so that they stay in the cache."""
 
 _LEAST_VARIANCE = 1e-4
 """Smaller variances count as this, in squares of a cell: a hundredth of a cell."""
@@ -117,7 +116,7 @@ def predicted_occupancy(
         now = np.zeros(cells * cells)
         mean = prediction.mean[agent, mode, step, :2] - corner
         spread = prediction.covariance[agent, mode, step]
-        first, last = _cell_range(mean, spread, size[agent], shape, cells)
+        first, last = _cell_range(mean, spread, size[agent], shape)
         boxes = _boxes(
             mean / shape.resolution - 0.5,
             spread / shape.resolution**2,
@@ -144,17 +143,13 @@ def _steps_within(time_s: Float64Array, begin_s: float, end_s: float) -> IndexAr
 
 
 def _cell_range(
-    mean: Float64Array,
-    spread: Float64Array,
-    size: Float64Array,
-    shape: GridShape,
-    cells: int,
+    mean: Float64Array, spread: Float64Array, size: Float64Array, shape: GridShape
 ) -> tuple[IndexArray, IndexArray]:
     """Return [k, 2] first cells and ends of the ranges that footprints may reach, in x and y."""
     sigma = np.sqrt(np.maximum(np.stack([spread[:, 0, 0], spread[:, 1, 1]], -1), 0.0))
     reach = _REACH * sigma + 0.5 * np.hypot(*size.T)[:, None] + shape.resolution
-    low = np.clip(np.floor((mean - reach) / shape.resolution), 0, cells)
-    high = np.clip(np.ceil((mean + reach) / shape.resolution), 0, cells)
+    low = np.clip(np.floor((mean - reach) / shape.resolution), 0, shape.cells)
+    high = np.clip(np.ceil((mean + reach) / shape.resolution), 0, shape.cells)
     return low.astype(np.intp), np.maximum(high, low).astype(np.intp)
 
 
