@@ -33,8 +33,8 @@ class BagLoss:
         reason: what is wrong with it, after its name: ``is cut off at byte 1234``.
         read: messages that are read.
         read_s: from the first to the last of them (s).
-        messages: messages that are lost; None where nothing tells.
-        seconds: duration that is lost (s); None where nothing tells.
+        messages: messages that are lost; None if unknown.
+        seconds: duration that is lost (s); None if unknown.
         exact: ``messages`` is counted, not estimated from the size of what is missing.
     """
 

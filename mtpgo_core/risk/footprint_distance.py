@@ -3,7 +3,7 @@
 """Distances between oriented rectangles, and quantiles of the smallest distance over a horizon.
 
 A prediction gives the distribution at each step, not that of whole paths. What is known of errors
-is that they persist: who is farther ahead than predicted after two seconds is so after three. So
+is that they persist: an agent ahead of its prediction after two seconds is so after three. So
 the error of a path is taken to be the same number of standard deviations at each of its steps,
 along and across the heading of its mode. A fixed set of such errors spreads over each mode, the
 distance between the footprints is computed exactly for each, and its smallest value over the

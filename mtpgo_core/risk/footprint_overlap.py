@@ -133,7 +133,7 @@ def is_covariance(matrix: Float64Array) -> BoolArray:
 def _is_out_of_reach(
     offset: Float64Array, covariance: Float64Array, ego_size: Float64Array, size: Float64Array
 ) -> BoolArray:
-    """Return [k] whether circles around the boxes tell already what :func:`_is_far` would."""
+    """Return [k] whether circles around the boxes already imply :func:`_is_far`."""
     with np.errstate(invalid="ignore"):
         reach = 0.5 * (np.hypot(*ego_size.T) + np.hypot(*size.T))
         reach += FAR * np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1])
