@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from msg_adapters.conversions import choose_twist_frame
+from msg_adapters.conversions import choose_twist_frame, reading
 from msg_adapters.types import Types
 from msg_adapters.wire.input_limits import (
     DEFAULT_LIMITS,
@@ -24,7 +24,6 @@ from msg_adapters.wire.input_limits import (
     check_serialized,
 )
 from mtpgo_core.class_map import OWN_NAMES, ClassMap
-from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import AgentClass, ClassArray, KeyArray, TrackedStates
 
 
@@ -112,14 +111,9 @@ class InputAdapter:
             ConfigurationError: ``twist_frame`` is not one of the three.
         """
         frame = choose_twist_frame(twist_frame, self.twist_frame)
-        try:
+        with reading(message, self.message_type):
             self._check(message, limits)
             decoded = self.decoder(message, twist_frame=frame, fallback_stamp_ns=fallback_stamp_ns)
-        except (AttributeError, TypeError, ValueError, IndexError, OverflowError) as error:
-            raise MessageError(
-                f"message of {type(message).__name__} cannot be read as {self.message_type}: "
-                f"{error}"
-            ) from error
         if class_map is OWN_NAMES or decoded.class_names is None:
             return decoded
         found = [class_map.find(*names) for names in decoded.class_names]

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,25 @@ TWIST_FRAMES = ("default", "object", "header")
 """Frames of a message's velocities: the usual one of its publishers, or one of the two."""
 
 _NANOSECONDS = 1_000_000_000
+
+
+@contextmanager
+def reading(message: Any, message_type: str) -> Iterator[None]:
+    """Report what fails within the block because a message does not have a type's content.
+
+    Args:
+        message: what is read.
+        message_type: ROS type that it should have.
+
+    Raises:
+        MessageError: an attribute is missing, or a value cannot be converted.
+    """
+    try:
+        yield
+    except (AttributeError, TypeError, ValueError, IndexError, OverflowError) as error:
+        raise MessageError(
+            f"message of {type(message).__name__} cannot be read as {message_type}: {error}"
+        ) from error
 
 
 def choose_twist_frame(twist_frame: str, default: str) -> str:

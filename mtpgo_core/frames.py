@@ -68,6 +68,25 @@ def rotate_covariance(covariance: Float64Array, angle: Float64Array | float) -> 
     return turn @ covariance @ np.swapaxes(turn, -1, -2)
 
 
+def along_and_across(
+    covariance: Float64Array, angle: Float64Array
+) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Return the entries of covariances in frames turned by ``angle``, without a matrix product.
+
+    Args:
+        covariance: [..., 2, 2].
+        angle: [...] direction of the frames' x axes (rad).
+
+    Returns:
+        [...] variance along the direction, covariance of along and across, variance across.
+    """
+    xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+    c, s = np.cos(angle), np.sin(angle)
+    along = c * c * xx + 2.0 * c * s * xy + s * s * yy
+    across = s * s * xx - 2.0 * c * s * xy + c * c * yy
+    return along, c * s * (yy - xx) + (c * c - s * s) * xy, across
+
+
 @dataclass(frozen=True)
 class Pose2:
     """Position, yaw and motion of a frame in another one.

@@ -44,7 +44,7 @@ def encoding_of(connection: Connection) -> str:
 
 
 def obstacle(connection: Connection) -> str:
-    """Return why the messages of a connection cannot be decoded, as far as its head tells.
+    """Return why the messages of a connection cannot be decoded, as far as its description shows.
 
     Empty if no obstacle is known; the definition itself is not read.
     """

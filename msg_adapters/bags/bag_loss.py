@@ -33,8 +33,8 @@ class BagLoss:
         reason: what is wrong with it, after its name: ``is cut off at byte 1234``.
         read: messages that are read.
         read_s: from the first to the last of them (s).
-        messages: messages that are lost; None where nothing tells.
-        seconds: duration that is lost (s); None where nothing tells.
+        messages: messages that are lost; None if unknown.
+        seconds: duration that is lost (s); None if unknown.
         exact: ``messages`` is counted, not estimated from the size of what is missing.
     """
 
@@ -112,10 +112,9 @@ class LibraryFile:
                 read, last_ns = read + 1, time_ns
         except Exception as error:  # a damaged file fails the library in many ways
             count = sum(c.msgcount for c in wanted)
-            reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
             self._loss = BagLoss(
                 self._path,
-                f"is damaged ({reason})",
+                f"is damaged ({reason_of(error)})",
                 read,
                 (last_ns - self.start_ns) * 1e-9,
                 max(0, count - read),

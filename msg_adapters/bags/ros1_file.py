@@ -19,7 +19,7 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag1 import Reader, ReaderError
 
-from msg_adapters.bags.bag_loss import LibraryFile
+from msg_adapters.bags.bag_loss import LibraryFile, reason_of
 
 MAGIC_ROS1 = b"#ROSBAG V"
 """First bytes of a bag of ROS 1."""
@@ -61,8 +61,7 @@ class Ros1File(LibraryFile):
         try:
             reader.open()
         except (AssertionError, ReaderError, ValueError, KeyError, IndexError) as error:
-            reason = " ".join(str(error).split()).rstrip(".")
-            raise ReaderError(f"it is no complete bag of ROS 1: {reason}") from error
+            raise ReaderError(f"it is no complete bag of ROS 1: {reason_of(error)}") from error
         super().__init__(path, reader, reader.start_time, reader.end_time - 1)
         self.connections = {}
         for own in reader.connections:

@@ -11,7 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.conversions import pose_row, stamp_to_ns, table, yaw_from_quaternions
+from msg_adapters.conversions import (
+    pose_row,
+    reading,
+    stamp_to_ns,
+    table,
+    yaw_from_quaternions,
+)
 from msg_adapters.inputs.odometry import ODOMETRY, pose_of
 from mtpgo_core.errors import MessageError
 from mtpgo_core.risk.ego_plan import EgoPlan, make_plan, plan_of_motion
@@ -49,13 +55,8 @@ class PlanAdapter:
             MessageError: it has no times, not enough poses, numbers that are not finite, or is
                 not of that type.
         """
-        try:
+        with reading(message, self.message_type):
             return self.read(message, stands_after)
-        except (AttributeError, TypeError, ValueError, IndexError, OverflowError) as error:
-            raise MessageError(
-                f"message of {type(message).__name__} cannot be read as {self.message_type}: "
-                f"{error}"
-            ) from error
 
 
 def plan_from_path(message: Any, stands_after: bool = False) -> EgoPlan:

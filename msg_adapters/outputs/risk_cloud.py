@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from msg_adapters.inputs.object_cloud import KEY_FIELDS
 from msg_adapters.types import Types
-from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud
+from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud, require_fields
 from mtpgo_core.errors import MessageError
 from mtpgo_core.risk.collision_risk import QUANTILES, CollisionRisk
 
@@ -117,11 +117,7 @@ def _cloud(points: NDArray[Any], risk: CollisionRisk, types: Types) -> Any:
 def _records(message: Any, layout: np.dtype[Any]) -> NDArray[Any]:
     records = cloud_to_records(message)
     names = layout.names or ()
-    missing = [name for name in names if name not in (records.dtype.names or ())]
-    if missing:
-        raise MessageError(
-            f"point cloud lacks the field {', '.join(missing)}, so it holds no such risk"
-        )
+    require_fields(records, names, "such risk")
     out = np.empty(len(records), dtype=layout)
     for name in names:
         out[name] = records[name]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from msg_adapters.conversions import positive, stamp_to_ns
 from msg_adapters.inputs.object_cloud import KEY_FIELDS
 from msg_adapters.types import Types
-from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud
+from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud, require_fields
 from msg_adapters.wire.cloud_bytes import cloud_from_cdr
 from mtpgo_core.errors import MessageError
 from mtpgo_core.prediction.output_assembly import strongest_modes
@@ -160,11 +160,7 @@ def prediction_from_pointcloud2(message: Any) -> Prediction:
         MessageError: the cloud does not have the layout of predictions, or contradicts itself.
     """
     records = cloud_to_records(message)
-    missing = [name for name in REQUIRED_FIELDS if name not in (records.dtype.names or ())]
-    if missing:
-        raise MessageError(
-            f"point cloud lacks the field {', '.join(missing)}, so it holds no predictions"
-        )
+    require_fields(records, REQUIRED_FIELDS, "predictions")
     _check_types(records.dtype)
     with np.errstate(invalid="ignore"):  # signalling NaN
         return _prediction(message, records)

@@ -40,11 +40,9 @@ def prediction_frame(predictions: Prediction | Iterable[Prediction]) -> Any:
             "a data frame needs pandas, which is not installed: expected pip install pandas"
         ) from None
     several = [predictions] if isinstance(predictions, Prediction) else list(predictions)
-    parts = [_columns(one) for one in several]
-    names = list(_columns(_NONE))
-    columns = {
-        name: np.concatenate([part[name] for part in parts]) if parts else _columns(_NONE)[name]
-        for name in names
+    parts = [_columns(one) for one in several or [_NONE]]
+    columns: dict[str, Any] = {
+        name: np.concatenate([part[name] for part in parts]) for name in parts[0]
     }
     for name, kinds in _NAMES.items():
         columns[name] = _named(pd, columns[name], kinds)

@@ -9,8 +9,9 @@ from typing import Any
 
 from mtpgo_core.errors import MessageError
 
-_ENCODING_HEADER = 4
-"""Bytes before the content: two of the encoding, two of options."""
+ENCODING_HEADER = 4
+"""Bytes before the content: two of the encoding, the second of which says the byte
+order, and two of options."""
 
 _BYTE_ORDERS = {0: ">", 1: "<"}
 """Encoding (PLAIN_CDR of XCDR1) -> byte order as ``struct`` names it."""
@@ -33,9 +34,9 @@ class CdrReader:
             self._data = memoryview(data).cast("B")
         except TypeError:
             raise MessageError(f"{what} is a {type(data).__name__}, expected bytes") from None
-        if len(self._data) < _ENCODING_HEADER:
+        if len(self._data) < ENCODING_HEADER:
             raise MessageError(
-                f"{what} has {len(self._data)} bytes, expected at least {_ENCODING_HEADER}"
+                f"{what} has {len(self._data)} bytes, expected at least {ENCODING_HEADER}"
             )
         encoding = int.from_bytes(self._data[:2], "big")
         if encoding not in _BYTE_ORDERS:
@@ -43,7 +44,7 @@ class CdrReader:
                 f"{what} has the encoding {encoding:#06x}, expected plain CDR (0x0000 or 0x0001)"
             )
         self._order = _BYTE_ORDERS[encoding]
-        self._place = _ENCODING_HEADER
+        self._place = ENCODING_HEADER
 
     @property
     def rest(self) -> int:
@@ -60,7 +61,7 @@ class CdrReader:
         Raises:
             MessageError: the bytes end before.
         """
-        self._place += -(self._place - _ENCODING_HEADER) % size
+        self._place += -(self._place - ENCODING_HEADER) % size
         length = struct.calcsize("<" + layout)
         return struct.unpack(self._order + layout, self._take(length))
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,24 @@ def cloud_to_records(message: Any) -> NDArray[Any]:
         return np.frombuffer(data, dtype=layout, count=rows * columns)
     steps = (row_step, layout.itemsize)
     return np.ndarray((rows, columns), layout, data, strides=steps).reshape(-1)
+
+
+def require_fields(records: NDArray[Any], names: Iterable[str], content: str) -> None:
+    """Check that the points of a cloud have fields.
+
+    Args:
+        records: [points] of :func:`cloud_to_records`.
+        names: the fields.
+        content: what the cloud should hold, for the error.
+
+    Raises:
+        MessageError: a field is missing.
+    """
+    missing = [name for name in names if name not in (records.dtype.names or ())]
+    if missing:
+        raise MessageError(
+            f"point cloud lacks the field {', '.join(missing)}, so it holds no {content}"
+        )
 
 
 def records_to_cloud(

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from msg_adapters.wire.cdr_reader import CdrReader
-from mtpgo_core.errors import MessageError
-
-_LEAST_FIELD_BYTES = 20
-"""Smallest size of a sensor_msgs/PointField: an empty name, and three numbers, with padding."""
+from msg_adapters.wire.input_limits import FIELD_BYTES, check_room
 
 
 class _Stamp(NamedTuple):
@@ -60,11 +57,7 @@ def cloud_from_cdr(data: Any) -> CloudContent:
     stamp = _Stamp(*reader.unpack(4, "iI"))
     header = _Header(stamp, reader.text())
     height, width, count = reader.unpack(4, "III")
-    if count * _LEAST_FIELD_BYTES > reader.rest + 8:  # the last one's padding may be absent
-        raise MessageError(
-            f"point cloud claims {count} fields, expected at most"
-            f" {reader.rest // _LEAST_FIELD_BYTES} in the {reader.rest} bytes that follow"
-        )
+    check_room("point cloud", "fields", count, FIELD_BYTES, reader.rest)
     fields = []
     for _ in range(count):
         name = reader.text()

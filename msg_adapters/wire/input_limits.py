@@ -12,13 +12,11 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
+from msg_adapters.wire.cdr_reader import ENCODING_HEADER
 from mtpgo_core.errors import MessageError
 from mtpgo_core.options import check_options, option
 
-_ENCODING_HEADER = 4
-"""Bytes before the content of a CDR message; the second one says the byte order."""
-
-_FIELD_BYTES = 20
+FIELD_BYTES = 20
 """Smallest size of a sensor_msgs/PointField: an empty name, and three numbers, with padding."""
 
 
@@ -102,7 +100,7 @@ def check_serialized(data: bytes, content: Content, limits: InputLimits) -> None
             "(parameter max_message_bytes)"
         )
     try:
-        position = _ENCODING_HEADER
+        position = ENCODING_HEADER
         order = "<" if data[1] & 1 else ">"
         if content.has_header:
             (length,) = struct.unpack_from(order + "I", data, position + 8)
@@ -111,20 +109,31 @@ def check_serialized(data: bytes, content: Content, limits: InputLimits) -> None
         if content.name:
             (objects,) = struct.unpack_from(order + "I", data, position)
             limits.check_objects(objects)
-            _check_room("objects", objects, content.least_bytes, len(data) - position)
+            check_room("message", "objects", objects, content.least_bytes, len(data) - position)
             return
         height, width, fields = struct.unpack_from(order + "III", data, position)
     except (struct.error, IndexError):
         raise MessageError(f"message of {len(data)} bytes ends before its content") from None
     limits.check_objects(height * width)
     limits.check_fields(fields)
-    _check_room("fields", fields, _FIELD_BYTES, len(data) - position)
+    check_room("message", "fields", fields, FIELD_BYTES, len(data) - position)
 
 
-def _check_room(what: str, number: int, least_bytes: int, room: int) -> None:
-    # The last one's padding may be absent.
-    if number * least_bytes > room + 8:
+def check_room(message: str, what: str, number: int, least_bytes: int, room: int) -> None:
+    """Check that the bytes of a message can hold what it says that it has.
+
+    Args:
+        message: name of the message, for the error.
+        what: name of the items.
+        number: how many the message claims.
+        least_bytes: smallest size of one.
+        room: bytes that follow.
+
+    Raises:
+        MessageError: they cannot.
+    """
+    if number * least_bytes > room + 8:  # the last one's padding may be absent
         raise MessageError(
-            f"message claims {number} {what}, expected at most {room // least_bytes} in the "
+            f"{message} claims {number} {what}, expected at most {room // least_bytes} in the "
             f"{room} bytes that follow"
         )

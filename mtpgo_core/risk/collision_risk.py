@@ -150,7 +150,6 @@ def assess(
     peak = np.where(none, np.nan, filled.max(axis=1, initial=-1.0))
     time_s = prediction.time_s[peak_step] if steps else np.full(n, np.nan)
     worst = unknown.max(axis=1, initial=0)
-    strongest_first = modes > 0
     return CollisionRisk(
         stamp_ns=prediction.stamp_ns,
         frame_id=prediction.frame_id,
@@ -159,8 +158,8 @@ def assess(
         agent_class=prediction.agent_class,
         source=prediction.source,
         z=prediction.z,
-        position=prediction.mean[:, 0, :, :2] if strongest_first else np.empty((n, steps, 2)),
-        yaw=prediction.yaw[:, 0] if strongest_first else np.empty((n, steps)),
+        position=prediction.mean[:, 0, :, :2] if modes else np.full((n, steps, 2), np.nan),
+        yaw=prediction.yaw[:, 0] if modes else np.full((n, steps), np.nan),
         size=size,
         probability=probability,
         unknown=unknown,

@@ -3,7 +3,7 @@
 """Distances between oriented rectangles, and quantiles of the smallest distance over a horizon.
 
 A prediction gives the distribution at each step, not that of whole paths. What is known of errors
-is that they persist: who is farther ahead than predicted after two seconds is so after three. So
+is that they persist: an agent ahead of its prediction after two seconds is so after three. So
 the error of a path is taken to be the same number of standard deviations at each of its steps,
 along and across the heading of its mode. A fixed set of such errors spreads over each mode, the
 distance between the footprints is computed exactly for each, and its smallest value over the
@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtpgo_core.frames import rotate
+from mtpgo_core.frames import along_and_across, rotate
+from mtpgo_core.risk.footprint_overlap import within_right_angle
 from mtpgo_core.schema import Float32Array, Float64Array, IndexArray
 
 ERRORS = 16
@@ -62,13 +63,8 @@ def footprint_distance(
         size: [k, 2] length, width of the other box (m).
     """
     place = rotate(offset, -ego_yaw[:, None])
-    turn = yaw - ego_yaw
-    quarter = np.floor(turn / (0.5 * np.pi))
-    turn = turn - quarter * (0.5 * np.pi)
-    swapped = quarter.astype(np.int64) % 2 == 1
+    turn, a, b = within_right_angle(yaw - ego_yaw, 0.5 * size)
     c, s = np.cos(turn), np.sin(turn)
-    a = 0.5 * np.where(swapped, size[:, 1], size[:, 0])
-    b = 0.5 * np.where(swapped, size[:, 0], size[:, 1])
     ego_a, ego_b = 0.5 * ego_size[:, 0], 0.5 * ego_size[:, 1]
     x, y = place[..., 0], place[..., 1]
     u = c[:, None] * x + s[:, None] * y
@@ -158,12 +154,11 @@ def _roots(covariance: Float64Array, yaw: Float64Array) -> tuple[Float64Array, .
     Returns:
         [...] along by the first, across by the first, across by the second.
     """
-    xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
-    c, s = np.cos(yaw), np.sin(yaw)
-    along = np.sqrt(np.maximum(c * c * xx + 2.0 * c * s * xy + s * s * yy, _LEAST_SIGMA_M**2))
-    mixed = (c * s * (yy - xx) + (c * c - s * s) * xy) / along
-    across = s * s * xx - 2.0 * c * s * xy + c * c * yy - mixed * mixed
-    return along, mixed, np.sqrt(np.maximum(across, _LEAST_SIGMA_M**2))
+    var_along, both, var_across = along_and_across(covariance, yaw)
+    along = np.sqrt(np.maximum(var_along, _LEAST_SIGMA_M**2))
+    mixed = both / along
+    across = np.sqrt(np.maximum(var_across - mixed * mixed, _LEAST_SIGMA_M**2))
+    return along, mixed, across
 
 
 def _projections(

@@ -100,6 +100,25 @@ def half_extent(direction: Float64Array, yaw: Float64Array, size: Float64Array) 
     return out
 
 
+def within_right_angle(
+    turn: Float64Array, half: Float64Array
+) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Return the same boxes with headings from 0 to a right angle, sides swapped where need be.
+
+    Args:
+        turn: [k] headings (rad).
+        half: [k, 2] half length, half width (m).
+
+    Returns:
+        [k] headings (rad), [k] half the side along the heading and [k] half that across it (m).
+    """
+    quarter = np.floor(turn / (0.5 * np.pi))
+    swapped = quarter.astype(np.int64) % 2 == 1
+    along = np.where(swapped, half[:, 1], half[:, 0])
+    across = np.where(swapped, half[:, 0], half[:, 1])
+    return turn - quarter * (0.5 * np.pi), along, across
+
+
 def is_covariance(matrix: Float64Array) -> BoolArray:
     """Return [...] whether matrices [..., 2, 2] are finite and positive semidefinite.
 
@@ -114,7 +133,7 @@ def is_covariance(matrix: Float64Array) -> BoolArray:
 def _is_out_of_reach(
     offset: Float64Array, covariance: Float64Array, ego_size: Float64Array, size: Float64Array
 ) -> BoolArray:
-    """Return [k] whether circles around the boxes tell already what :func:`_is_far` would."""
+    """Return [k] whether circles around the boxes already imply :func:`_is_far`."""
     with np.errstate(invalid="ignore"):
         reach = 0.5 * (np.hypot(*ego_size.T) + np.hypot(*size.T))
         reach += FAR * np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1])
@@ -158,11 +177,7 @@ def _octagon(turn: Float64Array, ego_half: Float64Array, half: Float64Array) -> 
         ego_half: [k, 2] half length, half width (m).
         half: [k, 2] those of the other box (m).
     """
-    quarter = np.floor(turn / (0.5 * np.pi))
-    turn = turn - quarter * (0.5 * np.pi)  # 0 to a right angle, with the sides swapped if need be
-    swapped = quarter.astype(np.int64) % 2 == 1
-    a = np.where(swapped, half[:, 1], half[:, 0])
-    b = np.where(swapped, half[:, 0], half[:, 1])
+    turn, a, b = within_right_angle(turn, half)
     sin, cos = np.sin(turn), np.cos(turn)
     sin = np.where(np.abs(sin) < 1e-12, 0.0, sin)
     zero = np.zeros(len(turn))

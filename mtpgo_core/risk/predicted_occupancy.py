@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.class_size import known_sizes
+from mtpgo_core.frames import along_and_across
 from mtpgo_core.options import check_options, option
 from mtpgo_core.risk.footprint_overlap import is_covariance
 from mtpgo_core.schema import Float32Array, Float64Array, IndexArray, Prediction
@@ -27,8 +28,7 @@ _LEAST_WEIGHT = 0.01
 """Modes lighter than this are left out; chosen as the step of the values."""
 
 _CELLS_AT_A_TIME = 20_000
-"""Cells of footprints that are computed together; chosen so that they stay in
-the cache."""
+"""Cells of footprints that are computed together; chosen so that they stay in the cache."""
 
 _LEAST_VARIANCE = 1e-4
 """Smaller variances count as this, in squares of a cell: a hundredth of a cell."""
@@ -116,7 +116,7 @@ def predicted_occupancy(
         now = np.zeros(cells * cells)
         mean = prediction.mean[agent, mode, step, :2] - corner
         spread = prediction.covariance[agent, mode, step]
-        first, last = _cell_range(mean, spread, size[agent], shape, cells)
+        first, last = _cell_range(mean, spread, size[agent], shape)
         boxes = _boxes(
             mean / shape.resolution - 0.5,
             spread / shape.resolution**2,
@@ -143,17 +143,13 @@ def _steps_within(time_s: Float64Array, begin_s: float, end_s: float) -> IndexAr
 
 
 def _cell_range(
-    mean: Float64Array,
-    spread: Float64Array,
-    size: Float64Array,
-    shape: GridShape,
-    cells: int,
+    mean: Float64Array, spread: Float64Array, size: Float64Array, shape: GridShape
 ) -> tuple[IndexArray, IndexArray]:
     """Return [k, 2] first cells and ends of the ranges that footprints may reach, in x and y."""
     sigma = np.sqrt(np.maximum(np.stack([spread[:, 0, 0], spread[:, 1, 1]], -1), 0.0))
     reach = _REACH * sigma + 0.5 * np.hypot(*size.T)[:, None] + shape.resolution
-    low = np.clip(np.floor((mean - reach) / shape.resolution), 0, cells)
-    high = np.clip(np.ceil((mean + reach) / shape.resolution), 0, cells)
+    low = np.clip(np.floor((mean - reach) / shape.resolution), 0, shape.cells)
+    high = np.clip(np.ceil((mean + reach) / shape.resolution), 0, shape.cells)
     return low.astype(np.intp), np.maximum(high, low).astype(np.intp)
 
 
@@ -188,14 +184,13 @@ def _boxes(
         the mean along the box with the place across; variance along where the place across is
         known, and what it may grow by; half length and half width; weight is in the last column.
     """
-    c, s = np.cos(yaw), np.sin(yaw)
-    xx, xy, yy = spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
-    var_along = np.maximum(c * c * xx + 2.0 * c * s * xy + s * s * yy, _LEAST_VARIANCE)
-    var_across = np.maximum(s * s * xx - 2.0 * c * s * xy + c * c * yy, _LEAST_VARIANCE)
-    slope = (c * s * (yy - xx) + (c * c - s * s) * xy) / var_across
+    var_along, both, var_across = along_and_across(spread, yaw)
+    var_across = np.maximum(var_across, _LEAST_VARIANCE)
+    slope = both / var_across
     growth = slope * slope * var_across
-    rest = np.maximum(var_along - growth, _LEAST_VARIANCE)
-    columns = (*mean.T, c, s, np.sqrt(var_across), slope, rest, growth, *(0.5 * size.T), weight)
+    rest = np.maximum(np.maximum(var_along, _LEAST_VARIANCE) - growth, _LEAST_VARIANCE)
+    direction, sigma, half = (np.cos(yaw), np.sin(yaw)), np.sqrt(var_across), 0.5 * size.T
+    columns = (*mean.T, *direction, sigma, slope, rest, growth, *half, weight)
     return np.stack(columns, axis=1).astype(np.float32)
 
 

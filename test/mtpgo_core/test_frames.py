@@ -14,6 +14,7 @@ from mtpgo_core.errors import FrameError
 from mtpgo_core.frames import (
     Pose2,
     PoseBuffer,
+    along_and_across,
     own_heading,
     rotate,
     rotate_covariance,
@@ -44,6 +45,18 @@ def test_covariance_turns_like_the_vectors_that_it_describes(size):
         np.einsum("ni,nij,nj->n", back, covariance, back),
     )
     np.testing.assert_allclose(rotate_covariance(turned, -angle), covariance, atol=1e-12)
+
+
+def test_variances_along_and_across_are_entries_of_the_turned_covariance():
+    draw = np.random.default_rng(4)
+    factor = draw.normal(size=(3, 5, 2, 2))
+    covariance = factor @ np.swapaxes(factor, -1, -2)
+    angle = draw.uniform(-4, 4, (3, 5))
+    turned = rotate_covariance(covariance, -angle)
+    along, both, across = along_and_across(covariance, angle)
+    np.testing.assert_allclose(along, turned[..., 0, 0])
+    np.testing.assert_allclose(both, turned[..., 0, 1], atol=1e-14)
+    np.testing.assert_allclose(across, turned[..., 1, 1])
 
 
 def test_points_there_and_back():
