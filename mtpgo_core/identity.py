@@ -60,6 +60,14 @@ def keys_from_texts(names: Sequence[str]) -> KeyArray:
     return out
 
 
+def first_key(*texts: str) -> KeyArray | None:
+    """Return the [4] key of the first text that is not blank, None if all are."""
+    for text in texts:
+        if text.strip():
+            return keys_from_texts([text.strip()])[0]
+    return None
+
+
 def key_to_text(key: KeyArray) -> str:
     """Return one [4] key as text that :func:`keys_from_texts` turns into the same key again.
 

@@ -21,6 +21,7 @@ from mtpgo_core.schema import (
     Float64Array,
     HistoryWindow,
     IndexArray,
+    KeyArray,
     Prediction,
     SceneBatch,
     Source,
@@ -201,6 +202,14 @@ def select(prediction: Prediction, index: IndexArray | BoolArray) -> Prediction:
         if f.name not in whole
     }
     return dataclasses.replace(prediction, **rows)
+
+
+def without_agent(prediction: Prediction, key: KeyArray | None) -> Prediction:
+    """Return the prediction without the agent of a key [4]; unchanged if it is None or absent."""
+    if key is None:
+        return prediction
+    kept = (prediction.key != key).any(axis=1)
+    return prediction if kept.all() else select(prediction, kept)
 
 
 def strongest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Float64Array, int]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
@@ -34,6 +35,18 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 Cause = tuple[bytes, str]
 """A level and the sentence that says why."""
+
+
+class HasState(Protocol):
+    """What a node reports about itself: at least its life cycle.
+
+    Attributes:
+        state: of the life cycle, as in lifecycle_msgs/State.
+        failure: why the last transition failed, empty if it did not.
+    """
+
+    state: str
+    failure: str
 
 
 @dataclass
@@ -115,14 +128,19 @@ def diagnostic_statuses(name: str, status: NodeStatus, events: EventLog) -> list
     ]
 
 
-def not_active(status: NodeStatus) -> list[Cause]:
-    """Return the one cause of a node that is not active, none for an active one."""
+def not_active(status: HasState, consequence: str = "nothing is predicted") -> list[Cause]:
+    """Return the one cause of a node that is not active, none for an active one.
+
+    Args:
+        status: of the node.
+        consequence: what it does not do, for the sentence.
+    """
     if status.state == ACTIVE:
         return []
     failed = f"; the last transition failed: {status.failure}" if status.failure else ""
     level = ERROR if failed or status.state == "finalized" else WARN
     again = ", the process has to be started again" if status.state == "finalized" else ""
-    sentence = f"the node is not active ({status.state}): nothing is predicted{again}{failed}"
+    sentence = f"the node is not active ({status.state}): {consequence}{again}{failed}"
     return [(level, sentence)]
 
 
@@ -156,7 +174,7 @@ def _input(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
         "ego_topic": status.ego_topic,
     }
     counters = ["messages", "empty_messages", "unknown_class", "ego_doubles", *ODD_INPUT]
-    values |= _counted(events.counts(), counters)
+    values |= counted(events.counts(), counters)
     return make_status(f"{name}: input", level, message, values)
 
 
@@ -218,7 +236,7 @@ def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
         "overload": status.overload,
         "degraded": status.degraded,
     }
-    values |= _counted(events.counts(), [*BAD_MODEL, "agents_over_limit"])
+    values |= counted(events.counts(), [*BAD_MODEL, "agents_over_limit"])
     return make_status(f"{name}: model", level, message, values)
 
 
@@ -252,7 +270,7 @@ def _timing(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus
         "latency_ms_max": f"{latency.maximum:.3f}",
     }
     counters = ["predictions", *BAD_TIMING, "late_results_dropped"]
-    values |= _counted(events.counts(), counters)
+    values |= counted(events.counts(), counters)
     return make_status(f"{name}: timing", level, message, values)
 
 
@@ -296,7 +314,8 @@ def _calibration(name: str, status: NodeStatus) -> DiagnosticStatus:
     return make_status(f"{name}: calibration", level, message, status.calibration)
 
 
-def _counted(counts: Mapping[str, int], names: list[str]) -> dict[str, str]:
+def counted(counts: Mapping[str, int], names: list[str]) -> dict[str, str]:
+    """Return the values of a status for some counters, 0 for those that never counted."""
     return {name: str(counts.get(name, 0)) for name in names}
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
@@ -14,17 +14,12 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from mtpgo_ros.diagnostics.diagnostic_status import HasState
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.diagnostics.health import HealthMonitor, Verdict
 
 _CHECK_PERIOD_S = 0.1
 """Time between two checks for a change of level (s); chosen."""
-
-
-class HasState(Protocol):
-    """What a node reports about itself: at least the state of its life cycle."""
-
-    state: str
 
 
 AnyStatus = TypeVar("AnyStatus", bound=HasState)

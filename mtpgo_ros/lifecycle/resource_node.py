@@ -5,11 +5,16 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from collections.abc import Callable
+from typing import Any, cast
 
+from rclpy.clock import ROSClock
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
+from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.health import Verdict
+from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions
 from mtpgo_ros.lifecycle.manager_bond import ManagerBond, NoBond, form_bond
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
 
@@ -17,7 +22,8 @@ from mtpgo_ros.lifecycle.recorded_transition import record_failure
 class ResourceNode(LifecycleNode):
     """Forms the bond when active, and closes and releases the parts at the opposite transitions.
 
-    Subclasses create their parts in ``on_configure`` and ``on_activate``.
+    Subclasses create ``_diagnostics`` when constructed, and their parts in ``on_configure`` and
+    ``on_activate``.
 
     Args:
         name: of the node.
@@ -29,12 +35,24 @@ class ResourceNode(LifecycleNode):
         events: where everything unusual is counted and logged.
     """
 
+    _diagnostics: DiagnosticsPublisher[Any]
+
     def __init__(self, name: str, **node_options: Any) -> None:
         super().__init__(name, **node_options)
         self.failure = ""
         self.starting = False
         self.events = EventLog(self.get_logger())
         self._bond: ManagerBond = NoBond()
+        answer_invalid_transitions(self)
+
+    def on_health(self, handler: Callable[[Verdict], None]) -> None:
+        """Call ``handler`` with every verdict that is published on ``~/health``."""
+        self._diagnostics.on_health = handler
+
+    def _simulated_ns(self) -> int | None:
+        """Return the simulated time (ns), 0 before the first, None with the machine's time."""
+        clock = cast(ROSClock, self.get_clock())
+        return clock.now().nanoseconds if clock.ros_time_is_active else None
 
     @abstractmethod
     def _close(self) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from msg_adapters.inputs.ego_odometry import EGO_NAME
 from mtpgo_core.errors import ModelFileError
 from mtpgo_core.history.track_history import TrackHistory
-from mtpgo_core.identity import keys_from_integers, keys_from_texts
+from mtpgo_core.identity import first_key, keys_from_integers
 from mtpgo_core.live_calibration.live_options import OFF
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
@@ -91,10 +91,8 @@ class ModelHost:
         self.calibrator.configure(parameters)
         if self.uses_lanes:
             self.lanes.configure(parameters)
-        text = parameters.ego_id.strip() or ego_text.strip()
-        if parameters.ego_topic:
-            text = text or EGO_NAME
-        self._ego_key = keys_from_texts([text])[0] if text else None
+        by_odometry = EGO_NAME if parameters.ego_topic else ""
+        self._ego_key = first_key(parameters.ego_id, ego_text, by_odometry)
 
     def set_lanes(self, lanes: LaneMap) -> None:
         """Use these lane lines from the next prediction on."""

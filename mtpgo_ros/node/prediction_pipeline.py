@@ -23,7 +23,7 @@ from mtpgo_core.frames import VEHICLE_FRAMES
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.finite_output import publishable
-from mtpgo_core.prediction.output_assembly import select, with_time_origin
+from mtpgo_core.prediction.output_assembly import select, with_time_origin, without_agent
 from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -294,7 +294,8 @@ class PredictionPipeline:
         begun_ns = time.monotonic_ns()
         prediction = with_time_origin(prediction, request.stamp_ns)
         prediction = self._model.calibrator.serve(prediction, request.window)
-        prediction = self._without_ego(prediction)
+        if not self._parameters.ego_predicted:
+            prediction = without_agent(prediction, self._model.ego_key)
         usable = publishable(prediction)
         if not usable.all():
             self._events.count("not_published", int((~usable).sum()))
@@ -324,13 +325,6 @@ class PredictionPipeline:
             )
         self.quality.published(prediction, request.window, self._parameters.max_modes)
         self._cycle_ended.set()
-
-    def _without_ego(self, prediction: Prediction) -> Prediction:
-        """Return the prediction without the ego if it is not to be predicted."""
-        ego_key = self._model.ego_key
-        if self._parameters.ego_predicted or ego_key is None:
-            return prediction
-        return select(prediction, (prediction.key != ego_key).any(axis=1))
 
     def _on_ego(self, text: str) -> None:
         changed, self.ego_text = text != self.ego_text, text

@@ -9,21 +9,20 @@ the opposite transition, so that a new configuration starts from nothing.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, cast
+from typing import Any
 
-from rclpy.clock import JumpThreshold, ROSClock
+from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus, diagnostic_statuses
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.event_log import RECENT_S
-from mtpgo_ros.diagnostics.health import Verdict
 from mtpgo_ros.diagnostics.input_watch import InputAge
 from mtpgo_ros.diagnostics.latency import LatencyStatistics
-from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions, state_of
+from mtpgo_ros.lifecycle.lifecycle_answers import state_of
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
 from mtpgo_ros.lifecycle.resource_node import ResourceNode
 from mtpgo_ros.node.model_host import ModelHost
@@ -76,7 +75,6 @@ class PredictorNode(ResourceNode):
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1)),
             post_callback=lambda _jump: self._on_clock_jump(),
         )
-        answer_invalid_transitions(self)
         self._swap = ModelSwap(
             self,
             self._server,
@@ -89,10 +87,6 @@ class PredictorNode(ResourceNode):
     def parameters(self) -> PredictorParameters:
         """The current parameters."""
         return self._server.value
-
-    def on_health(self, handler: Callable[[Verdict], None]) -> None:
-        """Call ``handler`` with every verdict that is published on ``~/health``."""
-        self._diagnostics.on_health = handler
 
     @record_failure
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -195,9 +189,7 @@ class PredictorNode(ResourceNode):
             status.message_type = pipeline.objects.message_type
             status.idle = pipeline.idle_s() > max(RECENT_S, 3.0 * parameters.period_s)
             status.unanswered_s = pipeline.unanswered_s()
-            clock = cast(ROSClock, self.get_clock())
-            simulated = clock.ros_time_is_active
-            pipeline.watch.set_simulated_time(clock.now().nanoseconds if simulated else None)
+            pipeline.watch.set_simulated_time(self._simulated_ns())
             status.input = pipeline.watch.age(parameters.input_timeout)
         return status
 

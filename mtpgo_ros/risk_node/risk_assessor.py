@@ -14,8 +14,8 @@ import numpy as np
 
 from msg_adapters.inputs.ego_odometry import EGO_NAME
 from mtpgo_core.errors import FrameError, MtpgoError
-from mtpgo_core.identity import key_to_int, keys_from_texts
-from mtpgo_core.prediction.output_assembly import select
+from mtpgo_core.identity import first_key, key_to_int
+from mtpgo_core.prediction.output_assembly import without_agent
 from mtpgo_core.risk.collision_risk import CollisionRisk, Unknown, assess
 from mtpgo_core.risk.ego_plan import EgoPlan
 from mtpgo_core.schema import Float64Array, Prediction
@@ -62,12 +62,9 @@ class RiskAssessor:
 
     def others(self, prediction: Prediction) -> Prediction:
         """Return the prediction without the ego."""
-        if not len(prediction):
-            return prediction
         # Without a given identity, the ego is the one that the predictor adds by odometry.
-        text = self._parameters.ego_id or self._ego_topic or EGO_NAME
-        key = keys_from_texts([text])[0]
-        return select(prediction, (prediction.key != key).any(axis=1))
+        key = first_key(self._parameters.ego_id, self._ego_topic, EGO_NAME)
+        return without_agent(prediction, key)
 
     def assess(self, prediction: Prediction, now_ns: int) -> CollisionRisk:
         """Return the risk of predictions, without the ego, and note the result.

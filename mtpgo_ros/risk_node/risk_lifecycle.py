@@ -4,10 +4,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, cast
+from collections.abc import Sequence
+from typing import Any
 
-from rclpy.clock import Clock, ClockType, ROSClock
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -19,9 +19,8 @@ from msg_adapters.types import message_class
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.schema import Prediction
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
-from mtpgo_ros.diagnostics.health import Verdict
 from mtpgo_ros.diagnostics.input_watch import InputWatch
-from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions, state_of
+from mtpgo_ros.lifecycle.lifecycle_answers import state_of
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
 from mtpgo_ros.lifecycle.resource_node import ResourceNode
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
@@ -81,16 +80,11 @@ class RiskNode(ResourceNode):
         self._diagnostics.set_period(self.parameters.diagnostic_period)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(_CHECK_PERIOD_S, self._expire, clock=steady)
-        answer_invalid_transitions(self)
 
     @property
     def parameters(self) -> RiskParameters:
         """The current parameters."""
         return self._server.value
-
-    def on_health(self, handler: Callable[[Verdict], None]) -> None:
-        """Call ``handler`` with every verdict that is published on ``~/health``."""
-        self._diagnostics.on_health = handler
 
     @record_failure
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -187,20 +181,15 @@ class RiskNode(ResourceNode):
         if prediction is None or assessor is None or outputs is None:
             return
         timeout_s = self.parameters.prediction_timeout
-        self._tell_time()
+        self._watch.set_simulated_time(self._simulated_ns())
         if self._watch.age(timeout_s).age_s > timeout_s:
             self._last = None
             outputs.publish(assessor.expire(prediction), assessor.plan)
             outputs.publish_grid(prediction, assessor.place(prediction), known=False)
 
-    def _tell_time(self) -> None:
-        clock = cast(ROSClock, self.get_clock())
-        simulated = clock.ros_time_is_active
-        self._watch.set_simulated_time(clock.now().nanoseconds if simulated else None)
-
     def _current_status(self) -> RiskStatus:
         """Return the node's status, brought up to date."""
-        self._tell_time()
+        self._watch.set_simulated_time(self._simulated_ns())
         status, timeout_s = self._status, self.parameters.prediction_timeout
         status.state, status.failure = state_of(self), self.failure
         status.prediction_timeout_s = timeout_s

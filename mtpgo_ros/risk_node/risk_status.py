@@ -13,7 +13,9 @@ from mtpgo_ros.diagnostics.diagnostic_status import (
     ERROR,
     WARN,
     Cause,
+    counted,
     make_status,
+    not_active,
     worst_first,
 )
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -68,7 +70,7 @@ class RiskStatus:
 def risk_statuses(name: str, status: RiskStatus, events: EventLog) -> list[DiagnosticStatus]:
     """Return the three diagnostic statuses of the node ``name``."""
     counts = events.counts()
-    inactive = _not_active(status)
+    inactive = not_active(status, "no risk")
     level, message = worst_first(inactive or _prediction_causes(status), "receiving")
     predictions = make_status(
         f"{name}: predictions",
@@ -77,8 +79,7 @@ def risk_statuses(name: str, status: RiskStatus, events: EventLog) -> list[Diagn
         {
             "topic": status.topic,
             "age_s": f"{status.input.age_s:.3f}" if status.input.usable else "",
-            "messages": str(counts.get("messages", 0)),
-            "rejected": str(counts.get("rejected", 0)),
+            **counted(counts, ["messages", "rejected"]),
         },
     )
     level, message = worst_first(inactive or _plan_causes(status), "there is a plan")
@@ -89,8 +90,7 @@ def risk_statuses(name: str, status: RiskStatus, events: EventLog) -> list[Diagn
         {
             "topic": status.plan_topic,
             "plan_age_s": f"{status.plan_age_s:.3f}",
-            "plans": str(counts.get("plans", 0)),
-            "rejected_plans": str(counts.get("rejected_plans", 0)),
+            **counted(counts, ["plans", "rejected_plans"]),
         },
     )
     level, message = worst_first(inactive or _result_causes(status), _result(status))
@@ -109,15 +109,6 @@ def risk_statuses(name: str, status: RiskStatus, events: EventLog) -> list[Diagn
         },
     )
     return [predictions, plan, result]
-
-
-def _not_active(status: RiskStatus) -> list[Cause]:
-    if status.state == ACTIVE:
-        return []
-    failed = f"; the last transition failed: {status.failure}" if status.failure else ""
-    return [
-        (ERROR if failed else WARN, f"the node is not active ({status.state}): no risk{failed}")
-    ]
 
 
 def _prediction_causes(status: RiskStatus) -> list[Cause]:

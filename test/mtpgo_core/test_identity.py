@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mtpgo_core.identity import (
+    first_key,
     key_to_int,
     key_to_text,
     key_to_uuid_bytes,
@@ -92,3 +93,10 @@ def test_a_key_as_text_leads_back_to_the_key():
     assert texts[:3] == ["0", "17", str(2**64 - 1)]
     assert texts[4] == str(UUID)
     np.testing.assert_array_equal(keys_from_texts(texts), keys_from_integers(numbers))
+
+
+def test_the_first_text_that_is_not_blank_is_chosen():
+    assert key_to_int(first_key(" ", "17 ", "18")) == 17
+    assert key_to_int(first_key("5", "")) == 5
+    assert first_key("", " ") is None
+    assert first_key() is None

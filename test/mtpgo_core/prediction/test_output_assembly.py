@@ -12,6 +12,7 @@ from mtpgo_core.prediction.output_assembly import (
     replace_rows,
     select,
     with_time_origin,
+    without_agent,
 )
 from mtpgo_core.schema import SceneBatch, Source
 
@@ -149,6 +150,16 @@ def test_select_keeps_order_and_everything_of_an_agent():
     assert some.initial[:, 0].tolist() == [20.0, 0.0]
     assert some.time_s.tolist() == [DT_S]
     assert len(select(some, np.array([False, False]))) == 0
+
+
+def test_without_an_agent_the_others_stay_as_they_are():
+    whole = simple_prediction(0.0)
+    others = without_agent(whole, whole.key[1])
+    assert others.key.tolist() == whole.key[[0, 2]].tolist()
+    assert without_agent(others, whole.key[1]) is others
+    assert without_agent(whole, None) is whole
+    nothing = select(whole, np.array([], dtype=int))
+    assert len(without_agent(nothing, whole.key[0])) == 0
 
 
 def test_another_time_origin_moves_the_stamp_and_not_the_instants():
