@@ -68,7 +68,7 @@ class ViewScene:
     @property
     def start_ns(self) -> int:
         """Stamp of the first frame shown (ns)."""
-        return self.recording.stamp_ns(int(self.recording.frames[0]))
+        return self.recording.span_ns[0]
 
     def since_start_s(self, stamp_ns: int) -> float:
         """Return the time of a stamp after the first frame (s)."""
@@ -104,13 +104,9 @@ def view_scene(
         start_s: begin, from the recording's first frame (s).
         end_s: end, from the recording's first frame (s).
     """
-    first_ns = recording.stamp_ns(int(recording.frames[0]))
+    first_ns, last_ns = recording.span_ns
     begin_ns = first_ns + round(1e9 * (start_s or 0.0))
-    end_ns = (
-        recording.stamp_ns(int(recording.frames[-1]))
-        if end_s is None
-        else first_ns + round(1e9 * end_s)
-    )
+    end_ns = last_ns if end_s is None else first_ns + round(1e9 * end_s)
     shown = recording.between(start_s, end_s)
     future = FutureTable(recording)
     seen = tuple(
@@ -125,7 +121,7 @@ def view_scene(
         frame_id=frame_id or next(iter(frames), "map"),
         recording=shown,
         predictions=seen,
-        offset_s=(shown.stamp_ns(int(shown.frames[0])) - first_ns) * 1e-9 if len(shown) else 0.0,
+        offset_s=(shown.span_ns[0] - first_ns) * 1e-9 if len(shown) else 0.0,
     )
 
 
