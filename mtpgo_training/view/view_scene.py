@@ -4,13 +4,12 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from mtpgo_core.identity import key_to_int
+from mtpgo_core.identity import key_to_text
 from mtpgo_core.quality.metrics import ade, fde, is_inside, nees
 from mtpgo_core.schema import MOVING_MPS, AgentClass, Float64Array, KeyArray, Prediction
 from mtpgo_training.data.ground_truth import FutureTable
@@ -181,9 +180,8 @@ def drawn_yaws(recording: Recording) -> Float64Array:
 
 
 def identity_texts(key: KeyArray) -> list[str]:
-    """Return identities as users know them: [n, 4] numbers, or UUIDs."""
-    numbers = [key_to_int(one) for one in key]
-    return [str(n) if n < 1 << 63 else str(uuid.UUID(int=n)) for n in numbers]
+    """Return [n, 4] identities as users know them: numbers, or UUIDs."""
+    return [key_to_text(one) for one in key]
 
 
 class TrackWays:
