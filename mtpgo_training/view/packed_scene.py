@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 from mtpgo_core.quality.metrics import radius_squared, sigma_factor
 from mtpgo_core.schema import AgentClass, BoolArray, Float64Array, Source
 from mtpgo_training.data.recording import Int64Array
-from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT
+from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT, drawn_sizes
 from mtpgo_training.view.view_scene import (
     ELLIPSE_LEVEL,
     SeenPrediction,
     ViewScene,
-    drawn_sizes,
     drawn_speeds,
     drawn_yaws,
     ellipse_indices,
@@ -166,7 +165,7 @@ def _tracks(scene: ViewScene, origin: Float64Array, head: dict[str, Any]) -> Col
     yaw = drawn_yaws(recording)[rows]
     for begin, count in zip(begins.tolist(), counts.tolist(), strict=True):
         yaw[begin : begin + count] = np.unwrap(yaw[begin : begin + count])
-    sizes = _whole(drawn_sizes(recording), SIZE_M)
+    sizes = _whole(drawn_sizes(recording.size, recording.agent_class), SIZE_M)
     elapsed_ms = np.array(
         [round(1e3 * scene.since_start_s(recording.stamp_ns(f))) for f in frames.tolist()],
         dtype=np.int64,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mtpgo_core.frames import rotate
 from mtpgo_core.quality.metrics import average
 from mtpgo_core.schema import AgentClass, Float64Array, Source
-from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT
+from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT, drawn_sizes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
 from mtpgo_training.view.packed_scene import shown_frames
 from mtpgo_training.view.view_colours import CLASS_COLOURS, FALLBACK_COLOUR
@@ -26,7 +26,6 @@ from mtpgo_training.view.view_scene import (
     SeenPrediction,
     TrackWays,
     ViewScene,
-    drawn_sizes,
     drawn_yaws,
     ellipse_indices,
 )
@@ -64,7 +63,8 @@ class ScenePainter:
         self._angle = _turn(recording.position)
         self._ways = TrackWays(scene)
         self._position = rotate(recording.position, -self._angle)
-        self._yaw, self._size = drawn_yaws(recording) - self._angle, drawn_sizes(recording)
+        self._yaw = drawn_yaws(recording) - self._angle
+        self._size = drawn_sizes(recording.size, recording.agent_class)
         self._colour = np.array(
             [to_rgba(CLASS_COLOURS[AgentClass(int(c))]) for c in recording.agent_class]
         )

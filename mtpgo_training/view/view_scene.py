@@ -11,10 +11,9 @@ import numpy as np
 
 from mtpgo_core.identity import key_to_text
 from mtpgo_core.quality.metrics import ade, fde, is_inside, nees
-from mtpgo_core.schema import MOVING_MPS, AgentClass, Float64Array, KeyArray, Prediction
+from mtpgo_core.schema import MOVING_MPS, Float64Array, KeyArray, Prediction
 from mtpgo_training.data.ground_truth import FutureTable
 from mtpgo_training.data.recording import Int64Array, Recording
-from mtpgo_training.reports.drawn_bodies import CAR_SIZE_M, DEFAULT_SIZE_M
 
 ELLIPSE_LEVEL = 0.9
 """Share of the truths that a drawn ellipse should hold: the one that calibration is judged by."""
@@ -153,15 +152,6 @@ def ellipse_indices(time_s: Float64Array) -> Int64Array:
     wanted = [t for t in ELLIPSE_TIMES_S if t <= float(time_s[-1]) + 1e-6]
     wanted = wanted or [float(time_s[-1])]
     return np.unique([int(np.argmin(np.abs(time_s - t))) for t in wanted])
-
-
-def drawn_sizes(recording: Recording) -> Float64Array:
-    """[tracks, 2] length and width (m), by class where they are not known."""
-    usual = [
-        DEFAULT_SIZE_M.get(AgentClass(int(c)), CAR_SIZE_M) for c in recording.agent_class.tolist()
-    ]
-    known = recording.size
-    return np.where(np.isfinite(known) & (known > 0.0), known, np.array(usual).reshape(-1, 2))
 
 
 def drawn_speeds(recording: Recording) -> Float64Array:
