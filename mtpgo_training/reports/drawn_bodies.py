@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtpgo_core.schema import AgentClass, ClassArray, Float64Array
+from mtpgo_core.schema import AgentClass, BoolArray, ClassArray, Float64Array
 
 SHOWN_WEIGHT = 0.05
 """Modes below this weight are not drawn; chosen."""
@@ -22,3 +22,8 @@ def drawn_sizes(size: Float64Array, agent_class: ClassArray) -> Float64Array:
     kinds = map(AgentClass, agent_class.tolist())
     usual = np.array([DEFAULT_SIZE_M.get(kind, CAR_SIZE_M) for kind in kinds]).reshape(-1, 2)
     return np.where(np.isfinite(size) & (size > 0.0), size, usual)
+
+
+def shown_modes(weight: Float64Array) -> BoolArray:
+    """[..., M] modes that are drawn: the heaviest and those from SHOWN_WEIGHT on."""
+    return np.asarray((weight >= SHOWN_WEIGHT) | (weight == weight.max(axis=-1, keepdims=True)))

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.quality.metrics import radius_squared, sigma_factor
-from mtpgo_core.schema import AgentClass, BoolArray, Float64Array, Source
+from mtpgo_core.schema import AgentClass, Float64Array, Source
 from mtpgo_training.data.recording import Int64Array
-from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT, drawn_sizes
+from mtpgo_training.reports.drawn_bodies import drawn_sizes, shown_modes
 from mtpgo_training.view.view_scene import (
     ELLIPSE_LEVEL,
     SeenPrediction,
@@ -233,7 +233,7 @@ def _prediction_columns(
     p = seen.prediction
     rows = np.flatnonzero(seen.track >= 0)
     rows = rows[np.argsort(seen.track[rows], kind="stable")]
-    shown = _shown(p.weight[rows], p.mean[rows][..., :2])
+    shown = shown_modes(p.weight[rows]) & np.isfinite(p.mean[rows][..., :2]).all(axis=(2, 3))
     counts = shown.sum(axis=1)
     xy = _whole(p.mean[rows][:, :, path, :2] - origin, POSITION_M)  # [n, M, P, 2]
     # The first mode shown is stored as it is, the others as differences from it.
@@ -265,13 +265,6 @@ def _prediction_columns(
         "ellipse_minor": np.diff(minor, axis=1, prepend=0).reshape(-1),
         "ellipse_angle": np.diff(angle, axis=1, prepend=0).reshape(-1),
     }
-
-
-def _shown(weight: Float64Array, position: Float64Array) -> BoolArray:
-    """[n, M] modes that are drawn: the heaviest and those above a weight, if they are whole."""
-    shown = weight >= SHOWN_WEIGHT
-    shown[:, :1] = True
-    return np.asarray(shown & np.isfinite(position).all(axis=(2, 3)))
 
 
 def _optional(values: Float64Array, step: float) -> Int64Array:

@@ -17,7 +17,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.quality.metrics import average
 from mtpgo_core.schema import AgentClass, Float64Array, Prediction, Source, TrackedStates
 from mtpgo_training.atomic_files import replacing
-from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT, drawn_sizes
+from mtpgo_training.reports.drawn_bodies import drawn_sizes, shown_modes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
 from mtpgo_training.view.view_colours import CLASS_COLOURS, FALLBACK_COLOUR, colour_bytes
 from mtpgo_training.view.view_scene import TrackWays, ViewScene, ellipse_indices, identity_texts
@@ -115,7 +115,7 @@ class RerunScene:
             model = prediction.source[agent] == Source.MODEL
             colour = colour_bytes(CLASS_COLOURS[kind] if model else FALLBACK_COLOUR)
             strongest = float(prediction.weight[agent].max())
-            for mode in np.flatnonzero(prediction.weight[agent] >= SHOWN_WEIGHT).tolist():
+            for mode in np.flatnonzero(shown_modes(prediction.weight[agent])).tolist():
                 share = float(prediction.weight[agent, mode]) / strongest
                 path = self._placed(prediction.mean[agent, mode, :, :2])
                 strips.append(path[np.isfinite(path).all(axis=1)])

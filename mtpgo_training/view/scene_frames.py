@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mtpgo_core.frames import rotate
 from mtpgo_core.quality.metrics import average
 from mtpgo_core.schema import AgentClass, Float64Array, Source
-from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT, drawn_sizes
+from mtpgo_training.reports.drawn_bodies import drawn_sizes, shown_modes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
 from mtpgo_training.view.packed_scene import shown_frames
 from mtpgo_training.view.view_colours import CLASS_COLOURS, FALLBACK_COLOUR
@@ -184,16 +184,14 @@ class ScenePainter:
                 if p.source[agent] != Source.MODEL:
                     colour = np.array(to_rgba(FALLBACK_COLOUR))
                 strongest = float(p.weight[agent].max())
-                for mode in np.argsort(p.weight[agent]).tolist():
-                    weight = float(p.weight[agent, mode])
-                    if weight < SHOWN_WEIGHT and weight < strongest:
-                        continue
-                    share = weight / strongest
+                order = np.argsort(p.weight[agent])
+                for mode in order[shown_modes(p.weight[agent, order])].tolist():
+                    share = float(p.weight[agent, mode]) / strongest
                     path = rotate(p.mean[agent, mode, later, :2], -self._angle)
                     segments.append(np.concatenate([place[seen.track[agent]][None], path]))
                     colours.append(colour * (1.0, 1.0, 1.0, 0.08 + 0.82 * share**1.5))
                     widths.append(0.7 + 0.9 * share)
-                    if weight == strongest:
+                    if share == 1.0:
                         steps = [k for k in ellipse_indices(p.time_s).tolist() if later[k]]
                         found = ellipse_rings(p, agent, mode, np.array(steps, dtype=np.int64))
                         rings += [rotate(ring, -self._angle) for ring in found]
