@@ -149,10 +149,7 @@ class ScenePainter:
         self._text.set_text(f"{time_s:4.1f} s" + self._error(recording.stamp_ns(frame)))
 
     def _draw_bodies(self, rows: NDArray[np.int64], track: NDArray[np.int64]) -> None:
-        corners = _CORNERS[None] * self._size[track][:, None]
-        cos, sin = np.cos(self._yaw[rows])[:, None], np.sin(self._yaw[rows])[:, None]
-        x, y = corners[..., 0], corners[..., 1]
-        turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+        turned = rotate(_CORNERS * self._size[track][:, None], self._yaw[rows][:, None])
         self._bodies.set_verts(turned + self._position[rows][:, None])
         self._bodies.set_facecolor(self._colour[track])
 
