@@ -79,7 +79,7 @@ class Timeline {
     const passed = countUpTo(this.scene.predictions, t - this.horizon + 1e-4, (p) => p.t);
     const last = passed ? this.scene.predictions[passed - 1] : null;
     const recent = last && t - this.horizon - last.t < STALE_S ? this.means[passed - 1] : null;
-    return { last: recent ? last : null, now: recent, all: this.sums[passed], passed };
+    return { last: recent ? last : null, now: recent, all: this.sums[passed] };
   }
 
   present(t) {
