@@ -57,6 +57,13 @@ class Timeline {
       this.sums.push(total);
       return sum;
     });
+    // Mean error at the horizon, by the time at which it was known: [s, m] each.
+    this.errors = [];
+    scene.predictions.forEach((p, k) => {
+      const { final, m } = this.means[k], known = p.t + this.horizon;
+      if (m && known <= this.end + 1e-3) this.errors.push([known, final / m]);
+    });
+    this.largestError = Math.max(1, ...this.errors.map(([, error]) => error));
   }
 
   predictionAt(t) {
