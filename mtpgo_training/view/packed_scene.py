@@ -29,6 +29,7 @@ from mtpgo_training.view.view_scene import (
     ellipse_indices,
     identity_texts,
     rows_by_track,
+    shown_frames,
 )
 
 POSITION_M = 0.02
@@ -45,10 +46,6 @@ ELLIPSE_BASE_M, ELLIPSE_STEPS = 0.02, 12
 
 ELLIPSE_ANGLES = 64
 """Steps of an ellipse's direction in half a turn."""
-
-FRAME_S = 0.09
-"""Frames closer to the one before are left out (s); chosen: the page draws between frames of 10 Hz
-without a visible difference."""
 
 PATH_S = 0.4
 """Distance of the stored points of a path in time (s); chosen: between them a road user moves
@@ -140,16 +137,6 @@ def _lanes(scene: ViewScene, origin: Float64Array) -> Columns:
         "lane_x": _differences(xy[:, 0], starts),
         "lane_y": _differences(xy[:, 1], starts),
     }
-
-
-def shown_frames(scene: ViewScene) -> Int64Array:
-    """Return the frames that are drawn, at most one in ``FRAME_S``."""
-    frames, rate = scene.recording.frames, scene.recording.frame_rate
-    chosen: list[int] = []
-    for frame in frames.tolist():
-        if not chosen or (frame - chosen[-1]) / rate >= FRAME_S:
-            chosen.append(frame)
-    return np.array(chosen, dtype=np.int64)
 
 
 def _tracks(scene: ViewScene, origin: Float64Array, head: dict[str, Any]) -> Columns:

@@ -20,7 +20,6 @@ from mtpgo_core.quality.metrics import average
 from mtpgo_core.schema import AgentClass, Float64Array, Source
 from mtpgo_training.reports.drawn_bodies import drawn_sizes, shown_modes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
-from mtpgo_training.view.packed_scene import shown_frames
 from mtpgo_training.view.view_colours import CLASS_COLOURS, FALLBACK_COLOUR
 from mtpgo_training.view.view_scene import (
     SeenPrediction,
@@ -28,6 +27,7 @@ from mtpgo_training.view.view_scene import (
     ViewScene,
     drawn_yaws,
     ellipse_indices,
+    shown_frames,
 )
 
 GROUND, ROAD, LANE, TEXT = "#f4f5f3", "#e6e8e8", "#b9bfc5", "#1c2126"

@@ -21,6 +21,10 @@ ELLIPSE_LEVEL = 0.9
 ELLIPSE_TIMES_S = (1.0, 3.0, 5.0)
 """Times ahead at which ellipses are drawn (s): those of the headline scores."""
 
+FRAME_S = 0.09
+"""Frames closer to the one before are left out (s); chosen: the page draws between frames of 10 Hz
+without a visible difference."""
+
 
 @dataclass(frozen=True)
 class SeenPrediction:
@@ -143,6 +147,16 @@ def _seen(
         final_m=np.asarray(fde(mean, prediction.weight, truth.position, truth.known), np.float64),
         inside=np.where(truth.known[:, -1], inside, np.nan),
     )
+
+
+def shown_frames(scene: ViewScene) -> Int64Array:
+    """Return the frames that are drawn, at most one in ``FRAME_S``."""
+    frames, rate = scene.recording.frames, scene.recording.frame_rate
+    chosen: list[int] = []
+    for frame in frames.tolist():
+        if not chosen or (frame - chosen[-1]) / rate >= FRAME_S:
+            chosen.append(frame)
+    return np.array(chosen, dtype=np.int64)
 
 
 def ellipse_indices(time_s: Float64Array) -> Int64Array:
