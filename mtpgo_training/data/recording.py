@@ -128,6 +128,11 @@ class Recording:
         """Return the time of a frame (ns)."""
         return self.start_time_ns + round(int(frame) * 1e9 / self.frame_rate)
 
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """Stamps of the first and last frame with a road user (ns)."""
+        return self.stamp_ns(int(self.frames[0])), self.stamp_ns(int(self.frames[-1]))
+
     def states(self) -> Iterator[TrackedStates]:
         """Yield the road users frame by frame, as a tracker would have published them."""
         frames, starts = self._bounds

@@ -16,6 +16,7 @@ from mtpgo_training.data.recording import FRAME_ID, Recording
 
 OBJECTS_TOPIC = "/objects"
 LANES_TOPIC = "/lane_markings"
+PREDICTIONS_TOPIC = "/predictor/predictions"
 EGO_TOPIC = "/ego_id"
 
 DEFAULT_KIND = "pointcloud2"

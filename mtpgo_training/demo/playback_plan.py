@@ -37,16 +37,10 @@ class PlaybackPlan:
     def at(self, stamp_ns: int) -> int | None:
         """Return the index of the recording that has this stamp (ns), None if there is none."""
         for index, recording in enumerate(self.recordings):
-            first, last = span_ns(recording)
+            first, last = recording.span_ns
             if first <= stamp_ns <= last:
                 return index
         return None
-
-
-def span_ns(recording: Recording) -> tuple[int, int]:
-    """Return the stamps of the first and last frame (ns)."""
-    frames = recording.frames
-    return recording.stamp_ns(int(frames[0])), recording.stamp_ns(int(frames[-1]))
 
 
 def make_plan(
@@ -74,8 +68,8 @@ def make_plan(
         )
     start_ns, placed = DEFAULT_START_NS, []
     for recording in played:
-        offset_ns = span_ns(recording)[0] - recording.start_time_ns
+        offset_ns = recording.span_ns[0] - recording.start_time_ns
         recording = dataclasses.replace(recording, start_time_ns=start_ns - offset_ns)
         placed.append(recording)
-        start_ns = span_ns(recording)[1] + round(PAUSE_S * 1e9)
+        start_ns = recording.span_ns[1] + round(PAUSE_S * 1e9)
     return PlaybackPlan(tuple(placed), tuple(left_out))

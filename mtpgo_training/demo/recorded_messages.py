@@ -17,13 +17,12 @@ from msg_adapters.outputs.quality_table import quality_from_array
 from msg_adapters.predictions import prediction_from_pointcloud2
 from mtpgo_core.quality.quality_report import QUALITY_ROW
 from mtpgo_core.schema import Prediction
-from mtpgo_training.data.recording_bag import OBJECTS_TOPIC
+from mtpgo_training.data.recording_bag import OBJECTS_TOPIC, PREDICTIONS_TOPIC
 
-PREDICTIONS = "/predictor/predictions"
 PROCESSING, DIAGNOSTICS = "/predictor/debug/processing_time_ms", "/diagnostics"
 QUALITY = "/predictor/quality_table"
 
-TOPICS = (OBJECTS_TOPIC, PREDICTIONS, PROCESSING, QUALITY, DIAGNOSTICS)
+TOPICS = (OBJECTS_TOPIC, PREDICTIONS_TOPIC, PROCESSING, QUALITY, DIAGNOSTICS)
 """The topics that the demo records."""
 
 
@@ -62,7 +61,7 @@ class RecordedMessages:
         """Add one message of one of ``TOPICS``."""
         if topic == OBJECTS_TOPIC:
             self.observed[stamp_to_ns(message.header.stamp)] = received_ns
-        elif topic == PREDICTIONS:
+        elif topic == PREDICTIONS_TOPIC:
             prediction = prediction_from_pointcloud2(message)
             self.predictions.append(ReceivedPrediction(prediction, received_ns))
         elif topic == PROCESSING:

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mtpgo_core.history.stream_guard import UpdateReport
-from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.prediction.model_runner import ModelRunner
@@ -34,10 +32,7 @@ def make_predictor(
 
 
 def predict_as_the_node(
-    runner: ModelRunner,
-    recording: Recording,
-    stamps_ns: Sequence[int],
-    live: LiveOptions | None = None,
+    runner: ModelRunner, recording: Recording, stamps_ns: Sequence[int]
 ) -> list[Prediction]:
     """Return what the node would publish at ascending stamps, live calibration included.
 
@@ -45,16 +40,11 @@ def predict_as_the_node(
         runner: the model.
         recording: what is observed, from its first frame on.
         stamps_ns: times of the predictions (ns).
-        live: what is learned from outcomes meanwhile; by default as in the node.
     """
     history = runner.task.history
     predictor = make_predictor(runner, recording)
-    calibration = LiveCalibration(live or LiveOptions(), history, runner.task.horizon_steps)
-
-    def learn(history: TrackHistory, report: UpdateReport) -> None:
-        calibration.observe(history, report)
-
+    calibration = LiveCalibration(LiveOptions(), history, runner.task.horizon_steps)
     return [
         calibration.serve(predictor.predict(window), window)
-        for window in replay(recording, history, stamps_ns, on_update=learn)
+        for window in replay(recording, history, stamps_ns, on_update=calibration.observe)
     ]

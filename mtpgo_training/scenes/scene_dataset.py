@@ -277,7 +277,7 @@ def trail_context(
     since_ns = None
     if age < 1.0:
         now_ns = tracked.window.stamp_ns
-        start_ns = source.recording.stamp_ns(int(source.recording.frames[0]))
+        start_ns = source.recording.span_ns[0]
         # What becomes known at t itself does not count as known at the age 0.
         since_ns = now_ns + 1 - round(age * (now_ns - start_ns))
     return TrailContext(view.trails, horizon_steps, dt_s, since_ns)

@@ -8,6 +8,7 @@ join or part, they go through.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -54,19 +55,21 @@ def network_lanes(path: Path) -> tuple[Float64Array, ...]:
 
 def _through(root: ElementTree.Element) -> set[str]:
     """Return the lanes inside of junctions that are no crossing of roads."""
-    links = [link for link in root.iter("connection") if link.get("via")]
-    into: dict[str, set[str]] = {}
-    out: dict[str, set[str]] = {}
-    for link in links:
-        junction = link.get("via", "").rsplit("_", 2)[0]
-        into.setdefault(junction, set()).add(link.get("from", ""))
-        out.setdefault(junction, set()).add(link.get("to", ""))
+    links = [(via, link) for link in root.iter("connection") if (via := link.get("via"))]
+    into, out = defaultdict[str, set[str]](set), defaultdict[str, set[str]](set)
+    for via, link in links:
+        into[_junction(via)].add(link.get("from", ""))
+        out[_junction(via)].add(link.get("to", ""))
     return {
-        link.get("via", "")
-        for link in links
-        for junction in [link.get("via", "").rsplit("_", 2)[0]]
-        if link.get("dir") == "s" and min(len(into[junction]), len(out[junction])) == 1
+        via
+        for via, link in links
+        if link.get("dir") == "s" and min(len(into[_junction(via)]), len(out[_junction(via)])) == 1
     }
+
+
+def _junction(lane: str) -> str:
+    """Return the junction that a lane inside of it belongs to."""
+    return lane.rsplit("_", 2)[0]
 
 
 def _same(one: Float64Array, other: Float64Array) -> bool:

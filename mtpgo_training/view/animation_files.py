@@ -8,8 +8,9 @@ import itertools
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,15 +61,7 @@ def _write_gif(pictures: Iterator[Picture], path: Path, period_s: float) -> None
     images = [Image.fromarray(picture) for picture in pictures]
     palette = images[len(images) // 2].quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
     flat = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
-    flat[0].save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=flat[1:],
-        duration=round(1000 * period_s),
-        loop=0,
-        optimize=False,
-    )
+    _save(flat, path, period_s, format="GIF", optimize=False)
 
 
 def _write_webp(pictures: Iterator[Picture], path: Path, period_s: float) -> None:
@@ -76,15 +69,14 @@ def _write_webp(pictures: Iterator[Picture], path: Path, period_s: float) -> Non
     from PIL import Image
 
     images = [Image.fromarray(picture) for picture in pictures]
+    _save(images, path, period_s, format="WEBP", quality=WEBP_QUALITY, method=4)
+
+
+def _save(images: Sequence[Any], path: Path, period_s: float, **how: Any) -> None:
+    """Write images of Pillow as an animation that repeats."""
+    duration_ms = round(1000 * period_s)
     images[0].save(
-        path,
-        format="WEBP",
-        save_all=True,
-        append_images=images[1:],
-        duration=round(1000 * period_s),
-        loop=0,
-        quality=WEBP_QUALITY,
-        method=4,
+        path, save_all=True, append_images=images[1:], duration=duration_ms, loop=0, **how
     )
 
 

@@ -18,8 +18,8 @@ _SCRIPTS = ("packed_data.js", "timeline.js", "camera.js", "painter.js", "control
 """In the order in which they use each other."""
 
 
-def write_page(scene: ViewScene, path: Path) -> int:
-    """Write the page of a scene and return its size (bytes).
+def write_page(scene: ViewScene, path: Path) -> None:
+    """Write the page of a scene.
 
     Args:
         scene: what it shows.
@@ -28,9 +28,7 @@ def write_page(scene: ViewScene, path: Path) -> int:
     Raises:
         ConfigurationError: it cannot be written.
     """
-    text = page_text(scene)
-    write_text(path, text)
-    return len(text.encode())
+    write_text(path, page_text(scene))
 
 
 def page_text(scene: ViewScene) -> str:

@@ -22,7 +22,7 @@ from msg_adapters.registry import adapter_for_type
 from mtpgo_core.errors import ConfigurationError, MessageError, RecordingError
 from mtpgo_core.frames import VEHICLE_FRAMES
 from mtpgo_training.data.data_sources import DataSource
-from mtpgo_training.data.recording_bag import LANES_TOPIC, OBJECTS_TOPIC
+from mtpgo_training.data.recording_bag import LANES_TOPIC, OBJECTS_TOPIC, PREDICTIONS_TOPIC
 from mtpgo_training.processes.child_process import READY_S, ChildProcess, require_ros
 from mtpgo_training.view.scene_outputs import prepare_outputs, write_outputs
 from mtpgo_training.view.view_scene import identity_texts
@@ -30,9 +30,6 @@ from mtpgo_training.view.view_source import ViewOptions, load_scene
 
 if TYPE_CHECKING:
     from mtpgo_training.view.rerun_scene import RerunScene
-
-PREDICTIONS_TOPIC = "/predictor/predictions"
-"""Topic of the predictions if none is named."""
 
 CONTEXT = (LANES_TOPIC, "/tf", "/tf_static", "/odometry", "/diagnostics")
 """Topics that are recorded as well: lanes, what lifts objects into a fixed frame, the model."""

@@ -17,19 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.quality.metrics import radius_squared, sigma_factor
-from mtpgo_core.schema import AgentClass, BoolArray, Float64Array, Source
+from mtpgo_core.schema import AgentClass, Float64Array, Source
 from mtpgo_training.data.recording import Int64Array
-from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT
+from mtpgo_training.reports.drawn_bodies import drawn_sizes, shown_modes
 from mtpgo_training.view.view_scene import (
     ELLIPSE_LEVEL,
     SeenPrediction,
     ViewScene,
-    drawn_sizes,
     drawn_speeds,
     drawn_yaws,
     ellipse_indices,
     identity_texts,
     rows_by_track,
+    shown_frames,
 )
 
 POSITION_M = 0.02
@@ -46,10 +46,6 @@ ELLIPSE_BASE_M, ELLIPSE_STEPS = 0.02, 12
 
 ELLIPSE_ANGLES = 64
 """Steps of an ellipse's direction in half a turn."""
-
-FRAME_S = 0.09
-"""Frames closer to the one before are left out (s); chosen: the page draws between frames of 10 Hz
-without a visible difference."""
 
 PATH_S = 0.4
 """Distance of the stored points of a path in time (s); chosen: between them a road user moves
@@ -143,16 +139,6 @@ def _lanes(scene: ViewScene, origin: Float64Array) -> Columns:
     }
 
 
-def shown_frames(scene: ViewScene) -> Int64Array:
-    """Return the frames that are drawn, at most one in ``FRAME_S``."""
-    frames, rate = scene.recording.frames, scene.recording.frame_rate
-    chosen: list[int] = []
-    for frame in frames.tolist():
-        if not chosen or (frame - chosen[-1]) / rate >= FRAME_S:
-            chosen.append(frame)
-    return np.array(chosen, dtype=np.int64)
-
-
 def _tracks(scene: ViewScene, origin: Float64Array, head: dict[str, Any]) -> Columns:
     recording = scene.recording
     frames = shown_frames(scene)
@@ -166,7 +152,7 @@ def _tracks(scene: ViewScene, origin: Float64Array, head: dict[str, Any]) -> Col
     yaw = drawn_yaws(recording)[rows]
     for begin, count in zip(begins.tolist(), counts.tolist(), strict=True):
         yaw[begin : begin + count] = np.unwrap(yaw[begin : begin + count])
-    sizes = _whole(drawn_sizes(recording), SIZE_M)
+    sizes = _whole(drawn_sizes(recording.size, recording.agent_class), SIZE_M)
     elapsed_ms = np.array(
         [round(1e3 * scene.since_start_s(recording.stamp_ns(f))) for f in frames.tolist()],
         dtype=np.int64,
@@ -234,7 +220,7 @@ def _prediction_columns(
     p = seen.prediction
     rows = np.flatnonzero(seen.track >= 0)
     rows = rows[np.argsort(seen.track[rows], kind="stable")]
-    shown = _shown(p.weight[rows], p.mean[rows][..., :2])
+    shown = shown_modes(p.weight[rows]) & np.isfinite(p.mean[rows][..., :2]).all(axis=(2, 3))
     counts = shown.sum(axis=1)
     xy = _whole(p.mean[rows][:, :, path, :2] - origin, POSITION_M)  # [n, M, P, 2]
     # The first mode shown is stored as it is, the others as differences from it.
@@ -266,13 +252,6 @@ def _prediction_columns(
         "ellipse_minor": np.diff(minor, axis=1, prepend=0).reshape(-1),
         "ellipse_angle": np.diff(angle, axis=1, prepend=0).reshape(-1),
     }
-
-
-def _shown(weight: Float64Array, position: Float64Array) -> BoolArray:
-    """[n, M] modes that are drawn: the heaviest and those above a weight, if they are whole."""
-    shown = weight >= SHOWN_WEIGHT
-    shown[:, :1] = True
-    return np.asarray(shown & np.isfinite(position).all(axis=(2, 3)))
 
 
 def _optional(values: Float64Array, step: float) -> Int64Array:

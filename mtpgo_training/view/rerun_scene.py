@@ -17,7 +17,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.quality.metrics import average
 from mtpgo_core.schema import AgentClass, Float64Array, Prediction, Source, TrackedStates
 from mtpgo_training.atomic_files import replacing
-from mtpgo_training.reports.drawn_bodies import CAR_SIZE_M, DEFAULT_SIZE_M, SHOWN_WEIGHT
+from mtpgo_training.reports.drawn_bodies import drawn_sizes, shown_modes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
 from mtpgo_training.view.view_colours import CLASS_COLOURS, FALLBACK_COLOUR, colour_bytes
 from mtpgo_training.view.view_scene import TrackWays, ViewScene, ellipse_indices, identity_texts
@@ -81,8 +81,7 @@ class RerunScene:
             names: [n] their identities as text.
         """
         kinds = [AgentClass(int(c)) for c in states.agent_class]
-        usual = np.array([DEFAULT_SIZE_M.get(k, CAR_SIZE_M) for k in kinds]).reshape(-1, 2)
-        size = np.where(np.isfinite(states.size), states.size, usual)
+        size = drawn_sizes(states.size, states.agent_class)
         course = np.arctan2(states.velocity[:, 1], states.velocity[:, 0])
         yaw = np.nan_to_num(np.where(np.isfinite(states.yaw), states.yaw, course))
         centre = self._placed(states.position)
@@ -116,7 +115,7 @@ class RerunScene:
             model = prediction.source[agent] == Source.MODEL
             colour = colour_bytes(CLASS_COLOURS[kind] if model else FALLBACK_COLOUR)
             strongest = float(prediction.weight[agent].max())
-            for mode in np.flatnonzero(prediction.weight[agent] >= SHOWN_WEIGHT).tolist():
+            for mode in np.flatnonzero(shown_modes(prediction.weight[agent])).tolist():
                 share = float(prediction.weight[agent, mode]) / strongest
                 path = self._placed(prediction.mean[agent, mode, :, :2])
                 strips.append(path[np.isfinite(path).all(axis=1)])

@@ -18,17 +18,16 @@ from numpy.typing import NDArray
 from mtpgo_core.frames import rotate
 from mtpgo_core.quality.metrics import average
 from mtpgo_core.schema import AgentClass, Float64Array, Source
-from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT
+from mtpgo_training.reports.drawn_bodies import drawn_sizes, shown_modes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
-from mtpgo_training.view.packed_scene import shown_frames
 from mtpgo_training.view.view_colours import CLASS_COLOURS, FALLBACK_COLOUR
 from mtpgo_training.view.view_scene import (
     SeenPrediction,
     TrackWays,
     ViewScene,
-    drawn_sizes,
     drawn_yaws,
     ellipse_indices,
+    shown_frames,
 )
 
 GROUND, ROAD, LANE, TEXT = "#f4f5f3", "#e6e8e8", "#b9bfc5", "#1c2126"
@@ -64,7 +63,8 @@ class ScenePainter:
         self._angle = _turn(recording.position)
         self._ways = TrackWays(scene)
         self._position = rotate(recording.position, -self._angle)
-        self._yaw, self._size = drawn_yaws(recording) - self._angle, drawn_sizes(recording)
+        self._yaw = drawn_yaws(recording) - self._angle
+        self._size = drawn_sizes(recording.size, recording.agent_class)
         self._colour = np.array(
             [to_rgba(CLASS_COLOURS[AgentClass(int(c))]) for c in recording.agent_class]
         )
@@ -149,10 +149,7 @@ class ScenePainter:
         self._text.set_text(f"{time_s:4.1f} s" + self._error(recording.stamp_ns(frame)))
 
     def _draw_bodies(self, rows: NDArray[np.int64], track: NDArray[np.int64]) -> None:
-        corners = _CORNERS[None] * self._size[track][:, None]
-        cos, sin = np.cos(self._yaw[rows])[:, None], np.sin(self._yaw[rows])[:, None]
-        x, y = corners[..., 0], corners[..., 1]
-        turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+        turned = rotate(_CORNERS * self._size[track][:, None], self._yaw[rows][:, None])
         self._bodies.set_verts(turned + self._position[rows][:, None])
         self._bodies.set_facecolor(self._colour[track])
 
@@ -184,16 +181,14 @@ class ScenePainter:
                 if p.source[agent] != Source.MODEL:
                     colour = np.array(to_rgba(FALLBACK_COLOUR))
                 strongest = float(p.weight[agent].max())
-                for mode in np.argsort(p.weight[agent]).tolist():
-                    weight = float(p.weight[agent, mode])
-                    if weight < SHOWN_WEIGHT and weight < strongest:
-                        continue
-                    share = weight / strongest
+                order = np.argsort(p.weight[agent])
+                for mode in order[shown_modes(p.weight[agent, order])].tolist():
+                    share = float(p.weight[agent, mode]) / strongest
                     path = rotate(p.mean[agent, mode, later, :2], -self._angle)
                     segments.append(np.concatenate([place[seen.track[agent]][None], path]))
                     colours.append(colour * (1.0, 1.0, 1.0, 0.08 + 0.82 * share**1.5))
                     widths.append(0.7 + 0.9 * share)
-                    if weight == strongest:
+                    if share == 1.0:
                         steps = [k for k in ellipse_indices(p.time_s).tolist() if later[k]]
                         found = ellipse_rings(p, agent, mode, np.array(steps, dtype=np.int64))
                         rings += [rotate(ring, -self._angle) for ring in found]

@@ -4,24 +4,26 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from mtpgo_core.identity import key_to_int
+from mtpgo_core.identity import key_to_text
 from mtpgo_core.quality.metrics import ade, fde, is_inside, nees
-from mtpgo_core.schema import MOVING_MPS, AgentClass, Float64Array, KeyArray, Prediction
+from mtpgo_core.schema import MOVING_MPS, Float64Array, KeyArray, Prediction
 from mtpgo_training.data.ground_truth import FutureTable
 from mtpgo_training.data.recording import Int64Array, Recording
-from mtpgo_training.reports.drawn_bodies import CAR_SIZE_M, DEFAULT_SIZE_M
 
 ELLIPSE_LEVEL = 0.9
 """Share of the truths that a drawn ellipse should hold: the one that calibration is judged by."""
 
 ELLIPSE_TIMES_S = (1.0, 3.0, 5.0)
 """Times ahead at which ellipses are drawn (s): those of the headline scores."""
+
+FRAME_S = 0.09
+"""Frames closer to the one before are left out (s); chosen: the page draws between frames of 10 Hz
+without a visible difference."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class ViewScene:
     @property
     def start_ns(self) -> int:
         """Stamp of the first frame shown (ns)."""
-        return self.recording.stamp_ns(int(self.recording.frames[0]))
+        return self.recording.span_ns[0]
 
     def since_start_s(self, stamp_ns: int) -> float:
         """Return the time of a stamp after the first frame (s)."""
@@ -104,13 +106,9 @@ def view_scene(
         start_s: begin, from the recording's first frame (s).
         end_s: end, from the recording's first frame (s).
     """
-    first_ns = recording.stamp_ns(int(recording.frames[0]))
+    first_ns, last_ns = recording.span_ns
     begin_ns = first_ns + round(1e9 * (start_s or 0.0))
-    end_ns = (
-        recording.stamp_ns(int(recording.frames[-1]))
-        if end_s is None
-        else first_ns + round(1e9 * end_s)
-    )
+    end_ns = last_ns if end_s is None else first_ns + round(1e9 * end_s)
     shown = recording.between(start_s, end_s)
     future = FutureTable(recording)
     seen = tuple(
@@ -125,7 +123,7 @@ def view_scene(
         frame_id=frame_id or next(iter(frames), "map"),
         recording=shown,
         predictions=seen,
-        offset_s=(shown.stamp_ns(int(shown.frames[0])) - first_ns) * 1e-9 if len(shown) else 0.0,
+        offset_s=(shown.span_ns[0] - first_ns) * 1e-9 if len(shown) else 0.0,
     )
 
 
@@ -151,6 +149,16 @@ def _seen(
     )
 
 
+def shown_frames(scene: ViewScene) -> Int64Array:
+    """Return the frames that are drawn, at most one in ``FRAME_S``."""
+    frames, rate = scene.recording.frames, scene.recording.frame_rate
+    chosen: list[int] = []
+    for frame in frames.tolist():
+        if not chosen or (frame - chosen[-1]) / rate >= FRAME_S:
+            chosen.append(frame)
+    return np.array(chosen, dtype=np.int64)
+
+
 def ellipse_indices(time_s: Float64Array) -> Int64Array:
     """Return the steps with ellipses: those nearest to ELLIPSE_TIMES_S, else the last one."""
     if not len(time_s):
@@ -158,15 +166,6 @@ def ellipse_indices(time_s: Float64Array) -> Int64Array:
     wanted = [t for t in ELLIPSE_TIMES_S if t <= float(time_s[-1]) + 1e-6]
     wanted = wanted or [float(time_s[-1])]
     return np.unique([int(np.argmin(np.abs(time_s - t))) for t in wanted])
-
-
-def drawn_sizes(recording: Recording) -> Float64Array:
-    """[tracks, 2] length and width (m), by class where they are not known."""
-    usual = [
-        DEFAULT_SIZE_M.get(AgentClass(int(c)), CAR_SIZE_M) for c in recording.agent_class.tolist()
-    ]
-    known = recording.size
-    return np.where(np.isfinite(known) & (known > 0.0), known, np.array(usual).reshape(-1, 2))
 
 
 def drawn_speeds(recording: Recording) -> Float64Array:
@@ -185,9 +184,8 @@ def drawn_yaws(recording: Recording) -> Float64Array:
 
 
 def identity_texts(key: KeyArray) -> list[str]:
-    """Return identities as users know them: [n, 4] numbers, or UUIDs."""
-    numbers = [key_to_int(one) for one in key]
-    return [str(n) if n < 1 << 63 else str(uuid.UUID(int=n)) for n in numbers]
+    """Return [n, 4] identities as users know them: numbers, or UUIDs."""
+    return [key_to_text(one) for one in key]
 
 
 class TrackWays:

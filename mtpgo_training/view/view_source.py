@@ -167,7 +167,7 @@ def _recorded(
     bag: Path, recording: Recording, options: ViewOptions, start_s: float, end_s: float
 ) -> list[Prediction]:
     """Return the predictions that the bag has of a recording; empty if there are none."""
-    first_ns = recording.stamp_ns(int(recording.frames[0]))
+    first_ns = recording.span_ns[0]
     span_ns = (first_ns + round(1e9 * start_s), first_ns + round(1e9 * end_s))
     try:
         found = read_predictions(bag, options.predictions_topic, span_ns=span_ns)
@@ -190,9 +190,9 @@ def _predicted(
             recording.between(None, end_s), runner.task.history.dt_s
         ).tolist()
     ]
-    first_ns = recording.stamp_ns(int(recording.frames[0]))
+    begin_ns = recording.span_ns[0] + round(1e9 * start_s)
     made = predict_as_the_node(runner, recording, stamps)
-    return [p for p in made if p.stamp_ns >= first_ns + round(1e9 * start_s)]
+    return [p for p in made if p.stamp_ns >= begin_ns]
 
 
 def recorded_model(bag: Path) -> str:

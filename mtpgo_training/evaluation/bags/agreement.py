@@ -52,7 +52,7 @@ class Agreement:
             worst = int(np.flatnonzero(both)[np.argmax(apart)])
             (index,) = recording.find_tracks(recorded.key[worst : worst + 1])
             track = recording.track_id[index]
-            since_s = (recorded.stamp_ns - recording.stamp_ns(int(recording.frames[0]))) * 1e-9
+            since_s = (recorded.stamp_ns - recording.span_ns[0]) * 1e-9
             self.where = f"road user {track} of {name} at {since_s:.1f} s"
         self.differences_m += apart.tolist()
 

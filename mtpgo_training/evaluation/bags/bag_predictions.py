@@ -96,7 +96,7 @@ def match(
         own = dataclasses.replace(select(prediction, np.flatnonzero(rows)), stamp_ns=stamp_ns)
         by_recording.setdefault(name, []).append(own)
     if not by_recording:
-        spans = [s for r in recordings.values() for s in _span_ns(r)]
+        spans = [s for r in recordings.values() for s in r.span_ns]
         stamps = [p.stamp_ns for p in predictions]
         raise RecordingError(
             f"the {len(predictions)} predictions in {bag}, stamped from {min(stamps) * 1e-9:.1f} "
@@ -107,17 +107,12 @@ def match(
     return Matched(by_recording, unmatched)
 
 
-def _span_ns(recording: Recording) -> tuple[int, int]:
-    frames = recording.frames
-    return recording.stamp_ns(int(frames[0])), recording.stamp_ns(int(frames[-1]))
-
-
 class _PositionTable:
     """Positions of the agents of a recording by frame and identity."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._first_ns, self._last_ns = _span_ns(recording)
+        self._first_ns, self._last_ns = recording.span_ns
 
     def find(self, prediction: Prediction, stamp_ns: int) -> tuple[int, BoolArray]:
         """Return the stamp of the frame (ns), and [n] which agents the recording has there."""

@@ -78,7 +78,7 @@ def new_overlaps(
     """[n] whether an agent's predicted box overlaps another's, while their true boxes never do.
 
     Only steps at which both were observed are looked at, so predictions beyond the end of the
-    recording are not held against anybody.
+    recording do not count against any agent.
 
     Args:
         path: [n, H, 2] the heaviest modes (m).

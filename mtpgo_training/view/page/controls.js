@@ -208,17 +208,10 @@ class Viewer {
     const w = canvas.clientWidth, h = canvas.clientHeight, theme = this.painter.theme;
     canvas.width = Math.round(w * ratio); canvas.height = Math.round(h * ratio);
     g.scale(ratio, ratio);
-    const { end, horizon, means } = this.timeline;
-    const points = [];
-    this.scene.predictions.forEach((p, k) => {
-      if (means[k].m && p.t + horizon <= end + 1e-3) {
-        points.push([p.t + horizon, means[k].final / means[k].m]);
-      }
-    });
+    const { end, horizon, errors: points, largestError: top } = this.timeline;
     // Times lie above those of the slider, whose thumb is 16 pixels wide.
     const bar = byId("slider").getBoundingClientRect(), left = canvas.getBoundingClientRect().left;
     const [x0, x1] = [bar.left - left + 8, bar.right - left - 8];
-    const top = Math.max(1, ...points.map((p) => p[1]));
     const x = (t) => x0 + (end ? (t / end) * (x1 - x0) : 0);
     this.chartRange = [x0, x1];
     const y = (v) => h - 3 - ((h - 8) * v) / top;

@@ -57,6 +57,13 @@ class Timeline {
       this.sums.push(total);
       return sum;
     });
+    // Mean error at the horizon, by the time at which it was known: [s, m] each.
+    this.errors = [];
+    scene.predictions.forEach((p, k) => {
+      const { final, m } = this.means[k], known = p.t + this.horizon;
+      if (m && known <= this.end + 1e-3) this.errors.push([known, final / m]);
+    });
+    this.largestError = Math.max(1, ...this.errors.map(([, error]) => error));
   }
 
   predictionAt(t) {
@@ -79,7 +86,7 @@ class Timeline {
     const passed = countUpTo(this.scene.predictions, t - this.horizon + 1e-4, (p) => p.t);
     const last = passed ? this.scene.predictions[passed - 1] : null;
     const recent = last && t - this.horizon - last.t < STALE_S ? this.means[passed - 1] : null;
-    return { last: recent ? last : null, now: recent, all: this.sums[passed], passed };
+    return { last: recent ? last : null, now: recent, all: this.sums[passed] };
   }
 
   present(t) {

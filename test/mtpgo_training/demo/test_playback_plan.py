@@ -6,7 +6,7 @@ import pytest
 from demo_traffic import make_recording
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.demo.playback_plan import PAUSE_S, make_plan, span_ns
+from mtpgo_training.demo.playback_plan import PAUSE_S, make_plan
 
 TRAINING = {
     "recordings": [
@@ -49,7 +49,7 @@ def test_nothing_left_to_play_is_an_error():
 def test_stamps_increase_with_a_pause_for_any_first_frame():
     recordings = [make_recording("a", 2.0, start_frame=500), make_recording("b", 3.0)]
     plan = make_plan(recordings, {}, play_all=False)
-    (first, end), (begin, last) = map(span_ns, plan.recordings)
+    (first, end), (begin, last) = (r.span_ns for r in plan.recordings)
     assert end - first == 2 * 10**9
     assert begin - end == PAUSE_S * 10**9
     assert last - begin == 3 * 10**9

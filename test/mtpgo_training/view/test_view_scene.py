@@ -9,8 +9,8 @@ import pytest
 from demo_traffic import perfect_prediction
 
 from mtpgo_core.identity import keys_from_strings
+from mtpgo_training.reports.drawn_bodies import drawn_sizes
 from mtpgo_training.view.view_scene import (
-    drawn_sizes,
     drawn_speeds,
     drawn_yaws,
     ellipse_indices,
@@ -72,7 +72,8 @@ def test_frame_and_identity_are_as_published(recording):
 
 
 def test_unknown_sizes_headings_and_speeds_are_drawn(recording):
-    assert drawn_sizes(recording).tolist() == [[4.5, 1.9], [4.6, 1.9]]
+    sizes = drawn_sizes(recording.size, recording.agent_class)
+    assert sizes.tolist() == [[4.5, 1.9], [4.6, 1.9]]
     blind = dataclasses.replace(
         recording,
         yaw=np.full(len(recording), np.nan),
