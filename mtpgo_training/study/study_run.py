@@ -146,7 +146,7 @@ class StudyRun:
         if done is None:
             return False
         run, plan = done
-        minutes = (run.state.seconds + run.state.epoch_seconds) / 60.0
+        minutes = run.state.total_seconds / 60.0
         speed = {
             "minutes": round(minutes, 3),
             "steps_per_second": round(run.state.step / max(60.0 * minutes, 1e-3), 3),

@@ -127,7 +127,7 @@ class SweepRun:
             "seed": self.point.seed,
             "values": {name: row["all"] for name, row in state.metrics.items() if "all" in row},
             "training": {
-                "minutes": round((state.seconds + state.epoch_seconds) / 60.0, 3),
+                "minutes": round(state.total_seconds / 60.0, 3),
                 "epochs": state.epoch,
                 "of_epochs": run.config.optimisation.epochs,
                 "best_epoch": state.best_epoch,
