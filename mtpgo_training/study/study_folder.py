@@ -18,11 +18,11 @@ from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.crossval.planned_training import require_new_folder, require_same_facts
+from mtpgo_training.crossval.planned_training import keep_facts, require_new_folder
 from mtpgo_training.data.splits import USES
 from mtpgo_training.study.study_data import StudyData
 from mtpgo_training.study.study_run import RunFiles
-from mtpgo_training.training.run_folder import first_difference, versions
+from mtpgo_training.training.run_folder import first_difference
 from mtpgo_training.training.training_config import (
     TrainerConfig,
     TrainingConfig,
@@ -87,22 +87,9 @@ class StudyFolder:
             "recordings": {item.name: item.recording.sha256 for item in data.recordings},
             "split": {use: [item.name for item in getattr(data.splits, use)] for use in USES},
         }
-        if self._facts.is_file():
-            self._check_same(facts)
-        else:
-            require_new_folder(self.path, "study")
-            write_text(self._facts, json.dumps({**facts, "versions": versions()}, indent=2) + "\n")
+        keep_facts(self._facts, facts, "study", ("recordings", "split"))
         for row, config in configs.items():
             self._start_row(row, config)
-
-    def _check_same(self, facts: Json) -> None:
-        try:
-            before = json.loads(self._facts.read_text(encoding="utf-8"))
-            if not isinstance(before, dict):
-                raise ValueError("expected an object")
-        except (OSError, ValueError) as error:
-            raise ConfigurationError(f"{self._facts} cannot be read: {error}") from error
-        require_same_facts(before, facts, self._facts, ("recordings", "split"))
 
     def _start_row(self, row: str, config: TrainingConfig) -> None:
         path = self._config(row)

@@ -15,14 +15,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.crossval.planned_training import require_new_folder, require_same_facts
+from mtpgo_training.crossval.planned_training import keep_facts, require_new_folder
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.study.study_run import RunFiles
 from mtpgo_training.sweep.sweep_grid import GridPoint
 from mtpgo_training.sweep.sweep_run import SweepOptions
-from mtpgo_training.training.run_folder import versions
 from mtpgo_training.training.training_config import TrainerConfig, dump_config
 
 Json = dict[str, Any]
@@ -77,18 +75,7 @@ class SweepFolder:
             "minutes": options.minutes,
             "max_minutes": options.max_minutes,
         }
-        if not self._facts.is_file():
-            require_new_folder(self.path, "sweep")
-            write_text(self._facts, json.dumps({**facts, "versions": versions()}, indent=2) + "\n")
-            return
-        try:
-            before = json.loads(self._facts.read_text(encoding="utf-8"))
-            if not isinstance(before, dict):
-                raise ValueError("expected an object")
-        except (OSError, ValueError) as error:
-            raise ConfigurationError(f"{self._facts} cannot be read: {error}") from error
-        long = ("configuration", "recordings")
-        require_same_facts(before, facts, self._facts, long)
+        keep_facts(self._facts, facts, "sweep", ("configuration", "recordings"))
 
     def scores(self, point: GridPoint) -> Json | None:
         """Return the result of a run, None if it is not done."""
