@@ -11,7 +11,6 @@ tables are written again after each run.
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -107,20 +106,3 @@ class StudyFolder:
                 f"the configuration of the row {row} differs from {path} in "
                 f"{first_difference(stored, config)}, expected the same or another --out"
             )
-
-    def scores(self, row: str, seed: int) -> Json | None:
-        """Return the scores of a run, None if it is not done."""
-        files = self.run(row, seed)
-        return json.loads(files.scores.read_text(encoding="utf-8")) if files.done else None
-
-    def failure(self, row: str, seed: int) -> str | None:
-        """Return why a run failed, None if it did not."""
-        files = self.run(row, seed)
-        if files.done or not files.failure.is_file():
-            return None
-        return str(json.loads(files.failure.read_text(encoding="utf-8"))["error"])
-
-    def write_failure(self, row: str, seed: int, error: Exception) -> None:
-        """Note why a run failed."""
-        text = json.dumps({"error": str(error)}, indent=1) + "\n"
-        write_text(self.run(row, seed).failure, text)

@@ -10,16 +10,13 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mtpgo_training.atomic_files import write_text
 from mtpgo_training.crossval.planned_training import keep_facts, require_new_folder
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.study.study_run import RunFiles
-from mtpgo_training.sweep.sweep_grid import GridPoint
 from mtpgo_training.sweep.sweep_run import SweepOptions
 from mtpgo_training.training.training_config import TrainerConfig, dump_config
 
@@ -76,20 +73,3 @@ class SweepFolder:
             "max_minutes": options.max_minutes,
         }
         keep_facts(self._facts, facts, "sweep", ("configuration", "recordings"))
-
-    def scores(self, point: GridPoint) -> Json | None:
-        """Return the result of a run, None if it is not done."""
-        files = self.run(point.name)
-        return json.loads(files.scores.read_text(encoding="utf-8")) if files.done else None
-
-    def failure(self, point: GridPoint) -> str | None:
-        """Return why a run failed, None if it did not."""
-        files = self.run(point.name)
-        if files.done or not files.failure.is_file():
-            return None
-        return str(json.loads(files.failure.read_text(encoding="utf-8"))["error"])
-
-    def write_failure(self, point: GridPoint, error: Exception) -> None:
-        """Note why a run failed."""
-        text = json.dumps({"error": str(error)}, indent=1) + "\n"
-        write_text(self.run(point.name).failure, text)

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mtpgo_training.atomic_files import write_text
+from mtpgo_training.study.study_run import missing_text
 from mtpgo_training.sweep.sweep_folder import SweepFolder
 from mtpgo_training.sweep.sweep_grid import GridPoint
 from mtpgo_training.table_format import Row, Table, to_markdown
@@ -56,7 +57,8 @@ def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
     rows: list[Json] = []
     runs: list[Json] = []
     for settings, group in groups.items():
-        done = [scores for point in group if (scores := folder.scores(point)) is not None]
+        files = {point.seed: folder.run(point.name) for point in group}
+        done = [scores for one in files.values() if (scores := one.result()) is not None]
         runs += done
         trained = [one["training"] for one in done]
         rows.append(
@@ -66,7 +68,7 @@ def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
                 "values": {key: _mean(done, key) for key in COLUMNS},
                 "minutes": statistics.fmean(t["minutes"] for t in trained) if trained else None,
                 "parameters": trained[0]["parameters"] if trained else None,
-                "gap": _gap(folder, group),
+                "gap": missing_text(files),
             }
         )
     known = [row for row in rows if row["values"][CRITERION] is not None]
@@ -170,19 +172,3 @@ def _cell(value: Json | None) -> str:
         return "-"
     spread = "" if value["spread"] is None else f" ± {value['spread']:.3f}"
     return f"{value['mean']:.3f}{spread}"
-
-
-def _gap(folder: SweepFolder, group: Sequence[GridPoint]) -> str | None:
-    """Return why runs of a combination are missing, None if none is."""
-    parts, waiting = [], []
-    for point in group:
-        if folder.run(point.name).done:
-            continue
-        failure = folder.failure(point)
-        if failure is None:
-            waiting.append(str(point.seed))
-        else:
-            parts.append(f"seed {point.seed} failed: {failure}")
-    if waiting:
-        parts.append(f"not run yet: seed {', '.join(waiting)}")
-    return "; ".join(parts) or None

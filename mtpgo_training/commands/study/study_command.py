@@ -157,7 +157,7 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.study.study_progress import StudyProgress
     from mtpgo_training.study.study_results import results
     from mtpgo_training.study.study_rows import StudyError, find_study
-    from mtpgo_training.study.study_run import StudyRun
+    from mtpgo_training.study.study_run import RunFiles, StudyRun
     from mtpgo_training.table_format import to_text
     from mtpgo_training.training.interruption import Interruption
     from mtpgo_training.training.trial.schedule_plan import Budget
@@ -219,12 +219,11 @@ def run(args: argparse.Namespace) -> int:
     progress = StudyProgress(len(mine), len(mine) - len(jobs), args.jobs, quiet=args.quiet)
 
     def finished(job: StudyRun) -> None:
-        scores = folder.scores(job.row.name, job.seed)
         write()
-        progress.finished(job.name, scores or {})
+        progress.finished(job.name, RunFiles(job.folder).result() or {})
 
     def failed(job: StudyRun, error: MtpgoError) -> None:
-        folder.write_failure(job.row.name, job.seed, error)
+        RunFiles(job.folder).write_error(error)
         write()
         progress.failed(job.name, str(error))
 

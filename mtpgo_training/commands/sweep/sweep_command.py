@@ -19,6 +19,7 @@ from mtpgo_training.crossval.fold_processes import FoldError, run_folds
 from mtpgo_training.data.data_sources import DataSource, read_all
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.study.study_progress import StudyProgress
+from mtpgo_training.study.study_run import RunFiles
 from mtpgo_training.sweep.sweep_folder import SweepFolder
 from mtpgo_training.sweep.sweep_grid import GridPoint, grid_points, swept_keys
 from mtpgo_training.sweep.sweep_results import (
@@ -115,10 +116,10 @@ def run_sweep(
 
     def finished(job: SweepRun) -> None:
         write()
-        progress.finished(job.name, folder.scores(job.point) or {})
+        progress.finished(job.name, RunFiles(job.folder).result() or {})
 
     def failed(job: SweepRun, error: MtpgoError) -> None:
-        folder.write_failure(job.point, error)
+        RunFiles(job.folder).write_error(error)
         failures.append(job.name)
         write()
         progress.failed(job.name, str(error))
