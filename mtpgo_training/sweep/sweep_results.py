@@ -14,7 +14,7 @@ from typing import Any
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.study.study_run import missing_text
 from mtpgo_training.sweep.sweep_folder import SweepFolder
-from mtpgo_training.sweep.sweep_grid import GridPoint
+from mtpgo_training.sweep.sweep_grid import GridPoint, setting_text
 from mtpgo_training.table_format import Row, Table, to_markdown
 
 Json = dict[str, Any]
@@ -98,7 +98,7 @@ def results_table(content: Json) -> Table:
     heads = ["", *(COLUMNS[key] for key in shown), "runs", "min", "parameters"]
     lines = []
     for row in content["rows"]:
-        name = " ".join(f"{key}={value}" for key, value in row["settings"].items()) or "all"
+        name = setting_text(row["settings"]) or "all"
         minutes = "-" if row["minutes"] is None else f"{row['minutes']:.1f}"
         mark = " *" if row.get("best") and len(content["rows"]) > 1 else ""
         cells = [_cell(row["values"][key]) for key in shown]
@@ -115,7 +115,7 @@ def gaps(content: Json) -> list[str]:
     found = []
     for row in content["rows"]:
         if row["gap"] is not None:
-            name = " ".join(f"{key}={value}" for key, value in row["settings"].items())
+            name = setting_text(row["settings"])
             found.append(f"{name}: {row['gap']}" if name else row["gap"])
     return found
 
