@@ -25,8 +25,8 @@ from mtpgo_training.commands.arguments.data_arguments import (
 )
 from mtpgo_training.commands.arguments.early_checks import (
     require_folder,
-    require_modules,
     require_sources,
+    require_training_modules,
 )
 from mtpgo_training.commands.arguments.next_command import same_command
 
@@ -145,7 +145,7 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         return _list(args)
     part = _check(args)
-    require_modules("lightning_fabric", "tensorboard", "torch_geometric")
+    require_training_modules()
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
     from mtpgo_training.crossval.fold_processes import run_folds
     from mtpgo_training.data.data_sources import read_all
