@@ -279,7 +279,9 @@ def _check_extrapolation(args: argparse.Namespace, config: TrainingConfig) -> No
     Raises:
         ConfigurationError: it is not.
     """
-    horizon_s = config.model.get("horizon_steps", 25) * config.history.dt_s
+    from mtpgo_training.training.networks import horizon_steps
+
+    horizon_s = horizon_steps(config.model) * config.history.dt_s
     if args.extrapolate is not None and args.extrapolate < horizon_s + 0.5 * config.history.dt_s:
         raise ConfigurationError(
             f"--extrapolate is {args.extrapolate:g} s, expected more than the horizon of the "
