@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import write_text
+from mtpgo_training.atomic_files import is_new, write_text
 from mtpgo_training.crossval.fold_plan import plan_fold
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
@@ -128,7 +128,7 @@ def require_new_folder(path: Path, kind: str) -> None:
     Raises:
         ConfigurationError: there is something else.
     """
-    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+    if not is_new(path):
         raise ConfigurationError(
             f"--out is {path}, which holds no {kind}, expected a new folder or one to continue"
         )
