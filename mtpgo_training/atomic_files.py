@@ -54,6 +54,11 @@ def new_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
+def is_new(path: Path) -> bool:
+    """Return whether there is nothing at a path, or an empty folder."""
+    return not path.exists() or (path.is_dir() and not any(path.iterdir()))
+
+
 def require_writable(path: Path) -> None:
     """Check that a file can be written, before long work rather than after it.
 

@@ -93,9 +93,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     complete(lambda: build_parser(_command_in(words_so_far())))
     arguments = list(sys.argv[1:] if argv is None else argv)
-    command = next((word for word in arguments if not word.startswith("-")), None)
+    command = _command_in(arguments)
     try:
-        args = build_parser(_command_in(arguments)).parse_args(arguments)
+        args = build_parser(command).parse_args(arguments)
         args.words = arguments
         status = int(args.run(args) or 0)
         sys.stdout.flush()  # here, so that a closed output is caught below

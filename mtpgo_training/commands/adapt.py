@@ -23,8 +23,8 @@ from mtpgo_training.commands.arguments.data_arguments import (
 )
 from mtpgo_training.commands.arguments.early_checks import (
     require_different,
-    require_modules,
     require_sources,
+    require_training_modules,
 )
 
 
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     sources = data_sources(args.data_options)
     cache = cache_from(args)
     require_sources(sources)
-    require_modules("lightning_fabric", "tensorboard", "torch_geometric")
+    require_training_modules()
     outputs = (("-o", args.output), ("--checkpoint", args.checkpoint))
     require_different(outputs)
     for _, path in outputs:

@@ -26,8 +26,8 @@ from mtpgo_training.commands.arguments.data_arguments import (
 )
 from mtpgo_training.commands.arguments.early_checks import (
     require_folder,
-    require_modules,
     require_sources,
+    require_training_modules,
 )
 from mtpgo_training.commands.arguments.next_command import same_command
 from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS
@@ -127,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
         return _compare(args)
     _check(args)
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
-    require_modules("lightning_fabric", "tensorboard", "torch_geometric")
+    require_training_modules()
     sources, cache = tuple(data_sources(args.data_options)), cache_from(args)
     require_sources(sources)
     require_folder(args.out)

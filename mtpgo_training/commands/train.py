@@ -25,8 +25,8 @@ from mtpgo_training.commands.arguments.data_arguments import (
 )
 from mtpgo_training.commands.arguments.early_checks import (
     require_folder,
-    require_modules,
     require_sources,
+    require_training_modules,
 )
 from mtpgo_training.commands.arguments.next_command import same_command
 from mtpgo_training.commands.arguments.sweep_arguments import add_sweep_arguments, is_sweep
@@ -127,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
     sources = data_sources(args.data_options)
     cache = cache_from(args)
     require_sources(sources)
-    require_modules("lightning_fabric", "tensorboard", "torch_geometric")
+    require_training_modules()
     if is_sweep(args):
         from mtpgo_training.commands.sweep.sweep_command import run_sweep
 

@@ -189,7 +189,7 @@ def _training(run: TrainingRun, folder: Path) -> Json:
     state = run.state
     splits = load_checkpoint(folder)["splits"]
     return {
-        "minutes": round((state.seconds + state.epoch_seconds) / 60.0, 2),
+        "minutes": round(state.total_seconds / 60.0, 2),
         "validation_ade_m": state.metrics["model"]["all"]["ade"] if state.metrics else None,
         "train": _names(splits, "train"),
         "validation": _names(splits, "validation"),

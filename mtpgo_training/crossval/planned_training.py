@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import write_text
+from mtpgo_training.atomic_files import is_new, write_text
 from mtpgo_training.crossval.fold_plan import plan_fold
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
-from mtpgo_training.training.run_folder import RunFolder
+from mtpgo_training.training.run_folder import RunFolder, versions
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import TrainingConfig
@@ -128,10 +128,35 @@ def require_new_folder(path: Path, kind: str) -> None:
     Raises:
         ConfigurationError: there is something else.
     """
-    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+    if not is_new(path):
         raise ConfigurationError(
             f"--out is {path}, which holds no {kind}, expected a new folder or one to continue"
         )
+
+
+def keep_facts(path: Path, facts: Json, kind: str, long: Collection[str]) -> None:
+    """Write what determines the results of trainings, or check that it is the same as before.
+
+    Args:
+        path: the file, in the folder of the trainings.
+        facts: what determines the results.
+        kind: what the folder holds, such as ``study``.
+        long: names of values that are too long to be printed.
+
+    Raises:
+        ConfigurationError: something differs, or the folder has something else in it.
+    """
+    if not path.is_file():
+        require_new_folder(path.parent, kind)
+        write_text(path, json.dumps({**facts, "versions": versions()}, indent=2) + "\n")
+        return
+    try:
+        before = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(before, dict):
+            raise ValueError("expected an object")
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{path} cannot be read: {error}") from error
+    require_same_facts(before, facts, path, long)
 
 
 def require_same_facts(before: Json, facts: Json, path: Path, long: Collection[str]) -> None:

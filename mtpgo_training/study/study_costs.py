@@ -17,6 +17,7 @@ from mtpgo_training.training.run_loss import BatchLoss
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.training_config import TrainingConfig
 from mtpgo_training.training.trial.arc_traffic import arc_batch
+from mtpgo_training.training.trial.epoch_cost import take_step, training_device
 
 PAPER_SCENES = {"highd": 80_323, "round": 23_398, "ind": 6_256}
 """Scenes of an epoch: 80 % of the samples of the paper's data sets (section VI-A: 100404, 29248
@@ -24,9 +25,6 @@ and 7820)."""
 
 MEASURED_SCENES = 48
 """Scenes of the measured step; chosen: several micro-batches, seconds for the largest row."""
-
-DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
-"""Where training steps are measured, and where a study trains."""
 
 
 def costs_table(study: Study, *, measure: bool = False) -> Table:
@@ -77,19 +75,16 @@ def scenes_per_second(model: TrajectoryPredictor, config: TrainingConfig) -> flo
         model: the network; its weights are changed.
         config: of its training.
     """
-    run = TrainingRun(model.to(DEVICE), config)
+    device = training_device(config)
+    run = TrainingRun(model.to(device), config)
     run.state.epoch = config.optimisation.main_epochs - 1
     module = BatchLoss(run).train()
     optimiser = torch.optim.AdamW(model.parameters(), lr=config.optimisation.learning_rate)
-    batch = arc_batch(MEASURED_SCENES, model.config).to(DEVICE)
+    batch = arc_batch(MEASURED_SCENES, model.config).to(device)
     start = 0.0
     for _ in range(2):
         start = time.monotonic()
-        loss = module(batch, False)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        loss.item()  # waits for the device
+        take_step(module, optimiser, batch).item()  # waits for the device
     return MEASURED_SCENES / (time.monotonic() - start)
 
 

@@ -13,6 +13,7 @@ from mtpgo_core.schema import AgentClass
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.splits import USES, NamedRecording, Splits, split, window_s
 from mtpgo_training.study.study_rows import Study
+from mtpgo_training.training.networks import horizon_steps
 from mtpgo_training.training.training_config import TrainingConfig
 
 SPLIT_SEED = 1
@@ -67,7 +68,7 @@ def study_data(
             in what is trained or tested on.
     """
     data = _usable(config.data, recordings)
-    guard_s = window_s(config.history, int(config.model.get("horizon_steps", 25)))
+    guard_s = window_s(config.history, horizon_steps(config.model))
     recordings = [item for item in recordings if len(item.recording)]
     if data.split == "recording" and len(recordings) < len(USES):
         raise ConfigurationError(

@@ -11,18 +11,17 @@ tables are written again after each run.
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.crossval.planned_training import require_new_folder, require_same_facts
+from mtpgo_training.crossval.planned_training import keep_facts, require_new_folder
 from mtpgo_training.data.splits import USES
 from mtpgo_training.study.study_data import StudyData
 from mtpgo_training.study.study_run import RunFiles
-from mtpgo_training.training.run_folder import first_difference, versions
+from mtpgo_training.training.run_folder import first_difference
 from mtpgo_training.training.training_config import (
     TrainerConfig,
     TrainingConfig,
@@ -87,22 +86,9 @@ class StudyFolder:
             "recordings": {item.name: item.recording.sha256 for item in data.recordings},
             "split": {use: [item.name for item in getattr(data.splits, use)] for use in USES},
         }
-        if self._facts.is_file():
-            self._check_same(facts)
-        else:
-            require_new_folder(self.path, "study")
-            write_text(self._facts, json.dumps({**facts, "versions": versions()}, indent=2) + "\n")
+        keep_facts(self._facts, facts, "study", ("recordings", "split"))
         for row, config in configs.items():
             self._start_row(row, config)
-
-    def _check_same(self, facts: Json) -> None:
-        try:
-            before = json.loads(self._facts.read_text(encoding="utf-8"))
-            if not isinstance(before, dict):
-                raise ValueError("expected an object")
-        except (OSError, ValueError) as error:
-            raise ConfigurationError(f"{self._facts} cannot be read: {error}") from error
-        require_same_facts(before, facts, self._facts, ("recordings", "split"))
 
     def _start_row(self, row: str, config: TrainingConfig) -> None:
         path = self._config(row)
@@ -120,20 +106,3 @@ class StudyFolder:
                 f"the configuration of the row {row} differs from {path} in "
                 f"{first_difference(stored, config)}, expected the same or another --out"
             )
-
-    def scores(self, row: str, seed: int) -> Json | None:
-        """Return the scores of a run, None if it is not done."""
-        files = self.run(row, seed)
-        return json.loads(files.scores.read_text(encoding="utf-8")) if files.done else None
-
-    def failure(self, row: str, seed: int) -> str | None:
-        """Return why a run failed, None if it did not."""
-        files = self.run(row, seed)
-        if files.done or not files.failure.is_file():
-            return None
-        return str(json.loads(files.failure.read_text(encoding="utf-8"))["error"])
-
-    def write_failure(self, row: str, seed: int, error: Exception) -> None:
-        """Note why a run failed."""
-        text = json.dumps({"error": str(error)}, indent=1) + "\n"
-        write_text(self.run(row, seed).failure, text)

@@ -12,7 +12,7 @@ from mtpgo_training.evaluation.scores.score_table import none
 from mtpgo_training.study.paper_tables import BY_KERNELS, PAPER
 from mtpgo_training.study.study_folder import StudyFolder
 from mtpgo_training.study.study_rows import Study, StudyRow
-from mtpgo_training.study.study_run import MODEL
+from mtpgo_training.study.study_run import MODEL, missing_text
 
 Json = dict[str, Any]
 
@@ -45,7 +45,7 @@ def results(
         row.name: [
             scores
             for seed in seeds
-            if row.is_trained and (scores := folder.scores(row.name, seed)) is not None
+            if row.is_trained and (scores := folder.run(row.name, seed).result()) is not None
         ]
         for row in rows
     }
@@ -97,13 +97,7 @@ def _gap(
     """Return why runs of a row are missing, None if none is."""
     if row.name in refused:
         return refused[row.name]
-    open_runs = [seed for seed in seeds if not folder.run(row.name, seed).done]
-    failures = {seed: folder.failure(row.name, seed) for seed in open_runs}
-    parts = [f"seed {seed} failed: {text}" for seed, text in failures.items() if text]
-    waiting = [str(seed) for seed, text in failures.items() if not text]
-    if waiting:
-        parts.append(f"not run yet: seed {', '.join(waiting)}")
-    return "; ".join(parts) or None
+    return missing_text({seed: folder.run(row.name, seed) for seed in seeds})
 
 
 def _value(scores: Json, series: str, key: str) -> float | None:

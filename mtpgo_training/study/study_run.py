@@ -8,7 +8,7 @@ import dataclasses
 import json
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,6 +56,34 @@ class RunFiles(PlannedFiles):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self.failure = path / "failure.json"
+
+    def result(self) -> Json | None:
+        """Return the scores, None if the run is not done."""
+        return json.loads(self.scores.read_text(encoding="utf-8")) if self.done else None
+
+    def error(self) -> str | None:
+        """Return why the run failed, None if it did not."""
+        if self.done or not self.failure.is_file():
+            return None
+        return str(json.loads(self.failure.read_text(encoding="utf-8"))["error"])
+
+    def write_error(self, error: Exception) -> None:
+        """Note why the run failed."""
+        write_text(self.failure, json.dumps({"error": str(error)}, indent=1) + "\n")
+
+
+def missing_text(runs: Mapping[int, RunFiles]) -> str | None:
+    """Return why runs of a line of the table are missing, None if none is.
+
+    Args:
+        runs: by seed.
+    """
+    errors = {seed: files.error() for seed, files in runs.items() if not files.done}
+    parts = [f"seed {seed} failed: {text}" for seed, text in errors.items() if text]
+    waiting = [str(seed) for seed, text in errors.items() if not text]
+    if waiting:
+        parts.append(f"not run yet: seed {', '.join(waiting)}")
+    return "; ".join(parts) or None
 
 
 @dataclass(frozen=True)
@@ -146,7 +174,7 @@ class StudyRun:
         if done is None:
             return False
         run, plan = done
-        minutes = (run.state.seconds + run.state.epoch_seconds) / 60.0
+        minutes = run.state.total_seconds / 60.0
         speed = {
             "minutes": round(minutes, 3),
             "steps_per_second": round(run.state.step / max(60.0 * minutes, 1e-3), 3),

@@ -10,19 +10,14 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import write_text
-from mtpgo_training.crossval.planned_training import require_new_folder, require_same_facts
+from mtpgo_training.crossval.planned_training import keep_facts, require_new_folder
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.study.study_run import RunFiles
-from mtpgo_training.sweep.sweep_grid import GridPoint
 from mtpgo_training.sweep.sweep_run import SweepOptions
-from mtpgo_training.training.run_folder import versions
 from mtpgo_training.training.training_config import TrainerConfig, dump_config
 
 Json = dict[str, Any]
@@ -77,32 +72,4 @@ class SweepFolder:
             "minutes": options.minutes,
             "max_minutes": options.max_minutes,
         }
-        if not self._facts.is_file():
-            require_new_folder(self.path, "sweep")
-            write_text(self._facts, json.dumps({**facts, "versions": versions()}, indent=2) + "\n")
-            return
-        try:
-            before = json.loads(self._facts.read_text(encoding="utf-8"))
-            if not isinstance(before, dict):
-                raise ValueError("expected an object")
-        except (OSError, ValueError) as error:
-            raise ConfigurationError(f"{self._facts} cannot be read: {error}") from error
-        long = ("configuration", "recordings")
-        require_same_facts(before, facts, self._facts, long)
-
-    def scores(self, point: GridPoint) -> Json | None:
-        """Return the result of a run, None if it is not done."""
-        files = self.run(point.name)
-        return json.loads(files.scores.read_text(encoding="utf-8")) if files.done else None
-
-    def failure(self, point: GridPoint) -> str | None:
-        """Return why a run failed, None if it did not."""
-        files = self.run(point.name)
-        if files.done or not files.failure.is_file():
-            return None
-        return str(json.loads(files.failure.read_text(encoding="utf-8"))["error"])
-
-    def write_failure(self, point: GridPoint, error: Exception) -> None:
-        """Note why a run failed."""
-        text = json.dumps({"error": str(error)}, indent=1) + "\n"
-        write_text(self.run(point.name).failure, text)
+        keep_facts(self._facts, facts, "sweep", ("configuration", "recordings"))

@@ -7,7 +7,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,11 +40,6 @@ class GridPoint:
     seed: int
 
     @property
-    def setting_text(self) -> str:
-        """The values in words, empty if only the seed is swept."""
-        return " ".join(f"{key}={value}" for key, value in self.settings)
-
-    @property
     def name(self) -> str:
         """Name of the run, which is also that of its folder."""
         whole = ",".join([*(f"{k}={v}" for k, v in self.settings), f"{SEED}={self.seed}"])
@@ -57,6 +52,11 @@ class GridPoint:
     def overrides(self) -> list[str]:
         """Return the values as ``KEY=VALUE``."""
         return [f"{key}={value}" for key, value in (*self.settings, (SEED, str(self.seed)))]
+
+
+def setting_text(settings: Mapping[str, str]) -> str:
+    """Return the values of a combination in words, empty if only the seed is swept."""
+    return " ".join(f"{key}={value}" for key, value in settings.items())
 
 
 def grid_points(words: Sequence[str], seed: int) -> list[GridPoint]:

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from mtpgo_training.atomic_files import write_text
+from mtpgo_training.study.study_run import missing_text
 from mtpgo_training.sweep.sweep_folder import SweepFolder
-from mtpgo_training.sweep.sweep_grid import GridPoint
+from mtpgo_training.sweep.sweep_grid import GridPoint, setting_text
 from mtpgo_training.table_format import Row, Table, to_markdown
 
 Json = dict[str, Any]
@@ -56,7 +57,8 @@ def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
     rows: list[Json] = []
     runs: list[Json] = []
     for settings, group in groups.items():
-        done = [scores for point in group if (scores := folder.scores(point)) is not None]
+        files = {point.seed: folder.run(point.name) for point in group}
+        done = [scores for one in files.values() if (scores := one.result()) is not None]
         runs += done
         trained = [one["training"] for one in done]
         rows.append(
@@ -66,7 +68,7 @@ def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
                 "values": {key: _mean(done, key) for key in COLUMNS},
                 "minutes": statistics.fmean(t["minutes"] for t in trained) if trained else None,
                 "parameters": trained[0]["parameters"] if trained else None,
-                "gap": _gap(folder, group),
+                "gap": missing_text(files),
             }
         )
     known = [row for row in rows if row["values"][CRITERION] is not None]
@@ -96,7 +98,7 @@ def results_table(content: Json) -> Table:
     heads = ["", *(COLUMNS[key] for key in shown), "runs", "min", "parameters"]
     lines = []
     for row in content["rows"]:
-        name = " ".join(f"{key}={value}" for key, value in row["settings"].items()) or "all"
+        name = setting_text(row["settings"]) or "all"
         minutes = "-" if row["minutes"] is None else f"{row['minutes']:.1f}"
         mark = " *" if row.get("best") and len(content["rows"]) > 1 else ""
         cells = [_cell(row["values"][key]) for key in shown]
@@ -113,7 +115,7 @@ def gaps(content: Json) -> list[str]:
     found = []
     for row in content["rows"]:
         if row["gap"] is not None:
-            name = " ".join(f"{key}={value}" for key, value in row["settings"].items())
+            name = setting_text(row["settings"])
             found.append(f"{name}: {row['gap']}" if name else row["gap"])
     return found
 
@@ -170,19 +172,3 @@ def _cell(value: Json | None) -> str:
         return "-"
     spread = "" if value["spread"] is None else f" ± {value['spread']:.3f}"
     return f"{value['mean']:.3f}{spread}"
-
-
-def _gap(folder: SweepFolder, group: Sequence[GridPoint]) -> str | None:
-    """Return why runs of a combination are missing, None if none is."""
-    parts, waiting = [], []
-    for point in group:
-        if folder.run(point.name).done:
-            continue
-        failure = folder.failure(point)
-        if failure is None:
-            waiting.append(str(point.seed))
-        else:
-            parts.append(f"seed {point.seed} failed: {failure}")
-    if waiting:
-        parts.append(f"not run yet: seed {', '.join(waiting)}")
-    return "; ".join(parts) or None

@@ -21,7 +21,7 @@ from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.study.study_data import StudyData
 from mtpgo_training.study.study_run import RunFiles
 from mtpgo_training.sweep.sweep_grid import GridPoint
-from mtpgo_training.training.networks import parameter_count
+from mtpgo_training.training.networks import horizon_steps, parameter_count
 from mtpgo_training.training.run_folder import RunFolder
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.trainer import train
@@ -127,7 +127,7 @@ class SweepRun:
             "seed": self.point.seed,
             "values": {name: row["all"] for name, row in state.metrics.items() if "all" in row},
             "training": {
-                "minutes": round((state.seconds + state.epoch_seconds) / 60.0, 3),
+                "minutes": round(state.total_seconds / 60.0, 3),
                 "epochs": state.epoch,
                 "of_epochs": run.config.optimisation.epochs,
                 "best_epoch": state.best_epoch,
@@ -151,8 +151,7 @@ def same_split(
     Returns:
         The configuration, and the recordings or parts of recordings that it names.
     """
-    horizon = int(base.model.get("horizon_steps", 25))
-    guard_s = window_s(base.history, horizon)
+    guard_s = window_s(base.history, horizon_steps(base.model))
     data = StudyData(split(recordings, base.data, base.seed, guard_s))
     return data.of(config), data.recordings
 

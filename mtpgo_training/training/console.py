@@ -94,7 +94,7 @@ def summary(run: TrainingRun, folder: Path, again: str) -> str:
             to_text(averages_table(state.metrics, "all")),
             moving_text(state.metrics["model"]["all"]),
         ]
-    minutes = (state.seconds + state.epoch_seconds) / 60.0
+    minutes = state.total_seconds / 60.0
     lines.append(
         f"{state.epoch} of {options.epochs} epochs done in {minutes:.1f} min, see {folder}"
     )

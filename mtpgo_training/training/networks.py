@@ -178,6 +178,11 @@ def name_of(model: TrajectoryPredictor) -> str:
     return next(name for name, kind in NETWORKS.items() if kind.network is type(model))
 
 
+def horizon_steps(options: Mapping[str, Any]) -> int:
+    """Return the predicted steps of a network with these options, the section ``model``."""
+    return int(options.get("horizon_steps", NetworkConfig.horizon_steps))
+
+
 def parameter_count(model: nn.Module) -> int:
     """Return the number of a network's parameters, frozen ones included."""
     return sum(parameter.numel() for parameter in model.parameters())

@@ -28,7 +28,7 @@ import torch
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.checked_archive import read_archive
-from mtpgo_training.atomic_files import new_folder, replacing, write_text
+from mtpgo_training.atomic_files import is_new, new_folder, replacing, write_text
 from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
 
 CHECKPOINT_FORMAT = 1
@@ -63,7 +63,7 @@ class RunFolder:
         Raises:
             ConfigurationError: the folder exists and is not empty.
         """
-        if self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
+        if not is_new(self.path):
             raise ConfigurationError(
                 f"the run folder {self.path} exists already, expected a new one or --resume"
             )

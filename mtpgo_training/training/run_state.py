@@ -70,9 +70,14 @@ class RunState:
         """Return the average loss of the current epoch so far."""
         return self.loss / max(self.agents, 1.0)
 
+    @property
+    def total_seconds(self) -> float:
+        """Time spent on all epochs, that of the current one included (s)."""
+        return self.seconds + self.epoch_seconds
+
     def finish_epoch(self, row: Row) -> None:
         """Add the completed epoch's row to the log and reset what is counted per epoch."""
-        self.seconds += self.epoch_seconds
+        self.seconds = self.total_seconds
         self.epoch += 1
         self.batch = self.skipped = 0
         self.loss = self.agents = self.epoch_seconds = 0.0

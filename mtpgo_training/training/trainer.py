@@ -413,7 +413,7 @@ def _fit(
     if run.out_of_time and not complete:
         line, better = validated()
         count_time()
-        line["total_seconds"] = round(state.seconds + state.epoch_seconds, 2)
+        line["total_seconds"] = round(state.total_seconds, 2)
         if run.is_global_zero:
             save_unfinished(run, folder, splits, line, best=better)
         if verbose:

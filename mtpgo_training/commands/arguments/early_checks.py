@@ -35,6 +35,15 @@ def require_modules(*names: str) -> None:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 
+def require_training_modules() -> None:
+    """Check that the libraries of a training are installed, without loading them.
+
+    Raises:
+        ModuleNotFoundError: one is not; the command line names its extra.
+    """
+    require_modules("lightning_fabric", "tensorboard", "torch_geometric")
+
+
 def require_models(given: Sequence[str]) -> list[Path]:
     """Return the files of models, all of them checked as far as that needs no torch.
 

@@ -25,8 +25,8 @@ from mtpgo_training.commands.arguments.data_arguments import (
 )
 from mtpgo_training.commands.arguments.early_checks import (
     require_folder,
-    require_modules,
     require_sources,
+    require_training_modules,
 )
 from mtpgo_training.commands.arguments.next_command import same_command
 
@@ -145,7 +145,7 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         return _list(args)
     part = _check(args)
-    require_modules("lightning_fabric", "tensorboard", "torch_geometric")
+    require_training_modules()
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
     from mtpgo_training.crossval.fold_processes import run_folds
     from mtpgo_training.data.data_sources import read_all
@@ -157,7 +157,7 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.study.study_progress import StudyProgress
     from mtpgo_training.study.study_results import results
     from mtpgo_training.study.study_rows import StudyError, find_study
-    from mtpgo_training.study.study_run import StudyRun
+    from mtpgo_training.study.study_run import RunFiles, StudyRun
     from mtpgo_training.table_format import to_text
     from mtpgo_training.training.interruption import Interruption
     from mtpgo_training.training.trial.schedule_plan import Budget
@@ -219,12 +219,11 @@ def run(args: argparse.Namespace) -> int:
     progress = StudyProgress(len(mine), len(mine) - len(jobs), args.jobs, quiet=args.quiet)
 
     def finished(job: StudyRun) -> None:
-        scores = folder.scores(job.row.name, job.seed)
         write()
-        progress.finished(job.name, scores or {})
+        progress.finished(job.name, RunFiles(job.folder).result() or {})
 
     def failed(job: StudyRun, error: MtpgoError) -> None:
-        folder.write_failure(job.row.name, job.seed, error)
+        RunFiles(job.folder).write_error(error)
         write()
         progress.failed(job.name, str(error))
 
@@ -280,7 +279,9 @@ def _check_extrapolation(args: argparse.Namespace, config: TrainingConfig) -> No
     Raises:
         ConfigurationError: it is not.
     """
-    horizon_s = config.model.get("horizon_steps", 25) * config.history.dt_s
+    from mtpgo_training.training.networks import horizon_steps
+
+    horizon_s = horizon_steps(config.model) * config.history.dt_s
     if args.extrapolate is not None and args.extrapolate < horizon_s + 0.5 * config.history.dt_s:
         raise ConfigurationError(
             f"--extrapolate is {args.extrapolate:g} s, expected more than the horizon of the "

@@ -19,6 +19,7 @@ from mtpgo_training.crossval.fold_processes import FoldError, run_folds
 from mtpgo_training.data.data_sources import DataSource, read_all
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.study.study_progress import StudyProgress
+from mtpgo_training.study.study_run import RunFiles
 from mtpgo_training.sweep.sweep_folder import SweepFolder
 from mtpgo_training.sweep.sweep_grid import GridPoint, grid_points, swept_keys
 from mtpgo_training.sweep.sweep_results import (
@@ -83,7 +84,7 @@ def run_sweep(
     folder = SweepFolder(args.out)
     folder.require_usable()
     base = for_one_process(base, jobs)
-    configs = {point: _config(args, base, point, jobs, init_from) for point in points}
+    configs = _configs(args, base, points, jobs, init_from)
     options = SweepOptions(
         base,
         not any(key == "data" or key.startswith("data.") for key in swept_keys(args.sweep)),
@@ -115,10 +116,10 @@ def run_sweep(
 
     def finished(job: SweepRun) -> None:
         write()
-        progress.finished(job.name, folder.scores(job.point) or {})
+        progress.finished(job.name, RunFiles(job.folder).result() or {})
 
     def failed(job: SweepRun, error: MtpgoError) -> None:
-        folder.write_failure(job.point, error)
+        RunFiles(job.folder).write_error(error)
         failures.append(job.name)
         write()
         progress.failed(job.name, str(error))
@@ -174,30 +175,36 @@ def _require_once(args: argparse.Namespace) -> None:
             )
 
 
-def _config(
+def _configs(
     args: argparse.Namespace,
     base: TrainingConfig,
-    point: GridPoint,
+    points: Sequence[GridPoint],
     jobs: int,
     init_from: Path | None,
-) -> TrainingConfig:
-    """Return the configuration of a combination, of which a network was built.
+) -> dict[GridPoint, TrainingConfig]:
+    """Return the configurations of all combinations, of each of which a network was built.
 
     Raises:
-        ConfigurationError: its values do not go together; the message names it.
+        ConfigurationError: values of a combination do not go together; the message names it. Or
+            the checkpoint cannot be used.
     """
     # Imported here: the command imports this module.
     from mtpgo_training.commands.train import overridden
 
-    try:
-        settings = [*args.set, *point.overrides()]
-        config = overridden(load_config(find_config(args.config), settings), args)
-        if config.network != base.network:
-            config = dataclasses.replace(config, model=options_for(config.network, config.model))
-        config = dataclasses.replace(for_one_process(config, jobs), name=point.name)
-        network = build_network(config.network, config.model, config.history, config.scene)
-        if init_from is not None:
-            start_from(TrainingRun(network, config), load_checkpoint(init_from), init_from)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"--sweep {' '.join(point.overrides())}: {error}") from error
-    return config
+    path = find_config(args.config)
+    initial = None if init_from is None else load_checkpoint(init_from)
+    configs = {}
+    for point in points:
+        try:
+            config = overridden(load_config(path, [*args.set, *point.overrides()]), args)
+            if config.network != base.network:
+                model = options_for(config.network, config.model)
+                config = dataclasses.replace(config, model=model)
+            config = dataclasses.replace(for_one_process(config, jobs), name=point.name)
+            network = build_network(config.network, config.model, config.history, config.scene)
+            if initial is not None and init_from is not None:
+                start_from(TrainingRun(network, config), initial, init_from)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"--sweep {' '.join(point.overrides())}: {error}") from error
+        configs[point] = config
+    return configs

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
+from torch import Tensor
+from torch_geometric.data import Batch
 
 from mtpgo_training.training.data_loading import Scenes, epoch_loader
 from mtpgo_training.training.run_loss import BatchLoss
@@ -66,7 +68,7 @@ def measure_epoch(
         trial_s: longest measurement of the steps of one loss (s), by default ``TRIAL_S``.
     """
     trial_s = TRIAL_S if trial_s is None else trial_s
-    device = _device(run.config)
+    device = training_device(run.config)
     if clock is None:
         clock = time.process_time if device.type == "cpu" else time.monotonic
     run.model.to(device)
@@ -112,10 +114,7 @@ def _epoch_s(
     durations: list[float] = []
     begin = start = clock()
     for batch in loader:
-        loss = module(batch.to(device), False)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
+        loss = take_step(module, optimiser, batch.to(device))
         run.update_average()
         loss.item()  # waits for the device
         now = clock()
@@ -126,7 +125,16 @@ def _epoch_s(
     return steps * statistics.mean(durations[1:] or durations)
 
 
-def _device(config: TrainingConfig) -> torch.device:
+def take_step(module: BatchLoss, optimiser: torch.optim.Optimizer, batch: Batch) -> Tensor:
+    """Train on a batch and return its loss, for whose value a GPU has to be waited for."""
+    loss = module(batch, False)
+    optimiser.zero_grad()
+    loss.backward()
+    optimiser.step()
+    return loss
+
+
+def training_device(config: TrainingConfig) -> torch.device:
     """Return the device that the trainer would use."""
     wanted = config.trainer.accelerator
     if wanted in ("auto", "gpu") and torch.cuda.is_available():

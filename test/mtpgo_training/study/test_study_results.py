@@ -46,7 +46,7 @@ def content(tmp_path):
     for seed, ade in ((1, 0.9), (2, 1.0), (3, 1.1)):
         write_scores(folder, "mtp-go1", seed, ade)
     write_scores(folder, "seq2seq", 1, 2.5)
-    folder.write_failure("seq2seq", 2, ValueError("no GPU"))
+    folder.run("seq2seq", 2).write_error(ValueError("no GPU"))
     study, rows = rows_of(
         STUDIES["comparison"], "cv", "seq2seq", "mtp-go1", "gnn-rnn", "trajectron++"
     )

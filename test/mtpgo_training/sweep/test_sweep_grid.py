@@ -5,12 +5,12 @@
 import pytest
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.sweep.sweep_grid import GridPoint, grid_points, swept_keys
+from mtpgo_training.sweep.sweep_grid import GridPoint, grid_points, setting_text, swept_keys
 
 
 def test_all_combinations_with_their_seeds_one_after_the_other():
     points = grid_points(["model.hidden=32,48", "seed=1..3"], seed=9)
-    assert [(p.setting_text, p.seed) for p in points] == [
+    assert [(setting_text(dict(p.settings)), p.seed) for p in points] == [
         ("model.hidden=32", 1),
         ("model.hidden=32", 2),
         ("model.hidden=32", 3),

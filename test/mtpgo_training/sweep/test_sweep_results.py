@@ -32,8 +32,7 @@ def sweep(tmp_path):
     folder, points = SweepFolder(tmp_path), grid_points(["a=1,2,3", "seed=1,2"], 1)
     for point, ade in zip(points, (1.0, 1.2, 0.9, 1.4), strict=False):
         write(folder, point, ade)
-    folder.run(points[4].name).path.mkdir(parents=True)
-    folder.write_failure(points[4], ValueError("odd"))
+    folder.run(points[4].name).write_error(ValueError("odd"))
     return folder, points
 
 
