@@ -29,8 +29,8 @@ TRIES = 2
 fault."""
 
 AT_ONCE = 2
-"""Items that a process has at the same time: one that it works on, and the next. Without the next it
-would wait for one after each item, which took 15 ms (measured), a fifth of the time of small items."""
+"""Items that a process has at the same time: one that it works on, and the next. Without the next
+it would wait for one after each item, which took 15 ms (measured), a fifth of a small item."""
 
 LOOK_S = 2.0
 """Time between two looks at the number of processes (s); chosen: a look takes milliseconds."""
