@@ -60,6 +60,24 @@ def test_the_launch_arguments_are_parameters_of_the_node():
     assert arguments == {name: kinds[name] for name in arguments}
 
 
+def test_the_launch_arguments_choose_types_and_topics(monkeypatch):
+    given = {"prediction_type": "autoware", "predicted_objects": "/objects", "namespace": "robot1"}
+    (node,) = launch_stub.launched(ROOT / "launch" / "risk.launch.py", given, monkeypatch)
+    assert (node.name, node.namespace) == ("risk", "robot1")
+    assert node.parameters[1] == {"prediction_type": "autoware"}
+    assert node.remappings == [("predictor/predicted_objects", "/objects")]
+
+
+def test_the_service_unit_has_a_watchdog_and_starts_risk():
+    folder = ROOT / "config" / "systemd"
+    lines = (folder / "mtpgo-risk.service").read_text().splitlines()
+    assert {"Type=notify", "WatchdogSec=5", "Restart=on-failure"} <= set(lines)
+    (command,) = [line for line in lines if line.startswith("ExecStart=")]
+    assert "exec" in command  # the process that systemd knows is the node
+    assert "lib/mtpgo_ros/risk" in command
+    assert "mtpgo-predictor.service" in next(line for line in lines if line.startswith("After="))
+
+
 def test_the_costmap_of_nav2_has_the_grid_as_a_layer():
     file = yaml.safe_load((ROOT / "config" / "nav2_predicted_occupancy.yaml").read_text())
     costmap = file["local_costmap"]["local_costmap"]["ros__parameters"]
