@@ -75,12 +75,10 @@ def prediction_from_predicted_objects(data: Any, *, assume_covariance: bool = Fa
     check_cells("PredictedObjects message", poses, len(objects), modes, steps)
     now = _stacked([item.pose for item in objects], 7)
     position, initial_yaw = finite(now[:, :2]), yaw_from_quaternions(now[:, 3:])
-    rows = np.full((len(objects), modes, 1 + steps, 3), np.nan)  # x, y, yaw; the present first
     weight = np.zeros((len(objects), modes))
     for i, paths in enumerate(ordered):
-        for mode, path in enumerate(paths):
-            weight[i, mode] = path.confidence
-            _place(rows[i, mode], path, step_ns)
+        weight[i, : len(paths)] = [path.confidence for path in paths]
+    rows = _rows(ordered, modes, step_ns, steps)
     time_s = 1e-9 * step_ns * np.arange(1, steps + 1, dtype=np.float64)
     observed = _observed(objects, initial_yaw, assume_covariance)
     twist = _stacked([item.twist[:2] for item in objects], 2)
@@ -133,21 +131,39 @@ def _reach(path: PathContent, step_ns: int) -> int:
     return int((len(path.poses) - 1) * path.step_ns / step_ns + _SLACK)
 
 
-def _place(rows: Float64Array, path: PathContent, step_ns: int) -> None:
-    """Fill [1 + steps, 3] x, y, yaw of a path at the steps of a grid (ns) as far as it reaches."""
-    if len(path.poses) < 2:
-        return
-    given = np.empty((len(path.poses), 3))
-    given[:, :2], given[:, 2] = finite(path.poses[:, :2]), yaw_from_quaternions(path.poses[:, 3:])
-    if path.step_ns == step_ns:
-        rows[: len(given)] = given
-        return
+def _rows(ordered: list[list[PathContent]], modes: int, step_ns: int, steps: int) -> Float64Array:
+    """Return [n, modes, 1 + steps, 3] x, y, yaw (m, rad), the present first, NaN where unknown."""
+    poses = np.full((len(ordered), modes, 1 + steps, 7), np.nan)
+    others = []
+    for i, paths in enumerate(ordered):
+        for mode, path in enumerate(paths):
+            if len(path.poses) < 2:
+                continue
+            if path.step_ns == step_ns:
+                poses[i, mode, : len(path.poses)] = path.poses
+            else:
+                others.append((i, mode, path))
+    rows = _planar(poses)  # of all paths at once, which is much faster
+    for i, mode, path in others:
+        found = _interpolated(path, step_ns)
+        rows[i, mode, : len(found)] = found
+    return rows
+
+
+def _interpolated(path: PathContent, step_ns: int) -> Float64Array:
+    """Return [1 + k, 3] x, y, yaw of a path at the steps of a grid (ns) that it reaches."""
+    given = _planar(path.poses)
     wanted = np.arange(1 + _reach(path, step_ns)) * (step_ns / path.step_ns)
     before = np.minimum(wanted.astype(np.intp), len(given) - 2)
-    share = (wanted - before)[:, None]
     change = given[before + 1] - given[before]
     change[:, 2] = wrap(change[:, 2])
-    rows[: len(wanted)] = given[before] + share * change
+    return np.asarray(given[before] + (wanted - before)[:, None] * change)
+
+
+def _planar(poses: Float64Array) -> Float64Array:
+    """Return [..., 3] x, y, yaw of [..., 7] poses."""
+    yaw = yaw_from_quaternions(poses[..., 3:])
+    return np.concatenate([finite(poses[..., :2]), yaw[..., None]], axis=-1)
 
 
 def _probabilities(weight: Float64Array) -> Float64Array:

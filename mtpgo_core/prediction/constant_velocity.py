@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtpgo_core.frames import rotate_covariance
+from mtpgo_core.frames import along_and_across, rotate_covariance
 from mtpgo_core.prediction.finite_output import definite_in_float32
 from mtpgo_core.schema import MOVING_MPS, Float64Array, HistoryWindow, Prediction, Source
 
@@ -161,7 +161,8 @@ def covariance_along_paths(
     """
     own = rotate_covariance(usable_covariances(observed), -initial_yaw)
     grown = _grown(own, time_s, np.zeros(len(own)), noise)
-    return rotate_covariance(grown[:, None], yaw)
+    xx, xy, yy = along_and_across(grown[:, None], -yaw)
+    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
 
 
 def assumed_covariances(
