@@ -124,6 +124,20 @@ class RiskBench:
         self.node.destroy_node()
         self.peer.destroy_node()
 
+    def grid_of(self, given):
+        """Send predictions until the grid of one of them comes, which has a rate of its own."""
+        sent = []
+
+        def came():
+            if self.got["occupancy"] and self.got["occupancy"][-1].header in sent:
+                return True
+            self.predict(given)
+            sent.append(self.got["risk"][-1].header)
+            return False
+
+        self.until(came)
+        return self.got["occupancy"][-1]
+
     def status(self, name, level, word=""):
         self.until(
             lambda: (
