@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable
 
 from mtpgo_core.errors import FrameError
-from mtpgo_core.frames import Pose2
+from mtpgo_core.frames import Pose2, moves_with_vehicle
 from mtpgo_core.risk.ego_plan import EgoPlan, plan_in_frame
 
 PoseAt = Callable[[str, str, int], Pose2]
@@ -78,5 +78,11 @@ class PlanFrames:
     def _in_frame(self, plan: EgoPlan, frame_id: str) -> EgoPlan:
         if plan.frame_id == frame_id:
             return plan
+        if moves_with_vehicle(frame_id):
+            # The pose at the plan's stamp would be another one than at that of the predictions.
+            raise FrameError(
+                f"{frame_id!r} usually moves with the vehicle, predictions are needed in a frame"
+                " fixed to the ground (parameter fixed_frame of the predictor)"
+            )
         pose = self._pose_at(frame_id, plan.frame_id, plan.stamp_ns)
         return plan_in_frame(plan, pose, frame_id)

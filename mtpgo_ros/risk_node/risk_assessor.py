@@ -14,6 +14,7 @@ import numpy as np
 
 from msg_adapters.inputs.ego_odometry import EGO_NAME
 from mtpgo_core.errors import MtpgoError
+from mtpgo_core.frames import moves_with_vehicle
 from mtpgo_core.identity import first_key, key_to_int
 from mtpgo_core.prediction.output_assembly import without_agent
 from mtpgo_core.risk.collision_risk import CollisionRisk, Unknown, assess
@@ -98,7 +99,7 @@ class RiskAssessor:
         else:
             risk = assess(prediction, self.plan, footprint)
         self._note(risk)
-        status.prediction_warning = _without_covariance(prediction)
+        status.prediction_warning = _without_covariance(prediction) or _moving(prediction)
         status.processing_ms = 1e3 * (time.perf_counter() - began_s)
         return risk
 
@@ -172,6 +173,16 @@ class RiskAssessor:
         else:
             status.peak = status.peak_time_s = math.nan
             status.peak_agent = ""
+
+
+def _moving(prediction: Prediction) -> str:
+    """Return a warning of predictions in a moving frame, empty for none."""
+    if not moves_with_vehicle(prediction.frame_id):
+        return ""
+    return (
+        f"predictions are in the frame {prediction.frame_id!r}, which usually moves with the"
+        " vehicle: the risk is right only for a plan of the same instant"
+    )
 
 
 def _without_covariance(prediction: Prediction) -> str:

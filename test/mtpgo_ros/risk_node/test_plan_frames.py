@@ -115,3 +115,15 @@ def test_so_many_plans_are_kept_and_no_more():
         plans.add(odometry(number))
     plans.newest("map")
     assert len(transforms.asked) == 64
+
+
+@pytest.mark.parametrize("frame_id", ["base_link", "robot1/base_link"])
+def test_predictions_in_a_frame_that_moves_need_a_plan_in_the_same(frame_id):
+    transforms = Transforms()
+    plans = PlanFrames(transforms)
+    plans.add(odometry())
+    assert plans.newest(frame_id) is None
+    assert f"{frame_id!r} usually moves with the vehicle" in plans.problem
+    assert not transforms.asked
+    plans.add(odometry(1, frame_id))
+    assert plans.newest(frame_id) is not None

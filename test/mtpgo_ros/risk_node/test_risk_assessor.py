@@ -119,6 +119,15 @@ def test_a_plan_whose_transform_comes_late():
     assert "extrapolation into the future" in diagnosed(status)["plan"][1]
 
 
+def test_predictions_in_a_frame_that_moves(setup):
+    assessor, status = setup
+    assessor.add_plan(plan_of_motion(START, "base_link", Pose2(0.0, 0.0, 0.0)))
+    assert np.isfinite(assessor.assess(prediction(frame_id="base_link"), START).peak).all()
+    level, message = diagnosed(status)["predictions"]
+    assert level == WARN
+    assert "'base_link', which usually moves with the vehicle" in message
+
+
 def test_a_plan_that_ends_early(setup):
     assessor, status = setup
     times = START + np.array([0, 1_200_000_000], dtype=np.int64)
