@@ -13,6 +13,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from msg_adapters.outputs.autoware_predictions import prediction_to_predicted_objects_bytes
+from msg_adapters.predictions import prediction_from_predicted_objects
 from mtpgo_core.frames import Pose2
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.risk.collision_risk import assess
@@ -87,6 +89,10 @@ def main() -> None:
             f" {median:.1f} ms; {share:.0%} of the steps have a risk"
         )
     given = traffic(*size, 50.0)
+    data = prediction_to_predicted_objects_bytes(given)
+    call = functools.partial(prediction_from_predicted_objects, data, assume_covariance=True)
+    least, median = processor_ms(call, options.rounds)
+    print(f"reading them as PredictedObjects: {least:.1f} ms, median {median:.1f} ms")
     for end_s in (0.2, 2.0):
         call = functools.partial(predicted_occupancy, given, GridShape(), np.zeros(2), 0.0, end_s)
         least, _ = processor_ms(call, 3)

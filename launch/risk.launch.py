@@ -23,6 +23,8 @@ from launch_arguments import declared, overrides, texts
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 
 PARAMETERS = {
+    "prediction_type": (str, "pointcloud2 or autoware"),
+    "missing_covariance": (str, "unknown or assumed, for PredictedObjects without covariance"),
     "plan_type": (str, "odometry, path or autoware"),
     "ego_id": (str, "identity of the ego among the predicted road users"),
     "ego_length": (float, "length of the ego (m)"),
@@ -35,6 +37,7 @@ PARAMETERS = {
 
 TOPICS = {
     "predictions": "predictor/predictions",
+    "predicted_objects": "predictor/predicted_objects",
     "plan": "plan",
     "odometry": "odometry",
 }

@@ -22,6 +22,11 @@ VEHICLE_FRAMES = ("base_link", "base_footprint", "ego_vehicle", "vehicle", "hero
 """Usual names of frames that move with a vehicle, for a warning."""
 
 
+def moves_with_vehicle(frame_id: str) -> bool:
+    """Return whether a frame usually moves with a vehicle, by its name without a prefix."""
+    return frame_id.rpartition("/")[2] in VEHICLE_FRAMES
+
+
 def wrap(angle: Float64Array) -> Float64Array:
     """Return angles (rad) wrapped to (-pi, pi]."""
     return -((np.pi - angle) % (2.0 * np.pi) - np.pi)

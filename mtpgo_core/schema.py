@@ -65,6 +65,8 @@ class Source(IntEnum):
     CONSTANT_VELOCITY = 1
     PREFERRED_CONSTANT_VELOCITY = 2
     """Constant velocity in place of a model that has been worse on road users of this group."""
+    OTHER = 3
+    """Read from a message that does not say; the predictor never publishes it."""
 
 
 class CalibrationStage(IntEnum):

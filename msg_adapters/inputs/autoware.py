@@ -79,12 +79,14 @@ def decode_tracked_objects(
             str(message.header.frame_id),
             keys_from_uuid_bytes(np.frombuffer(uuids, dtype=np.uint8)),
             pose[:, :2],
-            agent_class=np.array([_label(item.classification) for item in objects], np.uint8),
+            agent_class=np.array(
+                [object_class(item.classification) for item in objects], np.uint8
+            ),
             z=pose[:, 2],
             velocity=velocity,
             acceleration=acceleration,
             yaw=yaw,
-            size=positive(table([_size(item.shape) for item in objects], 2)),
+            size=positive(table([object_size(item.shape) for item in objects], 2)),
             covariance=state_covariance(
                 table([planar_block(item.covariance) for item in poses], 4).reshape(-1, 2, 2),
                 table([planar_block(item.covariance) for item in twists], 4).reshape(-1, 2, 2),
@@ -181,7 +183,8 @@ def _planar(vector: Any) -> tuple[float, float]:
     return vector.x, vector.y
 
 
-def _label(classification: Any) -> int:
+def object_class(classification: Any) -> int:
+    """Return our class of a list of ``ObjectClassification``, that of the most probable label."""
     if len(classification) == 0:
         return int(AgentClass.UNKNOWN)
     label = int(max(classification, key=lambda item: item.probability).label)
@@ -189,7 +192,8 @@ def _label(classification: Any) -> int:
     return label if label <= _LAST_SHARED_LABEL else int(AgentClass.UNKNOWN)
 
 
-def _size(shape: Any) -> tuple[float, float]:
+def object_size(shape: Any) -> tuple[float, float]:
+    """Return length and width of a ``Shape`` (m), of a polygon those of the box around it."""
     length, width = shape.dimensions.x, shape.dimensions.y
     if int(shape.type) == SHAPE_CYLINDER:
         return length, length

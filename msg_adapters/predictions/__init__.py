@@ -7,6 +7,7 @@ needed, rosbags only for bags and pandas only for :func:`prediction_frame`.
 """
 
 from msg_adapters.inputs.odometry import pose_of, pose_of_transform
+from msg_adapters.predictions.predicted_objects import prediction_from_predicted_objects
 from msg_adapters.predictions.prediction_bag import NoPredictionsError, predictions_in_bag
 from msg_adapters.predictions.prediction_cloud import (
     POINT,
@@ -47,6 +48,7 @@ __all__ = [
     "prediction_frame",
     "prediction_from_cdr",
     "prediction_from_pointcloud2",
+    "prediction_from_predicted_objects",
     "prediction_to_pointcloud2",
     "predictions_in_bag",
     "select",

@@ -66,7 +66,7 @@ than a micrometre also at UTM coordinates, where float32 alone has steps of 0.5 
 
 REQUIRED_FIELDS = tuple(name for name, _ in _FIELDS)
 
-_MAX_COUNT = 256
+MAX_COUNT = 256
 """Most modes, and most steps: each is counted in a byte."""
 
 _LATEST_S, _SOONEST_S = 1e4, 1e-3
@@ -96,9 +96,9 @@ def prediction_to_pointcloud2(
     """
     weight, modes = strongest_modes(prediction, max_modes)
     n, steps = len(prediction), len(prediction.time_s)
-    if modes > _MAX_COUNT or steps > _MAX_COUNT:
+    if modes > MAX_COUNT or steps > MAX_COUNT:
         raise MessageError(
-            f"prediction has {modes} modes and {steps} steps, expected at most {_MAX_COUNT} each"
+            f"prediction has {modes} modes and {steps} steps, expected at most {MAX_COUNT} each"
         )
     points = np.zeros((n, modes, steps), dtype=POINT)
     mean = prediction.mean[:, :modes]
@@ -309,12 +309,7 @@ def _grid(records: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_], NDArr
     rank = np.empty(len(first), dtype=np.intp)
     rank[np.argsort(first)] = np.arange(len(first))
     agent = rank[agent.reshape(-1)]
-    cells = len(first) * modes * steps
-    if cells > max(_FREE_CELLS, _CELLS_PER_POINT * len(records)):
-        raise MessageError(
-            f"point cloud has {len(records)} points of {len(first)} agents, {modes} modes and"
-            f" {steps} steps, expected at least {-(-cells // _CELLS_PER_POINT)} of these {cells}"
-        )
+    check_cells("point cloud", len(records), len(first), modes, steps)
     grid = np.zeros((len(first), modes, steps), dtype=records.dtype)
     present = np.zeros(grid.shape, dtype=bool)
     grid[agent, mode, step] = records
@@ -325,6 +320,27 @@ def _grid(records: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_], NDArr
             " mode and step as another one, expected one point for each"
         )
     return grid, present, records[np.sort(first)]
+
+
+def check_cells(message: str, points: int, agents: int, modes: int, steps: int) -> None:
+    """Check that few points do not make large arrays.
+
+    Args:
+        message: name of the message, for the error.
+        points: the points, or poses, that it has.
+        agents: length of the arrays' first axis.
+        modes: of the second.
+        steps: of the third.
+
+    Raises:
+        MessageError: there are too few points for such arrays.
+    """
+    cells = agents * modes * steps
+    if cells > max(_FREE_CELLS, _CELLS_PER_POINT * points):
+        raise MessageError(
+            f"{message} has {points} points of {agents} agents, {modes} modes and"
+            f" {steps} steps, expected at least {-(-cells // _CELLS_PER_POINT)} of these {cells}"
+        )
 
 
 def _is_sorted(

@@ -4,8 +4,12 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mtpgo_core.errors import MessageError
 
@@ -64,6 +68,22 @@ class CdrReader:
         self._place += -(self._place - ENCODING_HEADER) % size
         length = struct.calcsize("<" + layout)
         return struct.unpack(self._order + layout, self._take(length))
+
+    def doubles(self, *shape: int) -> NDArray[np.float64]:
+        """Return an array of float64, also the points or poses of float64 of a list.
+
+        Args:
+            shape: of the array; nothing is read or aligned for one without values.
+
+        Raises:
+            MessageError: the bytes end before.
+        """
+        count = math.prod(shape)
+        if not count:
+            return np.zeros(shape)
+        self._place += -(self._place - ENCODING_HEADER) % 8
+        values = np.frombuffer(self._take(8 * count), dtype=self._order + "f8")
+        return values.astype(np.float64).reshape(shape)
 
     def text(self) -> str:
         """Return a string; bytes that are not UTF-8 are replaced.

@@ -21,8 +21,8 @@ from mtpgo_core.resources import find_resource
 RVIZ_FILE, FOXGLOVE_FILE = "predictor.rviz", "foxglove.json"
 """Names of the templates in ``config/``, and of the files made from them."""
 
-NODE, FRAME = "predictor", "map"
-"""Node name and frame of the templates."""
+NODE, RISK_NODE, FRAME = "predictor", "risk", "map"
+"""Names of the nodes, and frame, of the templates."""
 
 GLOBAL_TOPICS = ("/diagnostics", "/tf", "/tf_static", "/clock")
 """Topics that nodes of every namespace share; they are not replaced."""
@@ -47,6 +47,7 @@ class DisplayNames:
         objects: topic of the tracked objects, by ROS' rules: ``/x`` is x, ``x`` is in the
             namespace, ``~/x`` is below the node.
         lane_markings: topic of the lane markings.
+        risk: name of the node risk, in the same namespace.
 
     Raises:
         ConfigurationError: ROS does not allow one of the names.
@@ -57,6 +58,7 @@ class DisplayNames:
     frame: str = FRAME
     objects: str = "objects"
     lane_markings: str = "lane_markings"
+    risk: str = RISK_NODE
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "namespace", self.namespace.strip("/"))
@@ -66,8 +68,9 @@ class DisplayNames:
             raise ConfigurationError(
                 f"the namespace is {self.namespace!r}, expected names of {word}, separated by /"
             )
-        if not _NAME.fullmatch(self.node):
-            raise ConfigurationError(f"the node name is {self.node!r}, expected {word}")
+        for node in (self.node, self.risk):
+            if not _NAME.fullmatch(node):
+                raise ConfigurationError(f"the node name is {node!r}, expected {word}")
         if not _FRAME.fullmatch(self.frame):
             raise ConfigurationError(
                 f"the frame is {self.frame!r}, expected letters, digits and _ . / -"
@@ -81,7 +84,11 @@ class DisplayNames:
     @property
     def full_name(self) -> str:
         """Namespace and name of the node, without the leading slash, as in its diagnostics."""
-        return "/".join(filter(None, (self.namespace, self.node)))
+        return self.in_namespace(self.node)
+
+    def in_namespace(self, name: str) -> str:
+        """Return a name in the namespace, without the leading slash."""
+        return "/".join(filter(None, (self.namespace, name)))
 
     def topic(self, name: str) -> str:
         """Return the full name of a topic that the node calls ``name``."""
@@ -89,7 +96,7 @@ class DisplayNames:
             return name
         if name.startswith("~/"):
             return f"/{self.full_name}/{name[2:]}"
-        return "/" + "/".join(filter(None, (self.namespace, name)))
+        return "/" + self.in_namespace(name)
 
     def replaced(self, topic: str) -> str:
         """Return what stands for a topic of a template."""
@@ -97,6 +104,8 @@ class DisplayNames:
             return topic
         if topic.startswith(f"/{NODE}/"):
             return self.topic("~/" + topic.removeprefix(f"/{NODE}/"))
+        if topic.startswith(f"/{RISK_NODE}/"):
+            return self.topic(f"{self.risk}/" + topic.removeprefix(f"/{RISK_NODE}/"))
         given = {"/objects": self.objects, "/lane_markings": self.lane_markings}
         return self.topic(given.get(topic, topic[1:]))
 
@@ -127,8 +136,9 @@ def foxglove_layout(names: DisplayNames) -> str:
         if value.startswith("/"):
             topic, dot, field = value.partition(".")
             return names.replaced(topic) + dot + field
-        if value.startswith(f"{NODE}: "):  # a status in the diagnostics
-            return names.full_name + value.removeprefix(NODE)
+        for node, shown in ((NODE, names.node), (RISK_NODE, names.risk)):
+            if value.startswith(f"{node}: "):  # a status in the diagnostics
+                return names.in_namespace(shown) + value.removeprefix(node)
         return value
 
     layout = _mapped(json.loads(_template(FOXGLOVE_FILE)), text)

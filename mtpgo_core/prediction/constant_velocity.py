@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtpgo_core.frames import along_and_across, rotate_covariance
 from mtpgo_core.prediction.finite_output import definite_in_float32
 from mtpgo_core.schema import MOVING_MPS, Float64Array, HistoryWindow, Prediction, Source
 
@@ -135,6 +136,41 @@ def usable_covariances(covariance: Float64Array) -> Float64Array:
         some[np.linalg.eigvalsh(some)[:, 0] <= 0.0] = np.nan
         result[usable] = some
     return result
+
+
+def covariance_along_paths(
+    observed: Float64Array,
+    initial_yaw: Float64Array,
+    yaw: Float64Array,
+    time_s: Float64Array,
+    noise: ConstantVelocityNoise = ConstantVelocityNoise(),
+) -> Float64Array:
+    """Return [n, M, H, 2, 2] covariances of the positions on paths that come without any (m^2).
+
+    The state's covariance at the stamp grows as at constant velocity. Its parts along and across
+    the heading turn with the path: who drives too far is too far along the road, also behind a
+    bend.
+
+    Args:
+        observed: [n, 4, 4] of (x, y, vx, vy) at the stamp (m^2, m^2/s, m^2/s^2). Where it is no
+            use, as NaN, the result is NaN.
+        initial_yaw: [n] heading at the stamp (rad).
+        yaw: [n, M, H] heading along the paths (rad).
+        time_s: [H] seconds after the stamp.
+        noise: of the acceleration.
+    """
+    own = rotate_covariance(usable_covariances(observed), -initial_yaw)
+    grown = _grown(own, time_s, np.zeros(len(own)), noise)
+    xx, xy, yy = along_and_across(grown[:, None], -yaw)
+    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
+
+
+def assumed_covariances(
+    agents: int, noise: ConstantVelocityNoise = ConstantVelocityNoise()
+) -> Float64Array:
+    """Return [agents, 4, 4] covariances of (x, y, vx, vy) for observations that give none."""
+    variances = np.repeat([noise.position_std_m**2, noise.velocity_std_mps**2], 2)
+    return np.tile(np.diag(variances), (agents, 1, 1))
 
 
 def _covariance(

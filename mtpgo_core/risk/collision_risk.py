@@ -23,7 +23,7 @@ from mtpgo_core.schema import BoolArray, ClassArray, Float64Array, KeyArray, Pre
 QUANTILES = (0.05, 0.5, 0.95)
 """Levels of the quantiles of the smallest distance."""
 
-_WEIGHT_TOLERANCE = 0.01
+WEIGHT_TOLERANCE = 0.01
 """Mode weights that sum to one within this are complete; chosen above float32 rounding."""
 
 
@@ -188,7 +188,7 @@ def _usable(prediction: Prediction) -> tuple[BoolArray, BoolArray]:
         # A sum is finite where all of its terms are.
         finite = np.isfinite(mean[..., 0] + mean[..., 1] + prediction.yaw)
         finite &= is_covariance(covariance)
-        whole = np.abs(prediction.weight.sum(axis=1) - 1.0) <= _WEIGHT_TOLERANCE
+        whole = np.abs(prediction.weight.sum(axis=1) - 1.0) <= WEIGHT_TOLERANCE
     complete = (finite | ~weighty[:, :, None]).all(axis=1) & whole[:, None]
     return finite & weighty[:, :, None], complete
 

@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.errors import MessageError
+from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, wrap
 from mtpgo_core.options import check_options, option
 from mtpgo_core.schema import Float64Array
@@ -195,6 +196,31 @@ def plan_of_motion(stamp_ns: int, frame_id: str, pose: Pose2) -> EgoPlan:
         np.stack([start, end]),
         np.full(2, pose.yaw),
         source=source,
+    )
+
+
+def plan_in_frame(plan: EgoPlan, pose: Pose2, frame_id: str) -> EgoPlan:
+    """Return a plan in another frame.
+
+    Args:
+        plan: in its own frame.
+        pose: of that frame in the other one, at the plan's stamp.
+        frame_id: name of the other frame.
+
+    Raises:
+        FrameError: the pose is not finite.
+    """
+    values = (pose.x, pose.y, pose.yaw)
+    if not all(map(math.isfinite, values)):
+        raise FrameError(
+            f"the pose of frame {plan.frame_id!r} in {frame_id!r} is {values}, expected finite"
+            " numbers"
+        )
+    return dataclasses.replace(
+        plan,
+        frame_id=frame_id,
+        position=pose.point(plan.position),
+        yaw=wrap(plan.yaw + pose.yaw),
     )
 
 

@@ -159,8 +159,7 @@ class TfPoses:
             raise FrameError(
                 f"the z axis of frame {frame_id!r} is tilted by"
                 f" {math.degrees(math.acos(max(-1.0, upright))):.0f} degrees in {fixed_frame!r},"
-                " expected z up: an optical frame of a camera cannot be used, publish the objects"
-                " in its body frame"
+                " expected z up: an optical frame of a camera cannot be used, its body frame can"
             )
         return pose_of_transform(found)
 

@@ -14,14 +14,29 @@ from mtpgo_core.risk.ego_plan import EgoFootprint
 from mtpgo_core.risk.predicted_occupancy import GridShape
 from mtpgo_ros.parameters.parameter_change import Change, parameter_field, replaced
 
+PREDICTION_TYPES = ("pointcloud2", "autoware")
 PLAN_TYPES = ("odometry", "path", "autoware")
 AFTER_PLAN = ("unknown", "stand")
+MISSING_COVARIANCE = ("unknown", "assumed")
 
 
 @dataclass(frozen=True)
 class RiskParameters:
     """All parameters of the node ``risk``; each field's metadata describes it."""
 
+    prediction_type: str = parameter_field(
+        "pointcloud2",
+        "The message with the predictions: the topic predictor/predictions (pointcloud2), or"
+        " predictor/predicted_objects as autoware_perception_msgs/PredictedObjects (autoware).",
+        choices=PREDICTION_TYPES,
+        change=Change.CONFIGURE,
+    )
+    missing_covariance: str = parameter_field(
+        "unknown",
+        "Where PredictedObjects gives no covariance of position and velocity, the risk is unknown,"
+        " or it starts from 0.2 m and 0.3 m/s (assumed).",
+        choices=MISSING_COVARIANCE,
+    )
     plan_type: str = parameter_field(
         "odometry",
         "Where the ego will be: constant velocity of the topic odometry, or the topic plan as"
@@ -109,6 +124,11 @@ class RiskParameters:
     def grid(self) -> GridShape:
         """The shape of the occupancy grid."""
         return GridShape(self.occupancy_size, self.occupancy_resolution)
+
+    @property
+    def assumes_covariance(self) -> bool:
+        """Whether a covariance is assumed for road users whose message gives none."""
+        return self.missing_covariance == "assumed"
 
     @property
     def stands_after(self) -> bool:

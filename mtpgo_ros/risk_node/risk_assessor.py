@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The newest plan, and what it means for predictions. No ROS in here.
+"""What the newest plan means for predictions. No ROS in here.
 
 Whatever is wrong with plan or predictions makes the risk unknown, with one sentence in the status.
 """
@@ -13,34 +13,46 @@ import time
 import numpy as np
 
 from msg_adapters.inputs.ego_odometry import EGO_NAME
-from mtpgo_core.errors import FrameError, MtpgoError
+from mtpgo_core.errors import MtpgoError
+from mtpgo_core.frames import moves_with_vehicle
 from mtpgo_core.identity import first_key, key_to_int
 from mtpgo_core.prediction.output_assembly import without_agent
 from mtpgo_core.risk.collision_risk import CollisionRisk, Unknown, assess
 from mtpgo_core.risk.ego_plan import EgoPlan
+from mtpgo_core.risk.footprint_overlap import is_covariance
 from mtpgo_core.schema import Float64Array, Prediction
 from mtpgo_ros.parameters.risk_parameters import RiskParameters
+from mtpgo_ros.risk_node.plan_frames import PlanFrames, PoseAt, no_transform
 from mtpgo_ros.risk_node.risk_status import RiskStatus
 
 
 class RiskAssessor:
-    """Keeps the newest plan and computes risks; to be used on one thread.
+    """Keeps the newest plans and computes risks; to be used on one thread.
 
     Args:
         parameters: the initial parameters.
         status: where problems and results are kept up to date.
         plan_topic: resolved name of the plan's topic, for sentences.
-
-    Attributes:
-        plan: the newest plan, None if there is none or it was refused.
+        pose_at: asks TF where a plan is in another frame than the predictions.
     """
 
-    def __init__(self, parameters: RiskParameters, status: RiskStatus, plan_topic: str) -> None:
+    def __init__(
+        self,
+        parameters: RiskParameters,
+        status: RiskStatus,
+        plan_topic: str,
+        pose_at: PoseAt = no_transform,
+    ) -> None:
         self._parameters, self._status, self._plan_topic = parameters, status, plan_topic
         self._ego_topic = ""
-        self.plan: EgoPlan | None = None
+        self._plans = PlanFrames(pose_at)
         self._missing = f"no plan has come on {plan_topic} yet"
         status.plan_problem = self._missing
+
+    @property
+    def plan(self) -> EgoPlan | None:
+        """The plan in the frame of the last predictions, None if there is none."""
+        return self._plans.in_use
 
     def configure(self, parameters: RiskParameters) -> None:
         """Use other parameters from the next predictions on."""
@@ -52,12 +64,14 @@ class RiskAssessor:
 
     def add_plan(self, plan: EgoPlan) -> None:
         """Use a plan from now on."""
-        self.plan, self._missing = plan, ""
-        self._status.plan_problem = ""
+        self._plans.add(plan)
+        if self._missing:
+            self._missing = self._status.plan_problem = ""
 
     def refuse_plan(self, error: MtpgoError) -> None:
         """Note a plan that is not usable: the one before it is not valid any more."""
-        self.plan, self._missing = None, f"the plan on {self._plan_topic} is not usable: {error}"
+        self._plans.clear()
+        self._missing = f"the plan on {self._plan_topic} is not usable: {error}"
         self._status.plan_problem = self._missing
 
     def others(self, prediction: Prediction) -> Prediction:
@@ -83,12 +97,9 @@ class RiskAssessor:
         elif status.plan_problem:
             risk = assess(prediction, None, footprint, reason=Unknown.NO_PLAN)
         else:
-            try:
-                risk = assess(prediction, self.plan, footprint)
-            except FrameError as error:
-                status.plan_problem = str(error)
-                risk = assess(prediction, None, footprint, reason=Unknown.NO_PLAN)
+            risk = assess(prediction, self.plan, footprint)
         self._note(risk)
+        status.prediction_warning = _without_covariance(prediction) or _moving(prediction)
         status.processing_ms = 1e3 * (time.perf_counter() - began_s)
         return risk
 
@@ -125,15 +136,18 @@ class RiskAssessor:
 
     def _unusable(self, prediction: Prediction) -> str:
         """Return why the plan cannot be used for predictions, empty if it can."""
-        if self.plan is None:
-            return self._missing
-        age_s = (prediction.stamp_ns - self.plan.stamp_ns) * 1e-9
+        plan = self._plans.newest(prediction.frame_id)
+        if plan is None:
+            return self._missing or self._plans.problem
+        age_s = (prediction.stamp_ns - plan.stamp_ns) * 1e-9
         self._status.plan_age_s = age_s
         if abs(age_s) <= self._parameters.plan_timeout:
             return ""
+        if self._plans.problem:  # A newer plan cannot be transformed.
+            return self._plans.problem
         side = "before" if age_s > 0.0 else "after"
         return (
-            f"the {self.plan.source} is stale: it was made {abs(age_s):.1f} s {side} the"
+            f"the {plan.source} is stale: it was made {abs(age_s):.1f} s {side} the"
             f" observation, expected within {self._parameters.plan_timeout:g} s"
         )
 
@@ -159,3 +173,25 @@ class RiskAssessor:
         else:
             status.peak = status.peak_time_s = math.nan
             status.peak_agent = ""
+
+
+def _moving(prediction: Prediction) -> str:
+    """Return a warning of predictions in a moving frame, empty for none."""
+    if not moves_with_vehicle(prediction.frame_id):
+        return ""
+    return (
+        f"predictions are in the frame {prediction.frame_id!r}, which usually moves with the"
+        " vehicle: the risk is right only for a plan of the same instant"
+    )
+
+
+def _without_covariance(prediction: Prediction) -> str:
+    """Return how many road users have finite paths without a covariance, empty for none."""
+    finite = np.isfinite(prediction.mean[..., :2]).all(axis=-1) & np.isfinite(prediction.yaw)
+    lacking = np.asarray((finite & ~is_covariance(prediction.covariance)).any(axis=(1, 2)))
+    if not lacking.any():
+        return ""
+    return (
+        f"the predictions of {int(lacking.sum())} of {len(lacking)} road users have no covariance:"
+        " their risk is unknown (parameter missing_covariance)"
+    )

@@ -11,10 +11,9 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.inputs.ego_plans import PLANS, PlanAdapter
-from msg_adapters.predictions import prediction_from_pointcloud2
+from msg_adapters.predictions.prediction_messages import PREDICTIONS, PredictionAdapter
 from msg_adapters.types import message_class
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.schema import Prediction
@@ -26,12 +25,10 @@ from mtpgo_ros.lifecycle.resource_node import ResourceNode
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
 from mtpgo_ros.parameters.parameter_server import ParameterServer
 from mtpgo_ros.parameters.risk_parameters import RiskParameters, updated_risk
+from mtpgo_ros.risk_node.plan_transform import PlanTransform
 from mtpgo_ros.risk_node.risk_assessor import RiskAssessor
 from mtpgo_ros.risk_node.risk_publishers import RiskPublishers
 from mtpgo_ros.risk_node.risk_status import RiskStatus, risk_statuses
-
-PREDICTIONS = "predictor/predictions"
-"""Topic of the predictions, as the predictor in the same namespace publishes them."""
 
 _NEWEST = QoSProfile(depth=1)
 _ANY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -63,6 +60,7 @@ class RiskNode(ResourceNode):
         self._assessor: RiskAssessor | None = None
         self._inputs: list[Subscription] = []
         self._ego: ContextSubscriptions | None = None
+        self._transform: PlanTransform | None = None
         self._watch = InputWatch()
         self._last: Prediction | None = None
         self._server = ParameterServer(
@@ -88,7 +86,8 @@ class RiskNode(ResourceNode):
 
     @record_failure
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Check the type of the plan and create the publishers."""
+        """Check the types of predictions and plan and create the publishers."""
+        message_class(self._prediction_adapter.message_type)
         message_class(self._plan_adapter.message_type)
         self.events.reset()
         self._outputs = RiskPublishers(self, self.parameters, self._status, self.events)
@@ -97,15 +96,23 @@ class RiskNode(ResourceNode):
     @record_failure
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribe."""
-        adapter, parameters, status = self._plan_adapter, self.parameters, self._status
-        status.topic = self.resolve_topic_name(PREDICTIONS)
+        adapter, predictions = self._plan_adapter, self._prediction_adapter
+        parameters, status = self.parameters, self._status
+        status.topic = self.resolve_topic_name(predictions.topic)
         status.plan_topic = self.resolve_topic_name(adapter.topic)
-        self._assessor = RiskAssessor(parameters, status, status.plan_topic)
+        self._transform = PlanTransform(self)
+        self._assessor = RiskAssessor(parameters, status, status.plan_topic, self._transform.pose)
         self._last = None
         self._watch.start()
         self._ego = ContextSubscriptions(self, self._assessor.set_ego, None, self.events)
         self._inputs = [
-            self.create_subscription(PointCloud2, PREDICTIONS, self._on_predictions, _NEWEST),
+            self.create_subscription(
+                message_class(predictions.message_type),
+                predictions.topic,
+                self._on_predictions,
+                _NEWEST,
+                raw=True,
+            ),
             self.create_subscription(
                 message_class(adapter.message_type), adapter.topic, self._on_plan, _ANY
             ),
@@ -118,6 +125,10 @@ class RiskNode(ResourceNode):
         return done
 
     @property
+    def _prediction_adapter(self) -> PredictionAdapter:
+        return PREDICTIONS[self.parameters.prediction_type]
+
+    @property
     def _plan_adapter(self) -> PlanAdapter:
         return PLANS[self.parameters.plan_type]
 
@@ -127,7 +138,9 @@ class RiskNode(ResourceNode):
         self._inputs = []
         if self._ego is not None:
             self._ego.close()
-        self._ego = self._assessor = self._last = None
+        if self._transform is not None:
+            self._transform.close()
+        self._ego = self._transform = self._assessor = self._last = None
         return True
 
     def _release(self) -> None:
@@ -153,12 +166,13 @@ class RiskNode(ResourceNode):
             self._assessor.refuse_plan(error)
             self.events.count("rejected_plans", reason=self._status.plan_problem)
 
-    def _on_predictions(self, message: Any) -> None:
+    def _on_predictions(self, data: bytes) -> None:
         if self._assessor is None or self._outputs is None:
             return
         self.events.count("messages")
         try:
-            prediction = self._assessor.others(prediction_from_pointcloud2(message))
+            assumes = self.parameters.assumes_covariance
+            prediction = self._assessor.others(self._prediction_adapter.read(data, assumes))
         except (MtpgoError, ValueError, IndexError) as error:
             sentence = f"predictions on {self._status.topic} are not usable: {error}"
             self._status.prediction_problem = sentence
@@ -171,7 +185,9 @@ class RiskNode(ResourceNode):
         self._outputs.publish(risk, self._assessor.plan)
         known = not self._status.prediction_problem
         self._outputs.publish_grid(prediction, self._assessor.place(prediction), known=known)
-        for problem in (self._status.prediction_problem, self._status.plan_problem):
+        status = self._status
+        problems = (status.prediction_problem, status.prediction_warning, status.plan_problem)
+        for problem in problems:
             if problem:
                 self.events.log("unknown risk", problem)
 

@@ -74,8 +74,6 @@ class RiskPublishers:
         self._agents.publish(risk_to_agent_cloud(risk, self._types))
         self._steps.publish(risk_to_step_cloud(risk, self._types))
         if self._markers.get_subscription_count():
-            if plan is not None and plan.frame_id != risk.frame_id:
-                plan = None
             drawn = draw_risk(risk, self._tracker, plan, self._parameters.footprint)
             self._markers.publish(
                 markers_to_cdr(
@@ -120,7 +118,7 @@ class RiskPublishers:
                 field = unknown_field(parameters.grid, center)
             self._status.occupancy_problem = (
                 f"the occupancy is unknown: the prediction of {field.unknown_agents} road users is"
-                " not finite"
+                " not finite, or lacks modes or covariances"
                 if field.unknown_agents
                 else ""
             )

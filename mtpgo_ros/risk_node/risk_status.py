@@ -33,6 +33,7 @@ class RiskStatus:
         input: age of the predictions.
         prediction_timeout_s: age from which on they are stale (s).
         prediction_problem: why the last predictions were not usable, empty if they were.
+        prediction_warning: what the last predictions lack, empty if nothing.
         plan_topic: resolved name of the plan's topic.
         plan_problem: why there is no usable plan, empty if there is one.
         plan_warning: what the plan lacks, empty if nothing.
@@ -53,6 +54,7 @@ class RiskStatus:
     input: InputAge = field(default_factory=InputAge)
     prediction_timeout_s: float = 1.0
     prediction_problem: str = ""
+    prediction_warning: str = ""
     plan_topic: str = ""
     plan_problem: str = ""
     plan_warning: str = ""
@@ -123,7 +125,7 @@ def _prediction_causes(status: RiskStatus) -> list[Cause]:
             f" expected within {limit_s:g} s; the risk is unknown"
         )
         return [(ERROR, sentence)]
-    return []
+    return [(WARN, status.prediction_warning)] if status.prediction_warning else []
 
 
 def _plan_causes(status: RiskStatus) -> list[Cause]:

@@ -13,12 +13,14 @@ from msg_adapters.bags.bag_types import bag_typestore
 from msg_adapters.inputs.ego_odometry import EgoOdometry, EgoOptions
 from msg_adapters.inputs.lane_markers import lanes_from_markers, lanes_to_markers
 from msg_adapters.inputs.odometry import pose_of
+from msg_adapters.outputs.autoware_predictions import prediction_to_predicted_objects_bytes
 from msg_adapters.predictions import (
     Pose2,
     at_times,
     mixture_moments,
     most_probable,
     prediction_from_cdr,
+    prediction_from_predicted_objects,
     prediction_to_pointcloud2,
     to_frame,
 )
@@ -125,6 +127,27 @@ def lanes_target():
     return FuzzTarget("cdr_lanes", run, seeds)
 
 
+def two_agents():
+    """Return a prediction of two agents."""
+    shape = (2, 2, 3)
+    return Prediction(
+        stamp_ns=NOW_NS,
+        frame_id="map",
+        key=keys_from_integers([1, 2]),
+        agent_class=np.full(2, AgentClass.CAR, dtype=np.uint8),
+        z=np.zeros(2),
+        size=np.ones((2, 2)),
+        initial=np.zeros((2, 4)),
+        initial_yaw=np.zeros(2),
+        time_s=np.array([0.2, 0.4, 0.6]),
+        weight=np.full((2, 2), 0.5),
+        mean=np.ones((*shape, 4)),
+        yaw=np.zeros(shape),
+        covariance=np.broadcast_to(np.eye(2), (*shape, 2, 2)),
+        source=np.zeros(2, dtype=np.uint8),
+    )
+
+
 def predictions_target():
     """Return the target of the public decoder of predictions."""
 
@@ -138,30 +161,35 @@ def predictions_target():
         assert len(mean) == len(most_probable(prediction)) == n
 
     def seeds():
-        shape = (2, 2, 3)
-        prediction = Prediction(
-            stamp_ns=NOW_NS,
-            frame_id="map",
-            key=keys_from_integers([1, 2]),
-            agent_class=np.full(2, AgentClass.CAR, dtype=np.uint8),
-            z=np.zeros(2),
-            size=np.ones((2, 2)),
-            initial=np.zeros((2, 4)),
-            initial_yaw=np.zeros(2),
-            time_s=np.array([0.2, 0.4, 0.6]),
-            weight=np.full((2, 2), 0.5),
-            mean=np.ones((*shape, 4)),
-            yaw=np.zeros(shape),
-            covariance=np.broadcast_to(np.eye(2), (*shape, 2, 2)),
-            source=np.zeros(2, dtype=np.uint8),
-        )
-        message = prediction_to_pointcloud2(prediction, TypestoreTypes(typestore()))
+        message = prediction_to_pointcloud2(two_agents(), TypestoreTypes(typestore()))
         return [bytes(typestore().serialize_cdr(message, "sensor_msgs/msg/PointCloud2"))]
 
     return FuzzTarget("cdr_predictions", run, seeds)
 
 
+def predicted_objects_target():
+    """Return the target of predictions in Autoware's message."""
+
+    def run(data):
+        for assumes in (False, True):
+            prediction = prediction_from_predicted_objects(data, assume_covariance=assumes)
+            n, _, steps = prediction.yaw.shape
+            assert prediction.weight.shape[0] == prediction.covariance.shape[0] == n
+            assert len(prediction.time_s) == steps <= 256
+
+    def seeds():
+        return [prediction_to_predicted_objects_bytes(two_agents())]
+
+    return FuzzTarget("cdr_predicted_objects", run, seeds)
+
+
 def targets():
     """Return the targets of this file."""
     adapters = map(adapter_target, INPUTS.values())
-    return [*adapters, odometry_target(), lanes_target(), predictions_target()]
+    return [
+        *adapters,
+        odometry_target(),
+        lanes_target(),
+        predictions_target(),
+        predicted_objects_target(),
+    ]

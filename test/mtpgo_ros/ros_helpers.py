@@ -16,6 +16,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 
 from msg_adapters.predictions import prediction_from_pointcloud2
 from msg_adapters.registry import INPUTS
@@ -65,6 +67,21 @@ def traffic(
 def message_of(states: TrackedStates, kind: str = "pointcloud2") -> Any:
     """Return the rclpy message of tracked states."""
     return INPUTS[kind].from_states(states, RclpyTypes())
+
+
+def borrowed_class(monkeypatch: Any, name: str) -> type:
+    """Make ``package.msg`` importable with a class for a message whose package is not on pip.
+
+    It borrows the type support of a message that is installed: publishers and raw subscriptions
+    exchange the bytes as they are.
+    """
+    package, _, short = name.partition("/msg/")
+    found = type(String)(short, (String,), {"__slots__": (), "stack_type": name})
+    module = sys.modules.get(f"{package}.msg") or types.ModuleType(f"{package}.msg")
+    monkeypatch.setitem(sys.modules, package, sys.modules.get(package, types.ModuleType(package)))
+    monkeypatch.setitem(sys.modules, f"{package}.msg", module)
+    monkeypatch.setattr(module, short, found, raising=False)
+    return found
 
 
 class RecordingLogger:

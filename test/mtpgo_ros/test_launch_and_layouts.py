@@ -37,6 +37,9 @@ TOPICS = {
     "/predictor/debug/processing_time_ms",
     "/predictor/quality_table",
     "/predictor/quality_markers",
+    "/risk/markers",
+    "/risk/occupancy",
+    "/risk/risk_steps",
 }
 
 

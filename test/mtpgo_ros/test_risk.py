@@ -4,9 +4,11 @@
 
 import dataclasses
 import signal
+import socket
 from pathlib import Path
 
 import launch_stub
+import pytest
 import yaml
 
 from mtpgo_ros.parameters.risk_parameters import RiskParameters
@@ -43,13 +45,34 @@ STATIC_LAYER = {
 """Those of its StaticLayer."""
 
 
-def test_it_starts_and_ends_with_a_signal_and_bad_input_is_one_sentence(process):
+@pytest.fixture
+def manager(tmp_path, monkeypatch):
+    """The socket of a service manager that expects a sign of life every 0.4 s."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as one:
+        one.bind(str(tmp_path / "notify"))
+        one.settimeout(60.0)
+        monkeypatch.setenv("NOTIFY_SOCKET", one.getsockname())
+        monkeypatch.setenv("WATCHDOG_USEC", "400000")
+        yield one
+
+
+def test_it_starts_and_ends_with_a_signal_and_bad_input_is_one_sentence(
+    process, manager, monkeypatch
+):
     running = process("risk")
+    monkeypatch.delenv("NOTIFY_SOCKET")
     refused = process("risk", "--ros-args", "-p", "plan_type:=spline")
     running.wait_for("ready: waiting for predictions on /predictor/predictions")
     status, out, err = refused.finish()
     assert (status, out) == (2, "")
     assert err.startswith("risk: parameter plan_type is 'spline', expected one of")
+    # As a service of systemd it reports that it is ready, a sentence, and signs of life.
+    heard: list[str] = []
+    while len({line.partition("=")[0] for line in heard}) < 3 or heard.count("WATCHDOG=1") < 2:
+        heard.append(manager.recv(4096).decode())
+    assert heard[0] == "READY=1"
+    (sentence,) = {line for line in heard if line.startswith("STATUS=")}
+    assert sentence == "STATUS=no plan has come on /odometry yet; the risk is unknown"
     assert running.interrupt(signal.SIGTERM)[0] == 0
 
 
@@ -58,6 +81,24 @@ def test_the_launch_arguments_are_parameters_of_the_node():
     assert arguments.pop("use_sim_time") == "bool"
     kinds = {f.name: type(f.default).__name__ for f in dataclasses.fields(RiskParameters)}
     assert arguments == {name: kinds[name] for name in arguments}
+
+
+def test_the_launch_arguments_choose_types_and_topics(monkeypatch):
+    given = {"prediction_type": "autoware", "predicted_objects": "/objects", "namespace": "robot1"}
+    (node,) = launch_stub.launched(ROOT / "launch" / "risk.launch.py", given, monkeypatch)
+    assert (node.name, node.namespace) == ("risk", "robot1")
+    assert node.parameters[1] == {"prediction_type": "autoware"}
+    assert node.remappings == [("predictor/predicted_objects", "/objects")]
+
+
+def test_the_service_unit_has_a_watchdog_and_starts_risk():
+    folder = ROOT / "config" / "systemd"
+    lines = (folder / "mtpgo-risk.service").read_text().splitlines()
+    assert {"Type=notify", "WatchdogSec=5", "Restart=on-failure"} <= set(lines)
+    (command,) = [line for line in lines if line.startswith("ExecStart=")]
+    assert "exec" in command  # the process that systemd knows is the node
+    assert "lib/mtpgo_ros/risk" in command
+    assert "mtpgo-predictor.service" in next(line for line in lines if line.startswith("After="))
 
 
 def test_the_costmap_of_nav2_has_the_grid_as_a_layer():

@@ -9,8 +9,6 @@ are, and only the decoding of rclpy, which needs compiled code of the package, i
 
 from __future__ import annotations
 
-import sys
-import types
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,10 +17,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from recipe_file import RecipeNode
-from ros_helpers import LIMIT_S, spin_until
+from ros_helpers import LIMIT_S, borrowed_class, spin_until
 from sensor_msgs.msg import PointCloud2
 from stack_messages import StackMessages
-from std_msgs.msg import String
 
 from msg_adapters.predictions import prediction_from_pointcloud2
 from mtpgo_core.schema import Prediction
@@ -33,12 +30,7 @@ from mtpgo_ros.node.predictor_node import PredictorNode
 
 def stand_in(monkeypatch: Any, typestore: Any, name: str) -> type:
     """Make ``package.msg`` importable with a class for this message, decoded by ``typestore``."""
-    package, _, short = name.partition("/msg/")
-    found = type(String)(short, (String,), {"__slots__": (), "stack_type": name})
-    module = sys.modules.get(f"{package}.msg") or types.ModuleType(f"{package}.msg")
-    monkeypatch.setitem(sys.modules, package, sys.modules.get(package, types.ModuleType(package)))
-    monkeypatch.setitem(sys.modules, f"{package}.msg", module)
-    monkeypatch.setattr(module, short, found, raising=False)
+    found = borrowed_class(monkeypatch, name)
     decode = objects_subscription.deserialize_message
 
     def deserialize(data: bytes, kind: type) -> Any:

@@ -47,6 +47,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="topic of the lane markings (default: %(default)s, in the namespace)",
     )
     add(
+        "--risk",
+        default=default.risk,
+        metavar="NAME",
+        help="name of the node risk, in the same namespace (default: %(default)s)",
+    )
+    add(
         "-o",
         "--output",
         type=Path,
@@ -65,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
         frame=args.frame,
         objects=args.objects,
         lane_markings=args.lane_markings,
+        risk=args.risk,
     )
     for name, text in layout_texts(names).items():
         write_text(args.output / name, text)

@@ -17,7 +17,7 @@ from mtpgo_core.displays.display_layouts import (
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.resources import find_resource
 
-NAMES = DisplayNames(namespace="/robot1/", node="p2", frame="odom", objects="tracks/near")
+NAMES = DisplayNames("/robot1/", "p2", frame="odom", objects="tracks/near", risk="r2")
 EXPECTED = {
     "/diagnostics",
     "/robot1/lane_markings",
@@ -27,6 +27,9 @@ EXPECTED = {
     "/robot1/p2/debug/processing_time_ms",
     "/robot1/p2/quality_table",
     "/robot1/p2/quality_markers",
+    "/robot1/r2/markers",
+    "/robot1/r2/occupancy",
+    "/robot1/r2/risk_steps",
 }
 
 
@@ -50,6 +53,7 @@ def test_every_topic_and_the_frame_follow():
     assert '"/robot1/p2/quality_table.data[54]"' in foxglove
     assert panels["3D!predictor"]["followTf"] == "odom"
     assert panels["DiagnosticStatusPanel!quality"]["selectedName"] == "robot1/p2: quality"
+    assert panels["DiagnosticStatusPanel!risk"]["selectedName"] == "robot1/r2: result"
     assert "map" not in {panel.get("followTf") for panel in panels.values()}
 
 
@@ -59,7 +63,7 @@ def test_names_are_expanded_as_ros_does():
     assert names.topic("~/x/y") == "/a/b/n/x/y"
     assert names.topic("/x") == "/x"
     assert DisplayNames(objects="/seen/by/radar").replaced("/objects") == "/seen/by/radar"
-    # A display of another node, and of what all nodes share.
+    # A display of the node risk, and of what all nodes share.
     assert names.replaced("/risk/markers") == "/a/b/risk/markers"
     assert names.replaced("/tf") == "/tf"
 
@@ -82,6 +86,7 @@ def test_a_frame_stays_text_in_yaml(frame):
         ({"namespace": "1a"}, "the namespace is '1a', expected names"),
         ({"node": "a/b"}, "the node name is 'a/b', expected letters"),
         ({"node": ""}, "the node name is '', expected letters"),
+        ({"risk": "a b"}, "the node name is 'a b', expected letters"),
         ({"frame": ""}, "the frame is '', expected letters"),
         ({"objects": "a b"}, "the topic is 'a b', expected names"),
         ({"lane_markings": "/"}, "the topic is '/', expected names"),

@@ -11,6 +11,8 @@ from core_helpers import states_of
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.constant_velocity import (
     ConstantVelocityNoise,
+    assumed_covariances,
+    covariance_along_paths,
     motion_yaw,
     predict_constant_velocity,
     usable_covariances,
@@ -138,3 +140,30 @@ def test_usable_covariances():
     )
     np.testing.assert_allclose(given[0], [[2.0, 0.6], [0.6, 1.0]])
     assert np.isnan(given[1:]).all()
+
+
+def test_along_a_straight_path_the_covariance_is_that_of_constant_velocity():
+    velocity, yaw = [[3.0, 4.0], [-6.0, 0.0]], np.arctan2([4.0, 0.0], [3.0, -6.0])
+    window = window_of([1, 2], [[0, 0], [9, 9]], velocity=velocity, yaw=yaw)
+    given = predict_constant_velocity(window, horizon_steps=5, dt_s=0.4, modes=2)
+    found = covariance_along_paths(assumed_covariances(2), yaw, given.yaw, given.time_s)
+    np.testing.assert_allclose(found, given.covariance)
+
+
+def test_behind_a_bend_the_covariance_is_turned():
+    noise = ConstantVelocityNoise(along_m2ps3=3.0, across_m2ps3=0.3)
+    observed = np.diag([0.2, 0.1, 2.0, 1.0])[None]
+    yaw = np.array([[[0.0, math.pi / 2]]])
+    found = covariance_along_paths(observed, np.zeros(1), yaw, np.array([1.0, 2.0]), noise)
+    np.testing.assert_allclose(found[0, 0, 0], np.diag([3.2, 1.2]))
+    np.testing.assert_allclose(found[0, 0, 1], np.diag([4.9, 16.2]), atol=1e-12)
+
+
+def test_along_paths_nothing_grows_from_a_covariance_that_is_no_use():
+    observed = np.stack([np.full((4, 4), np.nan), np.zeros((4, 4)), np.eye(4)])
+    yaw = np.zeros((3, 1, 2))
+    yaw[2, 0, 1] = np.nan
+    found = covariance_along_paths(observed, np.zeros(3), yaw, np.array([1.0, 2.0]))
+    assert np.isnan(found[:2]).all()
+    assert np.isfinite(found[2, 0, 0]).all()
+    assert np.isnan(found[2, 0, 1]).all()

@@ -5,9 +5,9 @@
 import numpy as np
 import pytest
 
-from mtpgo_core.errors import ConfigurationError, MessageError
+from mtpgo_core.errors import ConfigurationError, FrameError, MessageError
 from mtpgo_core.frames import Pose2
-from mtpgo_core.risk.ego_plan import EgoFootprint, make_plan, plan_of_motion
+from mtpgo_core.risk.ego_plan import EgoFootprint, make_plan, plan_in_frame, plan_of_motion
 
 START = 1_700_000_000_000_000_000
 
@@ -94,3 +94,16 @@ def test_the_box_is_ahead_of_the_planned_point_and_has_a_margin():
     np.testing.assert_allclose(center, [[1.0, 2.5]])
     with pytest.raises(ConfigurationError, match="length is 0"):
         EgoFootprint(length=0.0)
+
+
+def test_in_another_frame_the_plan_is_shifted_and_turned():
+    given = plan(yaw=(0.0, 3.0, 3.0), stands_after=True)
+    found = plan_in_frame(given, Pose2(100.0, 50.0, np.pi / 2), "odom")
+    assert (found.frame_id, found.stamp_ns, found.stands_after) == ("odom", START, True)
+    np.testing.assert_allclose(found.position, [[100, 50], [100, 60], [100, 64]])
+    np.testing.assert_allclose(found.yaw[:2], [np.pi / 2, 3.0 - 1.5 * np.pi])
+    np.testing.assert_array_equal(found.time_ns, given.time_ns)
+    with pytest.raises(
+        FrameError, match=r"the pose of frame 'map' in 'odom' is \(0.0, 0.0, inf\)"
+    ):
+        plan_in_frame(given, Pose2(0.0, 0.0, np.inf), "odom")

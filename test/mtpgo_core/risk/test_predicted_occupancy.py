@@ -115,6 +115,13 @@ def test_an_agent_that_is_not_finite_makes_the_field_unknown():
     assert np.isnan(unknown_field(SHAPE, np.zeros(2)).probability).all()
 
 
+def test_an_agent_whose_modes_are_not_complete_makes_the_field_unknown():
+    lacking = prediction(weight=(0.7, 0.2))
+    assert predicted_occupancy(lacking, SHAPE, np.zeros(2), 1.0, 1.0).unknown_agents == 1
+    none = prediction(weight=(0.0,))
+    assert predicted_occupancy(none, SHAPE, np.zeros(2), 1.0, 1.0).unknown_agents == 1
+
+
 def test_an_empty_road_is_known_to_be_free():
     given = prediction((0.0,))
     nothing = {

@@ -2,14 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The security policy allows what the node uses, and files are chosen before it is active."""
 
-from xml.etree import ElementTree
-
 import pytest
-from ros_helpers import ROOT
+from policy_check import check_policy
 
 from mtpgo_ros.parameters.predictor_parameters import Change, PredictorParameters
 
-POLICY = ROOT / "config" / "sros2" / "predictor.policy.xml"
 ON_DEMAND = {
     "~/predicted_objects": "with the output autoware",
     "~/health": "of supervision",
@@ -27,42 +24,9 @@ ON_DEMAND = {
 """What the node does not use in every setting."""
 
 
-def allowed(kind, way):
-    """Return the names that the policy allows."""
-    root = ElementTree.parse(POLICY).getroot()
-    (profile,) = root.iter("profile")
-    return {
-        entry.text
-        for group in profile
-        if group.tag == kind and group.get(way) == "ALLOW"
-        for entry in group
-    }
-
-
-def used(bench, names_and_types):
-    """Return the names that the node uses, as the policy writes them."""
-    pairs = names_and_types(bench.node.get_name(), bench.namespace)
-    own = f"{bench.namespace}/predictor/"
-    return {
-        "~/" + name.removeprefix(own)
-        if name.startswith(own)
-        else name.removeprefix(bench.namespace).lstrip("/")
-        for name, _ in pairs
-    }
-
-
 @pytest.mark.parametrize("fixed_frame", ["", "map"])
 def test_the_policy_allows_what_the_node_uses_and_nothing_else(bench, fixed_frame):
-    node = bench("default", fixed_frame=fixed_frame)
-    for ask, kind, way in (
-        (node.node.get_publisher_names_and_types_by_node, "topics", "publish"),
-        (node.node.get_subscriber_names_and_types_by_node, "topics", "subscribe"),
-        (node.node.get_service_names_and_types_by_node, "services", "reply"),
-    ):
-        names = used(node, ask)
-        assert names <= allowed(kind, way), f"{way}: add to {POLICY.name}"
-        assert allowed(kind, way) - names <= set(ON_DEMAND), f"{way}: remove from {POLICY.name}"
-    assert not node.node.get_client_names_and_types_by_node("predictor", node.namespace)
+    check_policy(bench("default", fixed_frame=fixed_frame).node, ON_DEMAND)
 
 
 def test_parameters_that_select_a_file_are_fixed_while_there_is_a_model():

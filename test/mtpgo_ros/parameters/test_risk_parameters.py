@@ -9,8 +9,15 @@ import pytest
 import yaml
 
 from msg_adapters.inputs.ego_plans import PLANS
+from msg_adapters.predictions.prediction_messages import PREDICTIONS
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_ros.parameters.risk_parameters import PLAN_TYPES, RiskParameters, updated_risk
+from mtpgo_core.prediction.constant_velocity import ConstantVelocityNoise
+from mtpgo_ros.parameters.risk_parameters import (
+    PLAN_TYPES,
+    PREDICTION_TYPES,
+    RiskParameters,
+    updated_risk,
+)
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -36,8 +43,17 @@ def test_what_is_no_parameter_of_the_node_is_ignored():
     assert found.stands_after
 
 
-def test_every_type_of_plan_has_an_adapter():
+def test_every_type_of_plan_and_of_predictions_has_an_adapter():
     assert set(PLAN_TYPES) == set(PLANS)
+    assert set(PREDICTION_TYPES) == set(PREDICTIONS)
+
+
+def test_the_description_names_what_is_assumed_of_a_missing_covariance():
+    noise = ConstantVelocityNoise()
+    field = RiskParameters.__dataclass_fields__["missing_covariance"]
+    given = f"{noise.position_std_m:g} m and {noise.velocity_std_mps:g} m/s"
+    assert given in field.metadata["description"]
+    assert updated_risk(RiskParameters(), {"missing_covariance": "assumed"}).assumes_covariance
 
 
 def test_the_parameter_file_has_the_defaults():

@@ -9,7 +9,7 @@ import pytest
 from risk_scene import ERROR, OK, START, WARN, prediction
 
 from msg_adapters.inputs.ego_odometry import EGO_NAME
-from mtpgo_core.errors import MessageError
+from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2
 from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.risk.collision_risk import Unknown
@@ -91,6 +91,41 @@ def test_a_plan_in_another_frame(setup):
     level, message = diagnosed(status)["plan"]
     assert level == ERROR
     assert "in the frame 'odom' and the predictions in 'map', expected the same" in message
+    # It stays so while plans come, until one can be used.
+    assessor.add_plan(plan_of_motion(START, "odom", Pose2(0.0, 0.0, 0.0)))
+    assert diagnosed(status)["plan"][0] == ERROR
+    assessor.add_plan(STILL)
+    assert np.isfinite(assessor.assess(prediction(), START).peak).all()
+    assert diagnosed(status)["plan"][0] == OK
+
+
+def test_a_plan_whose_transform_comes_late():
+    """The plan before it is used until it is too old; then the sentence is about the transform."""
+    status = RiskStatus(input=InputAge(usable=True))
+
+    def pose_at(frame_id, other, stamp_ns):
+        if stamp_ns > START:
+            raise FrameError("extrapolation into the future")
+        return Pose2(0.0, 0.0, 0.0)
+
+    assessor = RiskAssessor(RiskParameters(), status, "/plan", pose_at)
+    for after_ns in (0, 100_000_000):
+        assessor.add_plan(plan_of_motion(START + after_ns, "odom", Pose2(0.0, 0.0, 0.0)))
+    assert np.isfinite(assessor.assess(prediction(), START).peak).all()
+    assert assessor.plan.stamp_ns == START
+    assert diagnosed(status)["plan"][0] == OK
+    later = prediction(stamp_ns=START + 3_000_000_000)
+    assert_unknown(assessor.assess(later, later.stamp_ns), Unknown.NO_PLAN)
+    assert "extrapolation into the future" in diagnosed(status)["plan"][1]
+
+
+def test_predictions_in_a_frame_that_moves(setup):
+    assessor, status = setup
+    assessor.add_plan(plan_of_motion(START, "base_link", Pose2(0.0, 0.0, 0.0)))
+    assert np.isfinite(assessor.assess(prediction(frame_id="base_link"), START).peak).all()
+    level, message = diagnosed(status)["predictions"]
+    assert level == WARN
+    assert "'base_link', which usually moves with the vehicle" in message
 
 
 def test_a_plan_that_ends_early(setup):
@@ -138,6 +173,21 @@ def test_a_road_user_that_is_not_finite(setup):
     assert risk.agent_unknown.tolist() == [Unknown.NO_PREDICTION, Unknown.KNOWN]
     level, message = diagnosed(status)["result"]
     assert (level, message) == (ERROR, "the risk of 1 of 2 road users is unknown")
+    assert diagnosed(status)["predictions"][0] == OK
+
+
+def test_a_road_user_without_covariance(setup):
+    assessor, status = setup
+    assessor.add_plan(STILL)
+    given = prediction()
+    given.covariance[0] = np.nan
+    risk = assessor.assess(given, START)
+    assert risk.agent_unknown.tolist() == [Unknown.NO_PREDICTION, Unknown.KNOWN]
+    level, message = diagnosed(status)["predictions"]
+    assert level == WARN
+    assert message.startswith("the predictions of 1 of 2 road users have no covariance")
+    assessor.assess(prediction(), START)
+    assert diagnosed(status)["predictions"][0] == OK
 
 
 def test_the_ego_is_left_out_by_parameter_or_topic(setup):
@@ -168,6 +218,7 @@ def test_the_grid_is_around_the_ego_else_around_the_road_users(setup):
     np.testing.assert_allclose(assessor.place(prediction()), [21.5, 0.0])
     assert assessor.place(prediction(())) is None
     assessor.add_plan(plan_of_motion(START, "map", Pose2(5.0, 6.0, 0.0)))
+    assessor.assess(prediction(), START)
     np.testing.assert_allclose(assessor.place(prediction()), [5.0, 6.0])
 
 

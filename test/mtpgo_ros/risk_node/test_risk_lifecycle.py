@@ -2,131 +2,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node over DDS: results, faults and the life cycle; one node for all tests of this file."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import OccupancyGrid, Path
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter
+from risk_bench import PATIENT_S, RiskBench
 from risk_scene import ERROR, OK, prediction
-from ros_helpers import LATCHED, spin_until
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
-from visualization_msgs.msg import MarkerArray
 
-from msg_adapters.conversions import make_header, make_pose
 from msg_adapters.outputs.risk_cloud import agents_from_cloud, steps_from_cloud
-from msg_adapters.predictions import prediction_to_pointcloud2
-from msg_adapters.types import RclpyTypes
 from mtpgo_core.risk.collision_risk import Unknown
 from mtpgo_ros.risk_node.risk_lifecycle import RiskNode
 
 NAMESPACE = "/risk_bench"
-TYPES = RclpyTypes()
-PATIENT_S = 600.0
-
-
-class RiskBench:
-    """A risk node with a planner, a predictor and a listener."""
-
-    def __init__(self):
-        given = {
-            "plan_type": "path",
-            "prediction_timeout": PATIENT_S,
-            "plan_timeout": PATIENT_S,
-            "diagnostic_period": 0.1,
-            "occupancy_rate": 50.0,
-            "ego_length": 4.0,
-            "ego_width": 2.0,
-        }
-        self.node = RiskNode(
-            namespace=NAMESPACE,
-            parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
-        )
-        self.peer = Node("peer", namespace=NAMESPACE)
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(self.node)
-        self.executor.add_node(self.peer)
-        self.got = {name: [] for name in ("risk", "risk_steps", "markers", "occupancy")}
-        kinds = (PointCloud2, PointCloud2, MarkerArray, OccupancyGrid)
-        for name, kind in zip(self.got, kinds, strict=True):
-            qos = LATCHED if name == "occupancy" else 10
-            self.peer.create_subscription(kind, f"risk/{name}", self.got[name].append, qos)
-        self.statuses = {}
-        self.peer.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 20)
-        self.predictor = self.peer.create_publisher(PointCloud2, "predictor/predictions", 5)
-        self.planner = self.peer.create_publisher(Path, "plan", 5)
-        self.ego = self.peer.create_publisher(String, "ego_id", LATCHED)
-
-    def _on_diagnostics(self, message):
-        for status in message.status:
-            if status.name.startswith(NAMESPACE.lstrip("/")):
-                self.statuses[status.name.split()[-1]] = status
-
-    def start(self):
-        assert str(self.node.trigger_configure()).endswith("SUCCESS"), self.node.failure
-        assert str(self.node.trigger_activate()).endswith("SUCCESS"), self.node.failure
-        for publisher in (self.predictor, self.planner, self.ego):
-            self.until(lambda p=publisher: p.get_subscription_count() > 0)
-        for name in self.got:
-            topic = f"{NAMESPACE}/risk/{name}"
-            self.until(lambda t=topic: self.peer.count_publishers(t) > 0)
-            self.until(lambda t=topic: self.node.count_subscribers(t) > 0)
-
-    def until(self, condition):
-        spin_until(self.executor, condition)
-
-    def count(self, name):
-        return self.node.events.counts().get(name, 0)
-
-    def plan(self, *, frame_id="map", step_s=10.0, x=(0.0, 0.0)):
-        """Send a plan and wait until it has come; by default the ego stands at the origin."""
-        before, now_ns = self.count("plans"), self.node.get_clock().now().nanoseconds
-        poses = [
-            TYPES.make(
-                "geometry_msgs/msg/PoseStamped",
-                header=make_header(TYPES, now_ns + round(1e9 * step_s * i), frame_id),
-                pose=make_pose(TYPES, np.array([place, 0.0]), 0.0, 0.0),
-            )
-            for i, place in enumerate(x)
-        ]
-        header = make_header(TYPES, now_ns, frame_id)
-        self.planner.publish(Path(header=header, poses=poses))
-        self.until(lambda: self.count("plans") > before)
-
-    def predict(self, given, *, age_s=0.0):
-        """Send predictions and return the risk of the road users that comes back."""
-        stamp_ns = self.node.get_clock().now().nanoseconds - round(1e9 * age_s)
-        message = prediction_to_pointcloud2(dataclasses.replace(given, stamp_ns=stamp_ns), TYPES)
-        before = len(self.got["risk"])
-        self.predictor.publish(message)
-        self.until(lambda: len(self.got["risk"]) > before)
-        assert self.got["risk"][-1].header == message.header
-        return agents_from_cloud(self.got["risk"][-1])
-
-    def status(self, name, level, word=""):
-        self.until(
-            lambda: (
-                name in self.statuses
-                and self.statuses[name].level == level
-                and word in self.statuses[name].message
-            )
-        )
 
 
 @pytest.fixture(scope="module")
 def running():
-    bench = RiskBench()
+    bench = RiskBench(NAMESPACE)
     bench.start()
     yield bench
-    bench.node.stop()
-    bench.executor.shutdown()
-    bench.node.destroy_node()
-    bench.peer.destroy_node()
+    bench.close()
 
 
 @pytest.fixture
@@ -150,13 +48,12 @@ def test_risk_steps_markers_and_grid_are_published(bench):
     assert found["probability"][0] > 0.8
     assert found["probability"][1] == 0.0
     assert found["distance_50"][1] == pytest.approx(36.0, abs=0.5)
-    bench.until(lambda: all(bench.got.values()))
+    bench.until(lambda: bench.got["risk_steps"] and bench.got["markers"])
     steps = steps_from_cloud(bench.got["risk_steps"][-1])
     assert steps["t"].tolist() == [1.0, 2.0] * 2
     markers = bench.got["markers"][-1].markers
     assert {marker.ns for marker in markers} >= {"risk_ways", "risk_boxes", "risk_plan"}
-    grid = bench.got["occupancy"][-1]
-    assert grid.header == bench.got["risk"][-1].header
+    grid = bench.grid_of(prediction())
     assert (grid.info.width, grid.info.resolution) == (120, 0.5)
     # The ego is in the middle; a road user stands at 3 m.
     percent = np.array(grid.data).reshape(120, 120)

@@ -13,9 +13,9 @@ from mtpgo_training.cli import main
 
 def test_both_files_are_written_and_the_command_can_be_pasted(tmp_path, capsys):
     folder = tmp_path / "my layouts"
-    given = ["--namespace", "robot1", "--frame", "odom", "--node", "p2", "-o", str(folder)]
-    assert main(["layouts", *given]) == 0
-    expected = layout_texts(DisplayNames("robot1", "p2", "odom"))
+    given = ["--namespace", "robot1", "--frame", "odom", "--node", "p2", "--risk", "r2"]
+    assert main(["layouts", *given, "-o", str(folder)]) == 0
+    expected = layout_texts(DisplayNames("robot1", "p2", "odom", risk="r2"))
     assert {path.name: path.read_text() for path in folder.iterdir()} == expected
     (command,) = [line for line in capsys.readouterr().out.splitlines() if "rviz2 -d" in line]
     assert Path(shlex.split(command)[-1]) == folder / "predictor.rviz"
