@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import MtpgoError, RecordingError
-from mtpgo_core.maps.lane_file import read_lane_file
 from mtpgo_core.maps.lane_file_options import AUTO, PROJECTIONS, LaneFileOptions
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
@@ -128,6 +127,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
     from msg_adapters.bags.bag_reader import BagReader
+    from mtpgo_core.maps.lane_file import read_lane_file
     from mtpgo_ros.bags.clock_gap import played_part
     from mtpgo_ros.bags.playback import PlaybackTiming
     from mtpgo_ros.bags.player_node import LANES_TOPIC, BagPlayer, Wait

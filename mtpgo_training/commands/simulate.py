@@ -14,8 +14,7 @@ from mtpgo_training.commands.arguments.argument_types import (
     share,
 )
 from mtpgo_training.commands.arguments.early_checks import require_folder
-from mtpgo_training.simulate.highway import TRAFFIC_STATES
-from mtpgo_training.simulate.sites import SITES, site_config, write_recordings
+from mtpgo_training.simulate.simulation_config import SITE_NAMES, TRAFFIC_STATES
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -30,7 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         "that are not given are drawn from the seed, so that recordings differ.",
     )
     add = parser.add_argument
-    add("site", choices=list(SITES), help="what is simulated")
+    add("site", choices=SITE_NAMES, help="what is simulated")
     add("-o", "--output", type=Path, required=True, help="directory to write to")
     add("--count", type=positive_integer, default=1, help="number of recordings")
     add(
@@ -69,6 +68,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo simulate``."""
+    # Imported late: the sites read SUMO's output with pandas, which --help does not need.
+    from mtpgo_training.simulate.sites import site_config, write_recordings
+
     options = {
         "seconds": args.seconds,
         "seed": args.seed,

@@ -12,9 +12,6 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from msg_adapters.bags.bag_definitions import BagDefinitions
-from msg_adapters.bags.bag_reader import BagReader
-from msg_adapters.bags.mcap_writer import McapWriter
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_bag import DEFAULT_KIND, write_recording
@@ -110,6 +107,11 @@ def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
     Raises:
         RecordingError: the bag cannot be read, or the output cannot be written.
     """
+    # Imported late: rosbags is not needed to complete or explain a command line.
+    from msg_adapters.bags.bag_definitions import BagDefinitions
+    from msg_adapters.bags.bag_reader import BagReader
+    from msg_adapters.bags.mcap_writer import McapWriter
+
     if output.resolve() == bag.resolve():
         raise RecordingError(f"{output} is the bag itself, expected another output")
     with BagReader(bag) as source, McapWriter(output, replace=True, compress=True) as target:
@@ -158,6 +160,8 @@ def _chain(
 
 def _write(recordings: Iterable[Recording], path: Path, kind: str, progress: bool) -> Converted:
     """Write one bag of recordings, one after the other in time."""
+    from msg_adapters.bags.mcap_writer import McapWriter
+
     names: list[str] = []
     frames, duration_s, next_start_ns = 0, 0.0, None
     with McapWriter(path, replace=True, compress=True) as bag:

@@ -6,13 +6,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.registry import input_adapter
 from mtpgo_training.data.recording import FRAME_ID, Recording
+
+if TYPE_CHECKING:
+    from msg_adapters.bags.mcap_writer import McapWriter
 
 OBJECTS_TOPIC = "/objects"
 LANES_TOPIC = "/lane_markings"

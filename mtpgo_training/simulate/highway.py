@@ -17,10 +17,7 @@ from mtpgo_core.schema import BoolArray, Float64Array
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate import drivers, sumo
 from mtpgo_training.simulate.drone_camera import make_recording
-from mtpgo_training.simulate.simulation_config import SimulationConfig
-
-TRAFFIC_STATES = ("free", "dense", "congested", "stop-and-go")
-"""Traffic states, from empty to full."""
+from mtpgo_training.simulate.simulation_config import TRAFFIC_STATES, SimulationConfig
 
 # Lengths along the road (m). The section in view has the length of highD's; the others are chosen.
 _SEEN_M = 420.0

@@ -1,12 +1,21 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Settings common to all simulated sites."""
+"""Settings common to all simulated sites, and the names that a command line has for sites."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from mtpgo_core.options import check_options
+
+SITE_NAMES = (
+    *("highway", "roundabout", "street", "curves", "ramps"),
+    *("junctions", "roundabouts", "crowd", "scenario"),
+)
+"""Names of the sites, see :data:`mtpgo_training.simulate.sites.SITES`."""
+
+TRAFFIC_STATES = ("free", "dense", "congested", "stop-and-go")
+"""Traffic states of a highway, from empty to full."""
 
 
 @dataclass(frozen=True)

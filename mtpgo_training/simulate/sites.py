@@ -60,6 +60,7 @@ SITES = {
     "crowd": Site(CrowdConfig, simulate_crowd, "ind"),
     "scenario": Site(ScenarioConfig, simulate_scenario, "ind"),
 }
+"""Name in ``SITE_NAMES`` -> site."""
 
 
 @dataclass(frozen=True)

@@ -4,29 +4,15 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
-from mtpgo_training.data.readers.datasets.crowd_recordings import FRAME_RATES, crowd_units
-from mtpgo_training.data.readers.datasets.eth_recordings import eth_units
-from mtpgo_training.data.readers.datasets.interaction_recordings import (
-    interaction_units,
-    sind_units,
-)
-from mtpgo_training.data.readers.datasets.openacc_recordings import openacc_units
-from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
-from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
-from mtpgo_training.data.readers.fleets.argoverse_recordings import argoverse_units
-from mtpgo_training.data.readers.fleets.nuscenes_recordings import nuscenes_units
-from mtpgo_training.data.readers.fleets.waymo_recordings import waymo_units
-from mtpgo_training.data.readers.ngsim.ngsim_recordings import ngsim_units
 from mtpgo_training.data.readers.reading_job import ReadingJob
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.recording_parts import RecordingPart, parts_in
-from mtpgo_training.data.readers.tables.table_recordings import table_units
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 
@@ -34,40 +20,91 @@ UnitFinder = Callable[[Path, Sequence[str] | None, ReadingOptions], list[Unit]]
 """Finds the files to be read together in a directory, all or those with some names."""
 
 
+LAYOUTS = (
+    *("highd", "ind", "round", "unid", "exid"),
+    *("ngsim", "table", "interaction", "sind", "dut", "citr", "eth_ucy", "openacc"),
+    *("nuscenes", "argoverse2", "waymo", "bag"),
+)
+"""Names of the layouts."""
+
+
+def finder_of(layout: str) -> UnitFinder:
+    """Return the finder of the files in a directory.
+
+    Its module is imported here: tables need pandas, bags the message adapters and rosbags, and
+    the completion of a command line needs the names alone.
+
+    Args:
+        layout: a name in ``LAYOUTS``.
+
+    Raises:
+        RecordingError: an unknown layout.
+    """
+    if layout not in LAYOUTS:
+        raise RecordingError(
+            f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
+        )
+    match layout:
+        case "ngsim":
+            from mtpgo_training.data.readers.ngsim.ngsim_recordings import ngsim_units
+
+            return ngsim_units
+        case "table":
+            from mtpgo_training.data.readers.tables.table_recordings import table_units
+
+            return table_units
+        case "interaction":
+            from mtpgo_training.data.readers.datasets.interaction_recordings import (
+                interaction_units,
+            )
+
+            return interaction_units
+        case "sind":
+            from mtpgo_training.data.readers.datasets.interaction_recordings import sind_units
+
+            return sind_units
+        case "dut" | "citr":
+            from mtpgo_training.data.readers.datasets.crowd_recordings import crowd_units
+
+            return partial(crowd_units, layout)
+        case "eth_ucy":
+            from mtpgo_training.data.readers.datasets.eth_recordings import eth_units
+
+            return eth_units
+        case "openacc":
+            from mtpgo_training.data.readers.datasets.openacc_recordings import openacc_units
+
+            return openacc_units
+        case "nuscenes":
+            from mtpgo_training.data.readers.fleets.nuscenes_recordings import nuscenes_units
+
+            return nuscenes_units
+        case "argoverse2":
+            from mtpgo_training.data.readers.fleets.argoverse_recordings import argoverse_units
+
+            return argoverse_units
+        case "waymo":
+            from mtpgo_training.data.readers.fleets.waymo_recordings import waymo_units
+
+            return waymo_units
+        case "bag":
+            from mtpgo_training.data.readers.bags.bag_recordings import bag_units
+
+            return bag_units
+    return partial(_drone_units, layout)
+
+
 def _drone_units(
     layout: str, directory: Path, names: Sequence[str] | None, options: ReadingOptions
 ) -> list[Unit]:
+    from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
+    from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
+
     def unit(files: DroneFiles) -> Unit:
         read = DRONE_READERS[layout]
         return Unit(files.name, layout, files.all, lambda: iter([read(files, options.classes)]))
 
     return [unit(files) for files in find_drone_files(directory, names)]
-
-
-def _bag_units(
-    directory: Path, names: Sequence[str] | None, options: ReadingOptions
-) -> list[Unit]:
-    # Only bags need the message adapters and rosbags.
-    from mtpgo_training.data.readers.bags.bag_recordings import bag_units
-
-    return bag_units(directory, names, options)
-
-
-LAYOUTS: dict[str, UnitFinder] = {
-    **{layout: functools.partial(_drone_units, layout) for layout in DRONE_READERS},
-    "ngsim": ngsim_units,
-    "table": table_units,
-    "interaction": interaction_units,
-    "sind": sind_units,
-    **{layout: functools.partial(crowd_units, layout) for layout in FRAME_RATES},
-    "eth_ucy": eth_units,
-    "openacc": openacc_units,
-    "nuscenes": nuscenes_units,
-    "argoverse2": argoverse_units,
-    "waymo": waymo_units,
-    "bag": _bag_units,
-}
-"""Layout name -> finder of the files in a directory."""
 
 
 def iter_recordings(
@@ -111,7 +148,7 @@ def reading_jobs(
     whole, parts = _find(where, layout, names, options)
     jobs = [ReadingJob((unit,), options, where) for unit in whole]
     if parts:
-        units = LAYOUTS[layout](where, None, options)
+        units = finder_of(layout)(where, None, options)
         holders = [u for u in units if any(part.may_be_in(u.name) for part in parts)]
         jobs.append(ReadingJob(tuple(holders), options, where, tuple(parts)))
     return jobs
@@ -133,10 +170,7 @@ def _find(
     directory: Path, layout: str, names: Sequence[str] | None, options: ReadingOptions
 ) -> tuple[list[Unit], list[RecordingPart]]:
     """Return the files of the recordings wanted as a whole, and the parts wanted."""
-    if layout not in LAYOUTS:
-        raise RecordingError(
-            f"the layout {layout!r} is unknown, expected one of {', '.join(LAYOUTS)}"
-        )
+    find = finder_of(layout)
     if layout != "bag" and options.bags.given:
         raise ConfigurationError(
             f"--{', --'.join(options.bags.given)} is given for the layout {layout!r}, expected"
@@ -144,4 +178,4 @@ def _find(
         )
     parts = parts_in(names or ())
     whole = [name for name in names or () if name not in {part.name for part in parts}]
-    return (LAYOUTS[layout](directory, whole, options) if whole or not parts else []), parts
+    return (find(directory, whole, options) if whole or not parts else []), parts

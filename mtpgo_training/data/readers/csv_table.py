@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import gzip
-import hashlib
 import warnings
 import zlib
 from collections.abc import Collection, Sequence
@@ -239,16 +238,6 @@ def check_columns(
     for name in integers:
         if name in table:
             table[name] = _whole(table[name], place)
-
-
-def sha256_of(paths: Sequence[Path]) -> str:
-    """Return the SHA-256 over the contents of the files, one after the other."""
-    digest = hashlib.sha256()
-    for path in paths:
-        with path.open("rb") as stream:
-            while block := stream.read(1 << 20):
-                digest.update(block)
-    return digest.hexdigest()
 
 
 def _parse(

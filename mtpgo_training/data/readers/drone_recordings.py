@@ -21,8 +21,9 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.maps.lane_file import read_lane_file
 from mtpgo_core.maps.lane_file_options import LOCAL, LaneFileOptions
 from mtpgo_core.schema import Float64Array
-from mtpgo_training.data.readers.csv_table import read_header, read_table, sha256_of
+from mtpgo_training.data.readers.csv_table import read_header, read_table
 from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
+from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import classes_of
 from mtpgo_training.data.readers.tables.track_rows import LONGEST_S
 from mtpgo_training.data.recording import Recording

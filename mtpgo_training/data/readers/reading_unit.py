@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers.csv_table import sha256_of
+from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.recording import Recording
 
 

@@ -12,8 +12,13 @@ from simulated_traffic import needs_sumo
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.simulate.roundabout import RoundaboutConfig
-from mtpgo_training.simulate.sites import site_config, write_recordings
+from mtpgo_training.simulate.simulation_config import SITE_NAMES
+from mtpgo_training.simulate.sites import SITES, site_config, write_recordings
 from mtpgo_training.simulate.street import StreetConfig
+
+
+def test_every_site_has_its_name() -> None:
+    assert tuple(SITES) == SITE_NAMES
 
 
 def test_options_without_a_value_are_ignored_where_the_site_does_not_have_them() -> None:

@@ -24,10 +24,10 @@ from mtpgo_training.data.readers.csv_table import (
     first_lines_of,
     read_table,
     separator_of,
-    sha256_of,
 )
 from mtpgo_training.data.readers.drone_files import select_names
 from mtpgo_training.data.readers.file_groups import grouped_files
+from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.tables.frame_grid import without_common_step

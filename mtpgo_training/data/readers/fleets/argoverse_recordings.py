@@ -20,8 +20,9 @@ import pandas as pd
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import rotate
-from mtpgo_training.data.readers.csv_table import check_columns, require_columns, sha256_of
+from mtpgo_training.data.readers.csv_table import check_columns, require_columns
 from mtpgo_training.data.readers.drone_files import existing_directory, select_names
+from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.tables.parquet_file import (

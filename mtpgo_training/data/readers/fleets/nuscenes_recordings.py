@@ -22,8 +22,8 @@ import pandas as pd
 
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers.csv_table import sha256_of
 from mtpgo_training.data.readers.drone_files import existing_directory
+from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.tables.track_rows import (

@@ -22,8 +22,9 @@ import pandas as pd
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass, ClassArray, Float64Array
-from mtpgo_training.data.readers.csv_table import read_table, sha256_of
+from mtpgo_training.data.readers.csv_table import read_table
 from mtpgo_training.data.readers.drone_files import check_layout, existing_directory, select_names
+from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.ngsim.ngsim_forms import SUFFIXES, find_form, may_be_ngsim
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit

@@ -3,14 +3,13 @@
 """Checked columns of CSV files: types by hand, and the place of each defect."""
 
 import gzip
-import hashlib
 
 import numpy as np
 import pytest
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers import csv_table
-from mtpgo_training.data.readers.csv_table import CsvForm, read_header, read_table, sha256_of
+from mtpgo_training.data.readers.csv_table import CsvForm, read_header, read_table
 
 TEXT = """\
 id, x,note,speed,extra
@@ -163,9 +162,3 @@ def test_a_file_without_a_header_is_refused(file):
     with pytest.raises(RecordingError, match=r"t\.csv\.gz cannot be read as CSV: "):
         read_header(file(TEXT, "u.csv").rename(file("", "t.csv.gz")))
     assert read_header(file(TEXT)) == ["id", "x", "note", "speed", "extra"]
-
-
-def test_the_hash_is_that_of_the_joined_contents(file):
-    paths = [file("one", "a"), file("two", "b")]
-    assert sha256_of(paths) == hashlib.sha256(b"onetwo").hexdigest()
-    assert sha256_of(paths[::-1]) == hashlib.sha256(b"twoone").hexdigest()
