@@ -188,7 +188,7 @@ def test_colcon_builds_it(tree, tmp_path, options):
 CMAKE_PROJECT = """
 cmake_minimum_required(VERSION 3.16)
 project(consumer CXX)
-find_package(mtpgo_ros REQUIRED)
+find_package(mtpgo_ros {version} REQUIRED)
 add_executable(consumer consumer.cpp)
 target_link_libraries(consumer mtpgo_ros::predictions)
 """
@@ -200,7 +200,8 @@ def build_with_cmake(workspace: Path) -> None:
         return
     consumer = workspace / "consumer"
     consumer.mkdir()
-    (consumer / "CMakeLists.txt").write_text(CMAKE_PROJECT)
+    version = ElementTree.parse(ROOT / "package.xml").getroot().findtext("version")
+    (consumer / "CMakeLists.txt").write_text(CMAKE_PROJECT.format(version=version))
     (consumer / "consumer.cpp").write_text(
         '#include "mtpgo_ros/predictions.hpp"\n'
         "int main() {return static_cast<int>(mtpgo_ros::Predictions().agents.size());}\n"
