@@ -34,6 +34,18 @@ PARAMETERS = {
     "ego_topic": (str, "topic with the ego's odometry, which makes it a road user of the graph"),
     "output": (tuple, "what is published, separated by commas: pointcloud2, markers, autoware"),
     "fixed_frame": (str, "frame into which objects are transformed"),
+    "lane_file": (
+        str,
+        "Lanelet2 map (OSM) or GeoJSON with the lanes, for a model that uses lanes",
+    ),
+    "lane_projection": (
+        str,
+        "how its coordinates become metres: auto, local, utm, mgrs, transverse_mercator or"
+        " cartesian",
+    ),
+    "lane_origin": (str, "latitude and longitude of the origin of its metres, '49.01, 8.43'"),
+    "lane_offset": (str, "x and y that are subtracted from its metres, '1000, -250.5' (m)"),
+    "lane_frame": (str, "frame of its metres; empty: the objects' fixed frame"),
     "use_sim_time": (bool, "use the time of /clock"),
     "autostart": (bool, "false: a lifecycle manager configures and activates the node"),
 }

@@ -26,6 +26,19 @@ from launch_ros.actions import Node
 from launch import LaunchDescription
 
 HERE = Path(__file__).resolve().parent
+
+PASSED = {
+    "model": "model of the predictor",
+    "lane_file": "Lanelet2 map (OSM) or GeoJSON with the lanes, in place of the bag's",
+    "lane_projection": "how its coordinates become metres, see predictor.launch.py",
+    "lane_origin": "latitude and longitude of the origin of its metres, '49.01, 8.43'",
+    "lane_offset": "x and y that are subtracted from its metres, '1000, -250.5' (m)",
+    "lane_frame": "frame of its metres; empty: that of the bag's objects",
+    "namespace": "of the predictor",
+    "frame": "frame of the bag's objects, empty: map",
+}
+"""Arguments of predictor.launch.py that are empty by default: their descriptions."""
+
 # launch_arguments.py is beside this file, in no package.
 sys.path.insert(0, str(HERE))
 
@@ -38,12 +51,10 @@ def generate_launch_description() -> LaunchDescription:
         PythonLaunchDescriptionSource(str(HERE / "predictor.launch.py")),
         launch_arguments={
             "use_sim_time": "true",
-            "model": LaunchConfiguration("model"),
             "rviz": LaunchConfiguration("rviz"),
-            "namespace": LaunchConfiguration("namespace"),
-            "frame": LaunchConfiguration("frame"),
             "objects": LaunchConfiguration("objects"),
             "lane_markings": "/lane_markings",
+            **{name: LaunchConfiguration(name) for name in PASSED},
         }.items(),
     )
     return LaunchDescription(
@@ -55,14 +66,13 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "loop", default_value="false", description="start the bag again at its end"
             ),
-            DeclareLaunchArgument("model", default_value="", description="model of the predictor"),
             DeclareLaunchArgument("rviz", default_value="false", description="start RViz"),
             DeclareLaunchArgument(
                 "objects", default_value="/objects", description="topic of the objects in the bag"
             ),
-            DeclareLaunchArgument("namespace", default_value="", description="of the predictor"),
-            DeclareLaunchArgument(
-                "frame", default_value="", description="frame of the bag's objects, empty: map"
+            *(
+                DeclareLaunchArgument(name, default_value="", description=description)
+                for name, description in PASSED.items()
             ),
             predictor,
             OpaqueFunction(function=_player),

@@ -141,6 +141,24 @@ def test_the_demo_plays_the_bag_that_ships_again_and_again(start):
     assert "--loop" not in replay.arguments
 
 
+@pytest.mark.parametrize(
+    ("file", "more"), [("predictor.launch.py", {}), ("replay.launch.py", {"bag": "x.mcap"})]
+)
+def test_the_lane_file_and_how_it_is_read_reach_the_node(start, file, more):
+    given = {
+        "lane_file": "/maps/town.osm",
+        "lane_projection": "mgrs",
+        "lane_origin": "49.01, 8.43",
+        "lane_offset": "1000, -250.5",
+        "lane_frame": "map",
+    }
+    assert {name for name in NAMES if name.startswith("lane_")} == set(given)
+    nodes = [one for one in start(file, **more, **given)[0] if isinstance(one, launch_stub.Node)]
+    assert given.items() <= nodes[0].parameters[1].items()
+    nodes = [one for one in start(file, **more)[0] if isinstance(one, launch_stub.Node)]
+    assert not given.keys() & nodes[0].parameters[1].keys()  # the parameter file's values stay
+
+
 def test_replay_ends_everything_with_the_bag(start):
     found = start("replay.launch.py", bag="x.mcap", speed="2.0", objects="/tracks")[0]
     predictor, replay, end = found

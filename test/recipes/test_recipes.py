@@ -69,6 +69,21 @@ def test_what_is_published_is_an_argument(stack):
     assert several == ["markers", "autoware"]
 
 
+@pytest.mark.parametrize("stack", STACKS)
+def test_the_lane_file_and_how_it_is_read_are_arguments(stack):
+    given = {
+        "lane_file": "/maps/town.osm",
+        "lane_projection": "utm",
+        "lane_origin": "49.01, 8.43",
+        "lane_offset": "1000, -250.5",
+        "lane_frame": "map",
+    }
+    assert given.items() <= predictor(stack, **given).parameters.items()
+    unchanged = PredictorParameters()
+    for name in given:
+        assert predictor(stack).parameters[name] == getattr(unchanged, name)
+
+
 def test_autoware_has_its_topics_by_default_and_by_argument():
     node = predictor("autoware")
     assert node.namespace == "/perception/object_recognition/prediction"
