@@ -21,6 +21,7 @@ from msg_adapters.predictions import prediction_from_pointcloud2
 from msg_adapters.registry import adapter_for_type
 from mtpgo_core.errors import ConfigurationError, MessageError, RecordingError
 from mtpgo_core.frames import VEHICLE_FRAMES
+from mtpgo_core.maps.lane_lines import LaneLines
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.recording_bag import LANES_TOPIC, OBJECTS_TOPIC, PREDICTIONS_TOPIC
 from mtpgo_training.processes.child_process import READY_S, ChildProcess, require_ros
@@ -112,7 +113,7 @@ def view_live(
             print(f"listening for {listened_s:g} s", flush=True)
             end_s = time.monotonic() + listened_s
             if live:
-                _show(bag, chosen, recorder, end_s)
+                _show(bag, chosen, recorder, end_s, source.options.lanes)
             else:
                 while time.monotonic() < end_s:
                     recorder.check()
@@ -155,12 +156,18 @@ def _wait_for_first(bag: Path, topics: LiveTopics, recorder: ChildProcess) -> No
         time.sleep(POLL_S)
 
 
-def _show(bag: Path, topics: LiveTopics, recorder: ChildProcess, end_s: float) -> None:
+def _show(
+    bag: Path,
+    topics: LiveTopics,
+    recorder: ChildProcess,
+    end_s: float,
+    lanes: LaneLines | None,
+) -> None:
     """Show what comes in the viewer of rerun, until a time (s, monotonic) or the user ends it."""
     from mtpgo_training.view.rerun_scene import RerunScene
 
     target = RerunScene(topics.objects, None)
-    shown, growing = LiveScene(target, topics), GrowingBag(bag)
+    shown, growing = LiveScene(target, topics, lanes), GrowingBag(bag)
     try:
         while time.monotonic() < end_s:
             recorder.check()
@@ -179,11 +186,16 @@ class LiveScene:
     Args:
         target: where to, a ``RerunScene``.
         topics: of objects and predictions.
+        lanes: those of a file, shown in place of the topic's, None for the topic's.
     """
 
-    def __init__(self, target: RerunScene, topics: LiveTopics) -> None:
-        self._target, self._topics = target, topics
+    def __init__(
+        self, target: RerunScene, topics: LiveTopics, lanes: LaneLines | None = None
+    ) -> None:
+        self._target, self._topics, self._lanes = target, topics, lanes
         self._start_ns: int | None = None
+        if lanes is not None:
+            target.log_lanes(lanes.lines)
 
     def add(self, came: FollowedMessage) -> None:
         """Show a message; what cannot be read is left out, as in the node."""
@@ -197,7 +209,7 @@ class LiveScene:
                 if states.frame_id not in VEHICLE_FRAMES:
                     names = identity_texts(states.key)
                     self._target.log_states(self._since_s(states.stamp_ns), states, names)
-            elif came.topic == LANES_TOPIC:
+            elif came.topic == LANES_TOPIC and self._lanes is None:
                 self._target.log_lanes(lanes_from_markers(came.message).polylines)
         except MessageError:
             return

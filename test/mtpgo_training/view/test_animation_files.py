@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Animations, read back."""
 
+import dataclasses
 import shutil
 import subprocess
 
@@ -12,6 +13,7 @@ from PIL import Image
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.view import animation_files
 from mtpgo_training.view.animation_files import ffmpeg_path, write_animation
+from mtpgo_training.view.scene_frames import LANE, ScenePainter
 from mtpgo_training.view.view_scene import view_scene
 
 
@@ -35,6 +37,18 @@ def test_an_animation_moves(short, tmp_path, name):
         image.seek(4)
         assert (np.asarray(image.convert("RGB")) != first).any(axis=-1).mean() > 0.001
     assert len(np.unique(first.reshape(-1, 3), axis=0)) > 10
+
+
+def test_lanes_are_drawn(short):
+    lane = np.array([[-100.0, -12.0], [100.0, -12.0]])
+    recording = dataclasses.replace(short.recording, lanes=(lane,))
+    with_lanes = ScenePainter(dataclasses.replace(short, recording=recording), 240)
+    colour = np.array([int(LANE[place : place + 2], 16) for place in (1, 3, 5)])
+
+    def like_lanes(painter):
+        return (np.abs(next(painter.pictures()).astype(int) - colour).max(axis=-1) < 12).sum()
+
+    assert like_lanes(with_lanes) > 5 * like_lanes(ScenePainter(short, 240)) > 0
 
 
 def test_a_film_has_the_frames(short, tmp_path):

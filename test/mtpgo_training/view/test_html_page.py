@@ -104,6 +104,24 @@ class TestInABrowser:
         later = scene.recording.position[scene.recording.frame == 100]
         np.testing.assert_allclose(np.array(ends) + origin, later, atol=0.03)
 
+    def test_lanes_are_drawn_where_they_are(self, browser, scene):
+        slide(browser, 1.0)
+        origin = browser.value("viewer.scene.head.origin")
+        (found,) = browser.value(
+            "viewer.scene.lanes.map((l) => [...l.x].map((x, i) => [x, l.y[i]]))"
+        )
+        np.testing.assert_allclose(np.array(found) + origin, scene.recording.lanes[0], atol=0.011)
+        darkest = """(() => {
+          const o = viewer.scene.head.origin, r = window.devicePixelRatio || 1;
+          const [x, y] = viewer.camera.toPixels(110 - o[0], %s - o[1]);
+          const g = document.getElementById("view").getContext("2d");
+          const d = g.getImageData(Math.round(x * r) - 2, Math.round(y * r) - 2, 5, 5).data;
+          return Math.min(...d.filter((_, i) => i %% 4 === 0));
+        })()"""
+        line = browser.value("parseInt(viewer.painter.theme.lane.slice(1, 3), 16)")
+        assert browser.value(darkest % -12) <= line + 10
+        assert browser.value(darkest % -15) > line + 30  # beside it
+
     def test_it_plays_and_pauses(self, browser):
         slide(browser, 2.0)
         browser.value('document.getElementById("play").click()')

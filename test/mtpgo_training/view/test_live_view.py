@@ -2,15 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Live topics: what is listened to, what is logged as it comes, and a page made of two seconds."""
 
+import dataclasses
 import importlib.util
 from pathlib import Path
 
+import numpy as np
 import pytest
 from viewed_bags import PREDICTIONS, write_bag
 
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.live.growing_bag import FollowedMessage
 from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.maps.lane_file import read_lane_file
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.processes.child_process import ChildProcess
 from mtpgo_training.view.live_view import LiveScene, LiveTopics, live_topics, view_live
@@ -64,6 +67,21 @@ def test_messages_are_logged_as_they_come(bag):
     assert noted.states[-1] == (pytest.approx(12.0), ["7", "8"])
     assert noted.predictions[-1] == (pytest.approx(10.0), 2)
     assert len(noted.predictions) == 51
+
+
+@pytest.mark.parametrize("with_file", [False, True])
+def test_the_lanes_of_a_file_are_shown_in_place_of_the_topics(recording, tmp_path, with_file):
+    path = tmp_path / "a.json"
+    path.write_text('{"type": "LineString", "coordinates": [[0, 5], [900, 5]]}')
+    lanes = read_lane_file(path) if with_file else None
+    noted = Noted()
+    scene = LiveScene(noted, LiveTopics("/objects", PREDICTIONS), lanes)
+    own = dataclasses.replace(recording, lanes=(np.array([[0.0, -12.0], [120.0, -12.0]]),))
+    with DecodingBagReader(write_bag(tmp_path / "a.mcap", own)) as reader:
+        for connection, time_ns, message in reader.messages(reader.connections):
+            scene.add(FollowedMessage(connection.topic, connection.msgtype, time_ns, message))
+    ((line,),) = noted.lanes
+    np.testing.assert_allclose(line[:, 1], 5.0 if with_file else -12.0)
 
 
 @pytest.mark.parametrize("outputs", [{}, {"html": Path("a.html")}, {"rerun": Path("a.rrd")}])

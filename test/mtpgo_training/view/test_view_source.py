@@ -12,8 +12,10 @@ from viewed_bags import write_bag
 from models.mtp_go import MTPGO
 from models.mtp_go_config import ModelConfig
 from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.maps.lane_file_options import LaneFileOptions
 from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.data.data_sources import DataSource
+from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.export.exporter import export_model
 from mtpgo_training.view.view_source import ViewOptions, load_scene
@@ -65,6 +67,27 @@ def test_the_shipped_model_predicts_where_none_is_named(recording, tmp_path, mod
     scene = load(tmp_path, "ind", end_s=1.0)
     assert (scene.name, scene.model) == ("made", "made")
     assert len(scene.predictions) == 6
+
+
+def test_the_lanes_of_a_directory_and_of_a_bag_are_shown(recording, tmp_path, model):
+    line = np.array([[0.0, -12.0], [120.0, -12.0]])
+    observed = dataclasses.replace(recording, lanes=(line,))
+    (tmp_path / "data").mkdir()
+    write_ind(observed, tmp_path / "data")
+    bag = write_bag(tmp_path / "drive.mcap", observed)
+    for directory, layout in ((tmp_path / "data", "ind"), (bag, "bag")):
+        (shown,) = load(directory, layout, model=str(model), end_s=1.0).recording.lanes
+        np.testing.assert_allclose(shown, line, atol=0.01)
+
+
+def test_the_lanes_of_a_file_take_their_place(recording, tmp_path):
+    observed = dataclasses.replace(recording, lanes=(np.array([[0.0, -12.0], [120.0, -12.0]]),))
+    bag = write_bag(tmp_path / "drive.mcap", observed)
+    path = tmp_path / "a.json"
+    path.write_text('{"type": "LineString", "coordinates": [[1000, 5], [1900, 5]]}')
+    options = ReadingOptions(lane_file=path, lane_options=LaneFileOptions(offset="1000, 0"))
+    (shown,) = load_scene(DataSource(bag, "bag", None, options), ViewOptions()).recording.lanes
+    assert shown.tolist() == [[0.0, 5.0], [900.0, 5.0]]
 
 
 def test_the_frame_is_that_of_the_objects(recording, tmp_path, monkeypatch):
