@@ -23,7 +23,7 @@ class DataSource(NamedTuple):
 
     Attributes:
         directory: the directory.
-        layout: a name in :data:`mtpgo_training.data.readers.LAYOUTS`.
+        layout: a name in :data:`mtpgo_training.data.readers.reading_layouts.LAYOUTS`.
         names: the recordings wanted, None for all.
         options: what else is said about the files.
     """

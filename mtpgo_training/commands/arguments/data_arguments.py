@@ -24,8 +24,8 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.maps.lane_file_options import PROJECTIONS, LaneFileOptions
 from mtpgo_training.commands.arguments.argument_types import make_folder
 from mtpgo_training.data.data_sources import DataSource
-from mtpgo_training.data.readers import LAYOUTS
 from mtpgo_training.data.readers.bags.bag_options import STAMPS, BagOptions
+from mtpgo_training.data.readers.reading_layouts import LAYOUTS
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording_cache import RecordingCache, default_folder
 

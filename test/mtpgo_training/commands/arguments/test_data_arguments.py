@@ -15,8 +15,8 @@ from mtpgo_training.commands.arguments.data_arguments import (
     data_sources,
 )
 from mtpgo_training.data.data_sources import DataSource
-from mtpgo_training.data.readers import LAYOUTS
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
+from mtpgo_training.data.readers.reading_layouts import LAYOUTS
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 
 A, B, C = Path("a"), Path("b"), Path("c")

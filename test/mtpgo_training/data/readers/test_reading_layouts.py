@@ -5,9 +5,9 @@
 import pytest
 
 from mtpgo_core.errors import MtpgoError, RecordingError
-from mtpgo_training.data.readers import LAYOUTS, finder_of
 from mtpgo_training.data.readers.datasets.crowd_recordings import FRAME_RATES
 from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
+from mtpgo_training.data.readers.reading_layouts import LAYOUTS, finder_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 
 
