@@ -49,6 +49,9 @@ LANGUAGES = {
 """Language of a file by its suffix, where that is not the suffix itself."""
 
 _LINK = re.compile(r"(\]\()([^)\s]+)(\))")
+_FILE_NAME = re.compile(r"(\[)([\w./-]+\.md)\]\(([^)\s#]+)[^)\s]*\)")
+"""A link to a page, whose text is the page's file."""
+_TITLE = re.compile(r"^# (.+)$", re.MULTILINE)
 _CODE = re.compile(r"(^ *(?P<fence>`{3,}|~{3,}).*?^ *(?P=fence) *$|`[^`\n]+`)", re.DOTALL | re.M)
 
 
@@ -128,8 +131,20 @@ def rewritten(root: Path, page: str, here: str, text: str) -> str:
         relative = os.path.relpath(target, posixpath.dirname(here) or ".")
         return f"{match[1]}{Path(relative).as_posix()}{hash_mark}{anchor}{match[3]}"
 
+    def titled(match: re.Match[str]) -> str:
+        """Return the link with the title of the page, which readers of the site know it by."""
+        path = repository_path(root, page, match[3])
+        if (
+            path is None
+            or path not in pages
+            or posixpath.basename(path) != posixpath.basename(match[2])
+        ):
+            return match[0]
+        title = _TITLE.search((root / path).read_text(encoding="utf-8"))
+        return match[0].replace(match[2], title[1], 1) if title else match[0]
+
     return "".join(
-        part if number % 2 else _LINK.sub(replaced, part)
+        part if number % 2 else _LINK.sub(replaced, _FILE_NAME.sub(titled, part))
         for number, part in enumerate(_split(text))
     )
 

@@ -24,6 +24,9 @@ PARAMETERS, COMMANDS = "generated/parameters.md", "generated/commands.md"
 _SAME_FILE = re.compile(r"(?<=\n\n)\[[^\]\n]+\]\([^)\n]+\):\n\n(?=<!-- code: )")
 """A link to a file on a line of its own before its excerpt, whose title is the same link."""
 
+_SHORT_CODE = re.compile(r"<code>([^<\n]{1,32})</code>")
+"""Code within a sentence that has space in a line, on a phone as well."""
+
 _paths: dict[str, str] = {}
 """Page of the site -> its path in the repository."""
 
@@ -113,8 +116,8 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
 
 
 def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
-    """Draw the formulas."""
-    return with_mathml(html)
+    """Draw the formulas, and keep short code in one line."""
+    return _SHORT_CODE.sub(r'<code class="short">\1</code>', with_mathml(html))
 
 
 def _shown(here: str, path: str, name: str) -> str:

@@ -19,7 +19,7 @@ from docs_site import code_pages, repository_pages
 from docs_site.code_excerpts import ExcerptError, excerpt, requests_in
 from docs_site.command_parsers import all_parsers
 from docs_site.formulas import with_mathml
-from docs_site.site_hooks import navigation
+from docs_site.site_hooks import navigation, on_page_content
 
 THEORY = ROOT / "docs" / "theory.md"
 
@@ -143,6 +143,19 @@ def test_links_lead_to_pages_of_the_site():
         ROOT, "resource/weights/default.md", "models/default.md", card
     )
     assert found == "[training](../training.md#x) ![p](../images/prediction.png)"
+
+
+def test_a_link_called_by_its_file_gets_the_title_of_the_page():
+    text = "[view.md](view.md) [../README.md](../README.md#results) [node.md](view.md)"
+    assert repository_pages.rewritten(ROOT, "docs/theory.md", "theory.md", text) == (
+        "[Seeing predictions over time](view.md) [mtpgo_ros](index.md#results) [node.md](view.md)"
+    )
+
+
+def test_short_code_is_kept_in_one_line():
+    long, block = f"<code>{'x' * 40}</code>", "<pre><code><span>a</span></code></pre>"
+    drawn = on_page_content(f"<p><code>--lane-file</code>{long}</p>{block}", None, None, None)
+    assert drawn == f'<p><code class="short">--lane-file</code>{long}</p>{block}'
 
 
 def test_formulas_have_their_number():
