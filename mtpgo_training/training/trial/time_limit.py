@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import copy
+import logging
 import time
 from collections.abc import Callable
 
@@ -25,6 +26,8 @@ MEASURED_AT = 0.25
 
 CHECKPOINT_S = 0.3
 """Reserved for writing the last checkpoint (s); chosen: the networks have a few MB."""
+
+_log = logging.getLogger("mtpgo")
 
 
 class TimeLimit:
@@ -95,6 +98,13 @@ def plan_for_time(
         cost.scenes,
     )
     total_s = PLANNED_SHARE * max(0.0, left_s - (time.monotonic() - started_s))
+    if shared.validation > total_s:
+        _log.warning(
+            "mtpgo: a validation takes about %.0f s, and --minutes leaves %.0f s: the training "
+            "ends after a few steps and its validation later than the limit",
+            shared.validation,
+            total_s,
+        )
     return fit_schedule(shared, total_s, run.config, Budget(minutes=total_s / 60.0))
 
 

@@ -98,6 +98,16 @@ def test_the_schedule_fits_into_what_is_left(monkeypatch, data, now):
     assert twice.share == pytest.approx((total_s - 8 * 2.0) / 400.0, abs=1e-4)
 
 
+def test_a_limit_shorter_than_a_validation_is_a_warning(monkeypatch, caplog, data, now):
+    config, _, scenes = data
+    cost = EpochCost(100.0, 100.0, 45.0, 10_000)
+    monkeypatch.setattr(time_limit, "measure_epoch", lambda *_, **__: cost)
+    plan_for_time(new_run(config), scenes, 60.0)
+    assert not caplog.records
+    plan_for_time(new_run(config), scenes, 30.0)
+    assert "a validation takes about 45 s, and --minutes leaves 27 s" in caplog.text
+
+
 def test_a_real_measurement_leaves_the_weights_alone(data):
     config, _, scenes = data
     run = new_run(config)
