@@ -27,7 +27,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from filelock import FileLock
 from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
@@ -176,6 +175,9 @@ def _checksum(*columns: NDArray[Any]) -> int:
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
     """Hold a lock file that only one process has at a time."""
+    # Imported late: it is slow to import, and only a command that reads recordings locks.
+    from filelock import FileLock
+
     with contextlib.ExitStack() as held:
         # A file system without locks: two processes may then compute the same entry.
         with contextlib.suppress(OSError, NotImplementedError):

@@ -35,7 +35,7 @@ OFFERED = {
 }
 """Line and module of the program -> some of what a shell is offered."""
 
-HEAVY = {*EXTRA_MODULES, "mcap", "pandas", "rosbags", "torch"}
+HEAVY = {*EXTRA_MODULES, "filelock", "mcap", "pandas", "rosbags", "torch"}
 """Modules that take longer to import than a user waits for a completion."""
 
 ANSWER = """
