@@ -62,6 +62,7 @@ def summarise(
             for bag, found_by in result.agreements.items()
         },
         "live": result.live,
+        "published": result.published,
         "recordings": evaluation.recordings,
         "failed": {failure.name: failure.reason for failure in result.failures},
         "seen": overlaps,
