@@ -27,7 +27,6 @@ from mtpgo_training.reports.honesty.live_figures import (
     live_coverage_figure,
     live_error_figure,
 )
-from mtpgo_training.reports.honesty.live_scores import published_effect
 from mtpgo_training.reports.series import PROTOCOL, colour, draw_line, series_names
 
 Json = dict[str, Any]
@@ -45,7 +44,8 @@ def draw_figures(content: Json, folder: Path) -> dict[str, Path]:
         "manoeuvres": _manoeuvres,
     }
     paths = save_figures({n: functools.partial(d, content) for n, d in drawers.items()}, folder)
-    return paths | draw_live_figures(content.get("live", {}), published_effect(content), folder)
+    live, effect = content.get("live", {}), content.get("calibration_effect", {})
+    return paths | draw_live_figures(live, effect, folder)
 
 
 def draw_live_figures(

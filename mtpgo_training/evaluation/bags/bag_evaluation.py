@@ -14,6 +14,7 @@ from typing import Any
 from msg_adapters.bags.bag_reader import BagReader, bag_name
 from msg_adapters.predictions import predictions_in_bag
 from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.live_calibration.live_options import ONLINE
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.schema import CalibrationStage, Prediction
 from mtpgo_core.task.task_description import HistoryConfig
@@ -27,6 +28,7 @@ from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replay
 from mtpgo_training.evaluation.evaluator import Evaluation
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.evaluation.scorer import Scorer
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.parallel.work_item import Failure
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
@@ -47,6 +49,8 @@ class BagResult:
             :func:`~mtpgo_training.evaluation.bags.replayed_quality.quality_rows`.
         published: by bag, number of predictions of road users by calibration: ``none``,
             ``shipped`` or ``online``.
+        online: scores of the models with the online calibration at the instants of bags that were
+            published with it; each recording starts with the shipped one.
         failures: files that could not be read or scored.
     """
 
@@ -55,6 +59,7 @@ class BagResult:
     warnings: list[str] = field(default_factory=list)
     live: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     published: dict[str, dict[str, int]] = field(default_factory=dict)
+    online: ScoreTable = field(default_factory=ScoreTable)
     failures: list[Failure] = field(default_factory=list)
 
 
@@ -212,11 +217,16 @@ class _RecordingEvaluation:
     ) -> None:
         """Compare the models with the bag at its instants; score them once for a recording."""
         stamps = [p.stamp_ns for p in predictions]
+        with_online = first and bool(result.published[bag].get(ONLINE))
         for model, runner in self.runners.items():
             agreement = result.agreements.setdefault(bag, {}).setdefault(model, Agreement())
             scorer = self._scorer(runner.task.history)
             own_all = replay_offline(runner, self.recording, stamps)
-            for recorded, own in zip(predictions, own_all, strict=True):
+            for recorded, (own, online) in zip(predictions, own_all, strict=True):
                 agreement.add(recorded, own, self.recording, self.name)
-                if first and len(own):
-                    result.evaluation.add(model, PROTOCOL, scorer, own)
+                if not (first and len(own)):
+                    continue
+                result.evaluation.add(model, PROTOCOL, scorer, own)
+                if with_online:
+                    found = scorer.score(online)
+                    result.online.add(model, PROTOCOL, found.scores, found.truth.agents)

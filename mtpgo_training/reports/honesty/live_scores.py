@@ -7,10 +7,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mtpgo_core.live_calibration.live_options import ONLINE, SHIPPED
 from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, TIMES_S
 from mtpgo_training.evaluation.scores.score_summary import value_text
-from mtpgo_training.reports.series import PROTOCOL
 from mtpgo_training.table_format import Row, Table
 
 Json = dict[str, Any]
@@ -91,22 +89,8 @@ def calibration_effect_table(effect: Mapping[str, Json]) -> Table | None:
     return Table(heads, rows, "What the online calibration changes", _EFFECT_TEXT)
 
 
-def published_effect(content: Json) -> dict[str, Json]:
-    """Return bags with the online calibration beside the models with that of their files.
-
-    Args:
-        content: of ``mtpgo evaluate --json``; empty without models or without such bags.
-    """
-    online = [bag for bag, by in content.get("published", {}).items() if by.get(ONLINE)]
-    models = content["models"]
-    names = {bag: f"{bag}, {ONLINE}" for bag in online}
-    names |= {name: f"{name}, {SHIPPED}" for name in content.get("weights", {}) if online}
-    found = {text: models[name][PROTOCOL] for name, text in names.items() if name in models}
-    return found if len(found) > len(online) else {}
-
-
 def live_tables(content: Json) -> list[Table]:
     """Return the tables of the report: live scores by bag, and what the calibration changed."""
     tables = [live_table(rows, bag) for bag, rows in content.get("live", {}).items()]
-    tables.append(calibration_effect_table(published_effect(content)))
+    tables.append(calibration_effect_table(content.get("calibration_effect", {})))
     return [table for table in tables if table is not None]

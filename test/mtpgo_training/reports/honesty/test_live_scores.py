@@ -6,7 +6,6 @@ from mtpgo_training.reports.honesty.live_scores import (
     calibration_effect_table,
     live_table,
     live_tables,
-    published_effect,
 )
 from mtpgo_training.table_format import to_text
 
@@ -28,29 +27,14 @@ def test_the_longest_window_is_shown():
     assert " ".join(scores.split()) == expected
 
 
-def content(**published):
-    models = {name: {"all": {"coverage_90": share}} for name, share in (("bag", 0.9), ("m", 0.7))}
-    return {"models": models, "weights": {"m": "ff"}, "published": published}
-
-
-def test_bags_with_the_online_calibration_are_beside_the_models():
-    online = content(bag={"online": 90, "shipped": 10})
-    effect = published_effect(online)
-    assert {name: row["coverage_90"] for name, row in effect.items()} == {
-        "bag, online": 0.9,
-        "m, shipped": 0.7,
-    }
-    text = to_text(calibration_effect_table(effect))
-    assert text.splitlines()[1].split()[:4] == ["bag,", "online", "-", "0.90"]
-    tables = live_tables(online | {"live": {"bag": [row(1800)]}})
+def test_the_report_has_the_scores_of_each_bag_and_what_the_calibration_changed():
+    effect = {"m, shipped": {"coverage_90": 0.7}, "m, online": {"coverage_90": 0.9}}
+    content = {"live": {"bag": [row(1800)]}, "calibration_effect": effect}
+    tables = live_tables(content)
     assert [table.heading for table in tables] == [
         "Live scores: bag",
         "What the online calibration changes",
     ]
-
-
-def test_without_online_predictions_or_a_model_nothing_is_compared():
-    assert published_effect(content(bag={"shipped": 10})) == {}
-    assert published_effect(content()) == {}
-    assert published_effect(content(bag={"online": 10}) | {"weights": {}}) == {}
-    assert live_tables(content()) == []
+    assert to_text(tables[1]).splitlines()[2].split()[:4] == ["m,", "online", "-", "0.90"]
+    assert live_tables({}) == []
+    assert calibration_effect_table({"m, shipped": {}}) is None
