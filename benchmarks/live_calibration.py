@@ -128,7 +128,7 @@ def measure_sites(args: argparse.Namespace) -> None:
             rows.append(site_row(name, seen, found))
             misses += [f"{name}: {sentence}" for sentence in found.misses]
             print(f"{name}: {time.monotonic() - start_s:.0f} s", file=sys.stderr, flush=True)
-    heads = ["site, observations", "road users", "predictions", "90 % shipped", "online"]
+    heads = ["site, observations", "road users", "predictions (5 s)", "90 % shipped", "online"]
     heads += ["50 % shipped", "online", "NLL shipped", "online", "trained on", "bars"]
     print(to_text(Table(heads, rows)))
     print("\n".join(["", *misses]) if misses else "\nAll bars are met.")

@@ -53,14 +53,15 @@ class SiteCalibration:
     Attributes:
         predictions: number of predictions of moving road users that count.
         agents: number of different road users of these.
+        known: [times] number of these predictions whose truth at ``TIMES_S`` is known.
     """
 
     predictions: int = 0
     agents: int = 0
-    _inside: dict[tuple[str, float], NDArray[np.int64]] = field(default_factory=dict)
-    _known: NDArray[np.int64] = field(
+    known: NDArray[np.int64] = field(
         default_factory=lambda: np.zeros(len(TIMES_S), dtype=np.int64)
     )
+    _inside: dict[tuple[str, float], NDArray[np.int64]] = field(default_factory=dict)
     _nll: dict[str, tuple[float, int]] = field(default_factory=dict)
 
     def add(self, calibration: str, prediction: Prediction, truth: GroundTruth) -> None:
@@ -75,19 +76,19 @@ class SiteCalibration:
             factor = prediction.sigma_factor_50[:, steps]
             inside = (is_inside(squared, level, factor) & known).sum(axis=0)
             key = (calibration, level)
-            self._inside[key] = self._inside.get(key, np.zeros_like(self._known)) + inside
+            self._inside[key] = self._inside.get(key, np.zeros_like(self.known)) + inside
         values = anll(*rows, truth.mask)
         values = values[np.isfinite(values)]
         total, number = self._nll.get(calibration, (0.0, 0))
         self._nll[calibration] = (total + float(values.sum()), number + len(values))
         if calibration == SHIPPED:
-            self._known += known.sum(axis=0)
+            self.known += known.sum(axis=0)
             self.predictions += len(prediction)
 
     def shares(self, calibration: str, level: float) -> Float64Array:
         """Return [times] shares of truths in the ellipses at ``TIMES_S``, NaN where none."""
-        inside = self._inside.get((calibration, level), np.zeros_like(self._known))
-        return np.where(self._known > 0, inside / np.maximum(self._known, 1), np.nan)
+        inside = self._inside.get((calibration, level), np.zeros_like(self.known))
+        return np.where(self.known > 0, inside / np.maximum(self.known, 1), np.nan)
 
     def nll(self, calibration: str) -> float:
         """Return the negative log-likelihood (nats), averaged over the predictions."""
