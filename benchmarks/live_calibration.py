@@ -1,22 +1,47 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Processor time of the live calibration: observations at 25 Hz, predictions at 5 Hz."""
+"""The live calibration: what it is worth on recordings (``--data``), else its processor time.
+
+With recordings each ``--data`` is a site: shares of moving road users in the 90 and 50 % ellipses
+at 1, 3 and 5 s and the negative log-likelihood, with the shipped calibration and with the online
+one after its first minute, and which of the bars are missed. Without, observations come at 25 Hz
+and predictions at 5 Hz.
+"""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import sys
 import time
 
 import numpy as np
+import torch
 
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
-from mtpgo_core.live_calibration.live_options import PREFERENCES, LiveOptions
+from mtpgo_core.live_calibration.live_options import ONLINE, PREFERENCES, SHIPPED, LiveOptions
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
-from mtpgo_core.schema import AgentClass, Source, tracked_states
+from mtpgo_core.prediction.model_runner import ModelRunner, find_model
+from mtpgo_core.schema import AgentClass, Float64Array, Source, tracked_states
 from mtpgo_core.task.task_description import HistoryConfig
+from mtpgo_training.commands.arguments.data_arguments import (
+    add_cache_arguments,
+    add_data_arguments,
+    cache_from,
+    data_sources,
+)
+from mtpgo_training.data.data_sources import read_sources
+from mtpgo_training.evaluation.calibration_bars import (
+    AFTER_S,
+    LEAST_AGENTS,
+    SiteCalibration,
+    measure_calibration,
+)
+from mtpgo_training.evaluation.training_overlap import training_hashes
+from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS, RECORDED, SIMULATED
+from mtpgo_training.table_format import Row, Table, to_text
 
 FRAME_HZ, EVERY, WARM_S, MODES, STEPS = 25, 5, 10.0, 8, 25
 
@@ -62,12 +87,71 @@ def measure(agents: int, seconds: float, prefer: str) -> str:
     )
 
 
+def share_text(shares: Float64Array) -> str:
+    """Return shares without the zero before the point."""
+    return " ".join(f"{share:.3f}".removeprefix("0") for share in shares)
+
+
+def site_row(name: str, seen: int, found: SiteCalibration) -> Row:
+    """Return the row of a site."""
+    shares = [
+        share_text(found.shares(calibration, level))
+        for level in (0.9, 0.5)
+        for calibration in (SHIPPED, ONLINE)
+    ]
+    nll = [f"{found.nll(calibration):.2f}" for calibration in (SHIPPED, ONLINE)]
+    if found.agents < LEAST_AGENTS:
+        verdict = "too few"
+    else:
+        verdict = f"misses {len(found.misses)}" if found.misses else "met"
+    return Row(
+        name, [str(found.agents), str(found.predictions), *shares, *nll, str(seen), verdict]
+    )
+
+
+def measure_sites(args: argparse.Namespace) -> None:
+    """Print the table of all sites, and the bars that are missed."""
+    runner = ModelRunner.load(find_model(args.model))
+    hashes = training_hashes(runner.task.training)
+    rows, misses = [], []
+    for source in data_sources(args.data_options):
+        recordings = [item.recording for item in read_sources([source], cache_from(args))]
+        seen = sum(recording.sha256 in hashes for recording in recordings)
+        for tracker, seed in ((RECORDED, None), (SIMULATED, args.tracker_seed)):
+            if tracker not in args.trackers:
+                continue
+            start_s = time.monotonic()
+            found = measure_calibration(
+                runner, recordings, tracker_seed=seed, stride_s=args.stride, after_s=args.after
+            )
+            name = " ".join([source.folder, *(source.names or ()), tracker])
+            rows.append(site_row(name, seen, found))
+            misses += [f"{name}: {sentence}" for sentence in found.misses]
+            print(f"{name}: {time.monotonic() - start_s:.0f} s", file=sys.stderr, flush=True)
+    heads = ["site, observations", "road users", "predictions (5 s)", "90 % shipped", "online"]
+    heads += ["50 % shipped", "online", "NLL shipped", "online", "trained on", "bars"]
+    print(to_text(Table(heads, rows)))
+    print("\n".join(["", *misses]) if misses else "\nAll bars are met.")
+
+
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--agents", type=int, default=64)
-    parser.add_argument("--seconds", type=float, default=40.0)
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    add_data_arguments(parser)
+    add_cache_arguments(parser)
+    add = parser.add_argument
+    add("--model", default="default", help="file or name of a shipped model (default)")
+    add("--trackers", nargs="+", choices=OBSERVATIONS, default=list(OBSERVATIONS))
+    add("--tracker-seed", type=int, default=7, metavar="N", help="of the simulated tracker (7)")
+    add("--stride", type=float, default=0.4, help="time between two predictions (0.4 s)")
+    add("--after", type=float, default=AFTER_S, help="time in which nothing counts (60 s)")
+    add("--agents", type=int, default=64, help="road users, without --data (64)")
+    add("--seconds", type=float, default=40.0, help="simulated time, without --data (40)")
     args = parser.parse_args()
+    torch.set_num_threads(1)  # as in the node
+    if args.data_options:
+        measure_sites(args)
+        return
     for prefer in PREFERENCES:
         print(measure(args.agents, args.seconds, prefer))
 

@@ -45,7 +45,7 @@ def add_parser(subparsers: Any) -> None:
         type=Path,
         default=Path("demo_output"),
         metavar="DIR",
-        help="where summary.json, prediction.png, bags and logs go (demo_output)",
+        help="where summary.json, pictures, pages, bags and logs go (demo_output)",
     )
     parser.set_defaults(run=run)
 

@@ -9,23 +9,14 @@ from typing import Any
 
 from mtpgo_core.live_calibration.live_options import ONLINE, SHIPPED
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, TIMES_S
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.evaluator import Settings, evaluate_all
-from mtpgo_training.evaluation.scores.score_summary import value_text
-from mtpgo_training.table_format import Row, Table
+from mtpgo_training.reports.honesty.live_scores import EFFECT_TITLES
 
 Json = dict[str, Any]
 
 _STRIDE_S = 0.4
 """Time between two predictions (s): the least from which the calibration learns each time."""
-
-_SHOWN = {
-    "coverage_50": "in 50 %",
-    "coverage_90": "in 90 %",
-    **{MOVING_COVERAGE_KEY.format(t): f"moving, {t} s" for t in TIMES_S},
-    "anll": "NLL",
-}
 
 
 def calibration_effect(runner: ModelRunner, recordings: Sequence[Recording]) -> Json:
@@ -43,14 +34,5 @@ def calibration_effect(runner: ModelRunner, recordings: Sequence[Recording]) -> 
         settings = Settings(stride_s=_STRIDE_S, centre=False, calibration=calibration)
         named = [(recording.name, recording) for recording in recordings]
         averages = evaluate_all({"model": runner}, named, settings).scores.averages()
-        found[calibration] = {key: averages["model"]["all"].get(key) for key in _SHOWN}
+        found[calibration] = {key: averages["model"]["all"].get(key) for key in EFFECT_TITLES}
     return found
-
-
-def calibration_table(effect: Json) -> Table:
-    """Return the table that the demo prints."""
-    rows = [
-        Row(name, [value_text(scores[key], 2) for key in _SHOWN])
-        for name, scores in effect.items()
-    ]
-    return Table(["calibration", *_SHOWN.values()], rows)

@@ -20,11 +20,11 @@ from mtpgo_training.data.bag_conversion import convert
 from mtpgo_training.data.data_sources import DataSource, named_recordings
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.demo import demo_report as report
-from mtpgo_training.demo.calibration_effect import calibration_effect, calibration_table
+from mtpgo_training.demo.calibration_effect import calibration_effect
 from mtpgo_training.demo.live_comparison import (
     Json,
     compare_live,
-    largest_difference_m,
+    difference_sentences,
     live_comparison_table,
 )
 from mtpgo_training.demo.node_session import run_session
@@ -40,6 +40,7 @@ from mtpgo_training.evaluation.moments import Moment, choose_moments
 from mtpgo_training.evaluation.scorer import add_scores
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.processes.child_process import require_ros
+from mtpgo_training.reports.honesty.live_scores import calibration_effect_table
 from mtpgo_training.table_format import to_text
 
 SHIPPED = ("recordings", "roundabout", "roundabout.mcap")
@@ -51,6 +52,9 @@ PICTURE = "prediction.png"
 PAGE, PAGE_S = "demo.html", 60.0
 """File of the page that shows the predictions over time, and the longest time on it (s); chosen: a
 minute has a few MB."""
+
+REPORT = "report"
+"""Folder of the report in the output folder."""
 
 PANELS = 3
 """Most scenes in the picture."""
@@ -127,7 +131,8 @@ def run_demo(options: DemoOptions) -> None:
         for recording, part in zip(plan.recordings, parts, strict=True)
     ]
     drawn = _draw(choose_moments(played, PANELS), output / PICTURE)
-    _print_results(content, options, output, drawn)
+    reported = _report(content, options.rate_hz, output / REPORT)
+    _print_results(content, options, output, f"{drawn}, {reported}")
     if page is not None:
         print(f"To see the predictions over time, open {page.as_uri()} in a browser.")
 
@@ -150,6 +155,17 @@ def _write_page(bag: Path, path: Path) -> Path | None:
         print(f"  no page: {error}", flush=True)
         return None
     return path
+
+
+def _report(content: Json, rate_hz: float, folder: Path) -> str:
+    """Write the report; return its name, or in brackets why there is none."""
+    try:
+        from mtpgo_training.demo.demo_page import write_demo_page
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in ("matplotlib", "jinja2"):
+            raise
+        return f"(no report: {error.name} is missing, it comes with the extra 'training')"
+    return str(write_demo_page(content, rate_hz, folder).relative_to(folder.parent))
 
 
 def _draw(moments: Sequence[Moment], path: Path) -> str:
@@ -188,7 +204,7 @@ def _make_folders(output: Path) -> tuple[Path, Path, Path]:
     bags, recorded, logs = output / "bags", output / "predictions", output / "logs"
     try:
         output.mkdir(parents=True, exist_ok=True)
-        for folder in (bags, recorded, logs):
+        for folder in (bags, recorded, logs, output / REPORT):
             if folder.exists():
                 shutil.rmtree(folder)
         for name in ("summary.json", PICTURE, PAGE):
@@ -276,12 +292,12 @@ def _print_results(content: Json, options: DemoOptions, output: Path, drawn: str
     print()
     live: list[Json] = content["live"]
     print(to_text(live_comparison_table(live)))
-    difference_m = largest_difference_m(live)
-    if difference_m is not None:
-        print(f"Live and recorded errors differ by {1e3 * difference_m:.3f} mm at most.")
+    for sentence in difference_sentences(live):
+        print(sentence)
     print()
-    print(to_text(calibration_table(content["calibration"])))
-    print()
+    effect = calibration_effect_table(content["calibration"])
+    if effect is not None:
+        print(f"{to_text(effect)}\n")
     for sentence in report.sentences(content, options.rate_hz):
         print(sentence)
     print(f"Written to {output}: summary.json {drawn}, the bags and the logs.")

@@ -39,6 +39,11 @@ _METRICS = {
 }
 """Key in the summary -> key in the score table."""
 
+_HEADS = (
+    *("recording", "scenes", "agents", "ADE m", "FDE m", "MR", "NLL", "in 95 %"),
+    *("CV ADE", "CV FDE", "CV MR", "CV NLL"),
+)
+
 _PACKAGES = ("mtpgo_ros", "torch", "numpy", "rosbags", "ros-rclpy")
 
 
@@ -123,23 +128,34 @@ def to_json(content: Mapping[str, Any]) -> str:
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
-def terminal_table(content: Mapping[str, Any]) -> str:
-    """Return the table that the demo prints, from the content of ``summary.json``."""
-    left = ["recording", "scenes", "agents", "ADE m", "FDE m", "MR", "NLL", "in 95 %"]
+def results_table(content: Mapping[str, Any]) -> Table:
+    """Return the scores of each recording beside constant velocity's.
+
+    Args:
+        content: content of ``summary.json``.
+    """
     rows = []
-    parts = dict(content["recordings"])
-    if len(parts) > 1:
-        parts["all"] = content
-    for name, row in parts.items():
+    for name, row in _by_recording(content).items():
         own = [_cell(row[key]) for key in ("ade_m", "fde_m", "miss_rate", "nll", "coverage_95")]
         cv = [_cell(row[key]) for key in ("cv_ade_m", "cv_fde_m", "cv_miss_rate", "cv_nll")]
-        rows.append(Row(name, [str(row["scenes"]), str(row["agents_max"]), *own, "|", *cv]))
-    heads = [*left, "|", "CV ADE", "CV FDE", "CV MR", "CV NLL"]
-    lines = to_text(Table(heads, rows)).splitlines()
+        rows.append(Row(name, [str(row["scenes"]), str(row["agents_max"]), *own, *cv]))
+    return Table(_HEADS, rows, "Results", "The model beside constant velocity (CV).")
+
+
+def _by_recording(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the rows by recording and, of several, that of all."""
+    parts = dict(content["recordings"])
+    return parts | {"all": content} if len(parts) > 1 else parts
+
+
+def terminal_table(content: Mapping[str, Any]) -> str:
+    """Return the table that the demo prints, from the content of ``summary.json``."""
+    table = results_table(content)
+    bar = _HEADS.index("CV ADE")
+    rows = [Row(r.name, [*r.cells[: bar - 1], "|", *r.cells[bar - 1 :]]) for r in table.rows]
+    lines = to_text(Table([*_HEADS[:bar], "|", *_HEADS[bar:]], rows)).splitlines()
     rule = "-" * len(lines[0])
-    return "\n".join(
-        [lines[0], rule, *lines[1:-1], *([rule] if len(parts) > 1 else []), lines[-1]]
-    )
+    return "\n".join([lines[0], rule, *lines[1:-1], *([rule] if len(rows) > 1 else []), lines[-1]])
 
 
 def sentences(content: Mapping[str, Any], rate: float) -> list[str]:

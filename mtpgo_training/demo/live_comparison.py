@@ -18,6 +18,9 @@ from mtpgo_training.table_format import Row, Table
 Json = dict[str, Any]
 
 _SHOWN = {"ade": "ADE m", "cv_ade": "CV ADE m", "nll": "NLL", "coverage_90": "in 90 %"}
+_TEXT = (
+    "What the node had found out itself at the end, beside the same computed again from its bag."
+)
 _IN_METRES = ("ade", "fde", "cv_ade")
 
 
@@ -30,8 +33,8 @@ def compare_live(live: NDArray[Any], offline: Sequence[Mapping[str, Any]]) -> li
             :func:`~mtpgo_training.evaluation.bags.replayed_quality.quality_rows`.
 
     Returns:
-        Rows with ``group``, ``time_s``, and for ``live`` and ``offline`` the number of road users
-        and the scores, None where there are none.
+        Rows with ``window_s``, ``group``, ``time_s``, and for ``live`` and ``offline`` the number
+        of road users and the scores, None where there are none.
     """
     longest = max((row["window_s"] for row in offline), default=0)
     mine = {
@@ -47,6 +50,7 @@ def compare_live(live: NDArray[Any], offline: Sequence[Mapping[str, Any]]) -> li
         values = {k: v if np.isfinite(v) else None for k, v in values.items()}
         rows.append(
             {
+                "window_s": longest,
                 "group": other["group"],
                 "time_s": other["time_s"],
                 "live": values,
@@ -63,6 +67,26 @@ def largest_difference_m(rows: Sequence[Json]) -> float | None:
     return max(known, default=None)
 
 
+def difference_sentences(rows: Sequence[Json]) -> list[str]:
+    """Return sentences on how far live and recorded scores differ."""
+    different = [
+        f"{row['group'].replace('_', ' ')} at {row['time_s']} s"
+        for row in rows
+        if any(row["live"][name] != row["offline"][name] for name in ("agents", "predictions"))
+    ]
+    difference_m = largest_difference_m(rows)
+    sentences = []
+    if difference_m is not None:
+        over = "other" if different else "the same"
+        sentences.append(
+            f"Live and recorded errors differ by {1e3 * difference_m:.3f} mm at most, over {over} "
+            "road users and predictions."
+        )
+    if different:
+        sentences.append(f"Not the same road users or predictions: {', '.join(different)}.")
+    return sentences
+
+
 def live_comparison_table(rows: Sequence[Json]) -> Table:
     """Return the table that the demo prints."""
     lines = [
@@ -76,4 +100,5 @@ def live_comparison_table(rows: Sequence[Json]) -> Table:
         for row in rows
     ]
     heads = [head for title in _SHOWN.values() for head in (f"{title} live", "bag")]
-    return Table(["scores of the node and of its bag", "road users", *heads], lines)
+    heads = ["scores of the node and of its bag", "road users", *heads]
+    return Table(heads, lines, "Live scores", _TEXT)

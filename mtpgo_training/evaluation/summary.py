@@ -8,13 +8,15 @@ import dataclasses
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from mtpgo_core.live_calibration.live_options import ONLINE, SHIPPED
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
+from mtpgo_training.evaluation.bags.bag_evaluation import PROTOCOL, BagResult
 from mtpgo_training.evaluation.evaluator import Settings
 from mtpgo_training.evaluation.honesty.honesty_summary import honesty_summary
 from mtpgo_training.evaluation.honesty.simple_comparison import compare_with_simple
 from mtpgo_training.evaluation.scores.bootstrap import over_groups, seed_groups
 from mtpgo_training.evaluation.scores.score_summary import breakdowns
+from mtpgo_training.evaluation.scores.score_table import Averages
 from mtpgo_training.evaluation.training_overlap import overlap_by_model, overlap_warnings
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 from mtpgo_training.scenes.tracker.tracker_config import RECORDED, SIMULATED
@@ -62,6 +64,8 @@ def summarise(
             for bag, found_by in result.agreements.items()
         },
         "live": result.live,
+        "published": result.published,
+        "calibration_effect": effect_of_bags(result, averages),
         "recordings": evaluation.recordings,
         "failed": {failure.name: failure.reason for failure in result.failures},
         "seen": overlaps,
@@ -80,4 +84,18 @@ def summarise(
         "baselines": list(BASELINES),
         "tasks": {name: dataclasses.asdict(r.task.scene) for name, r in runners.items()},
         "weights": {name: r.task.weights_sha256 for name, r in runners.items()},
+    }
+
+
+def effect_of_bags(result: BagResult, averages: Averages) -> Json:
+    """Return the averages of each model with both calibrations, empty without the online one.
+
+    Args:
+        result: of bags.
+        averages: of its evaluation.
+    """
+    return {
+        f"{model}, {calibration}": found[PROTOCOL]
+        for model, online in result.online.averages().items()
+        for calibration, found in ((SHIPPED, averages[model]), (ONLINE, online))
     }

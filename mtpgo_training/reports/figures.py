@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,11 @@ from mtpgo_training.reports.honesty.honesty_figures import (
     coverage_figure,
     spread_figure,
     weights_figure,
+)
+from mtpgo_training.reports.honesty.live_figures import (
+    calibration_effect_figure,
+    live_coverage_figure,
+    live_error_figure,
 )
 from mtpgo_training.reports.series import PROTOCOL, colour, draw_line, series_names
 
@@ -37,10 +43,37 @@ def draw_figures(content: Json, folder: Path) -> dict[str, Path]:
         "nees": _nees,
         "manoeuvres": _manoeuvres,
     }
+    paths = save_figures({n: functools.partial(d, content) for n, d in drawers.items()}, folder)
+    live, effect = content.get("live", {}), content.get("calibration_effect", {})
+    return paths | draw_live_figures(live, effect, folder)
+
+
+def draw_live_figures(
+    live: Mapping[str, Sequence[Json]], effect: Mapping[str, Json], folder: Path
+) -> dict[str, Path]:
+    """Draw what the node found out itself; return the PNG files in a folder by name.
+
+    Args:
+        live: see :func:`live_coverage_figure`.
+        effect: see :func:`calibration_effect_figure`.
+        folder: where to.
+    """
+    drawers = {
+        "live_coverage": lambda: live_coverage_figure(live),
+        "live_error": lambda: live_error_figure(live),
+        "calibration_effect": lambda: calibration_effect_figure(effect),
+    }
+    return save_figures(drawers, folder)
+
+
+def save_figures(
+    drawers: Mapping[str, Callable[[], Figure | None]], folder: Path
+) -> dict[str, Path]:
+    """Draw figures by name; return the PNG files in a folder of those that there are."""
     paths = {}
     for name, draw in drawers.items():
         with mpl.rc_context(STYLE):
-            figure = draw(content)
+            figure = draw()
             if figure is None:
                 continue
             FigureCanvasAgg(figure)

@@ -1,12 +1,12 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The report of an evaluation: one page, ``index.html``, that contains its figures."""
+"""The page of a report, which contains its figures, and that of an evaluation."""
 
 from __future__ import annotations
 
 import base64
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,12 @@ from mtpgo_training.atomic_files import write_text
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.reports.figures import draw_figures
 from mtpgo_training.reports.honesty.honesty_tables import honesty_tables
+from mtpgo_training.reports.honesty.live_scores import live_tables
 from mtpgo_training.reports.scene_plot import draw_picture
 from mtpgo_training.reports.series import series_names
 from mtpgo_training.reports.tables import agreement_table, group_tables, result_tables
 from mtpgo_training.scenes.tracker.tracker_config import SIMULATED
-from mtpgo_training.table_format import to_html
+from mtpgo_training.table_format import Table, to_html
 
 Json = dict[str, Any]
 
@@ -62,6 +63,56 @@ def write_report(folder: Path, content: Json, scenes: Mapping[str, ExtremeScenes
         The page.
     """
     figures = draw_figures(content, folder)
+    models = series_names(content, baselines=False)
+    page = folder / PAGE_NAME
+    render_page(
+        page,
+        title=f"Evaluation of {', '.join(models)}",
+        subtitle=_subtitle(content),
+        warnings=content["warnings"],
+        notes=content["notes"],
+        tables=[*result_tables(content), *honesty_tables(content), *live_tables(content)],
+        agreement=agreement_table(content),
+        figures={name: path for name, path in figures.items() if name != "manoeuvres"},
+        wide={name: path for name, path in figures.items() if name == "manoeuvres"},
+        groups=group_tables(content),
+        scenes=_scenes(folder, scenes),
+        facts=_facts(content),
+    )
+    return page
+
+
+def render_page(
+    page: Path,
+    *,
+    title: str,
+    subtitle: str,
+    tables: Sequence[Table],
+    figures: Mapping[str, Path],
+    facts: Sequence[tuple[str, str]],
+    scenes: Sequence[Mapping[str, str]] = (),
+    wide: Mapping[str, Path] | None = None,
+    groups: Sequence[Table] = (),
+    agreement: Table | None = None,
+    warnings: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> None:
+    """Write a page, whose figures become part of it.
+
+    Args:
+        page: the file.
+        title: over everything.
+        subtitle: below it.
+        tables: with headings, shown first.
+        figures: PNG files by the names that the template has captions for, side by side.
+        facts: names and values, shown last.
+        scenes: pictures of the best and worst scenes: ``heading``, ``alt`` and ``data``.
+        wide: figures of the whole width.
+        groups: tables by group, after the figures.
+        agreement: of recorded and offline predictions.
+        warnings: why this is no clean test.
+        notes: what else a reader should know.
+    """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -69,22 +120,20 @@ def write_report(folder: Path, content: Json, scenes: Mapping[str, ExtremeScenes
         lstrip_blocks=True,
     )
     environment.filters["table"] = to_html
-    models = series_names(content, baselines=False)
     text = environment.get_template(TEMPLATE_NAME).render(
-        title=f"Evaluation of {', '.join(models)}",
-        subtitle=_subtitle(content),
-        warnings=content["warnings"],
-        notes=content["notes"],
-        tables=[*result_tables(content), *honesty_tables(content)],
-        agreement=agreement_table(content),
-        figures=[_figure(n, figures[n]) for n in figures if n != "manoeuvres"],
-        wide=[_figure(n, figures[n]) for n in figures if n == "manoeuvres"],
-        groups=group_tables(content),
-        scenes=_scenes(folder, scenes),
-        facts=_facts(content),
+        title=title,
+        subtitle=subtitle,
+        warnings=warnings,
+        notes=notes,
+        tables=tables,
+        agreement=agreement,
+        figures=[_figure(name, path) for name, path in figures.items()],
+        wide=[_figure(name, path) for name, path in (wide or {}).items()],
+        groups=groups,
+        scenes=scenes,
+        facts=facts,
     )
-    write_text(folder / PAGE_NAME, text)
-    return folder / PAGE_NAME
+    write_text(page, text)
 
 
 def _figure(name: str, path: Path) -> dict[str, str]:

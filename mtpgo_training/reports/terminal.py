@@ -14,7 +14,7 @@ from mtpgo_training.reports.honesty.honesty_tables import (
     paths_table,
     weights_table,
 )
-from mtpgo_training.reports.honesty.live_scores import live_table
+from mtpgo_training.reports.honesty.live_scores import calibration_effect_table, live_table
 from mtpgo_training.reports.tables import (
     HEADINGS,
     INTERVAL_KEYS,
@@ -54,6 +54,9 @@ def print_result(content: Json, result: BagResult) -> None:
         live = live_table(rows)
         if live is not None:
             print(f"{bag}:\n{to_text(live)}\n")
+    effect = calibration_effect_table(content.get("calibration_effect", {}))
+    if effect is not None:
+        print(f"{to_text(effect)}\n")
     for group, row in content["seeds"].items():
         print(seeds_text(group, row))
     for bag, found in result.agreements.items():

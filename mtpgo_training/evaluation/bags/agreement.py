@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from mtpgo_core.history.track_index import find_sort_keys, sort_keys
+from mtpgo_core.live_calibration.live_calibration import LiveCalibration
+from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.schema import Float64Array, Prediction, Source
 from mtpgo_training.data.recording import Recording
@@ -85,14 +87,17 @@ class Agreement:
 
 def replay_offline(
     runner: ModelRunner, recording: Recording, stamps: Sequence[int]
-) -> list[Prediction]:
-    """Return the model's predictions at ascending stamps (ns), from all observations up to each.
+) -> Iterator[tuple[Prediction, Prediction]]:
+    """Yield the model's predictions at ascending stamps (ns), from all observations up to each.
 
-    The graphs depend on those of the cycle before, so only the same sequence of instants gives the
-    same scenes.
+    Each comes with the calibration in the model's file and with the online one. The graphs depend
+    on those of the cycle before, so only the same sequence of instants gives the same scenes.
     """
-    predictor = make_predictor(runner, recording)
-    return [predictor.predict(w) for w in replay(recording, runner.task.history, stamps)]
+    history, predictor = runner.task.history, make_predictor(runner, recording)
+    live = LiveCalibration(LiveOptions(), history, runner.task.horizon_steps)
+    for window in replay(recording, history, stamps, on_update=live.observe):
+        prediction = predictor.predict(window)
+        yield prediction, live.serve(prediction, window)
 
 
 def _apart(

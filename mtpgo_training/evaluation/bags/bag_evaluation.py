@@ -5,26 +5,30 @@
 from __future__ import annotations
 
 import contextlib
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from msg_adapters.bags.bag_reader import BagReader, bag_name
+from msg_adapters.predictions import predictions_in_bag
 from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_core.live_calibration.live_options import ONLINE
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_core.schema import Prediction
+from mtpgo_core.schema import CalibrationStage, Prediction
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.bags.agreement import Agreement, replay_offline
-from mtpgo_training.evaluation.bags.bag_predictions import match, read_predictions
+from mtpgo_training.evaluation.bags.bag_predictions import last_of_each_stamp, match
 from mtpgo_training.evaluation.bags.clock_alignment import find_parts
 from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replayed_quality
 from mtpgo_training.evaluation.evaluator import Evaluation
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.evaluation.scorer import Scorer
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.parallel.work_item import Failure
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
@@ -43,6 +47,10 @@ class BagResult:
         warnings: one sentence each.
         live: by bag that holds observations, the scores that the node had at its end, see
             :func:`~mtpgo_training.evaluation.bags.replayed_quality.quality_rows`.
+        published: by bag, number of predictions of road users by calibration: ``none``,
+            ``shipped`` or ``online``.
+        online: scores of the models with the online calibration at the instants of bags that were
+            published with it; each recording starts with the shipped one.
         failures: files that could not be read or scored.
     """
 
@@ -50,6 +58,8 @@ class BagResult:
     agreements: dict[str, dict[str, Agreement]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     live: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    published: dict[str, dict[str, int]] = field(default_factory=dict)
+    online: ScoreTable = field(default_factory=ScoreTable)
     failures: list[Failure] = field(default_factory=list)
 
 
@@ -107,7 +117,7 @@ def evaluate_bags(
         draw: keep the best and worst scenes for a picture.
 
     Raises:
-        RecordingError: see :func:`read_predictions` and :func:`match`.
+        RecordingError: see :func:`~msg_adapters.predictions.predictions_in_bag` and :func:`match`.
         ConfigurationError: two bags, or a bag and a model, have the same name.
     """
     names = [bag_name(bag) for bag in bags]
@@ -120,9 +130,11 @@ def evaluate_bags(
     result = BagResult(Evaluation(scenes={name: ExtremeScenes() for name in names if draw}))
     done: set[str] = set()
     for bag, bag_called in zip(bags, names, strict=True):
-        predictions = read_predictions(bag, topic)
+        received = list(predictions_in_bag(bag, topic))
+        predictions = last_of_each_stamp(received)
+        result.published[bag_called] = _by_calibration(predictions)
         with contextlib.suppress(RecordingError):  # it may hold predictions only
-            live = replayed_quality(bag, predictions, _history(runners), _of(bag, options))
+            live = replayed_quality(bag, received, _history(runners), _of(bag, options))
             if live.predictions.any():
                 result.live[bag_called] = quality_rows(live)
         parts = find_parts(_observed(bag, options), recordings) if own_clock else []
@@ -143,6 +155,12 @@ def evaluate_bags(
             part.score_models(result, bag_called, own, first=name not in done)
             done.add(name)
     return result
+
+
+def _by_calibration(predictions: Sequence[Prediction]) -> dict[str, int]:
+    """Return the number of predictions of road users by their calibration."""
+    stages = Counter(stage for one in predictions for stage in one.calibration.tolist())
+    return {stage.name.lower(): stages[stage] for stage in CalibrationStage if stages[stage]}
 
 
 def _of(bag: Path, options: ReadingOptions) -> ReadingOptions:
@@ -199,11 +217,16 @@ class _RecordingEvaluation:
     ) -> None:
         """Compare the models with the bag at its instants; score them once for a recording."""
         stamps = [p.stamp_ns for p in predictions]
+        with_online = first and bool(result.published[bag].get(ONLINE))
         for model, runner in self.runners.items():
             agreement = result.agreements.setdefault(bag, {}).setdefault(model, Agreement())
             scorer = self._scorer(runner.task.history)
             own_all = replay_offline(runner, self.recording, stamps)
-            for recorded, own in zip(predictions, own_all, strict=True):
+            for recorded, (own, online) in zip(predictions, own_all, strict=True):
                 agreement.add(recorded, own, self.recording, self.name)
-                if first and len(own):
-                    result.evaluation.add(model, PROTOCOL, scorer, own)
+                if not (first and len(own)):
+                    continue
+                result.evaluation.add(model, PROTOCOL, scorer, own)
+                if with_online:
+                    found = scorer.score(online)
+                    result.online.add(model, PROTOCOL, found.scores, found.truth.agents)

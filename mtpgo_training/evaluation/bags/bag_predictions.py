@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +41,12 @@ def read_predictions(
         NoPredictionsError: it holds no predictions.
         RecordingError: it is not a bag, or it is damaged.
     """
-    found = {one.stamp_ns: one for one in predictions_in_bag(path, topic, span_ns=span_ns)}
+    return last_of_each_stamp(predictions_in_bag(path, topic, span_ns=span_ns))
+
+
+def last_of_each_stamp(predictions: Iterable[Prediction]) -> list[Prediction]:
+    """Return predictions ascending in time, of those with the same stamp the last one."""
+    found = {one.stamp_ns: one for one in predictions}
     return [found[stamp] for stamp in sorted(found)]
 
 

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Container, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,8 @@ def replayed_quality(
 
     Args:
         bag: holds the observations.
-        predictions: what was published, at most one of a stamp.
+        predictions: what was published, in that order. A stamp may occur again where the clock
+            was set back, as where a bag is played in a loop.
         config: of the node's history.
         options: how the observations are read.
 
@@ -47,8 +49,10 @@ def replayed_quality(
     """
     history, matcher = TrackHistory(config), OutcomeMatcher(config)
     scores = RollingScores(config.dt_s)
-    waiting = {prediction.stamp_ns: prediction for prediction in predictions}
-    for piece in _pieces(bag, options):
+    passes = _passes(predictions)
+    waiting: dict[int, Prediction] | None = None
+    taken = frozenset(prediction.stamp_ns for prediction in predictions)
+    for piece in _pieces(bag, options, taken):
         first = piece.states[0]
         if len(history) and first.frame_id != history.frame_id:
             history.clear()
@@ -56,9 +60,12 @@ def replayed_quality(
         elif first.stamp_ns < (history.newest_stamp_ns or 0):
             history.clear()
             matcher.clear("clock_reset")
+            waiting = None
+        if waiting is None and passes and any(s.stamp_ns in passes[0] for s in piece.states):
+            waiting = passes.popleft()
         for states in piece.states:
             scores.update(matcher.update(history, history.update(states)))
-            prediction = waiting.pop(states.stamp_ns, None)
+            prediction = (waiting or {}).pop(states.stamp_ns, None)
             if prediction is not None and len(prediction):
                 # With delay compensation the horizon starts later than the observation.
                 delay_s = float(prediction.time_s[0]) - config.dt_s
@@ -84,8 +91,20 @@ def quality_rows(report: QualityReport) -> list[dict[str, Any]]:
     return rows
 
 
-def _pieces(bag: Path, options: ReadingOptions) -> Iterator[BagPiece]:
+def _passes(predictions: Sequence[Prediction]) -> deque[dict[int, Prediction]]:
+    """Return predictions by stamp (ns), apart where the clock was set back."""
+    passes: deque[dict[int, Prediction]] = deque()
+    newest_ns: int | None = None
+    for prediction in predictions:
+        if newest_ns is None or prediction.stamp_ns < newest_ns:
+            passes.append({})
+        newest_ns = prediction.stamp_ns
+        passes[-1][newest_ns] = prediction
+    return passes
+
+
+def _pieces(bag: Path, options: ReadingOptions, taken: Container[int]) -> Iterator[BagPiece]:
     """Yield what the node accepted from the bag's topic of tracked objects, as it came."""
     with DecodingBagReader(bag) as reader:
         topic = objects_topic(reader, options.bags.topic_of(bag_name(bag)))
-        yield from PieceReader(reader, topic, options).pieces()
+        yield from PieceReader(reader, topic, options, taken).pieces()

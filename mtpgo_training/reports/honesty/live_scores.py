@@ -1,16 +1,25 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of the scores that the node has of its own predictions."""
+"""Tables of the scores that the node has of its own predictions, and of what it corrected."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, TIMES_S
 from mtpgo_training.evaluation.scores.score_summary import value_text
 from mtpgo_training.table_format import Row, Table
 
 Json = dict[str, Any]
+
+EFFECT_TITLES = {
+    "coverage_50": "in 50 %",
+    "coverage_90": "in 90 %",
+    **{MOVING_COVERAGE_KEY.format(t): f"moving, {t} s" for t in TIMES_S},
+    "anll": "NLL",
+}
+"""Values by which calibrations are compared, and their heads."""
 
 _TITLES = {
     "ade": "ADE m",
@@ -22,14 +31,25 @@ _TITLES = {
     "coverage_90": "in 90 %",
 }
 
+_LIVE_TEXT = (
+    "What the node itself had found out at the end of the bag, over the last half an hour: each "
+    "prediction against the observations that followed it, by class group and motion when it was "
+    "made."
+)
+_EFFECT_TEXT = (
+    "Share of truths in the heaviest mode's ellipses of 50 and 90 %, of moving road users in that "
+    "of 90 % at 1, 3 and 5 s, and the negative log-likelihood, on the same recordings at the same "
+    "instants. Online: corrected by what became known of earlier predictions."
+)
 
-def live_table(rows: Sequence[Json]) -> Table | None:
+
+def live_table(rows: Sequence[Json], bag: str = "") -> Table | None:
     """Return the scores of the longest window, None if nothing was scored.
 
     Args:
         rows: of :func:`~mtpgo_training.evaluation.bags.replayed_quality.quality_rows`.
+        bag: its name, for the heading.
     """
-    longest = max((row["window_s"] for row in rows), default=0)
     lines = [
         Row(
             f"{row['group'].replace('_', ' ')}, {row['time_s']} s",
@@ -39,10 +59,38 @@ def live_table(rows: Sequence[Json]) -> Table | None:
                 *(value_text(row[name], 3) for name in _TITLES),
             ],
         )
-        for row in rows
-        if row["window_s"] == longest
+        for row in longest_window(rows)
     ]
     if not lines:
         return None
     heads = ["as the node scores it live", "road users", "predictions", *_TITLES.values()]
-    return Table(heads, lines)
+    return Table(heads, lines, f"Live scores: {bag}", _LIVE_TEXT)
+
+
+def longest_window(rows: Sequence[Json]) -> list[Json]:
+    """Return the rows of the longest window."""
+    longest = max((row["window_s"] for row in rows), default=0)
+    return [row for row in rows if row["window_s"] == longest]
+
+
+def calibration_effect_table(effect: Mapping[str, Json]) -> Table | None:
+    """Return what a calibration changes, None if there is nothing to compare.
+
+    Args:
+        effect: name of a calibration -> values of :data:`EFFECT_TITLES`, None where not defined.
+    """
+    if len(effect) < 2:
+        return None
+    rows = [
+        Row(name, [value_text(scores.get(key), 2) for key in EFFECT_TITLES])
+        for name, scores in effect.items()
+    ]
+    heads = ["calibration", *EFFECT_TITLES.values()]
+    return Table(heads, rows, "What the online calibration changes", _EFFECT_TEXT)
+
+
+def live_tables(content: Json) -> list[Table]:
+    """Return the tables of the report: live scores by bag, and what the calibration changed."""
+    tables = [live_table(rows, bag) for bag, rows in content.get("live", {}).items()]
+    tables.append(calibration_effect_table(content.get("calibration_effect", {})))
+    return [table for table in tables if table is not None]

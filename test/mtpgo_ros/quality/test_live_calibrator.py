@@ -49,7 +49,14 @@ def test_online_factors_are_served_shown_and_survive_a_restart(bench, tmp_path):
     assert restored.covariance[:, 0, 4, 0, 0] == pytest.approx(served, rel=0.1)
     again.status("calibration", OK, restored="true")
 
-    path.write_text(path.read_text()[:1000])
+    text = path.read_text()
+    path.write_text(text.replace("0" * 64, "1" * 64))
+    other = bench(calibration_file=str(path))
+    after = other.predict(traffic(0.0, agents=AGENTS))
+    assert after.covariance[:, 0, 4, 0, 0] == pytest.approx(SHIPPED_VARIANCE, rel=1e-5)
+    other.status("calibration", WARN, "is of a model with weights 111111111111", restored="false")
+
+    path.write_text(text[:1000])
     damaged = bench(calibration_file=str(path))
     after = damaged.predict(traffic(0.0, agents=AGENTS))
     assert after.covariance[:, 0, 4, 0, 0] == pytest.approx(SHIPPED_VARIANCE, rel=1e-5)

@@ -29,7 +29,7 @@ def folder(tmp_path_factory):
     """Two recordings in inD layout, "01" and "02"."""
     folder = tmp_path_factory.mktemp("data")
     write_ind(make_recording("01", 8.2), folder)
-    write_ind(make_recording("02", 1.0), folder)
+    write_ind(make_recording("02", 3.2), folder)
     return folder
 
 
@@ -63,9 +63,9 @@ def test_the_node_predicts_all_road_users_in_every_cycle(folder, model, tmp_path
     assert done.returncode == 0, done.stderr
     output = tmp_path / "demo_output"
     content = json.loads((output / "summary.json").read_text())
-    # 8.2 s and 1 s at 5 Hz, both ends included; two road users.
-    assert content["cycles"] == content["scenes"] == 42 + 6
-    assert content["predictions_published"] == 2 * 48
+    # 8.2 s and 3.2 s at 5 Hz, both ends included; two road users.
+    assert content["cycles"] == content["scenes"] == 42 + 17
+    assert content["predictions_published"] == 2 * 59
     assert content["missed_cycles"] == content["missing_predictions"] == 0
     assert content["agents_max"] == 2
     assert 0.0 < content["latency_ms_p50"] <= content["latency_ms_p99"]
@@ -73,8 +73,31 @@ def test_the_node_predicts_all_road_users_in_every_cycle(folder, model, tmp_path
     assert content["ade_m"] == pytest.approx(content["cv_ade_m"], abs=0.5)
     assert content["model"]["name"] == "made"
     assert (output / "prediction.png").stat().st_size > 10_000
-    assert "48 of 48 cycles answered at 5 Hz" in done.stdout
+    assert "59 of 59 cycles answered at 5 Hz" in done.stdout
     assert done.stdout.count("\n01 ") == done.stdout.count("\n02 ") == 1
+    check_live(content["live"])
+    assert "mm at most, over the same road users and predictions." in done.stdout
+    page = (output / "report" / "index.html").read_text()
+    assert page.count("data:image/png;base64,") == 3
+    assert "What the online calibration changes" in page
+
+
+def check_live(rows):
+    """The node's scores are those of its bag, with all predictions of both recordings."""
+    assert [(row["group"], row["time_s"]) for row in rows] == [
+        ("vehicle_moving", t) for t in (1, 3, 5)
+    ]
+    # A road user of the second recording is another one, although it has the same identity.
+    counts = [(row["live"]["agents"], row["live"]["predictions"]) for row in rows]
+    assert counts == [(4, 2 * (37 + 12)), (4, 2 * (27 + 2)), (2, 2 * 17)]
+    for row in rows:
+        live, offline = row["live"], row["offline"]
+        for name in ("agents", "predictions"):
+            assert live[name] == offline[name]
+        for name in ("ade", "fde", "cv_ade"):
+            assert live[name] == pytest.approx(offline[name], abs=1e-3)
+        for name in ("miss_rate", "nll", "coverage_50", "coverage_90"):
+            assert live[name] == pytest.approx(offline[name], abs=1e-3)
 
 
 def test_bad_input_gives_one_line_and_status_2(folder, model, tmp_path, capsys, monkeypatch):

@@ -6,7 +6,8 @@ from traffic import braking_cars
 
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task.model_file import find_model
-from mtpgo_training.demo.calibration_effect import calibration_effect, calibration_table
+from mtpgo_training.demo.calibration_effect import calibration_effect
+from mtpgo_training.reports.honesty.live_scores import calibration_effect_table
 from mtpgo_training.table_format import to_text
 
 
@@ -15,6 +16,6 @@ def test_both_calibrations_are_compared_on_the_same_predictions():
     effect = calibration_effect(runner, [braking_cars("01", tracks=4, seconds=8.0)])
     assert list(effect) == ["shipped", "online"]
     assert effect["shipped"]["anll"] != effect["online"]["anll"]
-    text = to_text(calibration_table(effect))
+    text = to_text(calibration_effect_table(effect))
     assert "moving, 5 s" in text
     assert len(text.splitlines()) == 3

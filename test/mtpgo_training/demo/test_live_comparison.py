@@ -7,6 +7,7 @@ import numpy as np
 from mtpgo_core.quality.quality_report import QUALITY_ROW, SCORES
 from mtpgo_training.demo.live_comparison import (
     compare_live,
+    difference_sentences,
     largest_difference_m,
     live_comparison_table,
 )
@@ -35,6 +36,23 @@ def test_rows_of_the_longest_window_are_paired():
     assert lines[3].split()[-2:] == ["-", "-"]
 
 
+def test_other_road_users_are_named():
+    def row(group, live, offline):
+        both = {"ade": 0.5, "fde": 0.7, "cv_ade": None}
+        sides = {"live": {"agents": live} | both, "offline": {"agents": offline} | both}
+        for values in sides.values():
+            values["predictions"] = 40
+        return {"group": group, "time_s": 3} | sides
+
+    same = row("vehicle_moving", 4, 4)
+    (sentence,) = difference_sentences([same])
+    assert sentence.endswith("0.000 mm at most, over the same road users and predictions.")
+    first, second = difference_sentences([same, row("two_wheeler_standing", 4, 3)])
+    assert first.endswith("over other road users and predictions.")
+    assert second == "Not the same road users or predictions: two wheeler standing at 3 s."
+
+
 def test_nothing_recorded_is_nothing_compared():
     assert compare_live(np.empty(0, dtype=QUALITY_ROW), []) == []
     assert largest_difference_m([]) is None
+    assert difference_sentences([]) == []

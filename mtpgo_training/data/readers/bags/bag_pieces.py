@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from rosbags.interfaces import Connection
@@ -47,6 +48,23 @@ _CONFIRMATIONS = 3
 node."""
 
 
+class _Message(NamedTuple):
+    """The content of a message, and its log time (ns)."""
+
+    states: TrackedStates
+    received_ns: int
+
+    def is_ahead(self, other: _Message) -> bool:
+        """Return whether its stamp runs ahead of another message's, by the log times."""
+        stamp_ns = self.states.stamp_ns - other.states.stamp_ns
+        return stamp_ns - (self.received_ns - other.received_ns) > _AHEAD_NS
+
+    @property
+    def is_from_the_future(self) -> bool:
+        """Whether its stamp is ahead of the recorder's clock."""
+        return self.states.stamp_ns - self.received_ns > _AHEAD_NS
+
+
 @dataclass
 class BagPiece:
     """Messages that follow each other without a break.
@@ -75,6 +93,8 @@ class PieceReader:
         reader: the bag.
         topic: the topic of the objects.
         options: where missing stamps come from, the class map and the ego.
+        taken: stamps (ns) of messages that the node has taken, whatever its clock was; known where
+            its predictions from them were recorded.
 
     Raises:
         RecordingError: the topic of the ego's odometry is not in the bag.
@@ -85,7 +105,11 @@ class PieceReader:
     """
 
     def __init__(
-        self, reader: DecodingBagReader, topic: ObjectsTopic, options: ReadingOptions
+        self,
+        reader: DecodingBagReader,
+        topic: ObjectsTopic,
+        options: ReadingOptions,
+        taken: Container[int] = (),
     ) -> None:
         self.remarks: list[str] = []
         self.rest: Counter[str] = Counter()
@@ -95,8 +119,9 @@ class PieceReader:
         self._where = f"{reader.path}, topic {topic.name}"
         self._poses = BagPoses(reader)
         self._guard = StreamGuard(HistoryConfig().keep_ns)
-        self._ahead = 0
-        self._clock: tuple[int, int] | None = None
+        self._taken = taken
+        self._ahead: list[_Message] = []
+        self._newest: _Message | None = None
         self._messages = 0
         self._problem = ""
         self._piece = BagPiece()
@@ -117,24 +142,27 @@ class PieceReader:
         for connection, received_ns, message in self._reader.messages(
             [*self._topic.connections, *others, *self._ego_connections]
         ):
-            done = None
+            done: list[BagPiece | None] = []
             if id(connection) in odometry:
                 self._add_odometry(message)
-                continue
-            if id(connection) in objects:
+            elif id(connection) in objects:
                 self._messages += 1
                 states = self._read(self._topic.adapter, message, received_ns)
                 if states is not None:
-                    done = self._add(states, received_ns)
+                    usable = self._usable(_Message(states, received_ns))
+                    done = [self._add(one) for one in usable]
                 self._piece.received_ns = received_ns
             else:
                 # Latched messages of the next piece come just before its first objects.
                 if _apart(self._piece.received_ns, received_ns):
-                    done = self._next_piece()
+                    done = [self._next_piece()]
                 self._note(connection, message)
-            if done is not None:
-                found += 1
-                yield done
+            for piece in done:
+                if piece is not None:
+                    found += 1
+                    yield piece
+        for _ in self._ahead:
+            self._count("future_stamp")
         if self._piece.states:
             found += 1
             yield self._piece
@@ -163,8 +191,6 @@ class PieceReader:
         if states.stamp_ns == 0:
             self._count("unstamped")
             return None
-        if self._is_from_the_future(states.stamp_ns, received_ns):
-            return None
         try:
             return self._with_ego(self._poses.lift(states))
         except FrameError as error:
@@ -189,12 +215,38 @@ class PieceReader:
             self._count("ego_missing", f"the ego is not known: {joined.problem}")
         return joined.states
 
-    def _add(self, states: TrackedStates, received_ns: int) -> BagPiece | None:
+    def _usable(self, new: _Message) -> list[_Message]:
+        """Return the messages to add now; none if a stamp ahead of the clock has to be confirmed.
+
+        The node's rule, with the recorder's clock: a single such stamp would make all later ones
+        look old, a stream that stays ahead has another clock. As the log times of many bags are
+        of another clock than the stamps, only what passed since the newest message is compared.
+        Where a stream leaps without being ahead of the recorder's clock, as between recordings
+        that are played one after the other, the node takes its first messages as well.
+        """
+        is_ahead = self._newest is not None and new.is_ahead(self._newest)
+        confirmed = len(self._ahead) + 1 == _CONFIRMATIONS or new.states.stamp_ns in self._taken
+        if is_ahead and not confirmed:
+            self._ahead.append(new)
+            return []
+        usable = []
+        for message in self._ahead:
+            if not is_ahead or message.is_from_the_future or message.is_ahead(new):
+                self._count("future_stamp")
+            else:
+                usable.append(message)
+        self._ahead = []
+        if is_ahead and new.is_from_the_future:
+            self._count("future_stamp")
+        return [*usable, new]
+
+    def _add(self, new: _Message) -> BagPiece | None:
         """Add a message to the current piece, or to the next one; return a piece that it ends."""
+        states = new.states
         newest_ns = self._guard.newest_ns
         status = self._guard.classify(states.stamp_ns, states.frame_id if len(states) else None)
         if states.stamp_ns == self._guard.newest_ns:
-            self._clock = (states.stamp_ns, received_ns)
+            self._newest = new
         counts, done = self._piece.counts, None
         if status is MessageStatus.UNEXPECTED_FRAME:
             counts["frame_changed"] += 1
@@ -232,23 +284,6 @@ class PieceReader:
                 raise RecordingError(f"{where}: {error}") from error
         else:
             self._piece.ego = str(getattr(message, "data", ""))
-
-    def _is_from_the_future(self, stamp_ns: int, received_ns: int) -> bool:
-        """Return whether to leave out a message because its stamp is ahead of the clock.
-
-        The node's rule, with the recorder's clock: a single such stamp would make all later ones
-        look old, a stream that stays ahead has another clock. As the log times of many bags are
-        of another clock than the stamps, only what passed since the newest message is compared.
-        """
-        before_stamp_ns, before_received_ns = self._clock or (stamp_ns, received_ns)
-        ahead_ns = (stamp_ns - before_stamp_ns) - (received_ns - before_received_ns)
-        if ahead_ns > _AHEAD_NS:
-            self._count("future_stamp")
-            self._ahead += 1
-            if self._ahead < _CONFIRMATIONS:
-                return True
-        self._ahead = 0
-        return False
 
     def _count(self, name: str, problem: str = "") -> None:
         self._piece.counts[name] += 1

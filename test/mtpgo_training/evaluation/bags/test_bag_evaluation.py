@@ -6,12 +6,18 @@ import dataclasses
 import json
 import shutil
 
+import numpy as np
 import pytest
 
+from msg_adapters.bags.bag_reader import DecodingBagReader
+from msg_adapters.bags.mcap_writer import McapWriter
+from msg_adapters.predictions import prediction_from_pointcloud2, prediction_to_pointcloud2
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.schema import CalibrationStage
 from mtpgo_training.cli import main
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.evaluation.bags.bag_evaluation import evaluate_bags, observed_recordings
+from mtpgo_training.evaluation.summary import effect_of_bags
 
 
 def scores(result, name):
@@ -32,8 +38,36 @@ def test_online_and_offline_agree_to_a_millimetre(bag, recording, runner, from_b
     assert len(agreement.differences_m) >= online["n"]
     assert max(agreement.differences_m) < 1e-3
     assert "road user" in agreement.text("online", "default")
+    assert list(result.published["online"]) == ["shipped"]
+    assert effect_of_bags(result, result.evaluation.scores.averages()) == {}
     # The baselines are scored once.
     assert result.evaluation.scores.averages()["cv"]["all"]["n"] == online["n"]
+
+
+def test_bags_with_the_online_calibration_show_what_it_changes(bag, runner, tmp_path):
+    corrected = tmp_path / "corrected"
+    with DecodingBagReader(bag) as reader, McapWriter(corrected) as out:
+        for connection in reader.connections:
+            out.add_topic(connection.topic, connection.msgtype)
+        for connection, received_ns, message in reader.messages(reader.connections):
+            if received_ns > reader.start_ns + 4 * 10**9:
+                break
+            if connection.topic.endswith("predictions"):
+                one = prediction_from_pointcloud2(message)
+                stage = np.full(len(one), CalibrationStage.ONLINE, dtype=np.uint8)
+                one = dataclasses.replace(one, calibration=stage)
+                message = prediction_to_pointcloud2(one, out.types)
+            out.write(connection.topic, received_ns, message)
+    result = evaluate_bags([corrected], observed_recordings([corrected]), {"default": runner})
+    assert list(result.published["corrected"]) == ["online"]
+    averages = result.evaluation.scores.averages()
+    effect = effect_of_bags(result, averages)
+    assert list(effect) == ["default, shipped", "default, online"]
+    shipped, online = effect.values()
+    assert shipped == averages["default"]["all"]
+    assert online["ade"] == pytest.approx(shipped["ade"])
+    assert online["anll"] != shipped["anll"]
+    assert online["n"] == shipped["n"] > 100
 
 
 def test_a_played_recording_that_is_not_given_is_a_warning(bag, recording):

@@ -10,6 +10,7 @@ from recorded_bags import play
 
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.mcap_writer import McapWriter
+from msg_adapters.predictions import predictions_in_bag
 from mtpgo_core.quality import metrics
 from mtpgo_core.quality.quality_report import SCORES, WINDOWS_S
 from mtpgo_core.task.calibration import GROUPS, calibration_groups
@@ -104,6 +105,59 @@ def test_odd_messages_are_left_out_as_the_node_does(bag, tmp_path):
     found = replayed_quality(odd, predictions, HistoryConfig())
     np.testing.assert_array_equal(found.predictions, expected.predictions)
     np.testing.assert_allclose(found.scores, expected.scores)
+
+
+def scores_of_two(bag, path, *, leap_s, log_s):
+    """Live scores where a bag is played twice, its second stamps and log times so much later."""
+    clock_s = 10**6  # by the recorder's clock the stamps are of the past
+    with DecodingBagReader(bag) as reader, McapWriter(path) as out:
+        for connection in reader.connections:
+            out.add_topic(connection.topic, connection.msgtype)
+        for add_s, later_s in ((0, clock_s), (leap_s, clock_s + log_s)):
+            for connection, received_ns, message in reader.messages(reader.connections):
+                stamp = message.header.stamp
+                message.header.stamp = dataclasses.replace(stamp, sec=stamp.sec + add_s)
+                out.write(connection.topic, received_ns + later_s * 10**9, message)
+    return replayed_quality(path, list(predictions_in_bag(path)), HistoryConfig())
+
+
+def test_stamps_that_leap_between_two_recordings_cost_nothing(bag, tmp_path):
+    """The demo plays the second one after a few seconds, with stamps of a minute later."""
+    steady = scores_of_two(bag, tmp_path / "steady", leap_s=68, log_s=68)
+    found = scores_of_two(bag, tmp_path / "leaps", leap_s=68, log_s=11)
+    once = replayed_quality(bag, read_predictions(bag), HistoryConfig())
+    np.testing.assert_array_equal(found.predictions[-1], 2 * once.predictions[-1])
+    np.testing.assert_array_equal(found.agents[-1], 2 * once.agents[-1])
+    np.testing.assert_array_equal(found.scores, steady.scores)
+
+
+def test_a_bag_played_again_with_the_same_stamps_counts_twice(bag, tmp_path):
+    once = replayed_quality(bag, read_predictions(bag), HistoryConfig())
+    found = scores_of_two(bag, tmp_path / "loop", leap_s=0, log_s=11)
+    np.testing.assert_array_equal(found.predictions[-1], 2 * once.predictions[-1])
+    np.testing.assert_array_equal(found.agents[-1], 2 * once.agents[-1])
+    np.testing.assert_allclose(found.scores[-1], once.scores[-1], rtol=1e-9)
+
+
+def test_an_observation_that_was_predicted_from_was_taken_whatever_its_stamp(bag, tmp_path):
+    """The node, whose clock is days ahead of the stamps, takes one that leaps, and starts anew."""
+    odd, leaps_ns = tmp_path / "odd", read_predictions(bag)[20].stamp_ns
+    with DecodingBagReader(bag) as reader, McapWriter(odd) as out:
+        for connection in reader.connections:
+            out.add_topic(connection.topic, connection.msgtype)
+        for connection, received_ns, message in reader.messages(reader.connections):
+            if received_ns == leaps_ns:  # an observation and its prediction
+                stamp = message.header.stamp
+                message.header.stamp = dataclasses.replace(stamp, sec=stamp.sec + 100)
+            out.write(connection.topic, received_ns + 10**15, message)
+    predictions = list(predictions_in_bag(odd))
+    taken = replayed_quality(odd, predictions, HistoryConfig())
+    left_out = replayed_quality(odd, predictions[:20] + predictions[21:], HistoryConfig())
+    moving, second = GROUPS.index("vehicle_moving"), metrics.TIMES_S.index(1)
+    # What was predicted in the second before it is never known.
+    counts = [report.predictions[-1, moving, second] for report in (left_out, taken)]
+    assert counts[0] - counts[1] == 8 * 5
+    assert taken.agents[-1, moving, second] == 2 * 8
 
 
 def test_a_bag_without_observations_has_no_live_scores(recording, runner, tmp_path):

@@ -1,8 +1,12 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The table of the node's scores."""
+"""The tables of the node's scores, and of what its calibration changed."""
 
-from mtpgo_training.reports.honesty.live_scores import live_table
+from mtpgo_training.reports.honesty.live_scores import (
+    calibration_effect_table,
+    live_table,
+    live_tables,
+)
 from mtpgo_training.table_format import to_text
 
 
@@ -21,3 +25,16 @@ def test_the_longest_window_is_shown():
     assert name == "two wheeler moving"
     expected = "12 300 0.625 0.750 1.000 0.100 1.500 0.400 -"
     assert " ".join(scores.split()) == expected
+
+
+def test_the_report_has_the_scores_of_each_bag_and_what_the_calibration_changed():
+    effect = {"m, shipped": {"coverage_90": 0.7}, "m, online": {"coverage_90": 0.9}}
+    content = {"live": {"bag": [row(1800)]}, "calibration_effect": effect}
+    tables = live_tables(content)
+    assert [table.heading for table in tables] == [
+        "Live scores: bag",
+        "What the online calibration changes",
+    ]
+    assert to_text(tables[1]).splitlines()[2].split()[:4] == ["m,", "online", "-", "0.90"]
+    assert live_tables({}) == []
+    assert calibration_effect_table({"m, shipped": {}}) is None

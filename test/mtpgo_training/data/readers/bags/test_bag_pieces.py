@@ -111,6 +111,32 @@ def test_a_single_stamp_from_the_future_is_dropped(tmp_path):
     assert (len(recording), recording.counts) == (297, {"future_stamp": 1})
 
 
+def leaping(log_offset_s):
+    """Ten seconds, and after two more by the recorder's clock those of another minute."""
+    later = [(log_s - 58.0, states) for log_s, states in steady(10.0, start=70.0)]
+    return [(log_offset_s + log_s, states) for log_s, states in steady(10.0) + later]
+
+
+def test_a_stream_that_leaps_behind_the_recorders_clock_loses_nothing(tmp_path):
+    first, second = read(tmp_path, leaping(1e6))
+    assert (len(first), len(second)) == (300, 300)
+    assert total([first, second]) == {}
+
+
+def test_a_stream_that_leaps_ahead_of_the_recorders_clock_is_accepted_as_by_the_node(tmp_path):
+    first, second = read(tmp_path, leaping(0.0))
+    assert (len(first), len(second)) == (300, 300 - 2 * 3)
+    assert total([first, second]) == {"future_stamp": 3}
+
+
+def test_a_stamp_from_the_future_before_a_leap_and_at_the_end_is_dropped(tmp_path):
+    messages = leaping(1e6)
+    odd = [(1e6 + log_s, states_at(5000.0)) for log_s in (11.9, 22.0)]
+    first, second = read(tmp_path, messages + odd)
+    assert (len(first), len(second)) == (300, 300)
+    assert total([first, second]) == {"future_stamp": 2}
+
+
 def test_log_times_of_another_clock_or_rate_change_nothing(tmp_path):
     drifting = [(-1e6 + 0.9 * log_s, states) for log_s, states in steady(60.0)]
     (recording,) = read(tmp_path, drifting)
