@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import tempfile
@@ -89,3 +90,28 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Hold an existing folder that one process at a time may write to.
+
+    The lock leaves no file behind and ends with the process, whatever ends it. On a file system
+    without locks nothing is held.
+
+    Raises:
+        ConfigurationError: another process holds the folder.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ConfigurationError(
+                f"{folder} is being written by another process, expected one at a time"
+            ) from None
+        except OSError:  # no locks here, as on some network drives
+            pass
+        yield
+    finally:
+        os.close(descriptor)

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from mtpgo_core.errors import MtpgoError
+from mtpgo_training.atomic_files import only_writer
 
 # This module loads no torch: a new process is ready to be interrupted as soon as it has loaded it.
 if TYPE_CHECKING:
@@ -161,7 +162,8 @@ def _fold_process(job: bytes, folder: Path, sender: Connection) -> None:
     try:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         sender.send("ready")
-        outcome = pickle.loads(job).run()
+        with only_writer(folder):
+            outcome = pickle.loads(job).run()
     except KeyboardInterrupt:
         outcome = False
     except MtpgoError as error:

@@ -15,7 +15,7 @@ import os
 import time
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import torch
@@ -28,6 +28,7 @@ from torch_geometric.loader import DataLoader
 from tqdm import tqdm
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import only_writer
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.scenes.scene_dataset import dense
@@ -192,7 +193,8 @@ def train(
         with _quiet():
             fabric.launch()
         prepare_process(_threads(config))  # launching several processes sets torch's threads
-        with Interruption() as interruption:
+        held = only_writer(folder.path) if run.is_global_zero else nullcontext()
+        with held, Interruption() as interruption:
             _fit(
                 fabric,
                 run,

@@ -5,7 +5,13 @@
 import pytest
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import new_folder, replacing, require_writable, write_text
+from mtpgo_training.atomic_files import (
+    new_folder,
+    only_writer,
+    replacing,
+    require_writable,
+    write_text,
+)
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path):
@@ -53,3 +59,11 @@ def test_a_folder_appears_with_all_of_its_files_or_not_at_all(tmp_path):
     with refused, new_folder(path) as temporary:
         write_text(temporary / "b", "x")
     assert [p.name for p in path.parent.iterdir()] == ["run"]
+
+
+def test_a_folder_has_one_writer_at_a_time(tmp_path):
+    refused = pytest.raises(ConfigurationError, match="is being written by another process")
+    with only_writer(tmp_path), refused, only_writer(tmp_path):
+        pass
+    with only_writer(tmp_path):
+        assert list(tmp_path.iterdir()) == []

@@ -7,6 +7,7 @@ import signal
 import pytest
 from light_job import LightJob
 
+from mtpgo_training.atomic_files import only_writer
 from mtpgo_training.crossval.fold_processes import run_folds
 
 
@@ -65,6 +66,17 @@ def test_a_failure_is_told_and_the_others_go_on(tmp_path, how, sentence):
     log = tmp_path / "a" / "fold.log"
     assert told[1:] == [f"a failed: {sentence.format(log=log)}", "b started", "b finished"]
     assert ("ZeroDivisionError: a defect" in log.read_text()) == (how == "defect")
+
+
+def test_a_folder_of_another_process_is_left_alone(tmp_path):
+    (tmp_path / "a").mkdir()
+    with only_writer(tmp_path / "a"):
+        told = Told().run([LightJob(tmp_path / "a"), LightJob(tmp_path / "b")])
+    assert told[1] == (
+        f"a failed: {tmp_path / 'a'} is being written by another process, expected one at a time"
+    )
+    assert told[-1] == "b finished"
+    assert (tmp_path / "a" / "fold.log").read_text() == ""
 
 
 def test_a_request_ends_what_runs_and_what_waits(tmp_path):
