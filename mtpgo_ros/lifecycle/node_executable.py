@@ -50,6 +50,7 @@ def run_executable(
         return 0
     import rclpy
 
+    from mtpgo_ros.runtime.dds_transport import avoid_shared_memory
     from mtpgo_ros.runtime.ros_start import own_arguments, start
 
     status, node = 0, None
@@ -57,6 +58,7 @@ def run_executable(
     try:
         if parser().parse_args(own_arguments(arguments)).end_with_parent:
             end_with_parent()
+        avoid_shared_memory(rclpy.get_rmw_implementation_identifier())
         start(arguments)
         from mtpgo_ros.lifecycle.lifecycle_run import run_lifecycle
 
