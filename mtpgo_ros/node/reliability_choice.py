@@ -19,7 +19,7 @@ _FIRST_SILENCE_S = 3.0
 
 _LARGE_BYTES = 200_000
 """Messages above this size are kept reliable (bytes); chosen: with best effort 380 kB arrived
-every time, and 2 MB never (measured)."""
+every time, and 2 MB never (measured in shared memory; by UDP what the socket's buffer holds)."""
 
 _LOST = 5
 """Lost messages after which it is reliable; chosen: one is no reason to subscribe anew."""
