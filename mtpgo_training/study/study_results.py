@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The results of a study as plain data: means over seeds with intervals, gaps, the ranking."""
+"""The results of a study as plain data: means over seeds with intervals, gaps, the rankings."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ def results(
     """Return what is known by now.
 
     ``rows``: for each row its ``name``, ``title``, ``seeds`` that are done, ``values`` by column
-    (``mean``, ``low``, ``high``, ``seeds``), ``cv`` (constant velocity in the first
-    column, for the same road users), ``kernels`` (the same by kernel density estimates),
-    ``paper`` by column, ``gap`` (why it is not complete, None if it is), and the ``training`` of
-    each seed. ``ranking``: rows by their first column, ADE.
+    (``mean``, ``low``, ``high``, ``seeds``), ``cv`` by column (constant velocity for the same
+    road users), ``kernels`` (the same by kernel density estimates), ``paper`` by column, ``gap``
+    (why it is not complete, None if it is), and the ``training`` of each seed. ``rankings``: of
+    each column of ADE, the rows from the smallest on. With classes each has its own, since a row
+    may be the best for one class and worse than constant velocity for another.
 
     Args:
         study: which one.
@@ -66,7 +67,9 @@ def results(
                 "trained": row.is_trained,
                 "seeds": [one["seed"] for one in own] if row.is_trained else [],
                 "values": {key: _mean(own, series, key) for key in study.columns},
-                "cv": _mean(own, "cv", study.columns[0]) if row.is_trained else None,
+                "cv": {key: _mean(own, "cv", key) for key in study.columns}
+                if row.is_trained
+                else {},
                 "kernels": {key: _mean(own, series, f"{key}_kde") for key in ("anll", "fnll")}
                 if row.is_trained
                 else {},
@@ -87,7 +90,7 @@ def results(
         "data_set": data_set,
         "columns": list(study.columns),
         "rows": found,
-        "ranking": ranking(found, study.columns[0]),
+        "rankings": {key: ranking(found, key) for key in study.columns if _is_ade(key)},
     }
 
 
@@ -98,6 +101,10 @@ def _gap(
     if row.name in refused:
         return refused[row.name]
     return missing_text({seed: folder.run(row.name, seed) for seed in seeds})
+
+
+def _is_ade(column: str) -> bool:
+    return column.rpartition(".")[2] == "ade"
 
 
 def _value(scores: Json, series: str, key: str) -> float | None:
@@ -143,13 +150,14 @@ def ranking(rows: Sequence[Json], column: str) -> list[Json]:
         apart = None
         if before is not None and None not in (before["high"], value["low"]):
             apart = bool(value["low"] > before["high"])
-        beats = None if row["cv"] is None else value["mean"] < row["cv"]["mean"]
+        cv = row["cv"].get(column)
+        beats = None if cv is None else value["mean"] < cv["mean"]
         found.append(
             {
                 "name": row["name"],
                 "title": row["title"],
                 "value": value,
-                "cv": row["cv"],
+                "cv": cv,
                 "apart": apart,
                 "beats_cv": beats,
             }

@@ -14,6 +14,7 @@ from mtpgo_training.study.output.study_tables import (
     kernel_table,
     main_table,
     ranking_table,
+    title_of,
     to_csv,
     to_latex,
     training_table,
@@ -47,7 +48,9 @@ def sections(content: Json) -> list[Table]:
     kernels = kernel_table(content)
     if kernels is not None:
         found.append(("Likelihoods by kernel density estimates", KERNEL_REMARK, kernels))
-    found.append(("Ranking", "By the mean, with its interval.", ranking_table(content)))
+    for column in content["rankings"]:
+        title = f"Ranking: {title_of(column)}"
+        found.append((title, "By the mean, with its interval.", ranking_table(content, column)))
     found.append(("Trainings", "Means over the seeds.", training_table(content)))
     return [Table(t.heads, t.rows, head, text) for head, text, t in found if t.rows]
 

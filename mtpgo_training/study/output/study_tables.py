@@ -99,11 +99,10 @@ def kernel_table(content: Json) -> Table | None:
     return Table(["", *analytic, *KERNEL_TITLES.values()], rows)
 
 
-def ranking_table(content: Json) -> Table:
-    """Return the rows by rank, with their intervals."""
-    title = title_of(content["columns"][0])
+def ranking_table(content: Json, column: str) -> Table:
+    """Return the rows by rank in a column, with their intervals."""
     rows = []
-    for rank, row in enumerate(content["ranking"], 1):
+    for rank, row in enumerate(content["rankings"][column], 1):
         beats = {True: "yes", False: "no", None: MISSING}[row["beats_cv"]]
         apart = {True: "yes", False: "no", None: MISSING}[row["apart"]]
         cells: list[Cell | str] = [
@@ -113,7 +112,7 @@ def ranking_table(content: Json) -> Table:
             beats,
         ]
         rows.append(Row(f"{rank}. {row['title']}", cells))
-    heads = ["", title, "interval apart from the row above", "CV", "better than CV"]
+    heads = ["", title_of(column), "interval apart from the row above", "CV", "better than CV"]
     return Table(heads, rows)
 
 

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.study.output.study_output import write_results
+from mtpgo_training.study.output.study_output import sections, write_results
 from mtpgo_training.study.output.study_tables import (
     gaps,
     main_table,
@@ -74,7 +74,7 @@ def test_gaps_are_named(content):
 
 
 def test_ranking_says_who_is_worse_than_constant_velocity(content):
-    assert [(row["name"], row["beats_cv"]) for row in content["ranking"]] == [
+    assert [(row["name"], row["beats_cv"]) for row in content["rankings"]["ade"]] == [
         ("mtp-go1", True),
         ("cv", None),
         ("seq2seq", False),
@@ -87,9 +87,11 @@ def test_studies_without_a_row_of_constant_velocity_tell_it_as_well(tmp_path):
     write_scores(folder, "2", 1, 2.5, cv=2.25)
     study, rows = rows_of(STUDIES["ablation"], "1", "2")
     content = results(study, "highd", folder, rows, [1], {})
-    found = [(row["name"], row["cv"]["mean"], row["beats_cv"]) for row in content["ranking"]]
+    found = [
+        (row["name"], row["cv"]["mean"], row["beats_cv"]) for row in content["rankings"]["ade"]
+    ]
     assert found == [("1", 2.0, True), ("2", 2.25, False)]
-    assert [str(row.cells[2]) for row in ranking_table(content).rows] == ["2.000", "2.250"]
+    assert [str(row.cells[2]) for row in ranking_table(content, "ade").rows] == ["2.000", "2.250"]
 
 
 def test_latex_and_csv_have_ours_and_the_papers(content):
@@ -103,7 +105,10 @@ def test_latex_and_csv_have_ours_and_the_papers(content):
 
 def test_classes_have_columns_of_their_own(tmp_path):
     folder = StudyFolder(tmp_path)
-    by_class = {"model": {"bicycle": {"ade": 1.5}}}
+    by_class = {
+        "model": {"bicycle": {"ade": 1.5}, "car": {"ade": 1.0}},
+        "cv": {"bicycle": {"ade": 1.4}, "car": {"ade": 2.0}},
+    }
     scores = {"row": "mtp-go1", "seed": 1, "training": TRAINING, "values": {}}
     path = folder.run("mtp-go1", 1).scores
     write_text(path, json.dumps({**scores, "by_class": by_class}))
@@ -114,3 +119,9 @@ def test_classes_have_columns_of_their_own(tmp_path):
     assert row["paper"]["bicycle.fde"]["value"] == 3.38
     write_results(tmp_path, content)
     assert "bicycles ADE m" in (tmp_path / "result.md").read_text(encoding="utf-8")
+    better = {key: [one["beats_cv"] for one in rank] for key, rank in content["rankings"].items()}
+    assert better == {"pedestrian.ade": [], "bicycle.ade": [False], "car.ade": [True]}
+    assert [table.heading for table in sections(content) if "Ranking" in table.heading] == [
+        "Ranking: bicycles ADE m",
+        "Ranking: cars ADE m",
+    ]
