@@ -78,8 +78,8 @@ def with_lane_ways(
 ) -> Float32Array:
     """Return trail features in which lanes stand for what is not known of the trails.
 
-    An agent without any trail gets the way of its lane as its one branch. Where the heaviest branch
-    that runs along the lane ends before the lane's way does, it goes on beside that.
+    An agent without any trail gets the way of its lane as its one branch. Where the heaviest
+    branch that runs along the lane ends before the lane's way does, it goes on beside that.
 
     Args:
         features: [n, R, H, 3], see

@@ -140,11 +140,14 @@ def lane_sources(recording, folder):
 @pytest.mark.parametrize("context", ["road", "lane_ways"])
 def test_lanes_of_a_recording_give_what_a_lane_file_and_markers_give_the_node(context, tmp_path):
     plain = two_lanes()
+    plain = plain.select_rows(plain.frame < 25)
     x = np.linspace(-20.0, 300.0, 200)
     bent = tuple(np.stack([x, y + 3.0 * np.sin(0.02 * x)], axis=1) for y in (-2.0, 2.0, 6.0))
     recording, sources = lane_sources(dataclasses.replace(plain, lanes=bent), tmp_path)
     scene = scene_of(context)
-    prepared = prepare(recording, HISTORY, scene, DATA, training=False)
+    # Trails are those of the node if it gets an observation at each step of the grid.
+    data = dataclasses.replace(DATA, validation_stride_s=HISTORY.dt_s)
+    prepared = prepare(recording, HISTORY, scene, data, training=False)
     used = 0
     for lanes in sources.values():
         scenes = iter(validation_scenes([prepared], HISTORY, scene, H))

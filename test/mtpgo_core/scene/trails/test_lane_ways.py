@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ways on along lanes, and how they stand for trails that are not known."""
 
+import itertools
+
 import numpy as np
 import pytest
 from trail_lines import DT_S, along, bend, drive, window_at
@@ -25,7 +27,7 @@ def lanes_along(*lines, pieces=1):
         for side in (0.5 * WIDTH_M, -0.5 * WIDTH_M):
             edge = beside(np.asarray(line, float), side)
             cuts = np.unique(np.linspace(0, len(edge) - 1, pieces + 1).round().astype(int))
-            edges += [edge[a : b + 1] for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+            edges += [edge[a : b + 1] for a, b in itertools.pairwise(cuts)]
     return LaneMap(edges)
 
 
@@ -85,10 +87,9 @@ def test_outside_of_lanes_across_or_against_them_there_is_no_way(position, headi
 def test_ways_are_in_the_frame_of_the_agents():
     lanes, pose = lanes_along(bend(1)), Pose2(30.0, -7.0, 0.8)
     expected, reach, _ = way(lanes)
-    position = rotate(np.array([0.0, 0.0]) - (30.0, -7.0), -0.8)
-    given, same, _ = way(lanes.seen_from(pose), position, -0.8)
+    given, same, _ = way(lanes.seen_from(pose), pose.inverse_point(np.zeros(2)), -0.8)
     assert same == reach
-    np.testing.assert_allclose(rotate(given, 0.8) + (30.0, -7.0), expected, atol=1e-9)
+    np.testing.assert_allclose(pose.point(given), expected, atol=1e-9)
 
 
 def features(memory, lanes, *, speed=8.0, kind=AgentClass.CAR, course=0.0):
