@@ -136,7 +136,7 @@ def train(
     horizon = model.config.horizon_steps
     splits = split(recordings, config.data, config.seed, window_s(config.history, horizon))
     run = TrainingRun(model, config)
-    initial = init_from and load_checkpoint(init_from)
+    initial = load_checkpoint(init_from) if init_from else None
     checkpoint: Checkpoint | None = None
     if resume:
         folder.check_same(config, splits.describe())

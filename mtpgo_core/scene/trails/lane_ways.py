@@ -74,7 +74,7 @@ def lane_ways(
 
 
 def with_lane_ways(
-    features: Float32Array, ahead: Float32Array, left: Float32Array, distance: Float64Array
+    features: Float32Array, ahead: Float64Array, left: Float64Array, distance: Float64Array
 ) -> Float32Array:
     """Return trail features in which lanes stand for what is not known of the trails.
 
