@@ -187,7 +187,7 @@ class LaneMap:
 
     def _sides(self, point: Float64Array, yaw: Float64Array) -> Float64Array:
         """Return [3, p] the fields of :class:`LaneSides` for points that are all known."""
-        offsets, turns = self._offsets(point, yaw)
+        offsets, turns = self._offsets(point, yaw, self._max_width_m)
         rows = np.arange(point.shape[0])
         to_left = np.where(offsets >= 0.0, offsets, np.inf)
         to_right = np.where(offsets < 0.0, offsets, -np.inf)
@@ -201,20 +201,25 @@ class LaneMap:
         return np.stack([left, right, turn])
 
     def _offsets(
-        self, point: Float64Array, yaw: Float64Array
+        self, point: Float64Array, yaw: Float64Array, reach_m: float = _REACH_M
     ) -> tuple[Float64Array, Float64Array]:
         """Return [p, k] the lateral offsets of the segments beside each point (m), and turns.
 
         Offsets are positive to the left, inf where there are fewer; turns are the segments'
         directions relative to the heading (rad), 0 there. A joint of two segments counts once.
         There are at least two columns of inf, which spare the caller empty arrays.
+
+        Args:
+            point: [p, 2] (m).
+            yaw: [p] headings (rad).
+            reach_m: a grid finds the segments as far as this to either side (m).
         """
         forward = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
         if self._grid is None:
             who, segment = np.divmod(np.arange(len(point) * len(self)), len(self))
         else:
             sideways = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
-            who, segment = self._grid.beside(point, sideways, _REACH_M)
+            who, segment = self._grid.beside(point, sideways, reach_m)
         to_start, along = self._start[segment] - point[who], self._along[segment]
         cos, sin = forward[who, 0], forward[who, 1]
         ahead = to_start[:, 0] * cos + to_start[:, 1] * sin
