@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import AgentClass, Source
 from mtpgo_core.task.model_file import find_checkpoint, find_model, load_task, model_card
 from mtpgo_training.calibration.calibration_text import moving_coverage
@@ -35,8 +36,9 @@ def motorway() -> Recording:
     return recording
 
 
-def test_one_model_is_shipped_with_its_checkpoint_and_recipe():
-    assert SHIPPED == ["default"]
+def test_the_default_is_shipped_with_its_checkpoint_and_a_model_that_uses_lanes():
+    assert SHIPPED == ["default", "road"]
+    assert [name for name in SHIPPED if load_task(find_model(name)).scene.uses_lanes] == ["road"]
     assert CHECKPOINTS == ["default"]
     assert [path.stem for path in RECIPES] == ["default", "own_recordings", "road"]
 
@@ -93,7 +95,9 @@ def test_a_model_matches_its_recipe(name: str):
         found = {
             f"{r['source']}/{r['name']}" for r in task.training["recordings"] if r["split"] == use
         }
-        assert found == set(getattr(config.data, use))
+        # The file of a model that starts from another one's weights names those recordings, too.
+        own = set(getattr(config.data, use))
+        assert found == own if name == "default" else found > own
 
 
 def test_the_default_beats_kinematic_baselines_on_the_shipped_recording(motorway: Recording):
@@ -108,6 +112,21 @@ def test_the_default_beats_kinematic_baselines_on_the_shipped_recording(motorway
     assert scores["default"]["ade"] < best_baseline
     assert 0.8 < scores["default"]["coverage_90"] <= 1.0
     assert np.isfinite(scores["default"]["anll"])
+
+
+def test_road_uses_its_lanes_and_runs_without(motorway: Recording):
+    runner = ModelRunner.load(find_model("road"))
+    instant = motorway.stamp_ns(50)  # after 2 s, when hardly a trail is known
+    (window,) = replay(motorway, runner.task.history, [instant])
+    given = {}
+    for name, lanes in (("lanes", motorway.lanes), ("none", ())):
+        predictor = make_predictor(runner, motorway)
+        predictor.lanes = LaneMap(lanes)
+        given[name] = predictor.predict(window)
+        assert (given[name].source == Source.MODEL).sum() >= 5
+        assert np.isfinite(given[name].mean).all()
+    moved = given["lanes"].mean[..., :2] - given["none"].mean[..., :2]
+    assert np.linalg.norm(moved, axis=-1).max() > 0.1
 
 
 @pytest.mark.parametrize("other", [AgentClass.PEDESTRIAN, AgentClass.UNKNOWN])

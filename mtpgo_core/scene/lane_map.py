@@ -13,14 +13,15 @@ paper's formula.
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.frames import Pose2
 from mtpgo_core.scene.segment_grid import SegmentGrid
-from mtpgo_core.schema import Float64Array
+from mtpgo_core.schema import Float64Array, IndexArray
 
 _POINTS_AT_ONCE = 500_000
 """Most pairs of agent and segment per pass, which limits the memory to some 100 MB; chosen."""
@@ -36,6 +37,20 @@ fast."""
 _REACH_M = 40.0
 """A road reaches at most this far to either side of an agent where a grid finds its lines (m);
 chosen: eleven lanes."""
+
+
+class LaneSides(NamedTuple):
+    """The lane around each of p points; NaN where there is none.
+
+    Attributes:
+        left_m: [p] lateral distance to the lane's left line, at right angles to the heading (m).
+        right_m: [p] the same to its right line, negative (m).
+        turn_rad: [p] direction of the lane relative to the heading, counter-clockwise (rad).
+    """
+
+    left_m: Float64Array
+    right_m: Float64Array
+    turn_rad: Float64Array
 
 
 class LaneMap:
@@ -93,17 +108,41 @@ class LaneMap:
             position: [..., 2] in the fixed frame (m).
             yaw: [...] headings (rad); NaN gives NaN.
         """
-        points, headings = position.reshape(-1, 2), yaw.reshape(-1)
-        if self._pose is not None:
-            points, headings = self._pose.point(points), headings + self._pose.yaw
+        points, headings = self._placed(position.reshape(-1, 2), yaw.reshape(-1))
         result = np.full((points.shape[0], 2), np.nan)
-        known = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(headings))
-        if len(self) > 0:
-            step = max(1, _POINTS_AT_ONCE // min(len(self), _SMALL if self._grid else len(self)))
-            for begin in range(0, known.shape[0], step):
-                some = known[begin : begin + step]
-                result[some] = self._positions(points[some], headings[some])
+        for some in self._blocks(points, headings):
+            result[some] = self._positions(points[some], headings[some])
         return result.reshape(position.shape)
+
+    def sides(self, position: Float64Array, yaw: Float64Array) -> LaneSides:
+        """Return the lane that each point is in.
+
+        Args:
+            position: [p, 2] in the fixed frame (m).
+            yaw: [p] headings (rad); NaN gives NaN.
+        """
+        points, headings = self._placed(position, yaw)
+        result = np.full((3, points.shape[0]), np.nan)
+        for some in self._blocks(points, headings):
+            result[:, some] = self._sides(points[some], headings[some])
+        return LaneSides(*result)
+
+    def _placed(
+        self, position: Float64Array, yaw: Float64Array
+    ) -> tuple[Float64Array, Float64Array]:
+        """Return positions and headings in the frame of the lines."""
+        if self._pose is None:
+            return position, yaw
+        return self._pose.point(position), yaw + self._pose.yaw
+
+    def _blocks(self, points: Float64Array, headings: Float64Array) -> Iterator[IndexArray]:
+        """Yield the indices of the known points, so many at once as the memory allows."""
+        if not len(self):
+            return
+        known = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(headings))
+        step = max(1, _POINTS_AT_ONCE // min(len(self), _SMALL if self._grid else len(self)))
+        for begin in range(0, known.shape[0], step):
+            yield known[begin : begin + step]
 
     def distance_m(self, position: Float64Array) -> float:
         """Return about how far the nearest of [p, 2] points is from a line (m), inf without both.
@@ -124,7 +163,8 @@ class LaneMap:
 
     def _positions(self, point: Float64Array, yaw: Float64Array) -> Float64Array:
         """Return [p, 2] d_l and d_r of points that are all known."""
-        left = np.sort(self._offsets(point, yaw), axis=1)  # rightmost line first, inf: no line
+        offsets, _ = self._offsets(point, yaw)
+        left = np.sort(offsets, axis=1)  # rightmost line first, inf: no line
         beyond = (left >= 0.0) & np.isfinite(left)
         first_left = np.argmax(beyond, axis=1)
         inside = beyond.any(axis=1) & (first_left > 0)
@@ -145,18 +185,41 @@ class LaneMap:
         both = np.clip(np.stack([lane, road], axis=1), -1.0, 1.0)
         return np.where(inside[:, None], both, np.nan)
 
-    def _offsets(self, point: Float64Array, yaw: Float64Array) -> Float64Array:
-        """Return [p, k] the lateral offsets of the segments beside each point (m).
+    def _sides(self, point: Float64Array, yaw: Float64Array) -> Float64Array:
+        """Return [3, p] the fields of :class:`LaneSides` for points that are all known."""
+        offsets, turns = self._offsets(point, yaw, self._max_width_m)
+        rows = np.arange(point.shape[0])
+        to_left = np.where(offsets >= 0.0, offsets, np.inf)
+        to_right = np.where(offsets < 0.0, offsets, -np.inf)
+        at_left, at_right = to_left.argmin(axis=1), to_right.argmax(axis=1)
+        left, right = to_left[rows, at_left], to_right[rows, at_right]
+        inside = np.isfinite(left) & np.isfinite(right)
+        inside &= np.where(inside, left, 0.0) - np.where(inside, right, 0.0) <= self._max_width_m
+        left, right = np.where(inside, left, np.nan), np.where(inside, right, np.nan)
+        share = left / (left - right)  # 0 on the left line, 1 on the right one
+        turn = (1.0 - share) * turns[rows, at_left] + share * turns[rows, at_right]
+        return np.stack([left, right, turn])
 
-        Positive to the left, inf where there are fewer. A joint of two segments counts once. There
-        are at least two columns of inf, which spare the caller empty arrays.
+    def _offsets(
+        self, point: Float64Array, yaw: Float64Array, reach_m: float = _REACH_M
+    ) -> tuple[Float64Array, Float64Array]:
+        """Return [p, k] the lateral offsets of the segments beside each point (m), and turns.
+
+        Offsets are positive to the left, inf where there are fewer; turns are the segments'
+        directions relative to the heading (rad), 0 there. A joint of two segments counts once.
+        There are at least two columns of inf, which spare the caller empty arrays.
+
+        Args:
+            point: [p, 2] (m).
+            yaw: [p] headings (rad).
+            reach_m: a grid finds the segments as far as this to either side (m).
         """
         forward = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
         if self._grid is None:
             who, segment = np.divmod(np.arange(len(point) * len(self)), len(self))
         else:
             sideways = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
-            who, segment = self._grid.beside(point, sideways, _REACH_M)
+            who, segment = self._grid.beside(point, sideways, reach_m)
         to_start, along = self._start[segment] - point[who], self._along[segment]
         cos, sin = forward[who, 0], forward[who, 1]
         ahead = to_start[:, 0] * cos + to_start[:, 1] * sin
@@ -167,10 +230,13 @@ class LaneMap:
         kept = np.flatnonzero(met)
         kept = kept[np.unique(who[kept] * len(self) + segment[kept], return_index=True)[1]]
         who, to_start, along = who[kept], to_start[kept], along[kept]
-        cos, sin, fraction = cos[kept], sin[kept], -ahead[kept] / advance[kept]
+        cos, sin, advance = cos[kept], sin[kept], advance[kept]
+        fraction = -ahead[kept] / advance
         at = to_start + fraction[:, None] * along
         number = np.bincount(who, minlength=len(point))
         offsets = np.full((len(point), int(number.max(initial=0)) + 2), np.inf)
         column = np.arange(len(who)) - np.repeat(np.cumsum(number) - number, number)
         offsets[who, column] = at[:, 1] * cos - at[:, 0] * sin
-        return offsets
+        turns = np.zeros_like(offsets)
+        turns[who, column] = np.arctan2(along[:, 1] * cos - along[:, 0] * sin, advance)
+        return offsets, turns

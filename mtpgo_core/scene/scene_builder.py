@@ -37,7 +37,7 @@ from mtpgo_core.schema import (
     KeyArray,
     SceneBatch,
 )
-from mtpgo_core.task.task_description import SceneConfig
+from mtpgo_core.task.task_description import LANE_CONTEXTS, SceneConfig
 
 SIZE_SCALES = (10.0, 3.0)
 """What length and width are divided by (m); chosen: most road users come out below 1."""
@@ -77,7 +77,7 @@ def build_scenes(
         served: [n] the agents that are predicted, all by default. The others are neighbours in the
             graphs and in the contexts of those, but neither centres nor primary. Without effect
             where ``centres`` are given.
-        lanes: lane lines in the window's frame, for the context ``lanes``.
+        lanes: lane lines in the window's frame, for tasks that use lanes.
         trails: where road users went, for tasks with ``trails``.
 
     Returns:
@@ -116,7 +116,7 @@ def build_scenes(
         rotation=rotation,
         agent=np.where(real, present[member], -1).astype(np.int64),
         primary=primary,
-        trails=_trails(here, config, np.where(valid[..., -1], member, -1), trails),
+        trails=_trails(here, config, np.where(valid[..., -1], member, -1), trails, lanes),
     )
 
 
@@ -203,13 +203,8 @@ def _features(
     elif config.context in _BY_AGENT:
         around, reach_m = _BY_AGENT[config.context], config.leader_reach_m
         columns.append(_once_per_agent(agent, lambda some: around(window, some, reach_m)))
-    if config.uses_lanes:
-        if lanes is None:
-            raise ConfigurationError(
-                f"the model's context is {config.context!r} but no lane lines are given, expected"
-                " a lane map"
-            )
-        road = lanes  # not None in the function below
+    if config.context in LANE_CONTEXTS:
+        road = _needed(lanes, f"the model's context is {config.context!r}")
         placed = _once_per_agent(
             agent, lambda some: road.positions(window.position[some], window.yaw[some])
         )
@@ -234,11 +229,20 @@ def _once_per_agent(
     return values_of(members)[place.reshape(agent.shape)]
 
 
+def _needed(lanes: LaneMap | None, what: str) -> LaneMap:
+    if lanes is None:
+        raise ConfigurationError(
+            f"{what} but no lane lines are given, expected a lane map (--lane-file)"
+        )
+    return lanes
+
+
 def _trails(
     window: HistoryWindow,
     config: SceneConfig,
     agent: IndexArray,
     trails: TrailContext | None,
+    lanes: LaneMap | None,
 ) -> Float32Array | None:
     """Return [B, N, R, H, 3] the continuations of the agents' ways, None if the task has none."""
     if not config.trails:
@@ -247,7 +251,10 @@ def _trails(
         raise ConfigurationError(
             "the task has scene.trails but no memory of trails is given, expected a TrailContext"
         )
-    of_agent = _once_per_agent(agent, lambda some: trail_features(window.select(some), trails))
+    road = _needed(lanes, "the task has scene.lane_ways") if config.lane_ways else None
+    of_agent = _once_per_agent(
+        agent, lambda some: trail_features(window.select(some), trails, road)
+    )
     of_agent[agent < 0] = 0.0
     return of_agent
 

@@ -143,6 +143,7 @@ class SceneConfig:
         sizes: length and width are static features, too.
         trails: whether the model gets the ways that earlier road users took from an agent's place,
             see :func:`mtpgo_core.scene.trails.trail_context.trail_features`.
+        lane_ways: with ``trails``: where none is known, ways on are those of the lanes.
     """
 
     policy: str = option("cover", choices=GRAPH_POLICIES)
@@ -167,9 +168,16 @@ class SceneConfig:
     )
     sizes: bool = False
     trails: bool = False
+    lane_ways: bool = False
 
     def __post_init__(self) -> None:
         check_options(self, "scene.")
+        require(
+            "scene.lane_ways",
+            self.lane_ways,
+            self.trails or not self.lane_ways,
+            "false without scene.trails",
+        )
         origins = {}
         for location, origin in self.site_origins.items():
             numbers = isinstance(origin, list | tuple) and len(origin) == 2
@@ -203,7 +211,7 @@ class SceneConfig:
     @property
     def uses_lanes(self) -> bool:
         """Whether lane lines are an input."""
-        return self.context in LANE_CONTEXTS
+        return self.lane_ways or self.context in LANE_CONTEXTS
 
     @property
     def features(self) -> tuple[str, ...]:

@@ -30,6 +30,7 @@ def model_text(task: TaskDescription) -> str:
         f"{task.scene.max_neighbours} neighbours within {task.scene.radius_m:g} m",
         f"features   {', '.join(task.scene.features)}",
         f"classes    {', '.join(task.scene.classes)}",
+        *(["lanes      used: those of a lane file or of lane markings"] * task.scene.uses_lanes),
         f"weights    sha256 {task.weights_sha256}",
     ]
     lines += [f"{'' if i else 'calibrated':<10} {line}" for i, line in enumerate(calibration)]

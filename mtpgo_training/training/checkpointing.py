@@ -141,6 +141,20 @@ def start_from(run: TrainingRun, checkpoint: Checkpoint, path: Path) -> None:
         ) from error
 
 
+def all_recordings(
+    splits: list[dict[str, str]], initial: Checkpoint | None
+) -> list[dict[str, str]]:
+    """Return the recordings of a run and those of the weights that it starts from, each use once.
+
+    Args:
+        splits: names, hashes and uses of the recordings of the run.
+        initial: checkpoint of the weights, None for random ones.
+    """
+    earlier = [] if initial is None else initial.get("splits", [])
+    seen = {(entry["sha256"], entry["split"]) for entry in splits}
+    return splits + [e for e in earlier if (e.get("sha256"), e.get("split")) not in seen]
+
+
 def _inputs(config: TrainingConfig) -> str:
     """Describe the meaning of the numbers in a network's input."""
     scene, history = config.scene, config.history

@@ -33,6 +33,7 @@ from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.scenes.scene_dataset import dense
 from mtpgo_training.training.checkpointing import (
+    all_recordings,
     resume_from,
     save_checkpoint,
     save_unfinished,
@@ -135,7 +136,7 @@ def train(
     horizon = model.config.horizon_steps
     splits = split(recordings, config.data, config.seed, window_s(config.history, horizon))
     run = TrainingRun(model, config)
-    initial = init_from and load_checkpoint(init_from)
+    initial = load_checkpoint(init_from) if init_from else None
     checkpoint: Checkpoint | None = None
     if resume:
         folder.check_same(config, splits.describe())
@@ -200,7 +201,7 @@ def train(
                 run,
                 scenes,
                 folder,
-                splits.describe(),
+                checkpoint["splits"] if checkpoint else all_recordings(splits.describe(), initial),
                 checkpoint,
                 interruption,
                 limit,

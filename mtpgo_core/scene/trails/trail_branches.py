@@ -78,6 +78,11 @@ def branches(paths: TrailPaths, distance: Float64Array) -> Branches:
     return Branches(ahead, left, reach, share)
 
 
+def alike_limit_m(distance: Float64Array) -> Float64Array:
+    """Return how far apart two paths that are alike may be at distances ahead (m)."""
+    return _ALIKE_M + _ALIKE_SHARE * distance
+
+
 def _alike(paths: TrailPaths, distance: Float64Array) -> Float32Array:
     """Return [n, C, C] 1 where two paths are alike as far as both are known, else 0."""
     there = paths.weight > 0.0
@@ -85,7 +90,7 @@ def _alike(paths: TrailPaths, distance: Float64Array) -> Float32Array:
     horizon = distance.shape[1]
     for step in np.unique(np.linspace(0, horizon - 1, _COMPARED).round().astype(int)).tolist():
         x, y = paths.ahead[step], paths.left[step]
-        limit = (_ALIKE_M + _ALIKE_SHARE * distance[:, step, None, None]).astype(np.float32)
+        limit = alike_limit_m(distance[:, step, None, None]).astype(np.float32)
         apart = (x[:, :, None] - x[:, None]) ** 2 + (y[:, :, None] - y[:, None]) ** 2
         unknown = paths.reach <= step
         alike &= (apart <= limit**2) | unknown[:, :, None] | unknown[:, None]

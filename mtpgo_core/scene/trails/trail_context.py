@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtpgo_core.frames import own_heading
-from mtpgo_core.scene.trails.class_groups import class_groups, floor_mps
+from mtpgo_core.frames import own_heading, rotate
+from mtpgo_core.scene.lane_map import LaneMap
+from mtpgo_core.scene.trails.class_groups import PEDESTRIAN, class_groups, floor_mps
+from mtpgo_core.scene.trails.lane_ways import lane_ways, with_lane_ways
 from mtpgo_core.scene.trails.trail_branches import BRANCHES, branches
 from mtpgo_core.scene.trails.trail_memory import TrailMemory
 from mtpgo_core.scene.trails.trail_paths import Places, trail_paths
@@ -36,11 +38,13 @@ class TrailContext:
     since_ns: int | None = None
 
 
-def trail_features(window: HistoryWindow, context: TrailContext) -> Float32Array:
+def trail_features(
+    window: HistoryWindow, context: TrailContext, lanes: LaneMap | None = None
+) -> Float32Array:
     """Return [n, R, H, 3] continuations of the agents' ways, the likeliest first.
 
     Everything is in the agent's own frame: x along :func:`~mtpgo_core.frames.own_heading`. At step
-    k a branch is looked at after :func:`distances_ahead`, s_k:
+    k a branch is looked at after s_k, the distance covered by then at the agent's present speed:
 
     * 0: how far its point is ahead of straight-on motion, x(s_k) - s_k (m);
     * 1: how far it is to the left, y(s_k) (m);
@@ -52,6 +56,8 @@ def trail_features(window: HistoryWindow, context: TrailContext) -> Float32Array
     Args:
         window: the history up to t.
         context: the memory; what it got to know after t is not used.
+        lanes: lane lines in the window's frame, whose ways stand for trails that are not known;
+            pedestrians have none.
     """
     features = np.zeros((len(window), BRANCHES, context.horizon_steps, COLUMNS), dtype=np.float32)
     present = np.flatnonzero(window.valid[:, -1])
@@ -72,4 +78,9 @@ def trail_features(window: HistoryWindow, context: TrailContext) -> Float32Array
     features[present, ..., 0] = np.where(known, found.ahead - ahead[:, None], 0.0)
     features[present, ..., 1] = found.left
     features[present, ..., 2] = np.where(known, found.share[..., None], 0.0)
+    if lanes is not None:
+        heading = np.where(group == PEDESTRIAN, np.nan, places.heading)
+        way, _ = lane_ways(lanes, places.position, heading, ahead)
+        own = rotate(way - places.position[:, None], -places.heading[:, None])
+        features[present] = with_lane_ways(features[present], own[..., 0], own[..., 1], ahead)
     return features

@@ -76,6 +76,18 @@ def test_a_bend_is_measured_across_it():
         np.testing.assert_allclose(given, [[paper(1.0, 4.0), paper(1.0, 8.0)]], atol=1e-3)
 
 
+def test_the_sides_of_a_lane_are_its_lines_and_its_direction():
+    points = np.array([[50.0, 5.0], [50.0, 16.0], [50.0, 12.5], [np.nan, 5.0]])
+    left, right, turn = straight_road().sides(points, np.array([0.1, np.pi, 0.0, 0.0]))
+    np.testing.assert_allclose(left[:2], [2.5 / np.cos(0.1), 1.0])
+    np.testing.assert_allclose(right[:2], [-1.5 / np.cos(0.1), -2.5])
+    np.testing.assert_allclose(turn[:2], [-0.1, 0.0], atol=1e-12)
+    assert np.isnan([left[2:], right[2:], turn[2:]]).all()
+    wedge = LaneMap([np.array([[0.0, 4.0], [40.0, 8.0]]), np.array([[0.0, 0.0], [40.0, 0.0]])])
+    (_, _, turn) = wedge.sides(np.array([[10.0, 1.25]]), np.zeros(1))
+    np.testing.assert_allclose(turn, 0.25 * np.arctan(0.1))  # a quarter of the way to the left
+
+
 def test_turning_the_world_changes_nothing():
     draw = np.random.default_rng(0)
     points = draw.uniform([0.0, -2.0], [400.0, 13.0], (200, 2))
@@ -133,6 +145,9 @@ def test_many_lines_give_the_same_as_few(monkeypatch):
     expected = one_by_one.positions(points, yaw)
     np.testing.assert_allclose(with_grid.positions(points, yaw), expected, atol=1e-12)
     assert np.isfinite(expected).mean() > 0.3
+    left, right, turn = with_grid.sides(points, yaw)
+    np.testing.assert_allclose(2.0 * left / (left - right) - 1.0, expected[:, 0], atol=1e-9)
+    np.testing.assert_allclose(one_by_one.sides(points, yaw).turn_rad, turn, atol=1e-9)
     far = points[:5] + 3000.0
     assert abs(with_grid.distance_m(far) - one_by_one.distance_m(far)) < 23.0
     assert LaneMap([]).distance_m(far) == LaneMap(lines).distance_m(far[:0]) == np.inf

@@ -129,6 +129,23 @@ def test_the_context_road_is_leaders_and_lanes():
         build_scenes(window_of(), SceneConfig(context="road"))
 
 
+def test_ways_along_lanes_need_trails_and_lanes():
+    with pytest.raises(ConfigurationError, match=r"lane_ways is True.*without scene\.trails"):
+        SceneConfig(lane_ways=True)
+    config = SceneConfig(trails=True, lane_ways=True)
+    assert config.uses_lanes
+    trails = TrailContext(TrailMemory(), 5, 0.2)
+    with pytest.raises(ConfigurationError, match="lane_ways but no lane lines are given"):
+        build_scenes(window_of(), config, trails=trails)
+    lanes = LaneMap([np.array([[-50.0, y], [50.0, y]]) for y in (-2.0, 2.0, 6.0)])
+    scenes = [
+        build_scenes(window_of(heading=0.0), config, lanes=some, trails=trails).trails
+        for some in (lanes, LaneMap(()))
+    ]
+    assert scenes[0].any()
+    assert not scenes[1].any()
+
+
 def test_absence_is_zero_and_masked():
     history = TrackHistory(HISTORY)
     for k in range(4):

@@ -20,7 +20,12 @@ from mtpgo_core.task.calibration import (
 )
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
-from mtpgo_training.training.checkpointing import resume_from, save_checkpoint, start_from
+from mtpgo_training.training.checkpointing import (
+    all_recordings,
+    resume_from,
+    save_checkpoint,
+    start_from,
+)
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
 
 CALIBRATION = Calibration(
@@ -117,3 +122,10 @@ def test_weights_of_another_network_or_other_inputs_are_refused(saved, changes, 
         start_from(new, checkpoint, path)
     assert sentence in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_the_recordings_of_the_first_weights_are_recordings_of_the_run():
+    own = {"name": "01", "sha256": "a", "split": "train"}
+    earlier = [own, {**own, "split": "test"}, {"name": "07", "sha256": "b", "split": "train"}]
+    assert all_recordings([own], {"splits": earlier}) == earlier
+    assert all_recordings([own], None) == [own]
