@@ -233,6 +233,14 @@ class ScenePredictor:
             return modelled
         return replace_rows(constant, predicted[usable], select(modelled, usable))
 
+    def observe(self, window: HistoryWindow) -> None:
+        """Remember where the road users of a window went, without a prediction.
+
+        For those who predict more rarely than the history is long: what lies between two windows
+        would not be seen, as it is in the node, which predicts several times a second.
+        """
+        self._observe_trails(window)
+
     def _observe_trails(self, window: HistoryWindow) -> TrailContext | None:
         """Add a window, of all agents, to the memory of trails, if the task has one."""
         if not self.task.scene.trails:

@@ -265,6 +265,7 @@ def evaluate_recording(
         for window, protocols in _windows(recording, observed, history, settings, tick, learn):
             for (model, protocol), predictor in predictors.items():
                 if protocol not in protocols:
+                    predictor.observe(window)
                     continue
                 prediction = predictor.predict(window)
                 prediction = live[model, protocol].serve(prediction, window)
@@ -285,6 +286,9 @@ def _windows(
 ) -> Iterator[tuple[HistoryWindow, set[str]]]:
     """Yield the windows of all scored instants, each with the protocols that it is scored for.
 
+    Between instants that are farther apart than a window is long, there are windows without a
+    protocol, so that predictors see all of the recording.
+
     Args:
         recording: gives the instants.
         observed: gives the observations.
@@ -295,17 +299,20 @@ def _windows(
     """
     strides = {"all": settings.stride_s, "centre": CENTRE_EVERY * settings.stride_s}
     frames = {p: set(frames_every(recording, stride).tolist()) for p, stride in strides.items()}
-    scored = sorted(set.union(*frames.values()))
+    span_s = history.dt_s * max(1, history.steps - 1)
+    if settings.stride_s > span_s:
+        frames[""] = set(frames_every(recording, span_s).tolist())
+    instants = sorted(set.union(*frames.values()))
     windows = replay(
         observed,
         history,
-        map(recording.stamp_ns, scored),
+        map(recording.stamp_ns, instants),
         one_sample=settings.one_sample,
         on_frame=tick,
         on_update=learn,
     )
-    for frame, window in zip(scored, windows, strict=True):
-        yield window, {protocol for protocol, chosen in frames.items() if frame in chosen}
+    for frame, window in zip(instants, windows, strict=True):
+        yield window, {protocol for protocol in strides if frame in frames[protocol]}
 
 
 def _same_history(runners: Mapping[str, ModelRunner]) -> list[list[str]]:

@@ -332,8 +332,11 @@ def trail_runner(tmp_path_factory):
     return ModelRunner.load(path)
 
 
-def follow(stream, count=1, cycles=30, start=0, frame="map"):
-    """Agents 16 m apart around a ring of 30 m, five cycles a second; the last prediction."""
+def follow(stream, count=1, cycles=30, start=0, frame="map", rarely=False):
+    """Agents 16 m apart around a ring of 30 m, five cycles a second; the last prediction.
+
+    With ``rarely`` the windows before the last one are only observed, every three seconds.
+    """
     for k in range(start, start + cycles):
         angle = (1.6 * k + 16.0 * np.arange(count)) / 30.0
         states = states_of(
@@ -346,7 +349,10 @@ def follow(stream, count=1, cycles=30, start=0, frame="map"):
             agent_class=np.full(count, AgentClass.PEDESTRIAN, np.uint8),  # may turn back
         )
         stream.history.update(states)
-        given = stream.predict()
+        if not rarely or k == start + cycles - 1:
+            given = stream.predict()
+        elif k % 15 == 0:
+            stream.predictor.observe(stream.history.window())
     return given
 
 
@@ -364,6 +370,11 @@ def test_a_model_with_trails_gets_the_ways_of_those_ahead(trail_runner):
     x, y = 30.0 * np.sin(distance / 30.0), 30.0 * (1.0 - np.cos(distance / 30.0))
     assert given.mean[0, 0, -1, :2] == pytest.approx([x - distance, y], abs=0.2)
     assert not bent(follow(Stream(trail_runner), count=1)).any()
+
+
+def test_trails_are_seen_without_a_prediction(trail_runner):
+    stream = Stream(trail_runner)
+    assert bent(follow(stream, count=3, rarely=True)).tolist() == [True, True, False]
 
 
 def test_agents_over_the_limit_leave_trails(trail_runner):

@@ -94,6 +94,15 @@ def test_instants_have_the_stride_and_every_fifth_is_scored_for_the_centre(runne
     assert len(ticks) == 1 + 56  # frames up to the last instant, 5.6 s at 10 Hz
 
 
+def test_between_rare_instants_all_of_the_recording_is_seen(runner):
+    recording = braking_cars(tracks=2, seconds=14.0)
+    settings = Settings(stride_s=7.0)
+    found = list(_windows(recording, recording, runner.task.history, settings, lambda: None))
+    stamps_s = [(window.stamp_ns - recording.start_time_ns) * 1e-9 for window, _ in found]
+    np.testing.assert_allclose(stamps_s, [0.0, 3.0, 6.0, 7.0, 9.0, 12.0], atol=1e-9)
+    assert [k for k, (_, protocols) in enumerate(found) if protocols] == [0, 3]
+
+
 def test_models_with_another_history_see_windows_of_their_own(runner):
     history = dataclasses.replace(runner.task.history, max_gap_s=0.1)
     other = ModelRunner(
