@@ -6,6 +6,9 @@ In shared memory, publishing takes a lock that the receiver takes as well. A sub
 stopped (SIGSTOP, a debugger, a frozen container) while it holds that lock makes each attempt to
 publish wait for a second, and what the publisher is to receive waits, too. With UDP there is no
 such lock: the kernel drops what a stopped process does not read.
+
+UDP is not the default: predictions of 19 road users are 0.3 MB, more than the buffers that Linux
+gives a subscriber, and then came 0.25 s late instead of 0.04 s (measured).
 """
 
 from __future__ import annotations
@@ -13,7 +16,11 @@ from __future__ import annotations
 import os
 from collections.abc import MutableMapping
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.resources import find_resource
+
+CHOICE = "MTPGO_TRANSPORT"
+"""The variable by which a user chooses ``udp``."""
 
 _TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 
@@ -32,7 +39,9 @@ most ``net.core.rmem_max``. With its default of 0.2 MB, messages above 0.2 MB ar
 def avoid_shared_memory(
     middleware: str, environment: MutableMapping[str, str] = os.environ
 ) -> bool:
-    """Choose UDP as the only transport, unless the user has chosen transports or a profile.
+    """Choose UDP as the only transport where the user wants it (:data:`CHOICE`).
+
+    Transports or a profile that the user has given to Fast DDS stay.
 
     For the discovery range LOCALHOST, ROS adds shared memory whatever the variables of Fast DDS
     say. A profile takes its place that is for this machine only as well.
@@ -45,8 +54,13 @@ def avoid_shared_memory(
         Whether UDP was chosen.
 
     Raises:
-        ConfigurationError: the profile is not among the installed files.
+        ConfigurationError: the choice is unknown, or the profile is not among the installed files.
     """
+    choice = environment.get(CHOICE, "")
+    if choice not in ("", "udp"):
+        raise ConfigurationError(f"{CHOICE} is {choice!r}, expected udp, or not to be set")
+    if not choice:
+        return False
     if not middleware.startswith("rmw_fastrtps"):
         return False
     if any(environment.get(name) for name in (_TRANSPORTS, *_PROFILES)):

@@ -10,8 +10,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.resources import find_resource
-from mtpgo_ros.runtime.dds_transport import avoid_shared_memory
+from mtpgo_ros.runtime.dds_transport import CHOICE, avoid_shared_memory
 
 FASTDDS = "rmw_fastrtps_cpp"
 PROFILE = find_resource("config", "fastdds", "this_machine.xml")
@@ -21,6 +22,7 @@ import os, sys
 import rclpy
 from mtpgo_ros.runtime.dds_transport import avoid_shared_memory
 if sys.argv[1] == "yes":
+    os.environ["MTPGO_TRANSPORT"] = "udp"
     avoid_shared_memory(rclpy.get_rmw_implementation_identifier())
 rclpy.init()
 node = rclpy.create_node("one")
@@ -30,14 +32,14 @@ print("fastrtps_port" in open("/proc/self/maps").read())
 
 @pytest.mark.parametrize("given", [{}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}])
 def test_udp_in_the_usual_discovery_range(given):
-    environment = dict(given)
+    environment = {CHOICE: "udp", **given}
     assert avoid_shared_memory(FASTDDS, environment)
     assert environment.pop("FASTDDS_BUILTIN_TRANSPORTS").startswith("UDPv4")
-    assert environment == given
+    assert environment == {CHOICE: "udp", **given}
 
 
 def test_udp_on_this_machine_only():
-    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    environment = {CHOICE: "udp", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     assert avoid_shared_memory(FASTDDS, environment)
     assert environment["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(PROFILE)
     assert environment["FASTDDS_DEFAULT_PROFILES_FILE"] == str(PROFILE)
@@ -59,9 +61,17 @@ def test_udp_on_this_machine_only():
     ],
 )
 def test_what_the_user_has_chosen_stays(middleware, given):
-    environment = dict(given)
+    environment = {CHOICE: "udp", **given}
     assert not avoid_shared_memory(middleware, environment)
-    assert environment == given
+    assert environment == {CHOICE: "udp", **given}
+
+
+def test_ros_own_transports_are_the_default_and_an_unknown_choice_is_refused():
+    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    assert not avoid_shared_memory(FASTDDS, environment)
+    assert len(environment) == 1
+    with pytest.raises(ConfigurationError, match="MTPGO_TRANSPORT is 'tcp', expected udp"):
+        avoid_shared_memory(FASTDDS, {CHOICE: "tcp"})
 
 
 def test_the_profile_is_for_this_machine_only():
