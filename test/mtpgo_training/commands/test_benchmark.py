@@ -84,6 +84,8 @@ def test_without_ros_the_error_is_one_line(kind, monkeypatch, capsys):
 
 def test_without_sumo_the_error_is_one_line(monkeypatch, capsys):
     monkeypatch.setitem(__import__("sys").modules, "sumo", None)
+    monkeypatch.delenv("SUMO_HOME", raising=False)
+    monkeypatch.setenv("PATH", "")
     assert main(["benchmark", "conversion", "--minutes", "0.01"]) == 2
     error = capsys.readouterr().err
     assert len(error.splitlines()) == 1
