@@ -299,20 +299,21 @@ def _windows(
     """
     strides = {"all": settings.stride_s, "centre": CENTRE_EVERY * settings.stride_s}
     frames = {p: set(frames_every(recording, stride).tolist()) for p, stride in strides.items()}
+    instants = set.union(*frames.values())
     span_s = history.dt_s * max(1, history.steps - 1)
     if settings.stride_s > span_s:
-        frames[""] = set(frames_every(recording, span_s).tolist())
-    instants = sorted(set.union(*frames.values()))
+        instants |= set(frames_every(recording, span_s).tolist())
+    ordered = sorted(instants)
     windows = replay(
         observed,
         history,
-        map(recording.stamp_ns, instants),
+        map(recording.stamp_ns, ordered),
         one_sample=settings.one_sample,
         on_frame=tick,
         on_update=learn,
     )
-    for frame, window in zip(instants, windows, strict=True):
-        yield window, {protocol for protocol in strides if frame in frames[protocol]}
+    for frame, window in zip(ordered, windows, strict=True):
+        yield window, {protocol for protocol, chosen in frames.items() if frame in chosen}
 
 
 def _same_history(runners: Mapping[str, ModelRunner]) -> list[list[str]]:

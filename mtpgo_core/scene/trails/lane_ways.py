@@ -24,8 +24,8 @@ GAP_M = 8.0
 lanes lead in several directions."""
 
 _MARGIN = 0.15
-"""Nearest to a line that a way goes, as a share of the lane's width; chosen: nobody drives on a
-line for long."""
+"""Nearest to a line that a way goes, as a share of the lane's width; chosen: vehicles do not
+drive on a line for long."""
 
 
 def lane_ways(

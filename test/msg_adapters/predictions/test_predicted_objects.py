@@ -185,7 +185,7 @@ def test_an_object_without_paths_is_unknown(message, read):
     assert np.isnan(found.weight).all()
 
 
-def test_nobody_is_no_problem(message, read):
+def test_a_message_without_objects_is_no_problem(message, read):
     message.objects = []
     found = read(message)
     assert len(found) == 0

@@ -107,7 +107,7 @@ def test_predicted_objects_are_read(bench, monkeypatch):
 
 def test_a_plan_in_another_frame_is_transformed(bench, tf):
     one = bench()
-    # Nobody listens to TF before it is needed.
+    # There is no subscription to TF before it is needed.
     one.plan()
     assert one.predict(prediction())["probability"][0] > 0.8
     assert tf.listening == 0
