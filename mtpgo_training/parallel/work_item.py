@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import logging
 import pickle
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -46,10 +47,12 @@ class Outcome:
     Attributes:
         result: what the function returned, or a :class:`Failure`.
         remarks: the warnings that were logged meanwhile.
+        took_s: how long it took (s).
     """
 
     result: Any
     remarks: list[str] = field(default_factory=list)
+    took_s: float = 0.0
 
 
 def attempt(function: Callable[[Any], Any], item: WorkItem) -> Any:
@@ -68,19 +71,25 @@ def attempt(function: Callable[[Any], Any], item: WorkItem) -> Any:
         return Failure(item.name, f"unexpected {type(error).__name__}: {error}")
 
 
-def attempt_elsewhere(pickled: bytes) -> Outcome:
-    """Return the outcome for an item, with the warnings that would be lost in another process.
+def attempt_elsewhere(pickled: bytes) -> list[Outcome]:
+    """Return the outcome of each item, with the warnings that would be lost in another process.
 
     Args:
-        pickled: function and item. They are read here, where a module that is missing is an
+        pickled: function and items. They are read here, where a module that is missing is an
             error of this call and not of the connection.
     """
-    function, item = pickle.loads(pickled)
+    function, items = pickle.loads(pickled)
+    return [_with_remarks(function, item) for item in items]
+
+
+def _with_remarks(function: Callable[[Any], Any], item: WorkItem) -> Outcome:
     kept = _Remarks()
     LOG.addHandler(kept)
     propagate, LOG.propagate = LOG.propagate, False
+    begin_s = time.monotonic()
     try:
-        return Outcome(attempt(function, item), kept.lines)
+        result = attempt(function, item)
+        return Outcome(result, kept.lines, time.monotonic() - begin_s)
     finally:
         LOG.propagate = propagate
         LOG.removeHandler(kept)

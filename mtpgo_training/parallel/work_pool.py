@@ -29,8 +29,14 @@ TRIES = 2
 fault."""
 
 AT_ONCE = 2
-"""Items that a process has at the same time: one that it works on, and the next. Without the next
-it would wait for one after each item, which took 15 ms (measured), a fifth of a small item."""
+"""Batches that a process has at the same time: one that it works on, and the next. Without the
+next it would wait for one after each batch, which took 15 ms (measured)."""
+
+BATCH_S = 0.3
+"""Time that a batch of small items should take (s); chosen: handing it out costs 5 % of that."""
+
+LARGEST_BATCH = 16
+"""Items handed out together at most; chosen: they are lost together if their process ends."""
 
 LOOK_S = 2.0
 """Time between two looks at the number of processes (s); chosen: a look takes milliseconds."""
@@ -56,8 +62,8 @@ def work_through(
 ) -> Iterator[R | Failure]:
     """Yield the function's result of each item, or why there is none, in the order of the items.
 
-    Each process works on one item at a time, and items are handed out as processes become free,
-    so that the memory needed does not grow with the number of items.
+    Each process works on one item at a time. Items are handed out as processes become free, small
+    ones several together, so that the memory needed does not grow with the number of items.
 
     Args:
         function: can be pickled, as can its results. It does not depend on other items.
@@ -86,17 +92,18 @@ def _elsewhere(
     import cloudpickle  # a part of Dask; readers of some layouts are lambdas
     from distributed import CancelledError, KilledWorker, as_completed
 
-    numbers: dict[Any, int] = {}  # of the items that are worked on
+    numbers: dict[Any, range] = {}  # of the items that are worked on
     suspects: list[int] = []  # items that processes had when they ended
     early: dict[int, R | Failure] = {}
     running = as_completed()
-    begun = given = 0
+    begun = given = done = 0
+    spent_s = 0.0
     processes, next_look_s = 1, 0.0
 
-    def hand_out(number: int) -> None:
-        pickled = cloudpickle.dumps((function, items[number]))
+    def hand_out(batch: range) -> None:
+        pickled = cloudpickle.dumps((function, [items[number] for number in batch]))
         future = client.submit(attempt_elsewhere, pickled, pure=False)
-        numbers[future.key] = number
+        numbers[future.key] = batch
         running.add(future)
 
     while given < len(items):
@@ -105,36 +112,50 @@ def _elsewhere(
             next_look_s = time.monotonic() + LOOK_S
         alone = -1
         if suspects:
-            # A process that ends takes the item that waits for it along. Which one it was shows
-            # when each is worked on with no other beside it.
+            # A process that ends takes along what it has and what waits for it. Which item it was
+            # shows when each is worked on with no other beside it.
             if not numbers:
                 alone = suspects.pop(0)
-                hand_out(alone)
+                hand_out(range(alone, alone + 1))
         else:
             while begun < len(items) and len(numbers) < AT_ONCE * processes:
                 if numbers and len(early) >= MOST_EARLY * processes:
                     break
-                hand_out(begun)
-                begun += 1
+                # The last batches are small, so that no process is left with a long one.
+                count = min(
+                    _batch_size(spent_s, done), -(-(len(items) - begun) // (AT_ONCE * processes))
+                )
+                hand_out(range(begun, begun + count))
+                begun += count
         future = next(running)
-        number = numbers.pop(future.key)
+        batch = numbers.pop(future.key)
         try:
-            outcome = future.result()
+            outcomes = future.result()
         except KilledWorker:
-            if number == alone:
+            if batch[0] == alone:
                 reason = "its process ended without an answer, as when the memory is full"
-                early[number] = Failure(items[number].name, reason)
+                early[alone] = Failure(items[alone].name, reason)
             else:
-                suspects.append(number)
+                suspects.extend(batch)
         except CancelledError as error:
             raise MtpgoError(f"the connection to the cluster is lost: {error}") from error
         else:
-            early[number] = outcome.result
-            for remark in outcome.remarks:
-                LOG.warning("%s", remark)
+            for number, outcome in zip(batch, outcomes, strict=True):
+                early[number] = outcome.result
+                for remark in outcome.remarks:
+                    LOG.warning("%s", remark)
+                done += 1
+                spent_s += outcome.took_s
         while given in early:
             yield early.pop(given)
             given += 1
+
+
+def _batch_size(spent_s: float, done: int) -> int:
+    """Return how many items take :data:`BATCH_S`, by those that are done; one before any is."""
+    if not done:
+        return 1
+    return max(1, min(LARGEST_BATCH, int(BATCH_S * done / max(spent_s, 1e-9))))
 
 
 @contextlib.contextmanager

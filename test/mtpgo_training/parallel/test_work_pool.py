@@ -57,6 +57,25 @@ def test_processes_give_the_same_and_one_that_ends_costs_its_item_only(monkeypat
     assert [r.getMessage() for r in caplog.records if r.name == "mtpgo"] == ["seven is odd"]
 
 
+def test_small_items_are_handed_out_together_and_one_that_ends_a_process_costs_itself(monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setenv("DASK_PARENT", str(os.getpid()))
+    handed_out = []
+    submit = distributed.Client.submit
+
+    def counted(self, *args, **kwargs):
+        handed_out.append(args)
+        return submit(self, *args, **kwargs)
+
+    monkeypatch.setattr(distributed.Client, "submit", counted)
+    items = [Number(6 if i == 60 else 10 + i) for i in range(80)]
+    found = list(work_through(work, items, PoolOptions(jobs=2)))
+    reason = "its process ended without an answer, as when the memory is full"
+    assert found.pop(60) == Failure("n6", reason)
+    assert found == [(10 + i) ** 2 for i in range(80) if i != 60]
+    assert len(handed_out) < 70
+
+
 def test_a_cluster_by_its_address_and_faults_of_every_item():
     distributed = pytest.importorskip("distributed")
     local = {"processes": False, "dashboard_address": None, "threads_per_worker": 1}
