@@ -20,6 +20,7 @@ from mtpgo_training.commands import info as info_command
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.evaluation.evaluator import evaluate
 from mtpgo_training.export import exporter as export
+from mtpgo_training.training.loop.trained_parts import calibrated_parts
 from mtpgo_training.training.networks import (
     NETWORKS,
     build_network,
@@ -29,7 +30,7 @@ from mtpgo_training.training.networks import (
     rebuild,
 )
 from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
-from mtpgo_training.training.trainer import calibrated_parts, train
+from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import DataConfig, OptimisationConfig, TrainingConfig
 
 HISTORY, SCENE = HistoryConfig(), SceneConfig(max_neighbours=3, context="polar")
