@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 import re
 import shutil
+import sqlite3
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import suppress
@@ -35,7 +36,7 @@ from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
 from msg_adapters.bags.mcap_records import MAGIC, McapChannel, McapError, McapSchema
 from msg_adapters.bags.ros1_file import MAGIC_ROS1, Ros1File
-from msg_adapters.bags.sqlite_file import SqliteFile
+from msg_adapters.bags.sqlite_file import SqliteFile, files_left_beside, recovered_copy
 from mtpgo_core.errors import RecordingError
 
 SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag")
@@ -61,7 +62,9 @@ def bag_files(folder: Path) -> list[Path]:
         match = _NUMBERED.fullmatch(_stem(path))
         return (match[1], int(match[2]), path.name) if match else (_stem(path), -1, path.name)
 
-    found = [p for p in folder.iterdir() if p.name.endswith(SUFFIXES) and p.is_file()]
+    # macOS lays a ._NAME.mcap beside each file.
+    shown = (path for path in folder.iterdir() if not path.name.startswith("."))
+    found = [path for path in shown if path.name.endswith(SUFFIXES) and path.is_file()]
     return sorted(found, key=order)
 
 
@@ -217,7 +220,7 @@ class StoredBag:
         self.end_time = max((s.end_ns for s in filled), default=-1) + 1
         self._numbers = self._connect()
         if self._about.problem and self._storages:
-            _tell(
+            tell_once(
                 f"{path} {self._about.problem}, as when its recorder is killed: its"
                 f" {len(self._storages)} file(s) are read without it"
             )
@@ -240,6 +243,15 @@ class StoredBag:
                 )
             return files
         named = [self._present(name) for name in self._about.files]
+        if not any(file.is_file() for file in named):
+            others = bag_files(self.path)
+            if others and len({_bag_name(file) for file in others}) == 1:
+                missing = ", ".join(file.name for file in named) or "no file"
+                tell_once(
+                    f"{self.path / METADATA} names {missing}, of which there is none:"
+                    f" {', '.join(file.name for file in others)} is read instead"
+                )
+                return others
         stems = {_stem(file) for file in named}
         names = {_bag_name(file) for file in named}
         # A recorder that is killed after a split may have named the files until then only.
@@ -249,7 +261,7 @@ class StoredBag:
             if _stem(file) not in stems and _bag_name(file) in names
         ]
         if more:
-            _tell(
+            tell_once(
                 f"{self.path / METADATA} does not name {', '.join(file.name for file in more)}:"
                 " read as well"
             )
@@ -274,7 +286,7 @@ class StoredBag:
             if begin.startswith(MAGIC):
                 self._storages.append(_McapStorage(content))
             elif begin == _SQLITE:
-                self._storages.append(_SqliteStorage(content))
+                self._storages.append(_SqliteStorage(self._recovered(content)))
             elif begin.startswith(MAGIC_ROS1):
                 self._storages.append(Ros1File(content))
             elif not begin.strip(b"\0"):
@@ -288,13 +300,32 @@ class StoredBag:
 
     def _inflated(self, file: Path) -> Path:
         """Return a copy of a compressed file, or of as much of it as there is."""
-        if self._folder is None:
-            self._folder = tempfile.TemporaryDirectory()
-        target = Path(self._folder.name, file.name.removesuffix(".zstd"))
+        target = self._temporary_folder() / file.name.removesuffix(".zstd")
         cut_or_damaged = suppress(EOFError, zstd.ZstdError)
         with zstd.open(file, "rb") as stream, target.open("wb") as out, cut_or_damaged:
             shutil.copyfileobj(stream, out)
         return target
+
+    def _recovered(self, file: Path) -> Path:
+        """Return an SQLite file, or a copy with what its recorder left beside it."""
+        left = files_left_beside(file)
+        if not left:
+            return file
+        names = " and ".join(path.name for path in left)
+        try:
+            copy = recovered_copy(file, self._temporary_folder())
+        except (OSError, sqlite3.Error) as error:
+            tell_once(f"{file} was not closed, and {names} cannot be used: {reason_of(error)}")
+            return file
+        tell_once(
+            f"{file} was not closed, as when its recorder is killed: {names} is read as well"
+        )
+        return copy
+
+    def _temporary_folder(self) -> Path:
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory()
+        return Path(self._folder.name)
 
     def _whole_loss(self, file: Path, error: Exception) -> BagLoss:
         expected = self._about.expected.get(file.name)
@@ -327,6 +358,8 @@ class StoredBag:
             for number, damaged in storage.connections.items():
                 # A damaged name may have line breaks, and stands in sentences.
                 name, kind = (" ".join(s.split()) for s in (damaged.topic, damaged.msgtype))
+                # A topic may be recorded without the slash that its name begins with.
+                name = "/" + name.lstrip("/") if name else name
                 own = damaged._replace(topic=name, msgtype=kind)
                 topic = (own.topic, own.msgtype)
                 encoding, own_profiles = cast(ConnectionExtRosbag2, own.ext)
@@ -428,7 +461,7 @@ class StoredBag:
 
     def _tell_losses(self) -> None:
         for loss in self.losses():
-            _tell(loss.sentence())
+            tell_once(loss.sentence())
 
     def close(self) -> None:
         """Close the files."""
@@ -439,7 +472,7 @@ class StoredBag:
             self._folder.cleanup()
 
 
-def _tell(sentence: str) -> None:
+def tell_once(sentence: str) -> None:
     """Log a sentence once: a bag is opened more than once by many commands."""
     if sentence not in _told:
         _told.add(sentence)

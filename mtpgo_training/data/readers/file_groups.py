@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers.drone_files import existing_directory
+from mtpgo_training.data.readers.drone_files import existing_directory, visible_files
 
 _GENERIC = {"data", "recorded_trackfiles", "trajectories_filtered", "train", "val", "test"}
 """Folders of the data sets' archives that say nothing of a recording."""
@@ -37,7 +37,8 @@ def grouped_files(
         paths, root = [directory], directory.parent
     else:
         existing_directory(directory)
-        paths, root = sorted(p for p in directory.rglob("*") if p.is_file()), directory
+        files = (path for path in directory.rglob("*") if path.is_file())
+        paths, root = visible_files(files, directory), directory
     found: dict[str, dict[str, Path]] = {}
     for path in paths:
         match = pattern.fullmatch(path.name)

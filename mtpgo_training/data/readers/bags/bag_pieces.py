@@ -139,8 +139,15 @@ class PieceReader:
         others = [c for c in self._reader.connections if _is_context(c)]
         odometry = {id(connection) for connection in self._ego_connections}
         found = 0
+
+        def refused(connection: Connection, reason: str) -> None:
+            if id(connection) in objects:
+                self._messages += 1
+            if id(connection) in objects | odometry:
+                self._count("malformed" if id(connection) in objects else "ego_refused", reason)
+
         for connection, received_ns, message in self._reader.messages(
-            [*self._topic.connections, *others, *self._ego_connections]
+            [*self._topic.connections, *others, *self._ego_connections], refused
         ):
             done: list[BagPiece | None] = []
             if id(connection) in odometry:
@@ -186,6 +193,7 @@ class PieceReader:
         states = decoded.states
         if decoded.skipped:
             counts["skipped_objects"] += decoded.skipped_total
+            self._problem = self._problem or next(iter(decoded.skipped))
         if states.stamp_ns == 0 and self._log_stamps:
             states = dataclasses.replace(states, stamp_ns=received_ns)
         if states.stamp_ns == 0:

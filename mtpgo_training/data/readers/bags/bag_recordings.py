@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from msg_adapters.bags.bag_reader import DecodingBagReader, bag_name, is_bag
+from msg_adapters.bags.sqlite_file import files_left_beside
+from msg_adapters.bags.stored_bag import bag_files
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.track_index import sort_keys
@@ -24,7 +26,11 @@ from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
 from mtpgo_training.data.readers.bags.bag_pieces import BagPiece, PieceReader
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
-from mtpgo_training.data.readers.drone_files import existing_directory, select_names
+from mtpgo_training.data.readers.drone_files import (
+    existing_directory,
+    select_names,
+    visible_files,
+)
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
@@ -58,7 +64,7 @@ def bag_units(
         )
     else:
         existing_directory(directory)
-        bags = sorted(path for path in directory.iterdir() if is_bag(path))
+        bags = [path for path in visible_files(directory.iterdir(), directory) if is_bag(path)]
         if not bags:
             raise RecordingError(
                 f"{directory} has no bags, expected .mcap files (or .db3, .bag) or rosbag2"
@@ -148,9 +154,9 @@ def _warn(sentence: str) -> None:
 
 
 def _sources(path: Path) -> list[Path]:
-    if path.is_file():
-        return [path]
-    return sorted(p for p in path.iterdir() if p.suffix in (".mcap", ".db3", ".zstd"))
+    """Return the files of a bag, with those that a killed recorder left beside them."""
+    files = [path] if path.is_file() else bag_files(path)
+    return sorted(one for file in files for one in (file, *files_left_beside(file)))
 
 
 def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:

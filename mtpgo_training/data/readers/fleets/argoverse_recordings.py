@@ -21,7 +21,11 @@ from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import rotate
 from mtpgo_training.data.readers.csv_table import check_columns, require_columns
-from mtpgo_training.data.readers.drone_files import existing_directory, select_names
+from mtpgo_training.data.readers.drone_files import (
+    existing_directory,
+    select_names,
+    visible_files,
+)
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
@@ -76,8 +80,8 @@ def argoverse_units(
         paths = [directory]
     else:
         existing_directory(directory)
-        paths = sorted(
-            [*directory.rglob("scenario_*.parquet"), *directory.rglob(_ANNOTATIONS)],
+        paths = visible_files(
+            [*directory.rglob("scenario_*.parquet"), *directory.rglob(_ANNOTATIONS)], directory
         )
     units = {}
     for path in paths:

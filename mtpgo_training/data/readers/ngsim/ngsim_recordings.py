@@ -24,7 +24,12 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass, ClassArray, Float64Array
 from mtpgo_training.data.readers.csv_lines import line_in_file
 from mtpgo_training.data.readers.csv_table import read_table
-from mtpgo_training.data.readers.drone_files import check_layout, existing_directory, select_names
+from mtpgo_training.data.readers.drone_files import (
+    check_layout,
+    existing_directory,
+    select_names,
+    visible_files,
+)
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.ngsim.ngsim_forms import SUFFIXES, find_form, may_be_ngsim
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
@@ -82,7 +87,7 @@ def ngsim_units(
         existing_directory(directory)
         by_name = {}
         for suffix in SUFFIXES:
-            for path in sorted(directory.glob(f"*{suffix}")):
+            for path in visible_files(directory.glob(f"*{suffix}"), directory):
                 if not suffix.startswith(".txt") or may_be_ngsim(path):
                     by_name.setdefault(_stem(path), path)
         by_name = dict(sorted(by_name.items()))

@@ -16,7 +16,11 @@ from mtpgo_core.class_map import OWN_NAMES, ClassMap
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.data.readers.csv_table import check_columns, read_table, require_columns
-from mtpgo_training.data.readers.drone_files import existing_directory, select_names
+from mtpgo_training.data.readers.drone_files import (
+    existing_directory,
+    select_names,
+    visible_files,
+)
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
@@ -65,7 +69,8 @@ def table_units(
         paths = [directory]
     else:
         existing_directory(directory)
-        paths = sorted(path for path in directory.iterdir() if _SUFFIXES.search(path.name))
+        paths = visible_files(directory.iterdir(), directory)
+        paths = [path for path in paths if _SUFFIXES.search(path.name)]
         if not paths:
             raise RecordingError(
                 f"{directory} has no tables, expected .csv, .tsv, .txt or .parquet files"
