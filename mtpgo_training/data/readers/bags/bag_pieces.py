@@ -25,7 +25,7 @@ from msg_adapters.inputs.ego_odometry import EGO_NAME, EgoOdometry
 from msg_adapters.inputs.lane_markers import lanes_from_markers
 from msg_adapters.inputs.odometry import ODOMETRY
 from mtpgo_core.errors import FrameError, MessageError, RecordingError
-from mtpgo_core.frames import VEHICLE_FRAMES
+from mtpgo_core.frames import moves_with_vehicle
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.stream_guard import MessageStatus, StreamGuard
 from mtpgo_core.identity import keys_from_texts
@@ -124,6 +124,7 @@ class PieceReader:
         self._newest: _Message | None = None
         self._messages = 0
         self._problem = ""
+        self._frames: set[str] = set()
         self._piece = BagPiece()
         self._ego, self._ego_connections = None, _odometry(reader, options.bags.ego_topic)
         if self._ego_connections:
@@ -298,14 +299,22 @@ class PieceReader:
         self._problem = self._problem or problem
 
     def _warn_of_moving_frame(self, frame: str) -> None:
-        if frame not in VEHICLE_FRAMES:
+        if frame in self._frames:
             return
-        sentence = (
-            f"{self._where}: objects come in frame {frame!r}, which usually moves with the"
-            " vehicle, expected odometry or transforms of it in the bag"
-        )
-        if sentence not in self.remarks:
-            self.remarks.append(sentence)
+        self._frames.add(frame)
+        if moves_with_vehicle(frame):
+            sentence = (
+                f"{self._where}: objects come in frame {frame!r}, which usually moves with the"
+                " vehicle, expected odometry or transforms of it in the bag"
+            )
+        elif self._poses.is_apart(frame):
+            sentence = (
+                f"{self._where}: objects come in frame {frame!r}, which the bag's transforms do"
+                " not connect with the vehicle or a fixed frame: it is read as a fixed one"
+            )
+        else:
+            return
+        self.remarks.append(sentence)
 
     def _nothing(self, counts: Counter[str]) -> str:
         """Return why there is no road user."""
