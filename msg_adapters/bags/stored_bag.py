@@ -35,11 +35,16 @@ from msg_adapters.bags.bag_metadata import METADATA, BagMetadata, qos_of, read_m
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
 from msg_adapters.bags.mcap_records import MAGIC, McapChannel, McapError, McapSchema
-from msg_adapters.bags.ros1_file import MAGIC_ROS1, Ros1File
+from msg_adapters.bags.ros1_file import (
+    MAGIC_ROS1,
+    Ros1File,
+    UnindexedRos1File,
+    open_ros1,
+)
 from msg_adapters.bags.sqlite_file import SqliteFile, files_left_beside, recovered_copy
 from mtpgo_core.errors import RecordingError
 
-SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag")
+SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag", ".bag.active")
 """How the names of a bag's files end."""
 
 _SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
@@ -175,6 +180,9 @@ class _SqliteStorage(LibraryFile):
         self.connections = {c.id: c for c in reader.connections}
 
 
+_Storage = _McapStorage | _SqliteStorage | Ros1File | UnindexedRos1File
+
+
 class StoredBag:
     """The messages of a bag: a rosbag2 folder, or one file of it.
 
@@ -197,7 +205,7 @@ class StoredBag:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.connections: list[Connection] = []
-        self._storages: list[_McapStorage | _SqliteStorage | Ros1File] = []
+        self._storages: list[_Storage] = []
         self._files: list[Path] = []
         self._unread: dict[Path, BagLoss] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
@@ -288,7 +296,7 @@ class StoredBag:
             elif begin == _SQLITE:
                 self._storages.append(_SqliteStorage(self._recovered(content)))
             elif begin.startswith(MAGIC_ROS1):
-                self._storages.append(Ros1File(content))
+                self._storages.append(open_ros1(content))
             elif not begin.strip(b"\0"):
                 raise McapError("it is empty" if not begin else "it holds zeros only")
             else:
@@ -415,7 +423,7 @@ class StoredBag:
 
     def _named(
         self,
-        storage: _McapStorage | _SqliteStorage | Ros1File,
+        storage: _Storage,
         own: dict[int, Connection],
         start: int | None,
         stop: int | None,
