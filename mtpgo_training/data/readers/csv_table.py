@@ -50,6 +50,7 @@ class CsvForm:
         names: the column names of a file without a header line, None where the first line has
             them.
         skipped: lines before the first one.
+        blank: how many of these are blank, which are no rows.
     """
 
     separator: str = ","
@@ -57,11 +58,12 @@ class CsvForm:
     thousands: str | None = None
     names: Sequence[str] | None = None
     skipped: int = 0
+    blank: int = 0
 
     @property
     def first_line(self) -> int:
-        """Number of the first line with data."""
-        return self.skipped + (2 if self.names is None else 1)
+        """Number of the first row with data, see :func:`line_in_file`."""
+        return self.skipped - self.blank + (2 if self.names is None else 1)
 
     def pandas_options(self) -> dict[str, Any]:
         """The arguments of ``pandas.read_csv`` for this form."""

@@ -14,6 +14,9 @@ from mtpgo_training.data.readers.drone_files import existing_directory, visible_
 _GENERIC = {"data", "recorded_trackfiles", "trajectories_filtered", "train", "val", "test"}
 """Folders of the data sets' archives that say nothing of a recording."""
 
+_MOST_NAMES = 3
+"""Other files that a sentence lists; chosen."""
+
 
 def grouped_files(
     directory: Path,
@@ -40,9 +43,11 @@ def grouped_files(
         files = (path for path in directory.rglob("*") if path.is_file())
         paths, root = visible_files(files, directory), directory
     found: dict[str, dict[str, Path]] = {}
+    others: list[str] = []
     for path in paths:
         match = pattern.fullmatch(path.name)
         if match is None or not accept(path):
+            others.append(path.name)
             continue
         groups = match.groupdict()
         folders = path.parent.relative_to(root).parts
@@ -57,5 +62,7 @@ def grouped_files(
             )
         files[kind] = path
     if not found:
-        raise RecordingError(f"{directory} has no recordings, expected {expected}")
+        more = f" and {len(others) - _MOST_NAMES} more" if len(others) > _MOST_NAMES else ""
+        there = f"; it has {', '.join(others[:_MOST_NAMES])}{more}" if others else ""
+        raise RecordingError(f"{directory} has no recordings, expected {expected}{there}")
     return dict(sorted(found.items()))

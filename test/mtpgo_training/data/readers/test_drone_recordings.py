@@ -224,7 +224,7 @@ DEFECTS = {
     "ragged": (
         "01_tracks.csv",
         ("2,3,50.0", "2,3,1,50.0"),
-        r"01_tracks\.csv cannot be read as CSV",
+        r"01_tracks\.csv, line 6: 26 cells, expected 25",
     ),
     "cut line": (
         "01_tracks.csv",
