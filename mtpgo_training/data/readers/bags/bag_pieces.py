@@ -144,8 +144,11 @@ class PieceReader:
         def refused(connection: Connection, reason: str) -> None:
             if id(connection) in objects:
                 self._messages += 1
-            if id(connection) in objects | odometry:
-                self._count("malformed" if id(connection) in objects else "ego_refused", reason)
+                self._count("malformed", reason)
+            elif id(connection) in odometry:
+                self._count("ego_refused", reason)
+            else:
+                self._remark_on(connection, reason)
 
         for connection, received_ns, message in self._reader.messages(
             [*self._topic.connections, *others, *self._ego_connections], refused
@@ -289,10 +292,16 @@ class PieceReader:
             try:
                 self._piece.lanes = lanes_from_markers(message).polylines
             except MessageError as error:
-                where = f"{self._reader.path}, topic {connection.topic}"
-                raise RecordingError(f"{where}: {error}") from error
+                self._remark_on(connection, str(error))
         else:
             self._piece.ego = str(getattr(message, "data", ""))
+
+    def _remark_on(self, connection: Connection, problem: str) -> None:
+        """Note that a message on a topic beside the objects is not used."""
+        where = f"{self._reader.path}, topic {connection.topic}"
+        sentence = f"{where}: a message is left out: {problem}"
+        if sentence not in self.remarks:
+            self.remarks.append(sentence)
 
     def _count(self, name: str, problem: str = "") -> None:
         self._piece.counts[name] += 1

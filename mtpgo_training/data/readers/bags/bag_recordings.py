@@ -21,6 +21,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.history.track_update import usable_observations
+from mtpgo_core.identity import first_key
 from mtpgo_core.schema import BoolArray, Float64Array, KeyArray, tracked_states
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
@@ -207,9 +208,9 @@ def _recording(name: str, piece: BagPiece) -> Recording:
         # Identities beyond 63 bits are replaced by a count; track_key keeps them.
         track_id = np.arange(len(key), dtype=np.int64)
     size, track_class = _of_tracks(column("size")[rows], agent_class[rows], track)
-    ego = int(piece.ego) if piece.ego is not None and piece.ego.isdigit() else None
-    if piece.ego_key is not None:
-        rows_of_ego = np.flatnonzero((key == piece.ego_key).all(axis=1))
+    ego, ego_key = None, first_key(piece.ego or "") if piece.ego_key is None else piece.ego_key
+    if ego_key is not None:
+        rows_of_ego = np.flatnonzero((key == ego_key).all(axis=1))
         ego = int(track_id[rows_of_ego[0]]) if len(rows_of_ego) else None
     return Recording(
         name=name,
@@ -226,7 +227,7 @@ def _recording(name: str, piece: BagPiece) -> Recording:
         agent_class=track_class,
         size=size,
         lanes=piece.lanes,
-        ego_id=ego if ego is not None and ego in track_id else None,
+        ego_id=ego,
         start_time_ns=int(stamps_ns[0] if not len(stamps) else stamps[0]),
         track_key=key,
         counts={name: count for name, count in (piece.counts + counts).items() if count},
