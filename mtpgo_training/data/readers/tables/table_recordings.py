@@ -171,7 +171,7 @@ def _checked(path: Path, columns: TableColumns) -> pd.DataFrame:
         table = read_parquet(path, wanted)
         if "time" in given and pd.api.types.is_datetime64_any_dtype(table[given["time"]]):
             dates = True  # whatever unit numbers would have
-            kinds["numbers"].remove(given["time"])
+            kinds["numbers"] = [given["x"], given["y"]]
         check_columns(table, path, first_line=1, unit="row", **kinds)
     else:
         table = read_table(path, texts=texts, form=columns.form, **kinds)
