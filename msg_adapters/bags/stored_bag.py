@@ -50,6 +50,9 @@ SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag", ".bag.active")
 _SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
 """First bytes of an SQLite database and of a Zstandard frame."""
 
+_GIT_LFS = b"version https://"
+"""First bytes of what a repository has in place of a large file that was not fetched."""
+
 _NUMBERED = re.compile(r"(.+)_(\d+)")
 """Name of a file of a split bag, without its suffix: name of the bag and number."""
 
@@ -299,6 +302,8 @@ class StoredBag:
                 self._storages.append(open_ros1(content))
             elif not begin.strip(b"\0"):
                 raise McapError("it is empty" if not begin else "it holds zeros only")
+            elif begin == _GIT_LFS:
+                raise McapError("it is a pointer of Git LFS, 'git lfs pull' gets the file itself")
             else:
                 raise McapError("it begins as no bag of MCAP, SQLite or ROS 1 does")
         except Exception as error:  # A broken file fails the libraries in many ways.

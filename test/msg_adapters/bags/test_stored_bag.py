@@ -264,6 +264,10 @@ def test_folders_that_are_no_bag_are_refused_with_a_sentence(tmp_path):
     folder = tmp_path / "bag"
     write_split(folder)
     for file in bag_files(folder):
+        file.write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n")
+    with pytest.raises(RecordingError, match=r"bag_0\.mcap .*: it is a pointer of Git LFS"):
+        StoredBag(folder)
+    for file in bag_files(folder):
         file.write_bytes(b"")
     with pytest.raises(
         RecordingError, match=r"bag_0.mcap cannot be read as a bag .*: it is empty"
