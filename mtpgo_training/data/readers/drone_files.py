@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,6 +63,24 @@ def visible_files(paths: Iterable[Path], directory: Path) -> list[Path]:
         for path in paths
         if not any(part.startswith(".") for part in path.relative_to(directory).parts)
     )
+
+
+def files_below(directory: Path) -> list[Path]:
+    """Return the files in a directory and the folders below it, in order, without hidden ones.
+
+    Folders behind symbolic links are looked into as well, each once.
+    """
+    found: list[Path] = []
+    seen: set[Path] = set()
+    for folder, folders, names in os.walk(directory, followlinks=True):
+        place = Path(folder).resolve()
+        if place in seen:
+            folders.clear()
+            continue
+        seen.add(place)
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        found += [Path(folder, name) for name in names if not name.startswith(".")]
+    return sorted(path for path in found if path.is_file())
 
 
 def select_names(available: Sequence[str], names: Sequence[str] | None, where: Path) -> list[str]:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers.drone_files import existing_directory, visible_files
+from mtpgo_training.data.readers.drone_files import existing_directory, files_below
 
 _GENERIC = {"data", "recorded_trackfiles", "trajectories_filtered", "train", "val", "test"}
 """Folders of the data sets' archives that say nothing of a recording."""
@@ -40,8 +40,7 @@ def grouped_files(
         paths, root = [directory], directory.parent
     else:
         existing_directory(directory)
-        files = (path for path in directory.rglob("*") if path.is_file())
-        paths, root = visible_files(files, directory), directory
+        paths, root = files_below(directory), directory
     found: dict[str, dict[str, Path]] = {}
     others: list[str] = []
     for path in paths:

@@ -329,6 +329,11 @@ class PieceReader:
         """Return why there is no road user."""
         nothing = f"{self._reader.path} has no tracked object on its topic {self._topic.name}"
         if counts["unstamped"] == self._messages > 0:
+            if self._log_stamps:
+                return (
+                    f"{nothing}: none of its {self._messages} messages has a stamp or a time at"
+                    " which it was recorded"
+                )
             return (
                 f"{nothing}: none of its {self._messages} messages has a stamp, expected the time"
                 " of the observation in the header; --stamps log takes the time at which a message"

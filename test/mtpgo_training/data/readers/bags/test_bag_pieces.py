@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from odd_bags import EPOCH_NS, OddBag, bytes_of, states_at, write_stream
+from odd_bags import EPOCH_NS, S_NS, OddBag, bytes_of, states_at, write_stream
 
 from msg_adapters.bags.bag_types import bag_typestore
 from msg_adapters.conversions import make_header, make_pose, make_vector
@@ -400,3 +400,9 @@ def test_the_ego_is_found_by_any_text(tmp_path, text, ego):
             bag.add(channel, bytes_of(states), log_s)
     (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
     assert recording.ego_id == ego
+
+
+def test_messages_without_any_time_are_told_apart(tmp_path):
+    messages = [(-EPOCH_NS / S_NS, unstamped(states)) for _, states in steady(1.0)]
+    with pytest.raises(RecordingError, match=r"has a stamp or a time at which it was recorded$"):
+        read(tmp_path, messages, LOG)

@@ -140,3 +140,14 @@ def test_a_file_of_cases_may_have_any_name(tmp_path):
     sentence = r"or files with a column case_id; it has DR_A-train \(1\)\.csv$"
     with pytest.raises(RecordingError, match=sentence):
         load_recordings(tmp_path, "interaction")
+
+
+def test_folders_behind_symbolic_links_are_looked_into(interaction, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("elsewhere") / "data"
+    folder.mkdir()
+    (folder / "loop").symlink_to(folder)
+    (folder / "Z").symlink_to(interaction / "recorded_trackfiles" / "DR_B")
+    assert [r.name for r in load_recordings(folder, "interaction")] == ["Z-000"]
+    (folder / "all").symlink_to(interaction)
+    names = [r.name for r in load_recordings(folder, "interaction")]
+    assert len(names) == 3
