@@ -92,7 +92,7 @@ _MESSAGE, _CHUNK, _CONNECTION = b"\x02", b"\x05", b"\x07"
 """Kinds of records, as their field ``op`` names them."""
 
 _LARGEST_CHUNK = 1 << 29
-"""Most bytes that a chunk is decompressed to; chosen as for MCAP files."""
+"""Most bytes of a chunk that are read, and that it is decompressed to; chosen as for MCAP files."""
 
 _INFLATERS: dict[bytes, Callable[[], Any]] = {
     b"bz2": bz2.BZ2Decompressor,
@@ -163,7 +163,8 @@ class UnindexedRos1File:
         position = len(_HEADED)
         while position < size:
             head = _record_at(file, position, size)
-            if head is None:
+            # Zeros may follow the break, which file systems leave after a loss of power.
+            if head is None or b"op" not in head[0]:
                 self._cut_off = True
                 return
             fields, begin, end = head
@@ -191,10 +192,11 @@ class UnindexedRos1File:
     def _content(self, chunk: _Chunk) -> bytes:
         """Return the content of a chunk, or its beginning where it is cut off or damaged."""
         self._file.seek(chunk.position)
-        data = self._file.read(chunk.length)
+        data = self._file.read(min(chunk.length, _LARGEST_CHUNK))
         if chunk.compression not in _INFLATERS:
             return data if chunk.compression == b"none" else b""
-        inflater, parts, left = _INFLATERS[chunk.compression](), [], _LARGEST_CHUNK
+        inflater, parts = _INFLATERS[chunk.compression](), []
+        left = min(chunk.size, _LARGEST_CHUNK)
         with suppress(OSError, RuntimeError, ValueError, EOFError):
             for begin in range(0, len(data), _SLICE):
                 parts.append(inflater.decompress(data[begin : begin + _SLICE], left))
@@ -290,9 +292,10 @@ def _records_of(content: bytes) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
         if begin + 4 > len(content):
             return
         end = begin + 4 + int.from_bytes(content[begin : begin + 4], "little")
-        if end > len(content):
+        fields = _fields(content[position + 4 : begin])
+        if end > len(content) or b"op" not in fields:
             return
-        yield _fields(content[position + 4 : begin]), content[begin + 4 : end]
+        yield fields, content[begin + 4 : end]
         position = end
 
 
