@@ -92,7 +92,7 @@ _MESSAGE, _CHUNK, _CONNECTION = b"\x02", b"\x05", b"\x07"
 """Kinds of records, as their field ``op`` names them."""
 
 _LARGEST_CHUNK = 1 << 29
-"""Most bytes of a chunk that are read, and that it is decompressed to; chosen as for MCAP files."""
+"""Most bytes that are read of a chunk, and of its content; chosen as for MCAP files."""
 
 _INFLATERS: dict[bytes, Callable[[], Any]] = {
     b"bz2": bz2.BZ2Decompressor,

@@ -90,7 +90,8 @@ def _require_apart(output: Path, sources: Collection[Path]) -> None:
         found = source.resolve()
         if found == place or place in found.parents:
             raise RecordingError(
-                f"{output} is or holds {source}, which is read, expected another output"
+                f"{output} would take the place of {source}, which is read, expected another"
+                " output"
             )
 
 

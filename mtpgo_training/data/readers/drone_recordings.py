@@ -280,7 +280,7 @@ def _assemble(
     return Recording(
         name=files.name,
         layout=layout,
-        location=str(general["locationId"]),
+        location="" if pd.isna(general["locationId"]) else str(general["locationId"]),
         frame_rate=frame_rate,
         frame=frame,
         track=track,
