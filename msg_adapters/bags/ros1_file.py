@@ -195,7 +195,8 @@ class UnindexedRos1File:
         data = self._file.read(min(chunk.length, _LARGEST_CHUNK))
         if chunk.compression not in _INFLATERS:
             return data if chunk.compression == b"none" else b""
-        inflater, parts = _INFLATERS[chunk.compression](), []
+        inflater = _INFLATERS[chunk.compression]()
+        parts: list[bytes] = []
         left = min(chunk.size, _LARGEST_CHUNK)
         with suppress(OSError, RuntimeError, ValueError, EOFError):
             for begin in range(0, len(data), _SLICE):
@@ -301,7 +302,8 @@ def _records_of(content: bytes) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
 
 def _fields(header: bytes) -> dict[bytes, bytes]:
     """Return the fields of a record by name, as far as they can be read."""
-    found, position = {}, 0
+    found: dict[bytes, bytes] = {}
+    position = 0
     while position + 4 <= len(header):
         end = position + 4 + int.from_bytes(header[position : position + 4], "little")
         name, equals, value = header[position + 4 : end].partition(b"=")

@@ -6,9 +6,11 @@ from __future__ import annotations
 
 import csv
 import gzip
+import io
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO, cast
 
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "'|'", " ": "blanks"}
 """Separators of cells that are told apart, and how a sentence calls them."""
@@ -84,9 +86,9 @@ def first_longer_row(path: Path, width: int) -> tuple[int, int] | None:
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Yield the line at which each row begins, and its cells, as far as the file can be read."""
-    opened = gzip.open if path.suffix == ".gz" else open
     try:
-        with opened(path, "rt", encoding="utf-8-sig", errors="replace", newline=None) as stream:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            stream = io.TextIOWrapper(cast(BinaryIO, file), "utf-8-sig", "replace")
             mark = separator_of(next((line for line in stream if line.strip()), ""))
             stream.seek(0)
             reader = csv.reader(stream, delimiter=mark, skipinitialspace=True)

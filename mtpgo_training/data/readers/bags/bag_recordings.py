@@ -208,7 +208,8 @@ def _recording(name: str, piece: BagPiece) -> Recording:
         # Identities beyond 63 bits are replaced by a count; track_key keeps them.
         track_id = np.arange(len(key), dtype=np.int64)
     size, track_class = _of_tracks(column("size")[rows], agent_class[rows], track)
-    ego, ego_key = None, first_key(piece.ego or "") if piece.ego_key is None else piece.ego_key
+    ego: int | None = None
+    ego_key = first_key(piece.ego or "") if piece.ego_key is None else piece.ego_key
     if ego_key is not None:
         rows_of_ego = np.flatnonzero((key == ego_key).all(axis=1))
         ego = int(track_id[rows_of_ego[0]]) if len(rows_of_ego) else None
