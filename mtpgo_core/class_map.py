@@ -241,6 +241,8 @@ def read_class_map(path: Path) -> ClassMap:
                 raise ConfigurationError(
                     f"{where}: the preset {value!r} is unknown, expected one of {listed(PRESETS)}"
                 )
+            if preset:
+                raise ConfigurationError(f"{where}: a second preset {value!r}, expected one")
             preset = PRESETS[value]
             continue
         if value.lower() not in _CLASSES:
@@ -265,7 +267,9 @@ def _of(names: Mapping[str, str]) -> ClassMap:
 
 
 def _normal(name: str) -> str:
-    return re.sub(r"[\s-]+", "_", str(name).strip().lower())
+    """Return a name as it is compared; 1.0 is the number 1 where others were unknown."""
+    text = re.sub(r"[\s-]+", "_", str(name).strip().lower())
+    return re.sub(r"^([0-9]+)\.0+$", r"\1", text)
 
 
 def _pairs(path: Path) -> list[tuple[int, str, str]]:

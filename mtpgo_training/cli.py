@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -93,6 +94,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     complete(lambda: build_parser(_command_in(words_so_far())))
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # As on stderr: names of files need not be text that the terminal can show.
+        sys.stdout.reconfigure(errors="backslashreplace")
     command = _command_in(arguments)
     try:
         args = build_parser(command).parse_args(arguments)

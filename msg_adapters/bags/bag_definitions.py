@@ -8,8 +8,10 @@ bag lacks a definition, or it cannot be read, that of this package is used.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, cast
 
 from rosbags.interfaces import (
@@ -21,7 +23,7 @@ from rosbags.interfaces import (
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from msg_adapters.bags.bag_types import bag_typestore, types_of_fields
+from msg_adapters.bags.bag_types import bag_typestore, earlier_typestore, types_of_fields
 from mtpgo_core.errors import MessageError
 
 Decoder = Callable[[bytes], Any]
@@ -96,8 +98,19 @@ class BagDefinitions:
         if encoding not in ("cdr", "ros1") or not name:
             raise MessageError(obstacle(connection))
         store = self._store(connection, encoding)
-        read = store.deserialize_ros1 if encoding == "ros1" else store.deserialize_cdr
-        return lambda data: read(data, name)
+        if encoding == "ros1":
+            return lambda data: store.deserialize_ros1(data, name)
+        stores = [store]
+        if store is bag_typestore() and not self._defined(name):
+            stores += [one for one in (earlier_typestore(),) if name in one.fielddefs]
+        return _first_that_reads([functools.partial(_cdr, one, name) for one in stores])
+
+    def _defined(self, name: str) -> bool:
+        """Return whether the bag has a definition of a type."""
+        return any(
+            one.msgtype == name and one.msgdef.format is not MessageDefinitionFormat.NONE
+            for one in self._connections
+        )
 
     def _store(self, connection: Connection, encoding: str) -> Typestore:
         """Return a store with the type of a connection and all that it is made of."""
@@ -118,6 +131,29 @@ class BagDefinitions:
         if name in own.fielddefs:
             return own
         raise MessageError(reason)
+
+
+def _cdr(store: Typestore, name: str, data: bytes) -> Any:
+    return store.deserialize_cdr(data, name)
+
+
+def _first_that_reads(decoders: list[Decoder]) -> Decoder:
+    """Return a decoder that reads with the first of several that can, and then keeps to it."""
+    if len(decoders) == 1:
+        return decoders[0]
+
+    def read(data: bytes) -> Any:
+        try:
+            return decoders[0](data)
+        except Exception as error:  # bytes of another version fail in many ways
+            for place, decoder in enumerate(decoders[1:], start=1):
+                with suppress(Exception):
+                    message = decoder(data)
+                    decoders.insert(0, decoders.pop(place))
+                    return message
+            raise error
+
+    return read
 
 
 def _own_types(encoding: str) -> Typestore:

@@ -8,7 +8,8 @@ asked for are opened, each by its own encoding and definition.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,8 +23,14 @@ from msg_adapters.bags.bag_definitions import (
     obstacle,
     qos_and_encoding,
 )
-from msg_adapters.bags.bag_loss import reason_of
-from msg_adapters.bags.stored_bag import METADATA, SUFFIXES, StoredBag, is_unfinished_bag
+from msg_adapters.bags.bag_loss import counted, reason_of
+from msg_adapters.bags.stored_bag import (
+    METADATA,
+    SUFFIXES,
+    StoredBag,
+    is_unfinished_bag,
+    tell_once,
+)
 from mtpgo_core.errors import MessageError, RecordingError
 
 _LATCHED_BY_NAME = frozenset({"/tf_static", "/robot_description", "/map"})
@@ -226,12 +233,19 @@ class DecodingBagReader(BagReader):
         return {topic: reason for topic, reason in reasons.items() if reason}
 
     def messages(
-        self, connections: Collection[Connection]
+        self,
+        connections: Collection[Connection],
+        refused: Callable[[Connection, str], None] | None = None,
     ) -> Iterator[tuple[Connection, int, Any]]:
         """Yield connection, log time (ns) and decoded message of some connections, in time.
 
+        Args:
+            connections: those wanted.
+            refused: is told of each message that cannot be decoded, and why; without it they are
+                left out with a warning for each topic.
+
         Raises:
-            RecordingError: the file is truncated or damaged, or a message cannot be decoded.
+            RecordingError: the file is truncated or damaged, or a type cannot be decoded.
         """
         decoders = {}
         for connection in connections:
@@ -239,12 +253,24 @@ class DecodingBagReader(BagReader):
                 decoders[connection.id] = self._definitions.decoder(connection)
             except MessageError as error:
                 raise RecordingError(f"{self.path}, topic {connection.topic}: {error}") from error
+        left_out: Counter[str] = Counter()
+        reasons: dict[str, str] = {}
         for connection, time_ns, data in self._stored(connections, None, None):
             try:
                 message = decoders[connection.id](data)
             except Exception as error:  # as in the constructor
-                raise self._damaged(error) from error
+                reason = f"it cannot be decoded as {connection.msgtype}: {reason_of(error)}"
+                if refused is not None:
+                    refused(connection, reason)
+                left_out[connection.topic] += 1
+                reasons.setdefault(connection.topic, reason)
+                continue
             yield connection, time_ns, message
+        for topic, number in left_out.items() if refused is None else ():
+            tell_once(
+                f"{self.path}, topic {topic}: {counted(number)} left out, the first because"
+                f" {reasons[topic]}"
+            )
 
 
 def is_latched(connection: Connection) -> bool:

@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from msg_adapters.wire.definitions import DEFINITIONS
+from msg_adapters.wire.definitions import DEFINITIONS, EARLIER_DEFINITIONS
 from mtpgo_core.errors import RecordingError
 
 
@@ -21,9 +22,20 @@ def bag_typestore() -> Typestore:
 
     There is one store per process; :func:`require_type` adds to it.
     """
-    store = get_typestore(Stores.ROS2_JAZZY)
+    return _store(Stores.ROS2_JAZZY, DEFINITIONS)
+
+
+@functools.cache
+def earlier_typestore() -> Typestore:
+    """Return the types of ROS 2 Foxy: bags recorded before Iron may hold no definitions."""
+    return _store(Stores.ROS2_FOXY, EARLIER_DEFINITIONS)
+
+
+def _store(release: Stores, definitions: Mapping[str, str]) -> Typestore:
+    """Return the types of a release, and others of which it has none."""
+    store = get_typestore(release)
     types: dict[str, Any] = {}
-    for name, text in DEFINITIONS.items():
+    for name, text in definitions.items():
         types.update(get_types_from_msg(text, name))
     store.register({name: fields for name, fields in types.items() if name not in store.fielddefs})
     return store

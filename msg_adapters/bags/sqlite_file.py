@@ -8,6 +8,7 @@ topic whose definition or QoS it does not know.
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -26,6 +27,39 @@ from msg_adapters.bags.bag_metadata import qos_of
 
 _FORMATS = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL}
 """Languages of definitions of messages; of a type in another one only the name is used."""
+
+_LEFT = ("-wal", "-journal")
+"""How the names of files end that a killed recorder leaves beside a database: with changes that
+are not in it yet, and with what it held before changes that were never completed."""
+
+
+def files_left_beside(path: Path) -> list[Path]:
+    """Return the files that belong to a database which was not closed, none of one that was."""
+    beside = [path.with_name(path.name + ending) for ending in _LEFT]
+    return [file for file in beside if file.is_file() and file.stat().st_size]
+
+
+def recovered_copy(path: Path, folder: Path) -> Path:
+    """Return a copy of a database that was not closed, brought into the state of its last commit.
+
+    The database itself may lie on a read-only disk, and is not changed.
+
+    Args:
+        path: the database.
+        folder: where the copy is made.
+
+    Raises:
+        sqlite3.Error: it cannot be brought there.
+        OSError: it cannot be copied.
+    """
+    copy = folder / path.name
+    for file in (path, *files_left_beside(path)):
+        shutil.copyfile(file, folder / file.name)
+    with closing(sqlite3.connect(copy)) as database:
+        database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+        database.execute("PRAGMA journal_mode=DELETE").fetchall()
+        database.execute("SELECT COUNT(*) FROM messages").fetchall()
+    return copy
 
 
 class SqliteFile(Sqlite3Reader):

@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 import re
 import shutil
+import sqlite3
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import suppress
@@ -34,15 +35,23 @@ from msg_adapters.bags.bag_metadata import METADATA, BagMetadata, qos_of, read_m
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
 from msg_adapters.bags.mcap_records import MAGIC, McapChannel, McapError, McapSchema
-from msg_adapters.bags.ros1_file import MAGIC_ROS1, Ros1File
-from msg_adapters.bags.sqlite_file import SqliteFile
+from msg_adapters.bags.ros1_file import (
+    MAGIC_ROS1,
+    Ros1File,
+    UnindexedRos1File,
+    open_ros1,
+)
+from msg_adapters.bags.sqlite_file import SqliteFile, files_left_beside, recovered_copy
 from mtpgo_core.errors import RecordingError
 
-SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag")
+SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag", ".bag.active")
 """How the names of a bag's files end."""
 
 _SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
 """First bytes of an SQLite database and of a Zstandard frame."""
+
+_GIT_LFS = b"version https://"
+"""First bytes of what a repository has in place of a large file that was not fetched."""
 
 _NUMBERED = re.compile(r"(.+)_(\d+)")
 """Name of a file of a split bag, without its suffix: name of the bag and number."""
@@ -61,7 +70,9 @@ def bag_files(folder: Path) -> list[Path]:
         match = _NUMBERED.fullmatch(_stem(path))
         return (match[1], int(match[2]), path.name) if match else (_stem(path), -1, path.name)
 
-    found = [p for p in folder.iterdir() if p.name.endswith(SUFFIXES) and p.is_file()]
+    # macOS lays a ._NAME.mcap beside each file.
+    shown = (path for path in folder.iterdir() if not path.name.startswith("."))
+    found = [path for path in shown if path.name.endswith(SUFFIXES) and path.is_file()]
     return sorted(found, key=order)
 
 
@@ -172,6 +183,9 @@ class _SqliteStorage(LibraryFile):
         self.connections = {c.id: c for c in reader.connections}
 
 
+_Storage = _McapStorage | _SqliteStorage | Ros1File | UnindexedRos1File
+
+
 class StoredBag:
     """The messages of a bag: a rosbag2 folder, or one file of it.
 
@@ -194,7 +208,7 @@ class StoredBag:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.connections: list[Connection] = []
-        self._storages: list[_McapStorage | _SqliteStorage | Ros1File] = []
+        self._storages: list[_Storage] = []
         self._files: list[Path] = []
         self._unread: dict[Path, BagLoss] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
@@ -217,7 +231,7 @@ class StoredBag:
         self.end_time = max((s.end_ns for s in filled), default=-1) + 1
         self._numbers = self._connect()
         if self._about.problem and self._storages:
-            _tell(
+            tell_once(
                 f"{path} {self._about.problem}, as when its recorder is killed: its"
                 f" {len(self._storages)} file(s) are read without it"
             )
@@ -240,6 +254,15 @@ class StoredBag:
                 )
             return files
         named = [self._present(name) for name in self._about.files]
+        if not any(file.is_file() for file in named):
+            others = bag_files(self.path)
+            if others and len({_bag_name(file) for file in others}) == 1:
+                missing = ", ".join(file.name for file in named) or "no file"
+                tell_once(
+                    f"{self.path / METADATA} names {missing}, of which there is none:"
+                    f" {', '.join(file.name for file in others)} is read instead"
+                )
+                return others
         stems = {_stem(file) for file in named}
         names = {_bag_name(file) for file in named}
         # A recorder that is killed after a split may have named the files until then only.
@@ -249,7 +272,7 @@ class StoredBag:
             if _stem(file) not in stems and _bag_name(file) in names
         ]
         if more:
-            _tell(
+            tell_once(
                 f"{self.path / METADATA} does not name {', '.join(file.name for file in more)}:"
                 " read as well"
             )
@@ -274,11 +297,13 @@ class StoredBag:
             if begin.startswith(MAGIC):
                 self._storages.append(_McapStorage(content))
             elif begin == _SQLITE:
-                self._storages.append(_SqliteStorage(content))
+                self._storages.append(_SqliteStorage(self._recovered(content)))
             elif begin.startswith(MAGIC_ROS1):
-                self._storages.append(Ros1File(content))
+                self._storages.append(open_ros1(content))
             elif not begin.strip(b"\0"):
                 raise McapError("it is empty" if not begin else "it holds zeros only")
+            elif begin == _GIT_LFS:
+                raise McapError("it is a pointer of Git LFS, 'git lfs pull' gets the file itself")
             else:
                 raise McapError("it begins as no bag of MCAP, SQLite or ROS 1 does")
         except Exception as error:  # A broken file fails the libraries in many ways.
@@ -288,13 +313,32 @@ class StoredBag:
 
     def _inflated(self, file: Path) -> Path:
         """Return a copy of a compressed file, or of as much of it as there is."""
-        if self._folder is None:
-            self._folder = tempfile.TemporaryDirectory()
-        target = Path(self._folder.name, file.name.removesuffix(".zstd"))
+        target = self._temporary_folder() / file.name.removesuffix(".zstd")
         cut_or_damaged = suppress(EOFError, zstd.ZstdError)
         with zstd.open(file, "rb") as stream, target.open("wb") as out, cut_or_damaged:
             shutil.copyfileobj(stream, out)
         return target
+
+    def _recovered(self, file: Path) -> Path:
+        """Return an SQLite file, or a copy with what its recorder left beside it."""
+        left = files_left_beside(file)
+        if not left:
+            return file
+        names = " and ".join(path.name for path in left)
+        try:
+            copy = recovered_copy(file, self._temporary_folder())
+        except (OSError, sqlite3.Error) as error:
+            tell_once(f"{file} was not closed, and {names} cannot be used: {reason_of(error)}")
+            return file
+        tell_once(
+            f"{file} was not closed, as when its recorder is killed: {names} is read as well"
+        )
+        return copy
+
+    def _temporary_folder(self) -> Path:
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory()
+        return Path(self._folder.name)
 
     def _whole_loss(self, file: Path, error: Exception) -> BagLoss:
         expected = self._about.expected.get(file.name)
@@ -327,6 +371,8 @@ class StoredBag:
             for number, damaged in storage.connections.items():
                 # A damaged name may have line breaks, and stands in sentences.
                 name, kind = (" ".join(s.split()) for s in (damaged.topic, damaged.msgtype))
+                # A topic may be recorded without the slash that its name begins with.
+                name = "/" + name.lstrip("/") if name else name
                 own = damaged._replace(topic=name, msgtype=kind)
                 topic = (own.topic, own.msgtype)
                 encoding, own_profiles = cast(ConnectionExtRosbag2, own.ext)
@@ -382,7 +428,7 @@ class StoredBag:
 
     def _named(
         self,
-        storage: _McapStorage | _SqliteStorage | Ros1File,
+        storage: _Storage,
         own: dict[int, Connection],
         start: int | None,
         stop: int | None,
@@ -428,7 +474,7 @@ class StoredBag:
 
     def _tell_losses(self) -> None:
         for loss in self.losses():
-            _tell(loss.sentence())
+            tell_once(loss.sentence())
 
     def close(self) -> None:
         """Close the files."""
@@ -439,7 +485,7 @@ class StoredBag:
             self._folder.cleanup()
 
 
-def _tell(sentence: str) -> None:
+def tell_once(sentence: str) -> None:
     """Log a sentence once: a bag is opened more than once by many commands."""
     if sentence not in _told:
         _told.add(sentence)

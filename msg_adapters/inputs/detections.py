@@ -48,13 +48,13 @@ def decode_detections(
         twist_frame: not used, there are no velocities.
         fallback_stamp_ns: not needed, the message carries its time.
     """
-    tracked = [item for item in message.detections if item.id]
+    tracked = [item for item in message.detections if _track(item)]
     skipped = Counter[str]()
     if len(tracked) < len(message.detections):
         skipped["detection without an id"] = len(message.detections) - len(tracked)
     boxes = [item.bbox for item in tracked]
     best = [max(item.results, key=_score, default=None) for item in tracked]
-    names = ["" if b is None else str(b.hypothesis.class_id) for b in best]
+    names = ["" if b is None else _class_name(b) for b in best]
     pose = table([pose_row(box.center) for box in boxes], 7)
     position_covariance = table(
         [planar_block(b.pose.covariance) if b is not None else _NO_COVARIANCE for b in best], 4
@@ -63,7 +63,7 @@ def decode_detections(
     states = tracked_states(
         stamp_to_ns(message.header.stamp),
         str(message.header.frame_id),
-        keys_from_texts([str(item.id) for item in tracked]),
+        keys_from_texts([_track(item) for item in tracked]),
         pose[:, :2],
         agent_class=OWN_NAMES.find_all(names),
         z=pose[:, 2],
@@ -113,8 +113,21 @@ def states_to_detections(states: TrackedStates, types: Types) -> Any:
     return types.make(PACKAGE + "Detection3DArray", header=header, detections=detections)
 
 
+def _track(item: Any) -> str:
+    """Return the name of a detection's track, empty without one."""
+    if hasattr(item, "id"):
+        return str(item.id)
+    # Recorded with vision_msgs 2.x; the versions between had no track at all.
+    return str(getattr(item, "tracking_id", ""))
+
+
+def _class_name(result: Any) -> str:
+    found = getattr(result, "hypothesis", result)  # vision_msgs 2.x
+    return str(found.class_id if hasattr(found, "class_id") else found.id)
+
+
 def _score(result: Any) -> float:
-    score = float(result.hypothesis.score)
+    score = float(getattr(result, "hypothesis", result).score)
     return score if np.isfinite(score) else -np.inf
 
 

@@ -149,6 +149,25 @@ Detection3D[] detections
 """,
 }
 
+# vision_msgs 2.x, of ROS 2 Foxy.
+_EARLIER_VISION = {
+    "ObjectHypothesisWithPose": """
+string id
+float64 score
+geometry_msgs/PoseWithCovariance pose
+""",
+    "BoundingBox3D": _VISION["BoundingBox3D"],
+    "Detection3D": """
+std_msgs/Header header
+ObjectHypothesisWithPose[] results
+BoundingBox3D bbox
+sensor_msgs/PointCloud2 source_cloud
+bool is_tracking
+string tracking_id
+""",
+    "Detection3DArray": _VISION["Detection3DArray"],
+}
+
 # derived_object_msgs 4.x.
 _DERIVED = {
     "Object": """
@@ -265,3 +284,8 @@ DEFINITIONS: dict[str, str] = {
     for name, text in messages.items()
 }
 """Definition text by type name, inner types before those that hold them."""
+
+EARLIER_DEFINITIONS: dict[str, str] = {
+    f"vision_msgs/msg/{name}": text.lstrip("\n") for name, text in _EARLIER_VISION.items()
+}
+"""Definition text of types that had other fields in ROS 2 Foxy, whose bags hold no definitions."""

@@ -75,7 +75,8 @@ def run(args: argparse.Namespace) -> int:
         return _copy(args)
     sources = data_sources(args.data_options)
     require_makeable(args.output)
-    require_sources(sources)
+    jobs = require_sources(sources)
+    files = [Path(file) for one in jobs for unit in one.job.units for file in unit.files]
     named = named_recordings(sources)
     recordings = selected(
         (recording for _, recording in named),
@@ -85,7 +86,10 @@ def run(args: argparse.Namespace) -> int:
         drop_parked=args.drop_parked,
     )
     progress = sys.stderr.isatty()
-    for bag in convert(recordings, args.output, kind=args.kind, join=args.join, progress=progress):
+    bags = convert(
+        recordings, args.output, kind=args.kind, join=args.join, sources=files, progress=progress
+    )
+    for bag in bags:
         print(
             f"{bag.path}: {len(bag.recordings)} recording(s) ({', '.join(bag.recordings)}), "
             f"{bag.duration_s:.1f} s, {bag.frames} frames, {bag.messages} messages"

@@ -89,7 +89,9 @@ def run(args: argparse.Namespace) -> int:
     unreadable = [Defect("unreadable", failure.reason) for failure in failures]
     if not summaries:
         reason = f": {unreadable[0].place}" if unreadable else ""
-        raise RecordingError(f"no recording has a road user{reason}")
+        places = ", ".join(str(source.directory) for source in sources)
+        where = "" if unreadable else f" of {places}"
+        raise RecordingError(f"no recording{where} has a road user{reason}")
     summary = DataSummary(summaries, unreadable)
     if args.json != "-":
         print(summary.to_text())

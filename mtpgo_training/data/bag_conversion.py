@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,6 +46,7 @@ def convert(
     *,
     kind: str = DEFAULT_KIND,
     join: bool = False,
+    sources: Collection[Path] = (),
     progress: bool = False,
 ) -> list[Converted]:
     """Write recordings as bags and return what was written.
@@ -57,22 +59,40 @@ def convert(
         output: a path that ends in ``.mcap`` for one self-contained file, else a directory.
         kind: short name of the tracked-object message.
         join: one bag for all, with pauses of ``JOIN_GAP_S``.
+        sources: files that the recordings are read from, which are not replaced.
         progress: show a bar on stderr.
 
     Raises:
         RecordingError: nothing to write, or the output cannot be written.
         MessageError: the message kind cannot carry a recording.
     """
+    write = functools.partial(_write, kind=kind, sources=sources, progress=progress)
     if join or output.suffix == ".mcap":
-        return [_write(recordings, output, kind, progress)]
+        return [write(recordings, output)]
     iterator = iter(recordings)
     first, second = next(iterator, None), next(iterator, None)
     if first is None or second is None:
-        return [_write([first] if first else [], output, kind, progress)]
+        return [write([first] if first else [], output)]
     return [
-        _write([recording], output / recording.name, kind, progress)
+        write([recording], output / recording.name)
         for recording in _chain(first, second, iterator)
     ]
+
+
+def _require_apart(output: Path, sources: Collection[Path]) -> None:
+    """Check that a bag takes the place of no file that it is made of.
+
+    Raises:
+        RecordingError: it does: what else was in it would be lost.
+    """
+    place = output.resolve()
+    for source in sources:
+        found = source.resolve()
+        if found == place or place in found.parents:
+            raise RecordingError(
+                f"{output} would take the place of {source}, which is read, expected another"
+                " output"
+            )
 
 
 @dataclass(frozen=True)
@@ -111,9 +131,11 @@ def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
     from msg_adapters.bags.bag_definitions import BagDefinitions
     from msg_adapters.bags.bag_reader import BagReader
     from msg_adapters.bags.mcap_writer import McapWriter
+    from msg_adapters.bags.stored_bag import bag_files
 
     if output.resolve() == bag.resolve():
         raise RecordingError(f"{output} is the bag itself, expected another output")
+    _require_apart(output, bag_files(bag) if bag.is_dir() else [bag])
     with BagReader(bag) as source, McapWriter(output, replace=True, compress=True) as target:
         topics, skipped = source.topics(), source.skipped()
         definitions = BagDefinitions(source.connections)
@@ -158,10 +180,18 @@ def _chain(
     yield from others
 
 
-def _write(recordings: Iterable[Recording], path: Path, kind: str, progress: bool) -> Converted:
+def _write(
+    recordings: Iterable[Recording],
+    path: Path,
+    *,
+    kind: str,
+    sources: Collection[Path],
+    progress: bool,
+) -> Converted:
     """Write one bag of recordings, one after the other in time."""
     from msg_adapters.bags.mcap_writer import McapWriter
 
+    _require_apart(path, sources)
     names: list[str] = []
     frames, duration_s, next_start_ns = 0, 0.0, None
     with McapWriter(path, replace=True, compress=True) as bag:

@@ -70,6 +70,7 @@ def test_own_words_and_numbers_build_on_a_preset(tmp_path):
 
 def test_without_a_map_our_own_names_and_numbers_hold():
     assert class_map("") is OWN_NAMES
+    assert OWN_NAMES.find_all(["1.0", "3.00", 1.0, "1.5"]).tolist() == [CAR, BUS, CAR, 0]
     names = ["car", "Truck_Bus", "3", "10", "vehicle.car", "", "\N{SUPERSCRIPT TWO}", "9" * 5000]
     assert OWN_NAMES.find_all(names).tolist() == [CAR, TRUCK, BUS, 0, 0, 0, 0, 0]
 
@@ -82,6 +83,7 @@ def test_without_a_map_our_own_names_and_numbers_hold():
             "line 2: the class 'trolley' of 'tram' is unknown, expected",
         ),
         ("car: van\nCar: truck\n", "line 2: 'Car' is given a second class, 'truck' after 'van'"),
+        ("preset: coco\npreset: waymo\n", "line 2: a second preset 'waymo', expected one"),
         ("preset: kitti\n", "line 1: the preset 'kitti' is unknown, expected one of 'nuscenes'"),
         ("- car\n", "is no mapping, expected lines such as 'vehicle.car: car'"),
         ("", "is no mapping"),

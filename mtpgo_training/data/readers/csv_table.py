@@ -16,6 +16,13 @@ import numpy as np
 import pandas as pd
 
 from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.csv_lines import (
+    SEPARATORS,
+    first_longer_row,
+    kind_of_other_file,
+    line_in_file,
+    separator_of,
+)
 
 _ROWS_AT_ONCE = 100_000
 """Rows parsed together; chosen, bounds the memory."""
@@ -25,9 +32,8 @@ _LONGEST_LINE = 1 << 16
 
 _UNREADABLE = (OSError, EOFError, zlib.error, UnicodeDecodeError, pd.errors.ParserError)
 
-
-_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "'|'", " ": "blanks"}
-"""Separators of cells that are told apart, and how a sentence calls them."""
+_MOST_COLUMNS, _LONGEST_NAME = 12, 40
+"""Names of columns that a sentence lists, and the characters of one; chosen."""
 
 _PADDING = "\x00\x1a"
 """Bytes that file systems and old editors leave behind the last line: zeros and Control-Z."""
@@ -44,6 +50,7 @@ class CsvForm:
         names: the column names of a file without a header line, None where the first line has
             them.
         skipped: lines before the first one.
+        blank: how many of these are blank, which are no rows.
     """
 
     separator: str = ","
@@ -51,11 +58,12 @@ class CsvForm:
     thousands: str | None = None
     names: Sequence[str] | None = None
     skipped: int = 0
+    blank: int = 0
 
     @property
     def first_line(self) -> int:
-        """Number of the first line with data."""
-        return self.skipped + (2 if self.names is None else 1)
+        """Number of the first row with data, see :func:`line_in_file`."""
+        return self.skipped - self.blank + (2 if self.names is None else 1)
 
     def pandas_options(self) -> dict[str, Any]:
         """The arguments of ``pandas.read_csv`` for this form."""
@@ -83,12 +91,21 @@ def read_header(path: Path, form: CsvForm = STANDARD_FORM) -> list[str]:
     if form.names is not None:
         return list(form.names)
     try:
-        columns = pd.read_csv(path, nrows=0, **form.pandas_options()).columns
+        _require_text(path)
+        # As a row, for pandas renames the second of two columns of one name.
+        options = {**form.pandas_options(), "header": None, "dtype": str}
+        first = pd.read_csv(path, nrows=1, skipinitialspace=True, keep_default_na=False, **options)
     except pd.errors.EmptyDataError:
         raise RecordingError(f"{path} is empty, expected a CSV file with a header line") from None
     except _UNREADABLE as error:
         raise RecordingError(_cannot_be_read(path, error)) from error
-    return [str(name).strip() for name in columns]
+    return [str(name).strip() for name in first.iloc[0]]
+
+
+def _require_text(path: Path) -> None:
+    kind = kind_of_other_file(path)
+    if kind:
+        raise RecordingError(f"{path} is {kind}")
 
 
 def first_lines_of(path: Path, count: int, *, blank: bool = False) -> list[str]:
@@ -103,6 +120,7 @@ def first_lines_of(path: Path, count: int, *, blank: bool = False) -> list[str]:
         RecordingError: the file cannot be read.
     """
     try:
+        _require_text(path)
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
             start = stream.read(_LONGEST_LINE)
     except _UNREADABLE as error:
@@ -143,8 +161,9 @@ def read_table(
     wanted = [*integers, *numbers, *unknown_allowed, *texts]
     require_columns(path, header, [name for name in wanted if name not in optional], wanted, form)
     present = [name for name in wanted if name in header]
+    _require_once(path, header, present)
     kinds: dict[str, Any] = {name: str for name in texts if name in present}
-    table = _parse(path, present, kinds, form)
+    table = _parse(path, present, kinds, form, len(header))
     check_columns(
         table,
         path,
@@ -154,6 +173,13 @@ def read_table(
         first_line=form.first_line,
     )
     return table
+
+
+def _require_once(path: Path, header: Sequence[str], names: Sequence[str]) -> None:
+    """Check that no column is there twice, for which of them is meant cannot be told."""
+    for name in names:
+        if header.count(name) > 1:
+            raise RecordingError(f"{path} has {header.count(name)} columns {name!r}, expected one")
 
 
 def require_columns(
@@ -178,28 +204,36 @@ def require_columns(
     missing = [name for name in needed if name not in header]
     if not missing:
         return
+    first = header[0] if header else ""
+    if first.lower().startswith("sep="):
+        raise RecordingError(
+            f"{path} begins with the line {first!r} of a spreadsheet, expected the names of the "
+            "columns"
+        )
     if len(header) == 1:
-        other = separator_of(header[0])
-        if header[0].lower().startswith("sep="):
+        other = separator_of(first)
+        cells = [cell.strip(" \"'") for cell in cells_of(first, other)]
+        # A sentence has blanks as well.
+        separates = len(cells) > 1 and (other != " " or not set(cells).isdisjoint(wanted))
+        if other != form.separator and separates:
             raise RecordingError(
-                f"{path} begins with the line {header[0]!r} of a spreadsheet, expected the names "
-                "of the columns"
-            )
-        if other != form.separator and len(cells_of(header[0], other)) > 1:
-            raise RecordingError(
-                f"{path} separates its columns by {_SEPARATORS[other]}, expected "
-                f"{_SEPARATORS.get(form.separator, repr(form.separator))}"
+                f"{path} separates its columns by {SEPARATORS[other]}, expected "
+                f"{SEPARATORS.get(form.separator, repr(form.separator))}"
             )
     raise RecordingError(
-        f"{path} has no column {missing[0]!r}, expected the columns {', '.join(wanted)}"
+        f"{path} has no column {missing[0]!r}, expected the columns {', '.join(wanted)}; it has "
+        f"{_listed(header)}"
     )
 
 
-def separator_of(line: str) -> str:
-    """Return the separator that occurs most often in a line, a blank if there is no other."""
-    counts = {mark: line.count(mark) for mark in _SEPARATORS if mark != " "}
-    best = max(counts, key=lambda mark: counts[mark])
-    return best if counts[best] else " "
+def _listed(header: Sequence[str]) -> str:
+    """Return the first names of columns, for a sentence."""
+    names = [
+        name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME] + "..." for name in header
+    ]
+    shown = [name if name.isprintable() and name else repr(name) for name in names[:_MOST_COLUMNS]]
+    more = f" and {len(names) - _MOST_COLUMNS} more" if len(names) > _MOST_COLUMNS else ""
+    return ", ".join(shown) + more
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -241,7 +275,7 @@ def check_columns(
 
 
 def _parse(
-    path: Path, present: Sequence[str], kinds: dict[str, Any], form: CsvForm
+    path: Path, present: Sequence[str], kinds: dict[str, Any], form: CsvForm, columns: int
 ) -> pd.DataFrame:
     """Return the columns wanted, read in chunks so that the others never fill the memory.
 
@@ -270,7 +304,14 @@ def _parse(
                     if ends_short:
                         chunk = _without_blank_end(chunk)
                     chunks.append(chunk[list(present)])
-    except (*_UNREADABLE, pd.errors.ParserWarning) as error:
+    except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+        longer = first_longer_row(path, columns)
+        if longer is None:
+            raise RecordingError(_cannot_be_read(path, error)) from error
+        raise RecordingError(
+            f"{path}, line {longer[0]}: {longer[1]} cells, expected {columns}"
+        ) from error
+    except _UNREADABLE as error:
         raise RecordingError(_cannot_be_read(path, error)) from error
     if rows and ends_short:
         _check_end(path, width, rows + form.first_line - 1, form.separator)
@@ -309,6 +350,7 @@ def _check_end(path: Path, width: int, line: int, separator: str) -> None:
     cells = [text.count(separator.encode()) + 1 for text in lines[-2:]]
     if not cells or cells[-1] >= width or (len(cells) > 1 and cells[-1] >= cells[-2]):
         return
+    line = line_in_file(path, line)
     if closed:
         raise RecordingError(f"{path}, line {line}: {cells[-1]} cells, expected {width}")
     raise RecordingError(
@@ -319,8 +361,6 @@ def _check_end(path: Path, width: int, line: int, separator: str) -> None:
 def _cannot_be_read(path: Path, error: BaseException) -> str:
     """Return the sentence for an exception while a file is read."""
     if isinstance(error, UnicodeDecodeError):
-        if error.object[:2] in (b"\xff\xfe", b"\xfe\xff"):
-            return f"{path} is encoded in UTF-16, expected UTF-8"
         byte = error.object[error.start]
         return f"{path} cannot be read as CSV: the byte 0x{byte:02x} is not UTF-8, expected UTF-8"
     reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
@@ -342,8 +382,10 @@ class _Place:
         row = int(np.argmax(bad))
         cell = column.iloc[row]
         given = "an empty cell" if pd.isna(cell) else repr(str(cell))
+        number = row + self.first
+        number = line_in_file(self.path, number) if self.unit == "line" else number
         raise RecordingError(
-            f"{self.path}, {self.unit} {row + self.first}, column {column.name!r}: {given}, "
+            f"{self.path}, {self.unit} {number}, column {column.name!r}: {given}, "
             f"expected {expected}"
         )
 

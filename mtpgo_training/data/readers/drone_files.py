@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import os
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,6 +50,37 @@ def existing_directory(directory: Path) -> Path:
         state = "is a file" if directory.exists() else "does not exist"
         raise RecordingError(f"{directory} {state}, expected a directory with recordings")
     return directory
+
+
+def visible_files(paths: Iterable[Path], directory: Path) -> list[Path]:
+    """Return the paths below a directory in order, without those that are hidden there.
+
+    Archives from macOS have a ``._01_tracks.csv`` beside each file, editors keep copies in folders
+    such as ``.ipynb_checkpoints``.
+    """
+    return sorted(
+        path
+        for path in paths
+        if not any(part.startswith(".") for part in path.relative_to(directory).parts)
+    )
+
+
+def files_below(directory: Path) -> list[Path]:
+    """Return the files in a directory and the folders below it, in order, without hidden ones.
+
+    Folders behind symbolic links are looked into as well, each once.
+    """
+    found: list[Path] = []
+    seen: set[Path] = set()
+    for folder, folders, names in os.walk(directory, followlinks=True):
+        place = Path(folder).resolve()
+        if place in seen:
+            folders.clear()
+            continue
+        seen.add(place)
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        found += [Path(folder, name) for name in names if not name.startswith(".")]
+    return sorted(path for path in found if path.is_file())
 
 
 def select_names(available: Sequence[str], names: Sequence[str] | None, where: Path) -> list[str]:
@@ -105,7 +137,7 @@ def find_drone_files(directory: Path, names: Sequence[str] | None = None) -> lis
 def _by_name(place: Path, ending: str) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for suffix in _SUFFIXES:
-        for path in place.glob(f"*{ending}{suffix}"):
+        for path in visible_files(place.glob(f"*{ending}{suffix}"), place):
             found.setdefault(path.name[: -len(ending + suffix)], path)
     return found
 

@@ -21,6 +21,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.maps.lane_file import read_lane_file
 from mtpgo_core.maps.lane_file_options import LOCAL, LaneFileOptions
 from mtpgo_core.schema import Float64Array
+from mtpgo_training.data.readers.csv_lines import line_in_file
 from mtpgo_training.data.readers.csv_table import read_header, read_table
 from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
 from mtpgo_training.data.readers.file_hash import sha256_of
@@ -137,6 +138,11 @@ DRONE_READERS: dict[str, Callable[[DroneFiles, ClassMap], Recording]] = {
 }
 
 
+def _place(path: Path, row: int) -> str:
+    """Return the file and the line of a row."""
+    return f"{path}, line {line_in_file(path, row + 2)}"
+
+
 def _with_unknown(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     """Return the table with columns of unknown values for the names that it lacks."""
     return table.assign(**{name: np.nan for name in names if name not in table})
@@ -180,7 +186,7 @@ def _tracks_meta(path: Path, id_name: str, sizes: Sequence[str], *integers: str)
     doubled = table["id"].duplicated().to_numpy(bool)
     if doubled.any():
         row = int(np.argmax(doubled))
-        raise RecordingError(f"{path}, line {row + 2}: track {table['id'].iloc[row]} comes twice")
+        raise RecordingError(f"{_place(path, row)}: track {table['id'].iloc[row]} comes twice")
     return table
 
 
@@ -189,7 +195,7 @@ def _check_directions(path: Path, meta: pd.DataFrame) -> None:
     if wrong.any():
         row = int(np.argmax(wrong))
         raise RecordingError(
-            f"{path}, line {row + 2}, column 'drivingDirection': "
+            f"{_place(path, row)}, column 'drivingDirection': "
             f"{meta['drivingDirection'].iloc[row]}, expected 1 (to the left) or 2 (to the right)"
         )
 
@@ -199,7 +205,7 @@ def _check_known(files: DroneFiles, track_id: np.ndarray, known: np.ndarray) -> 
     if unknown.any():
         row = int(np.argmax(unknown))
         raise RecordingError(
-            f"{files.tracks}, line {row + 2}: track {track_id[row]} is not listed in "
+            f"{_place(files.tracks, row)}: track {track_id[row]} is not listed in "
             f"{files.tracks_meta.name}"
         )
 
@@ -212,7 +218,7 @@ def _recording_meta(path: Path, *texts: str) -> tuple[pd.Series, float]:
     frame_rate = float(table["frameRate"].iloc[0])
     if not frame_rate > 0:
         raise RecordingError(
-            f"{path}, line 2, column 'frameRate': {frame_rate:g}, expected frames per second"
+            f"{_place(path, 0)}, column 'frameRate': {frame_rate:g}, expected frames per second"
         )
     return table.iloc[0], frame_rate
 
@@ -220,14 +226,18 @@ def _recording_meta(path: Path, *texts: str) -> tuple[pd.Series, float]:
 def _lanes(path: Path, general: pd.Series, span: tuple[float, float]) -> tuple[Float64Array, ...]:
     lanes = []
     for column, (start, end) in (("upperLaneMarkings", span[::-1]), ("lowerLaneMarkings", span)):
-        for cell in str(general[column]).split(";"):
+        # A road with one carriageway has no markings of the other.
+        cells = "" if pd.isna(general[column]) else str(general[column])
+        for cell in filter(str.strip, cells.split(";")):
             try:
                 y = -float(cell)
             except ValueError:
+                y = np.nan
+            if not np.isfinite(y):
                 raise RecordingError(
-                    f"{path}, line 2, column {column!r}: {cell!r}, "
+                    f"{_place(path, 0)}, column {column!r}: {cell!r}, "
                     "expected y positions joined by ';'"
-                ) from None
+                )
             lanes.append(np.array([[start, y], [end, y]]))
     return tuple(lanes)
 
@@ -249,7 +259,7 @@ def _assemble(
     if (int(rows.frame.max()) - int(rows.frame.min())) / frame_rate > LONGEST_S:
         far = int(np.argmax(np.abs(rows.frame.astype(np.float64) - float(rows.frame[0]))))
         raise RecordingError(
-            f"{files.tracks}, line {far + 2}: frame {rows.frame[far]} is far from the others, "
+            f"{_place(files.tracks, far)}: frame {rows.frame[far]} is far from the others, "
             f"expected a recording of at most {LONGEST_S:.0e} s"
         )
     ids = meta["id"].to_numpy(np.int64)
@@ -262,7 +272,7 @@ def _assemble(
     if again.any():
         row = int(order[int(np.argmax(again)) + 1])
         raise RecordingError(
-            f"{files.tracks}, line {row + 2}: track {rows.track_id[row]} has a second row for "
+            f"{_place(files.tracks, row)}: track {rows.track_id[row]} has a second row for "
             f"frame {rows.frame[row]}"
         )
     classes = meta["class"].fillna("").iloc[meta_row]
@@ -270,7 +280,7 @@ def _assemble(
     return Recording(
         name=files.name,
         layout=layout,
-        location=str(general["locationId"]),
+        location="" if pd.isna(general["locationId"]) else str(general["locationId"]),
         frame_rate=frame_rate,
         frame=frame,
         track=track,

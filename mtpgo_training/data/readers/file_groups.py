@@ -9,10 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers.drone_files import existing_directory
+from mtpgo_training.data.readers.drone_files import existing_directory, files_below
 
 _GENERIC = {"data", "recorded_trackfiles", "trajectories_filtered", "train", "val", "test"}
 """Folders of the data sets' archives that say nothing of a recording."""
+
+_MOST_NAMES = 3
+"""Other files that a sentence lists; chosen."""
 
 
 def grouped_files(
@@ -37,11 +40,13 @@ def grouped_files(
         paths, root = [directory], directory.parent
     else:
         existing_directory(directory)
-        paths, root = sorted(p for p in directory.rglob("*") if p.is_file()), directory
+        paths, root = files_below(directory), directory
     found: dict[str, dict[str, Path]] = {}
+    others: list[str] = []
     for path in paths:
         match = pattern.fullmatch(path.name)
         if match is None or not accept(path):
+            others.append(path.name)
             continue
         groups = match.groupdict()
         folders = path.parent.relative_to(root).parts
@@ -56,5 +61,7 @@ def grouped_files(
             )
         files[kind] = path
     if not found:
-        raise RecordingError(f"{directory} has no recordings, expected {expected}")
+        more = f" and {len(others) - _MOST_NAMES} more" if len(others) > _MOST_NAMES else ""
+        there = f"; it has {', '.join(others[:_MOST_NAMES])}{more}" if others else ""
+        raise RecordingError(f"{directory} has no recordings, expected {expected}{there}")
     return dict(sorted(found.items()))

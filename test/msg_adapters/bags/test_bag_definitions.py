@@ -12,7 +12,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from msg_adapters.bags.bag_reader import BagReader, DecodingBagReader
-from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.bags.bag_types import bag_typestore, earlier_typestore
 from msg_adapters.types import TypestoreTypes
 from mtpgo_core.errors import RecordingError
 
@@ -189,3 +189,34 @@ def test_a_bag_of_ros_1_is_decoded(tmp_path):
     with pytest.raises(RecordingError, match=r"old\.bag cannot be read as a bag") as caught:
         BagReader(path)
     assert "no complete bag of ROS 1" in str(caught.value)
+
+
+MARKERS = "visualization_msgs/msg/MarkerArray"
+DETECTIONS = "vision_msgs/msg/Detection3DArray"
+
+
+@pytest.mark.parametrize("kind", [MARKERS, DETECTIONS])
+def test_messages_of_an_earlier_release_are_read_without_a_definition(tmp_path, kind):
+    earlier, now = earlier_typestore(), bag_typestore()
+
+    def stored(store, name):
+        types = TypestoreTypes(store)
+        if kind == MARKERS:
+            items = [types.make("visualization_msgs/msg/Marker", ns=name, id=7) for _ in range(3)]
+            message = types.make(kind, markers=items)
+        else:
+            tracked = {"tracking_id": name} if store is earlier else {"id": name}
+            message = types.make(kind, detections=[types.make(kind[:-5], **tracked)])
+        return bytes(store.serialize_cdr(message, kind))
+
+    def named(message):
+        if kind == MARKERS:
+            return message.markers[0].ns
+        (found,) = message.detections
+        return found.id if hasattr(found, "id") else found.tracking_id
+
+    # Publishers of both releases, and bytes of neither.
+    data = [stored(now, "a"), stored(earlier, "b"), stored(earlier, "c"), stored(now, "d")]
+    rows = [("/x", kind, "", "", "cdr", one) for one in [*data, data[1][:-30]]]
+    found, _ = heard(write(tmp_path / "bag.mcap", *rows), "/x")
+    assert [named(message) for message in found] == ["a", "b", "c", "d"]

@@ -8,7 +8,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from msg_adapters.bags.bag_reader import BagReader, DecodingBagReader, is_bag
 from msg_adapters.bags.bag_types import bag_typestore
-from msg_adapters.bags.mcap_writer import _qos
+from msg_adapters.bags.mcap_writer import McapWriter, _qos
 from msg_adapters.registry import INPUTS
 from msg_adapters.types import TypestoreTypes
 from mtpgo_core.errors import RecordingError
@@ -151,3 +151,23 @@ def test_a_bag_that_cannot_be_decoded_is_named(tmp_path, make):
 def test_the_messages_before_a_damage_are_decoded(tmp_path):
     with DecodingBagReader(_damaged(tmp_path)) as bag:
         assert len(list(bag.messages(bag.connections))) == 26
+
+
+def test_messages_that_cannot_be_decoded_are_left_out_and_named(tmp_path, caplog):
+    path, good = tmp_path / "bag.mcap", b"\0\1\0\0\2\0\0\x003\0"
+    with McapWriter(path) as bag:
+        bag.add_topic("/talk", "std_msgs/msg/String")
+        for number, data in enumerate([good, good[:9], b"", good]):
+            bag.write_bytes("/talk", number, data)
+    with DecodingBagReader(path) as bag:
+        found = [(time_ns, message.data) for _, time_ns, message in bag.messages(bag.connections)]
+        assert found == [(0, "3"), (3, "3")]
+        assert f"{path}, topic /talk: 2 messages left out, the first because it" in caplog.text
+        told = []
+        noted = bag.messages(
+            bag.connections, lambda connection, why: told.append((connection, why))
+        )
+        assert [time_ns for _, time_ns, _ in noted] == [0, 3]
+    assert [connection.topic for connection, _ in told] == ["/talk", "/talk"]
+    assert all(why.startswith("it cannot be decoded as std_msgs/msg/String: ") for _, why in told)
+    assert len(caplog.records) == 1

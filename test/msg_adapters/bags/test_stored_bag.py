@@ -264,6 +264,10 @@ def test_folders_that_are_no_bag_are_refused_with_a_sentence(tmp_path):
     folder = tmp_path / "bag"
     write_split(folder)
     for file in bag_files(folder):
+        file.write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n")
+    with pytest.raises(RecordingError, match=r"bag_0\.mcap .*: it is a pointer of Git LFS"):
+        StoredBag(folder)
+    for file in bag_files(folder):
         file.write_bytes(b"")
     with pytest.raises(
         RecordingError, match=r"bag_0.mcap cannot be read as a bag .*: it is empty"
@@ -277,3 +281,39 @@ def test_a_killed_recorders_default_name_makes_a_bag(tmp_path):
     (moved / "metadata.yaml").unlink()
     assert is_unfinished_bag(moved)
     assert read(moved)[0] == list(range(20))
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_files_that_were_renamed_are_read_in_place_of_those_that_the_metadata_name(
+    tmp_path, storage, caplog
+):
+    path = tmp_path / "bag"
+    write_split(path, files=2, each=5, storage=storage)
+    for number, file in enumerate(bag_files(path)):
+        file.rename(path / f"monday_{number}{file.suffix}")
+    assert read(path) == (list(range(10)), [])
+    assert "of which there is none: monday_0" in caplog.text
+
+
+def test_hidden_files_are_no_part_of_a_bag(tmp_path):
+    path = tmp_path / "bag"
+    write_split(path, files=2, each=5)
+    (path / "metadata.yaml").unlink()
+    for file in bag_files(path):
+        (path / f"._{file.name}").write_bytes(b"\0\5\x16\7Mac OS X")
+    assert read(path) == (list(range(10)), [])
+
+
+def test_a_topic_has_its_slash_whoever_recorded_it(tmp_path):
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as stream:
+        writer = McapLibraryWriter(stream)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        for topic in ("x", "/x"):
+            channel = writer.register_channel(topic, "cdr", schema)
+            writer.add_message(channel, len(topic), data_of(len(topic)), 0)
+        writer.finish()
+    with StoredBag(path) as bag:
+        assert [(c.topic, c.msgcount) for c in bag.connections] == [("/x", 2)]
+    assert read(path)[0] == [1, 2]

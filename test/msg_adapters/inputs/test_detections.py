@@ -3,12 +3,15 @@
 """Detection3DArray of vision_msgs: box, class of the best hypothesis, round trip."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from msg_adapters.bags.bag_types import bag_typestore, earlier_typestore
 from msg_adapters.inputs.detections import PACKAGE
 from msg_adapters.registry import INPUTS
+from msg_adapters.types import TypestoreTypes
 from mtpgo_core.class_map import class_map
 from mtpgo_core.identity import keys_from_integers, keys_from_strings
 from mtpgo_core.schema import AgentClass
@@ -126,3 +129,26 @@ def test_round_trip(states, offline, decoded, assert_equal):
     )
     for again in decoded(ADAPTER.from_states(states, offline), ADAPTER.message_type).values():
         assert_equal(ADAPTER.to_states(again), wanted)
+
+
+def test_detections_recorded_with_earlier_versions_of_the_message():
+    now, types = TypestoreTypes(bag_typestore()), TypestoreTypes(earlier_typestore())
+    pose = now.make("geometry_msgs/msg/PoseWithCovariance")
+
+    def earlier(**fields):
+        results = [
+            types.make(PACKAGE + "ObjectHypothesisWithPose", id=name, score=score, pose=pose)
+            for name, score in (("truck", 0.2), ("bus", 0.7))
+        ]
+        return types.make(PACKAGE + "Detection3D", results=results, **fields)
+
+    tracked = earlier(tracking_id="12", is_tracking=True)
+    message = types.make(PACKAGE + "Detection3DArray", detections=[tracked, earlier()])
+    decoded = ADAPTER.decode(message)
+    np.testing.assert_array_equal(decoded.states.key, keys_from_integers([12]))
+    assert decoded.states.agent_class.tolist() == [AgentClass.BUS]
+    assert decoded.skipped == {"detection without an id": 1}
+    # The versions between had no track at all.
+    untracked = SimpleNamespace(results=[], bbox=tracked.bbox)
+    message = SimpleNamespace(header=message.header, detections=[untracked])
+    assert ADAPTER.decode(message).skipped == {"detection without an id": 1}

@@ -3,7 +3,9 @@
 """The command ``mtpgo convert``: damaged bags become whole ones."""
 
 import pytest
+from fleet import write_bag
 from rosbags.highlevel import AnyReader
+from traffic import braking_cars
 
 from msg_adapters.bags.mcap_writer import McapWriter
 from mtpgo_training import cli
@@ -51,3 +53,12 @@ def test_what_does_not_go_together_is_named(cut, tmp_path, capsys, layout, more,
     assert cli.main(["convert", layout, str(cut), "--raw", "-o", out, *more]) == 2
     assert words in capsys.readouterr().err
     assert [p.name for p in tmp_path.iterdir()] == ["cut.mcap"]
+
+
+def test_a_bag_is_not_converted_onto_itself(tmp_path, capsys):
+    path = write_bag(tmp_path / "drive", braking_cars(seconds=2.0))
+    before = {file.name: file.read_bytes() for file in path.iterdir()}
+    for output in (path, *path.glob("*.mcap")):
+        assert cli.main(["convert", "bag", str(path), "-o", str(output)]) == 2
+        assert "which is read, expected another output" in capsys.readouterr().err
+    assert {file.name: file.read_bytes() for file in path.iterdir()} == before

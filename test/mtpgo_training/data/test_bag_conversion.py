@@ -322,3 +322,28 @@ def test_what_is_left_of_a_damaged_bag_is_copied_into_a_whole_one(
         assert sorted(p.name for p in whole.iterdir()) == ["metadata.yaml", "whole.mcap"]
     with pytest.raises(RecordingError, match="is the bag itself"):
         copy_bag(damaged, damaged)
+    if whole.is_dir():
+        with pytest.raises(RecordingError, match="which is read, expected another output"):
+            copy_bag(whole, whole / "whole.mcap")
+
+
+def test_a_bag_never_takes_the_place_of_what_it_is_made_of(
+    tmp_path: Path, recording: Recording
+) -> None:
+    fleet = tmp_path / "fleet"
+    convert([recording], fleet / "a")
+    convert([recording], fleet / "b.mcap")
+    other = dataclasses.replace(recording, name="a")
+    sources = [fleet / "a" / "a.mcap", fleet / "b.mcap"]
+    before = {path: path.read_bytes() for path in fleet.rglob("*") if path.is_file()}
+    for recordings, output in (
+        ([recording], fleet / "a"),
+        ([recording], fleet / "b.mcap"),
+        ([recording], fleet / "a" / "a.mcap"),
+        ([other, recording], fleet),
+    ):
+        with pytest.raises(RecordingError, match="which is read, expected another output"):
+            convert(recordings, output, sources=sources)
+    assert before == {path: path.read_bytes() for path in fleet.rglob("*") if path.is_file()}
+    written = convert([recording, dataclasses.replace(other, name="b")], fleet, sources=sources)
+    assert [one.path.name for one in written] == ["01", "b"]

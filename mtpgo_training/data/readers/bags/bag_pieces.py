@@ -25,7 +25,7 @@ from msg_adapters.inputs.ego_odometry import EGO_NAME, EgoOdometry
 from msg_adapters.inputs.lane_markers import lanes_from_markers
 from msg_adapters.inputs.odometry import ODOMETRY
 from mtpgo_core.errors import FrameError, MessageError, RecordingError
-from mtpgo_core.frames import VEHICLE_FRAMES
+from mtpgo_core.frames import moves_with_vehicle
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.stream_guard import MessageStatus, StreamGuard
 from mtpgo_core.identity import keys_from_texts
@@ -124,6 +124,7 @@ class PieceReader:
         self._newest: _Message | None = None
         self._messages = 0
         self._problem = ""
+        self._frames: set[str] = set()
         self._piece = BagPiece()
         self._ego, self._ego_connections = None, _odometry(reader, options.bags.ego_topic)
         if self._ego_connections:
@@ -139,8 +140,18 @@ class PieceReader:
         others = [c for c in self._reader.connections if _is_context(c)]
         odometry = {id(connection) for connection in self._ego_connections}
         found = 0
+
+        def refused(connection: Connection, reason: str) -> None:
+            if id(connection) in objects:
+                self._messages += 1
+                self._count("malformed", reason)
+            elif id(connection) in odometry:
+                self._count("ego_refused", reason)
+            else:
+                self._remark_on(connection, reason)
+
         for connection, received_ns, message in self._reader.messages(
-            [*self._topic.connections, *others, *self._ego_connections]
+            [*self._topic.connections, *others, *self._ego_connections], refused
         ):
             done: list[BagPiece | None] = []
             if id(connection) in odometry:
@@ -186,6 +197,7 @@ class PieceReader:
         states = decoded.states
         if decoded.skipped:
             counts["skipped_objects"] += decoded.skipped_total
+            self._problem = self._problem or next(iter(decoded.skipped))
         if states.stamp_ns == 0 and self._log_stamps:
             states = dataclasses.replace(states, stamp_ns=received_ns)
         if states.stamp_ns == 0:
@@ -280,29 +292,48 @@ class PieceReader:
             try:
                 self._piece.lanes = lanes_from_markers(message).polylines
             except MessageError as error:
-                where = f"{self._reader.path}, topic {connection.topic}"
-                raise RecordingError(f"{where}: {error}") from error
+                self._remark_on(connection, str(error))
         else:
             self._piece.ego = str(getattr(message, "data", ""))
+
+    def _remark_on(self, connection: Connection, problem: str) -> None:
+        """Note that a message on a topic beside the objects is not used."""
+        where = f"{self._reader.path}, topic {connection.topic}"
+        sentence = f"{where}: a message is left out: {problem}"
+        if sentence not in self.remarks:
+            self.remarks.append(sentence)
 
     def _count(self, name: str, problem: str = "") -> None:
         self._piece.counts[name] += 1
         self._problem = self._problem or problem
 
     def _warn_of_moving_frame(self, frame: str) -> None:
-        if frame not in VEHICLE_FRAMES:
+        if frame in self._frames:
             return
-        sentence = (
-            f"{self._where}: objects come in frame {frame!r}, which usually moves with the"
-            " vehicle, expected odometry or transforms of it in the bag"
-        )
-        if sentence not in self.remarks:
-            self.remarks.append(sentence)
+        self._frames.add(frame)
+        if moves_with_vehicle(frame):
+            sentence = (
+                f"{self._where}: objects come in frame {frame!r}, which usually moves with the"
+                " vehicle, expected odometry or transforms of it in the bag"
+            )
+        elif self._poses.is_apart(frame):
+            sentence = (
+                f"{self._where}: objects come in frame {frame!r}, which the bag's transforms do"
+                " not connect with the vehicle or a fixed frame: it is read as a fixed one"
+            )
+        else:
+            return
+        self.remarks.append(sentence)
 
     def _nothing(self, counts: Counter[str]) -> str:
         """Return why there is no road user."""
         nothing = f"{self._reader.path} has no tracked object on its topic {self._topic.name}"
         if counts["unstamped"] == self._messages > 0:
+            if self._log_stamps:
+                return (
+                    f"{nothing}: none of its {self._messages} messages has a stamp or a time at"
+                    " which it was recorded"
+                )
             return (
                 f"{nothing}: none of its {self._messages} messages has a stamp, expected the time"
                 " of the observation in the header; --stamps log takes the time at which a message"

@@ -73,6 +73,10 @@ class BagPoses:
         fixed, poses = found
         return to_fixed_frame(states, poses.at(states.stamp_ns), fixed)
 
+    def is_apart(self, frame: str) -> bool:
+        """Return whether the bag's transforms tell how frames move, but nothing of this one."""
+        return self._tree is not None and self._tree.is_apart(frame)
+
     def _transforms(self, frame: str) -> tuple[str, PoseBuffer] | None:
         """Return the fixed frame and poses that the bag's transforms give for a frame."""
         if frame.lstrip("/") in FIXED_FRAMES:

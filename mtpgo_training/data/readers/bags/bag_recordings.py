@@ -15,16 +15,23 @@ from typing import Any
 import numpy as np
 
 from msg_adapters.bags.bag_reader import DecodingBagReader, bag_name, is_bag
+from msg_adapters.bags.sqlite_file import files_left_beside
+from msg_adapters.bags.stored_bag import bag_files
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.history.track_update import usable_observations
+from mtpgo_core.identity import first_key
 from mtpgo_core.schema import BoolArray, Float64Array, KeyArray, tracked_states
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
 from mtpgo_training.data.readers.bags.bag_pieces import BagPiece, PieceReader
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
-from mtpgo_training.data.readers.drone_files import existing_directory, select_names
+from mtpgo_training.data.readers.drone_files import (
+    existing_directory,
+    select_names,
+    visible_files,
+)
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
@@ -58,7 +65,7 @@ def bag_units(
         )
     else:
         existing_directory(directory)
-        bags = sorted(path for path in directory.iterdir() if is_bag(path))
+        bags = [path for path in visible_files(directory.iterdir(), directory) if is_bag(path)]
         if not bags:
             raise RecordingError(
                 f"{directory} has no bags, expected .mcap files (or .db3, .bag) or rosbag2"
@@ -148,9 +155,9 @@ def _warn(sentence: str) -> None:
 
 
 def _sources(path: Path) -> list[Path]:
-    if path.is_file():
-        return [path]
-    return sorted(p for p in path.iterdir() if p.suffix in (".mcap", ".db3", ".zstd"))
+    """Return the files of a bag, with those that a killed recorder left beside them."""
+    files = [path] if path.is_file() else bag_files(path)
+    return sorted(one for file in files for one in (file, *files_left_beside(file)))
 
 
 def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:
@@ -201,9 +208,10 @@ def _recording(name: str, piece: BagPiece) -> Recording:
         # Identities beyond 63 bits are replaced by a count; track_key keeps them.
         track_id = np.arange(len(key), dtype=np.int64)
     size, track_class = _of_tracks(column("size")[rows], agent_class[rows], track)
-    ego = int(piece.ego) if piece.ego is not None and piece.ego.isdigit() else None
-    if piece.ego_key is not None:
-        rows_of_ego = np.flatnonzero((key == piece.ego_key).all(axis=1))
+    ego: int | None = None
+    ego_key = first_key(piece.ego or "") if piece.ego_key is None else piece.ego_key
+    if ego_key is not None:
+        rows_of_ego = np.flatnonzero((key == ego_key).all(axis=1))
         ego = int(track_id[rows_of_ego[0]]) if len(rows_of_ego) else None
     return Recording(
         name=name,
@@ -220,7 +228,7 @@ def _recording(name: str, piece: BagPiece) -> Recording:
         agent_class=track_class,
         size=size,
         lanes=piece.lanes,
-        ego_id=ego if ego is not None and ego in track_id else None,
+        ego_id=ego,
         start_time_ns=int(stamps_ns[0] if not len(stamps) else stamps[0]),
         track_key=key,
         counts={name: count for name, count in (piece.counts + counts).items() if count},

@@ -151,7 +151,7 @@ def _listed(reader: DecodingBagReader) -> str:
 def _held(reader: DecodingBagReader, connections: Sequence[Connection]) -> int:
     """Return what the first messages of a topic hold."""
     adapter = adapter_for_type(connections[0].msgtype)
-    stored = reader.messages(connections)
+    stored = reader.messages(connections, lambda connection, reason: None)
     for _, received_ns, message in itertools.islice(stored, _LOOKED_AT):
         try:
             if len(adapter.to_states(message, fallback_stamp_ns=received_ns)):

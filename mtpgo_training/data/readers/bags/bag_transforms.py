@@ -71,6 +71,7 @@ class TransformTree:
 
     def __init__(self, messages: Iterable[tuple[bool, Any]]) -> None:
         self._edges: dict[str, _Edge] = {}
+        self._parents: dict[str, dict[tuple[str, bool], _Edge]] = {}
         for static, message in messages:
             for item in message.transforms:
                 self._add(static, item)
@@ -98,11 +99,28 @@ class TransformTree:
         known = all(map(math.isfinite, value)) and any(value[3:])
         if not child or parent == child or not known:
             return
-        edge = self._edges.get(child)
-        if edge is None or edge.parent != parent or edge.static != static:
-            edge = self._edges[child] = _Edge(parent, static)
+        # Two publishers may give one frame two parents: the better known one counts.
+        parents = self._parents.setdefault(child, {})
+        edge = parents.setdefault((parent, static), _Edge(parent, static))
         edge.stamps.append(stamp_to_ns(item.header.stamp))
         edge.values.append(value)
+        self._edges[child] = max(parents.values(), key=_trust)
+
+    def is_apart(self, frame: str) -> bool:
+        """Return whether the transforms tell how some frame moves, but nothing of this one.
+
+        Such a frame is that of a sensor whose mounting is missing, or a fixed frame of its own.
+        """
+        root = frame.lstrip("/")
+        passed = {root}
+        while root in self._edges and self._edges[root].static:
+            root = self._edges[root].parent
+            if root in passed:
+                break
+            passed.add(root)
+        moving = {name: edge.parent for name, edge in self._edges.items() if not edge.static}
+        known = {"", *FIXED_FRAMES, *moving, *moving.values()}
+        return bool(moving) and root not in known
 
     def poses(self, frame: str) -> tuple[str, PoseBuffer] | None:
         """Return a fixed frame and the poses of a frame in it; None if the frame does not move.
@@ -125,6 +143,11 @@ class TransformTree:
         fixed = next((name for name in FIXED_FRAMES if name in ancestors), ancestors[-1])
         chain = chain[: ancestors.index(fixed)]
         return fixed, _composed(chain)
+
+
+def _trust(edge: _Edge) -> tuple[bool, int]:
+    """Return by what one of a frame's parents is preferred: a usual fixed one, then the number."""
+    return edge.parent in FIXED_FRAMES, len(edge.stamps)
 
 
 def _composed(chain: list[_Edge]) -> PoseBuffer:

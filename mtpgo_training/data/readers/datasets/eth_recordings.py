@@ -18,12 +18,12 @@ from pathlib import Path
 import numpy as np
 
 from mtpgo_core.class_map import OWN_NAMES
+from mtpgo_training.data.readers.csv_lines import separator_of
 from mtpgo_training.data.readers.csv_table import (
     CsvForm,
     cells_of,
     first_lines_of,
     read_table,
-    separator_of,
 )
 from mtpgo_training.data.readers.drone_files import select_names
 from mtpgo_training.data.readers.file_groups import grouped_files

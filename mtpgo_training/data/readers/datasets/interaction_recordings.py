@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from mtpgo_core.class_map import ClassMap
+from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.data.readers.csv_table import read_header, read_table
 from mtpgo_training.data.readers.drone_files import select_names
@@ -29,7 +30,7 @@ from mtpgo_training.data.readers.tables.track_rows import TableSource, recording
 from mtpgo_training.data.recording import Recording
 
 _INTERACTION = re.compile(
-    r"(?:(?P<kind>vehicle|pedestrian)_tracks_)?(?P<name>\w+)\.csv(?:\.gz)?", re.IGNORECASE
+    r"(?:(?P<kind>vehicle|pedestrian)_tracks_)?(?P<name>.+)\.csv(?:\.gz)?", re.IGNORECASE
 )
 _SIND = re.compile(r"(?P<kind>veh|ped)_smoothed_tracks\.csv(?:\.gz)?", re.IGNORECASE)
 
@@ -84,7 +85,12 @@ def sind_units(
 
 
 def _is_interaction(path: Path) -> bool:
-    return "_tracks_" in path.name or {"case_id", "track_id"} <= set(read_header(path))
+    if "_tracks_" in path.name:
+        return True
+    try:
+        return {"case_id", "track_id"} <= set(read_header(path))
+    except RecordingError:
+        return False  # some other file beside them
 
 
 def _units(

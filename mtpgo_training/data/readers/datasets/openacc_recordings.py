@@ -64,7 +64,8 @@ def _read(name: str, path: Path) -> Iterator[Recording]:
             f"{path} has no line of column names that begins with 'Time' among its first "
             f"{_MOST_FACTS}, expected a file of OpenACC"
         )
-    form = CsvForm(skipped=heads[0])
+    blank = sum(1 for line in lines[: heads[0]] if not line.strip())
+    form = CsvForm(skipped=heads[0], blank=blank)
     header = read_header(path, form)
     cars = [c[1:] for c in header if re.fullmatch(r"E\d+", c) and f"N{c[1:]}" in header]
     if not cars:

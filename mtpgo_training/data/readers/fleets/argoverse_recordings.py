@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Sequence
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,11 @@ from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import rotate
 from mtpgo_training.data.readers.csv_table import check_columns, require_columns
-from mtpgo_training.data.readers.drone_files import existing_directory, select_names
+from mtpgo_training.data.readers.drone_files import (
+    existing_directory,
+    files_below,
+    select_names,
+)
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
@@ -76,9 +81,11 @@ def argoverse_units(
         paths = [directory]
     else:
         existing_directory(directory)
-        paths = sorted(
-            [*directory.rglob("scenario_*.parquet"), *directory.rglob(_ANNOTATIONS)],
-        )
+        paths = [
+            path
+            for path in files_below(directory)
+            if path.name == _ANNOTATIONS or fnmatch(path.name, "scenario_*.parquet")
+        ]
     units = {}
     for path in paths:
         files: tuple[Path, ...] = (path,)

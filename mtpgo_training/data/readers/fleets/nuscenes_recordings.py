@@ -238,6 +238,8 @@ def _objects(path: Path) -> Iterator[dict[str, Any]]:
                 yield row
     except (OSError, ValueError, RecursionError) as error:
         reason = error.strerror if isinstance(error, OSError) else type(error).__name__
+        if isinstance(error, UnicodeDecodeError):
+            reason = "it is not text in UTF-8"
         raise RecordingError(f"{path} cannot be read as JSON: {reason}") from error
 
 

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.csv_lines import separator_of
 from mtpgo_training.data.readers.csv_table import (
     CsvForm,
     cells_of,
     first_lines_of,
     read_header,
-    separator_of,
 )
 
 FOOT_M = 0.3048

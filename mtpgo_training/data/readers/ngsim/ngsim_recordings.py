@@ -22,8 +22,14 @@ import pandas as pd
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass, ClassArray, Float64Array
+from mtpgo_training.data.readers.csv_lines import line_in_file
 from mtpgo_training.data.readers.csv_table import read_table
-from mtpgo_training.data.readers.drone_files import check_layout, existing_directory, select_names
+from mtpgo_training.data.readers.drone_files import (
+    check_layout,
+    existing_directory,
+    select_names,
+    visible_files,
+)
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.ngsim.ngsim_forms import SUFFIXES, find_form, may_be_ngsim
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
@@ -81,7 +87,7 @@ def ngsim_units(
         existing_directory(directory)
         by_name = {}
         for suffix in SUFFIXES:
-            for path in sorted(directory.glob(f"*{suffix}")):
+            for path in visible_files(directory.glob(f"*{suffix}"), directory):
                 if not suffix.startswith(".txt") or may_be_ngsim(path):
                     by_name.setdefault(_stem(path), path)
         by_name = dict(sorted(by_name.items()))
@@ -128,7 +134,7 @@ def _read_file(name: str, path: Path, classes: ClassMap | None) -> Iterator[Reco
     if bad.any():
         row = int(np.argmax(bad))
         raise RecordingError(
-            f"{path}, line {row + form.csv.first_line}, column 'Global_Time': "
+            f"{path}, line {line_in_file(path, row + form.csv.first_line)}, column 'Global_Time': "
             f"{table['global_time'].iloc[row]}, expected milliseconds since 1970"
         )
     table["line"] = np.arange(len(table)) + form.csv.first_line
@@ -179,9 +185,10 @@ def _recording(
     again = (np.diff(frame[order]) == 0) & (np.diff(group[order]) == 0)
     if again.any():
         row = order[int(np.argmax(again)) + 1]
+        line = line_in_file(path, int(table["line"].iloc[row]))
         raise RecordingError(
-            f"{path}, line {table['line'].iloc[row]}: vehicle {vehicle[row]} has a second row "
-            f"for the time {time_ms[row]}"
+            f"{path}, line {line}: vehicle {vehicle[row]} has a second row for the time "
+            f"{time_ms[row]}"
         )
     track_id, track = _tracks(frame, vehicle, group, front)
     order = np.lexsort((track, frame))

@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -13,7 +14,7 @@ from mtpgo_core.errors import RecordingError
 
 
 def parquet_columns(path: Path) -> list[str]:
-    """Return the column names of a Parquet file.
+    """Return the column names of a Parquet file, also of those within another: ``pose.x``.
 
     Raises:
         RecordingError: it cannot be read.
@@ -22,7 +23,7 @@ def parquet_columns(path: Path) -> list[str]:
     from pyarrow import parquet
 
     try:
-        return [str(name) for name in parquet.read_schema(path).names]
+        return _names(parquet.read_schema(path))
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         raise RecordingError(_cannot_be_read(path, "Parquet", error)) from error
 
@@ -30,18 +31,55 @@ def parquet_columns(path: Path) -> list[str]:
 def read_parquet(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     """Return columns of a Parquet file, of the types that they have there.
 
+    Bytes become text; those that are none become hexadecimal digits, so 16 of them are a UUID.
+
+    Args:
+        path: the file.
+        columns: some of :func:`parquet_columns`.
+
     Raises:
         RecordingError: it cannot be read.
     """
     import pyarrow
-    from pyarrow import parquet
+    from pyarrow import compute, parquet
 
     try:
+        names = parquet.read_schema(path).names
+        outer = [name if name in names else name.partition(".")[0] for name in columns]
         # One thread: recordings are read beside trainings, and several at a time.
-        table = parquet.read_table(path, columns=list(columns), use_threads=False)
-        return table.to_pandas(use_threads=False, ignore_metadata=True)
+        table = parquet.read_table(path, columns=list(dict.fromkeys(outer)), use_threads=False)
+        found = {
+            name: table[name]
+            if name == before
+            else compute.struct_field(table[before], name.split(".")[1:])
+            for name, before in zip(columns, outer, strict=True)
+        }
+        frame = pyarrow.table(found).to_pandas(use_threads=False, ignore_metadata=True)
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise RecordingError(_cannot_be_read(path, "Parquet", error)) from error
+    for name in columns:
+        if any(isinstance(value, bytes) for value in frame[name][:1]):
+            frame[name] = _texts_of_bytes(frame[name])
+    return frame
+
+
+def _names(fields: Iterable[Any], before: str = "") -> list[str]:
+    """Return the names of fields, each followed by those of the fields within it."""
+    from pyarrow.types import is_struct
+
+    names = []
+    for field in fields:
+        names.append(before + str(field.name))
+        if is_struct(field.type):
+            names += _names(field.type, names[-1] + ".")
+    return names
+
+
+def _texts_of_bytes(column: pd.Series) -> pd.Series:
+    try:
+        return column.map(bytes.decode, na_action="ignore")
+    except UnicodeDecodeError:
+        return column.map(bytes.hex, na_action="ignore")
 
 
 def read_feather(path: Path) -> pd.DataFrame:

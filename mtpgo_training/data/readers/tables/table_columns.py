@@ -136,6 +136,9 @@ class TableColumns:
                 fits and value != self.decimal,
                 "one character that differs from the decimal mark",
             )
+        for name in self.names:
+            if self.names.count(name) > 1:
+                raise ConfigurationError(f"names has {name!r} more than once, expected it once")
         taken: dict[str, str] = {}
         for name, column in given.items():
             if column in taken:
@@ -166,13 +169,12 @@ def read_columns(path: Path) -> TableColumns:
         raise ConfigurationError(
             f"{path} has no mapping 'columns', expected for example {EXAMPLE}"
         )
-    # Numbers and words such as 0, no or 1.5 may be names of columns.
-    names = {str(key): "" if v is None else str(v) for key, v in data["columns"].items()}
-    if "class" in names:
-        names["agent_class"] = names.pop("class")
-    data = {str(key): value for key, value in data.items()} | {"columns": names}
+    columns, names = _as_written(path)
+    if "class" in columns:
+        columns["agent_class"] = columns.pop("class")
+    data = {str(key): value for key, value in data.items()} | {"columns": columns}
     if isinstance(data.get("names"), list):
-        data["names"] = [str(name) for name in data["names"]]
+        data["names"] = names
     if "class" in data:
         data["agent_class"] = data.pop("class")
     try:
@@ -182,3 +184,28 @@ def read_columns(path: Path) -> TableColumns:
         raise ConfigurationError(
             text if text.startswith(str(path)) else f"{path}: {text}"
         ) from error
+
+
+def _as_written(path: Path) -> tuple[dict[str, str], list[str]]:
+    """Return the columns by their meaning, and the names of all: words and not values.
+
+    A column may be called ``no``, ``on`` or ``01``, which YAML takes for a truth value and 1.
+
+    Raises:
+        ConfigurationError: a meaning is given twice, or its column is no single name.
+    """
+    columns: dict[str, str] = {}
+    names: list[str] = []
+    for key, node in read_yaml(path, "a description of columns", as_node=True).value:
+        if key.value == "columns":
+            for meaning, column in node.value:
+                where = f"{path}, line {meaning.start_mark.line + 1}: columns.{meaning.value}"
+                if column.id != "scalar":
+                    raise ConfigurationError(f"{where} is a list or mapping, expected one column")
+                if meaning.value in columns:
+                    raise ConfigurationError(f"{where} is given a second time, expected once")
+                empty = column.tag.endswith(":null")
+                columns[str(meaning.value)] = "" if empty else str(column.value)
+        elif key.value == "names" and node.id == "sequence":
+            names = [str(name.value) for name in node.value]
+    return columns, names

@@ -12,11 +12,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from mtpgo_core.class_map import ClassMap
+from mtpgo_core.class_map import OWN_NAMES, ClassMap
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.data.readers.csv_table import check_columns, read_table, require_columns
-from mtpgo_training.data.readers.drone_files import existing_directory, select_names
+from mtpgo_training.data.readers.drone_files import (
+    existing_directory,
+    select_names,
+    visible_files,
+)
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
@@ -65,7 +69,8 @@ def table_units(
         paths = [directory]
     else:
         existing_directory(directory)
-        paths = sorted(path for path in directory.iterdir() if _SUFFIXES.search(path.name))
+        paths = visible_files(directory.iterdir(), directory)
+        paths = [path for path in paths if _SUFFIXES.search(path.name)]
         if not paths:
             raise RecordingError(
                 f"{directory} has no tables, expected .csv, .tsv, .txt or .parquet files"
@@ -136,9 +141,6 @@ def _rows(path: Path, columns: TableColumns) -> pd.DataFrame:
             table.pop("speed").to_numpy(np.float64), table["yaw"].to_numpy(np.float64)
         )
         table["vx"], table["vy"] = velocity[:, 0], velocity[:, 1]
-    if "time" in table:
-        time = table.pop("time")
-        table["time_s"] = time.to_numpy(np.float64) * TIMES_S[columns.time_unit]
     if "agent_class" in table:
         table = table.rename(columns={"agent_class": "class"})
     elif AgentClass.from_name(columns.agent_class) != AgentClass.UNKNOWN:
@@ -161,38 +163,43 @@ def _checked(path: Path, columns: TableColumns) -> pd.DataFrame:
     }
     texts = [given[n] for n in ("track", "agent_class", "recording", "time") if n in given]
     texts = [name for name in texts if name not in kinds["numbers"]]
+    unit, first_line = "line", columns.form.first_line
     if path.suffix.lower() in (".parquet", ".pq"):
+        unit, first_line = "row", 1
         wanted = list(given.values())
         require_columns(path, parquet_columns(path), wanted, wanted)
         table = read_parquet(path, wanted)
         if "time" in given and pd.api.types.is_datetime64_any_dtype(table[given["time"]]):
-            table[given["time"]] = _seconds(table[given["time"]])
-            dates = False
+            dates = True  # whatever unit numbers would have
+            kinds["numbers"] = [given["x"], given["y"]]
         check_columns(table, path, first_line=1, unit="row", **kinds)
-        first_line = 1
     else:
         table = read_table(path, texts=texts, form=columns.form, **kinds)
-        first_line = columns.form.first_line
     table = table.rename(columns={column: name for name, column in given.items()})
     table["line"] = np.arange(len(table)) + first_line
-    if dates and "time" in table:
-        table["time"] = _dates(path, table["time"], first_line)
+    source = TableSource(path.name, "table", (path,), "", OWN_NAMES, unit=unit)
+    if "recording" in table:
+        table["recording"] = table["recording"].astype("string").fillna("").str.strip()
+        bad = (table["recording"] == "").to_numpy(bool)
+        if bad.any():
+            place = source.place_of(table, int(np.argmax(bad)))
+            raise RecordingError(f"{place}: the recording has no name, expected one in each row")
+    if "time" in table:
+        factor = TIMES_S[columns.time_unit]
+        table["time_s"] = _dates(table, source) if dates else table["time"] * factor
     return table
 
 
-def _dates(path: Path, column: pd.Series, first_line: int) -> pd.Series:
-    times = pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
+def _dates(table: pd.DataFrame, source: TableSource) -> pd.Series:
+    """Return the seconds since 1970 of the dates in the column ``time``."""
+    times = pd.to_datetime(table["time"], errors="coerce", utc=True, format="ISO8601")
     bad = times.isna().to_numpy(bool)
     if bad.any():
         row = int(np.argmax(bad))
+        cell = table["time"].iloc[row]
+        given = "an empty cell" if pd.isna(cell) else repr(str(cell))
         raise RecordingError(
-            f"{path}, line {row + first_line}: the time {str(column.iloc[row])!r}, expected a "
-            "date and time such as 2024-05-01T12:00:00.1"
+            f"{source.place_of(table, row)}: the time {given}, expected a date and time such as "
+            "2024-05-01T12:00:00.1"
         )
-    return _seconds(times)
-
-
-def _seconds(times: pd.Series) -> pd.Series:
-    """Return the seconds since 1970 of dates."""
-    utc = times.dt.tz_convert("UTC").dt.tz_localize(None) if times.dt.tz is not None else times
-    return utc.astype("datetime64[ns]").astype(np.int64) / 1e9
+    return times.dt.tz_localize(None).astype("datetime64[ns]").astype(np.int64) / 1e9

@@ -18,6 +18,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import wrap
 from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.schema import ClassArray, Float64Array, KeyArray
+from mtpgo_training.data.readers.csv_lines import line_in_file
 from mtpgo_training.data.readers.reading_options import classes_of
 from mtpgo_training.data.readers.tables.frame_grid import frames_of_times, without_common_step
 from mtpgo_training.data.recording import DEFAULT_START_NS, Int64Array, Recording
@@ -59,6 +60,18 @@ class TableSource:
     frame_rate: float | None = None
     unit: str = "line"
 
+    def place_of(self, table: pd.DataFrame, row: int) -> str:
+        """Return the file and the place in it that a row comes from.
+
+        Args:
+            table: the rows, see :func:`recording_of_rows`.
+            row: index of the row.
+        """
+        path = self.files[int(table["file"].iloc[row]) if "file" in table else 0]
+        number = int(table["line"].iloc[row])
+        number = line_in_file(path, number) if self.unit == "line" else number
+        return f"{path}, {self.unit} {number}"
+
 
 def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
     """Return the recording of a table.
@@ -80,12 +93,12 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
     order = np.lexsort((track, frame))
     again = (np.diff(frame[order]) == 0) & (np.diff(track[order]) == 0)
     if again.any():
-        row = table.iloc[int(order[int(np.argmax(again)) + 1])]
-        path = source.files[int(row.get("file", 0))]
-        time = f"time {row['time_s']:.10g} s" if "time_s" in table else f"frame {row['frame']}"
+        row = int(order[int(np.argmax(again)) + 1])
+        name = "time_s" if "time_s" in table else "frame"
+        value = table[name].iloc[row]
+        time = f"time {value:.10g} s" if name == "time_s" else f"frame {int(value)}"
         raise RecordingError(
-            f"{path}, {source.unit} {row['line']}: track {row['track']} has a second row for "
-            f"{time}"
+            f"{source.place_of(table, row)}: track {names[track[row]]} has a second row for {time}"
         )
     numbers, key = _identities(names)
     yaw = table["yaw"].to_numpy(np.float64) if "yaw" in table else np.full(len(table), np.nan)
@@ -147,11 +160,9 @@ def _times(table: pd.DataFrame, source: TableSource) -> tuple[Int64Array, float,
 def _check_span(table: pd.DataFrame, source: TableSource, elapsed_s: Float64Array) -> None:
     far = int(np.argmax(np.abs(elapsed_s)))
     if abs(elapsed_s[far]) > LONGEST_S:
-        row = table.iloc[far]
         raise RecordingError(
-            f"{source.files[int(row.get('file', 0))]}, {source.unit} {row['line']}: "
-            f"{abs(elapsed_s[far]):.3g} s from other rows, expected a recording of at most "
-            f"{LONGEST_S:.0e} s"
+            f"{source.place_of(table, far)}: {abs(elapsed_s[far]):.3g} s from other rows, "
+            f"expected a recording of at most {LONGEST_S:.0e} s"
         )
 
 
@@ -164,11 +175,8 @@ def _tracks(table: pd.DataFrame, source: TableSource) -> tuple[list[str], Int64A
     codes, kept = pd.factorize(column.astype("string").fillna("").str.strip(), sort=True)
     track, names = codes.astype(np.int64), [str(name) for name in kept]
     if "" in names:
-        row = table.iloc[int(np.argmax(track == names.index("")))]
-        raise RecordingError(
-            f"{source.files[int(row.get('file', 0))]}, {source.unit} {row['line']}: "
-            "the road user has no name, expected a number or text"
-        )
+        place = source.place_of(table, int(np.argmax(track == names.index(""))))
+        raise RecordingError(f"{place}: the road user has no name, expected a number or text")
     whole = [_WHOLE.fullmatch(name) for name in names]
     if all(whole):
         # 10 comes after 9, and 3.0 is 3.

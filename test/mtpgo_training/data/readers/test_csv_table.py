@@ -162,3 +162,51 @@ def test_a_file_without_a_header_is_refused(file):
     with pytest.raises(RecordingError, match=r"t\.csv\.gz cannot be read as CSV: "):
         read_header(file(TEXT, "u.csv").rename(file("", "t.csv.gz")))
     assert read_header(file(TEXT)) == ["id", "x", "note", "speed", "extra"]
+
+
+def test_a_column_that_is_there_twice_is_refused_only_where_it_is_wanted(file):
+    for header in ("v,w,v", "v,w, v", '"v",w,"v"'):
+        path = file(header + "\n1,2,3\n")
+        assert read_table(path, integers=["w"])["w"].tolist() == [2]
+        with pytest.raises(RecordingError, match=r"t\.csv has 2 columns 'v', expected one"):
+            read_table(path, integers=["v"])
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("# tracker 3, 2024\nv,w\n1,2\n", "it has # tracker 3, 2024$"),
+        ("# made by tracker\nv,w\n1,2\n", "it has # made by tracker$"),
+        ("V,W\n1,2\n", "it has V, W$"),
+        (",w\n1,2\n", "it has '', w$"),
+        (",".join(f"c{n}" for n in range(40)) + "\n1\n", "c10, c11 and 28 more$"),
+        ("x" * 500 + ",w\n1,2\n", "it has " + "x" * 40 + r"\.\.\., w$"),
+    ],
+)
+def test_columns_that_are_there_are_listed_where_one_is_missing(file, text, sentence):
+    with pytest.raises(
+        RecordingError, match=f"has no column 'v', expected the columns v; .*{sentence}"
+    ):
+        read_table(file(text), numbers=["v"])
+
+
+def test_the_line_of_a_spreadsheet_is_named_whatever_the_separator(file):
+    with pytest.raises(RecordingError, match="begins with the line 'sep=' of a spreadsheet"):
+        read_table(file("sep=;\nv;w\n1;2\n"), numbers=["v"], form=CsvForm(separator=";"))
+
+
+def test_lines_are_those_of_the_file_where_some_are_blank(file):
+    with pytest.raises(RecordingError, match="line 6, column 'v': 'x', expected a number"):
+        read_table(file("\nv,w\n\n1,2\n\nx,4\n"), numbers=["v"])
+    with pytest.raises(RecordingError, match=r"line 5: 3 cells, expected 2$"):
+        read_table(file("v,w\n\n1,2\n\n3,4,5\n"), numbers=["v"])
+    with pytest.raises(RecordingError, match="ends within line 6, expected 3 cells"):
+        read_table(file("u,v,w\n\n1,5,5\n\n2,5,6\n3,7"), integers=["u"])
+
+
+def test_a_file_of_another_kind_is_named(file):
+    (path := file("")).write_bytes(b"PK\x03\x04")
+    with pytest.raises(
+        RecordingError, match=r"t\.csv is a ZIP archive or a spreadsheet, expected CSV"
+    ):
+        read_header(path)

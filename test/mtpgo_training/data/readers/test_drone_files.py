@@ -12,6 +12,7 @@ from mtpgo_training.data.readers.drone_files import (
     existing_directory,
     find_drone_files,
     select_names,
+    visible_files,
 )
 
 AVAILABLE = ["01", "02", "10", "a"]
@@ -99,3 +100,15 @@ def test_a_directory_is_expected(tmp_path):
     for name, state in (("f", "is a file"), ("g", "does not exist")):
         with pytest.raises(RecordingError, match=f"{name} {state}, expected a directory with rec"):
             existing_directory(tmp_path / name)
+
+
+def test_hidden_files_are_no_recordings(tmp_path):
+    write_ind(tmp_path, "01")
+    for path in list(tmp_path.iterdir()):
+        (tmp_path / f"._{path.name}").write_bytes(b"\0\5\x16\7\0\2\0\0Mac OS X")
+    assert [files.name for files in find_drone_files(tmp_path)] == ["01"]
+    copies = tmp_path / ".ipynb_checkpoints"
+    copies.mkdir()
+    (copies / "a.csv").write_text("")
+    assert visible_files([copies / "a.csv", tmp_path / "b.csv"], tmp_path) == [tmp_path / "b.csv"]
+    assert visible_files([copies / "a.csv"], copies) == [copies / "a.csv"]

@@ -54,6 +54,23 @@ def test_highd_markings_run_with_the_traffic(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.lanes[5], [[50.0, -28.9], [210.8, -28.9]])
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "lanes"),
+    [
+        (",21.0;25.1;28.9", ",", 3),
+        (",8.5;12.6;16.4", ",nan", 3),
+        ("8.5;12.6;16.4", "8.5;12.6;16.4;", 6),
+        ("8.5;12.6;16.4,21.0;25.1;28.9", ",", 0),
+    ],
+)
+def test_markings_may_be_missing(tmp_path: Path, old: str, new: str, lanes: int) -> None:
+    meta = drone_files.write_highd(tmp_path) / "01_recordingMeta.csv"
+    meta.write_text(meta.read_text().replace(old, new))
+    (recording,) = load_recordings(tmp_path, "highd")
+    assert len(recording.lanes) == lanes
+    assert all(np.isfinite(lane).all() for lane in recording.lanes)
+
+
 def test_ind_is_read_unchanged(tmp_path: Path) -> None:
     (recording,) = load_recordings(drone_files.write_ind(tmp_path), "ind")
     assert (recording.name, recording.location, recording.frame_rate) == ("07", "4", 10.0)
@@ -221,10 +238,20 @@ DEFECTS = {
         ("25.1", "x"),
         r"column 'lowerLaneMarkings': 'x', expected y positions joined by ';'",
     ),
+    "marking without a value": (
+        "01_recordingMeta.csv",
+        ("25.1", "inf"),
+        r"column 'lowerLaneMarkings': 'inf', expected y positions joined by ';'",
+    ),
+    "second row behind blank lines": (
+        "01_tracks.csv",
+        ("2,2,200.8", "\n\n1,2,200.8"),
+        r"line 7: track 2 has a second row for frame 1",
+    ),
     "ragged": (
         "01_tracks.csv",
         ("2,3,50.0", "2,3,1,50.0"),
-        r"01_tracks\.csv cannot be read as CSV",
+        r"01_tracks\.csv, line 6: 26 cells, expected 25",
     ),
     "cut line": (
         "01_tracks.csv",

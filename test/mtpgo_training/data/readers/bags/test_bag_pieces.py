@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from odd_bags import EPOCH_NS, OddBag, bytes_of, states_at, write_stream
+from odd_bags import EPOCH_NS, S_NS, OddBag, bytes_of, states_at, write_stream
 
 from msg_adapters.bags.bag_types import bag_typestore
 from msg_adapters.conversions import make_header, make_pose, make_vector
@@ -328,3 +328,81 @@ def test_a_topic_without_odometry_is_refused_with_those_that_have_it(drive):
     options = ReadingOptions(bags=BagOptions(ego_topic="/localization"))
     with pytest.raises(RecordingError, match=r"/localization of the ego, expected .*: /odom"):
         load_recordings(drive, "bag", None, options)
+
+
+def test_single_messages_that_cannot_be_decoded_are_counted(tmp_path):
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        channel = bag.objects(kind="autoware")
+        for number, (log_s, states) in enumerate(steady(5.0)):
+            data = bytes_of(states, "autoware")
+            bag.add(channel, data[:60] if number in (7, 30) else data, log_s)
+        lanes = bag.channel("/lane_markings", "visualization_msgs/msg/MarkerArray")
+        bag.add(lanes, b"\0\1\0\0\1\0\0\0", 0.0)
+    (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
+    assert (len(recording), recording.counts) == (3 * 48, {"malformed": 2})
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        channel = bag.objects(kind="autoware")
+        for log_s, states in steady(1.0):
+            bag.add(channel, bytes_of(states, "autoware")[:60], log_s)
+    sentence = (
+        r"no tracked object .* decoded as autoware_.* \(10 messages that could not be read\)"
+    )
+    with pytest.raises(RecordingError, match=sentence):
+        load_recordings(tmp_path / "bag.mcap", "bag")
+
+
+def test_a_broken_message_beside_the_objects_is_named(tmp_path, caplog):
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        channel = bag.objects()
+        for log_s, states in steady(1.0):
+            bag.add(channel, bytes_of(states), log_s)
+        lanes = bag.channel("/lane_markings", "visualization_msgs/msg/MarkerArray")
+        bag.add(lanes, b"\0\1\0\0\1\0\0\0", 0.0)
+    (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
+    assert (len(recording), recording.lanes) == (30, ())
+    assert "topic /lane_markings: a message is left out: it cannot be decoded" in caplog.text
+
+
+def test_a_detector_without_a_tracker_is_told_why_it_has_no_road_user(tmp_path):
+    store = bag_typestore()
+    types = TypestoreTypes(store)
+    kind = "vision_msgs/msg/Detection3DArray"
+    message = types.make(kind, detections=[types.make("vision_msgs/msg/Detection3D")])
+    message.header.stamp.sec = 1_700_000_000
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        bag.add(bag.objects(kind="vision"), bytes(store.serialize_cdr(message, kind)), 0.0)
+    with pytest.raises(RecordingError, match="/objects: detection without an id"):
+        load_recordings(tmp_path / "bag.mcap", "bag")
+
+
+@pytest.mark.parametrize(
+    ("text", "ego"),
+    [
+        ("2", 2),
+        (" 2 ", 2),
+        ("\N{SUPERSCRIPT TWO}", None),
+        ("9" * 6000, None),
+        ("-1", None),
+        ("hero", None),
+        ("", None),
+        ("00000000-0000-0000-0000-000000000003", 3),
+    ],
+)
+def test_the_ego_is_found_by_any_text(tmp_path, text, ego):
+    kind = "std_msgs/msg/String"
+    message = TypestoreTypes(bag_typestore()).make(kind, data=text)
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        bag.add(
+            bag.channel("/ego_id", kind), bytes(bag_typestore().serialize_cdr(message, kind)), 0.0
+        )
+        channel = bag.objects()
+        for log_s, states in steady(1.0):
+            bag.add(channel, bytes_of(states), log_s)
+    (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
+    assert recording.ego_id == ego
+
+
+def test_messages_without_any_time_are_told_apart(tmp_path):
+    messages = [(-EPOCH_NS / S_NS, unstamped(states)) for _, states in steady(1.0)]
+    with pytest.raises(RecordingError, match=r"has a stamp or a time at which it was recorded$"):
+        read(tmp_path, messages, LOG)

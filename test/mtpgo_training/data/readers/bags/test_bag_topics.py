@@ -187,3 +187,13 @@ def test_a_bag_of_the_earlier_autoware_is_a_recording(tmp_path, language):
     (recording,) = read(tmp_path)
     assert len(recording) == 30
     np.testing.assert_allclose(recording.velocity, np.tile([10.0, 0.0], (30, 1)), atol=1e-6)
+
+
+def test_a_topic_recorded_without_its_slash_can_be_chosen(tmp_path):
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        channel = bag.objects("objects")
+        for i in range(5):
+            bag.add(channel, bytes_of(states_at(i / 10)), i / 10)
+    for topic in ("", "objects", "/objects"):
+        (recording,) = read(tmp_path / "bag.mcap", topic=topic)
+        assert len(recording) == 15

@@ -181,3 +181,48 @@ def odometry(time_s):
 
     message = odometry_message(EPOCH_NS + round(time_s * S_NS), Pose2(5 * time_s, 0.0, 0.0))
     return bytes(bag_typestore().serialize_cdr(message, "nav_msgs/msg/Odometry"))
+
+
+def test_of_two_parents_the_one_that_is_known_better_counts():
+    both = [
+        transform(parent, "base_link", t / 10, (float(t), shift, 0.0))
+        for t in range(20)
+        for parent, shift in (("start", 7.0), ("odom", 0.0))
+    ]
+    fixed, poses = tree(*both, transform("map", "base_link", 0.0)).poses("base_link")
+    assert fixed == "odom"
+    assert_pose(at(poses, 1.05), 10.5, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("frame", "apart"),
+    [
+        ("lidar", False),
+        ("base_link", False),
+        ("odom", False),
+        ("map", False),
+        ("", False),
+        ("camera", True),
+        ("/camera", True),
+        ("radar", True),
+    ],
+)
+def test_frames_that_the_transforms_say_nothing_of_are_apart(frame, apart):
+    moving = [transform("odom", "base_link", t) for t in (0.0, 1.0)]
+    static = [transform("base_link", "lidar", 0.0), transform("roof", "camera", 0.0)]
+    assert tree(*moving, static=static).is_apart(frame) == apart
+    loop = [transform("a", "camera", 0.0), transform("camera", "a", 0.0)]
+    assert not tree(static=[*static, *loop]).is_apart(frame)
+
+
+def test_a_sensor_whose_mounting_is_missing_gets_a_warning(tmp_path, caplog):
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        objects, moving = bag.objects(), bag.channel("tf", TRANSFORMS)
+        for i in range(20):
+            driven = transform("odom", "base_link", i / 10, (i / 2, 0.0, 0.0))
+            bag.add(moving, messages_of([driven]), i / 10)
+            bag.add(objects, bytes_of(states_at(i / 10, frame="lidar")), i / 10)
+    (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
+    assert len(recording) == 60
+    (record,) = caplog.records
+    assert "objects come in frame 'lidar', which the bag's transforms do not" in record.message

@@ -118,3 +118,36 @@ def test_defects(tmp_path):
     path.write_text(VEHICLES.replace("timestamp_ms", "time") + vehicle(1, 1, 1))
     with pytest.raises(RecordingError, match=r"vehicle_tracks_000\.csv has no column 'timestamp"):
         load_recordings(tmp_path, "interaction")
+
+
+def test_other_files_beside_the_recordings_do_no_harm(interaction):
+    before = [r.name for r in load_recordings(interaction, "interaction")]
+    (interaction / "empty.csv").write_text("")
+    (interaction / "notes.csv").write_bytes("a,b\n".encode("utf-16"))
+    hidden = interaction / "recorded_trackfiles/DR_A/.ipynb_checkpoints"
+    hidden.mkdir()
+    (hidden / "vehicle_tracks_000-checkpoint.csv").write_text(VEHICLES)
+    (interaction / "__MACOSX").mkdir()
+    (interaction / "__MACOSX" / "._vehicle_tracks_000.csv").write_bytes(b"\0\5\x16\7")
+    assert [r.name for r in load_recordings(interaction, "interaction")] == before
+
+
+def test_a_file_of_cases_may_have_any_name(tmp_path):
+    text = "case_id," + VEHICLES + f"3,{vehicle(1, 1, 0)}3,{vehicle(1, 2, 1)}"
+    (tmp_path / "DR_A-train (1).csv").write_text(text)
+    assert [r.name for r in load_recordings(tmp_path, "interaction")] == ["DR_A-train (1)-3"]
+    (tmp_path / "DR_A-train (1).csv").write_text(text.replace(",", ";"))
+    sentence = r"or files with a column case_id; it has DR_A-train \(1\)\.csv$"
+    with pytest.raises(RecordingError, match=sentence):
+        load_recordings(tmp_path, "interaction")
+
+
+def test_folders_behind_symbolic_links_are_looked_into(interaction, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("elsewhere") / "data"
+    folder.mkdir()
+    (folder / "loop").symlink_to(folder)
+    (folder / "Z").symlink_to(interaction / "recorded_trackfiles" / "DR_B")
+    assert [r.name for r in load_recordings(folder, "interaction")] == ["Z-000"]
+    (folder / "all").symlink_to(interaction)
+    names = [r.name for r in load_recordings(folder, "interaction")]
+    assert len(names) == 3

@@ -49,3 +49,6 @@ def test_defects(tmp_path):
     path.write_text(FACTS + ROWS.replace("10.3", "east"))
     with pytest.raises(RecordingError, match="line 8, column 'E1': 'east', expected a number"):
         load_recordings(tmp_path, "openacc")
+    path.write_text(FACTS.replace("ACC,1\n", "ACC,1\n\n\n") + ROWS.replace("10.3", "east"))
+    with pytest.raises(RecordingError, match="line 10, column 'E1': 'east', expected a number"):
+        load_recordings(tmp_path, "openacc")

@@ -247,3 +247,69 @@ def test_what_the_command_line_says(tmp_path, capsys):
     assert "class map 'kitti' is neither a preset nor a file" in capsys.readouterr().err
     assert cli.main([*command, "--columns", str(tmp_path / "c.yaml")]) == 0
     assert "1 recording(s) (a), 0.4 s, 5 frames" in capsys.readouterr().out
+
+
+RUNS = {"columns": {"track": "id", "time": "t", "x": "x", "y": "y", "recording": "run"}}
+
+
+def test_a_row_without_a_recording_is_refused_and_blanks_around_its_name_are_not_part_of_it(read):
+    text = "t,id,x,y,run\n0,1,0,0,a \n1,1,1,0,a\n"
+    assert [r.name for r in read(text, RUNS)] == ["a"]
+    for cell in ("", " ", "nan"):
+        sentence = "line 5: the recording has no name, expected one in each row"
+        with pytest.raises(RecordingError, match=sentence):
+            read(text + f"\n2,1,2,0,{cell}\n", RUNS)
+
+
+def test_the_row_of_a_second_time_is_that_of_the_file(read):
+    with pytest.raises(RecordingError, match="line 14: track 2 has a second row for frame 4"):
+        read(ROWS.replace("\n0,2,", "\n\n\n0,2,") + "4,2,0,0\n", POSITIONS)
+
+
+@pytest.fixture
+def parquet(read, tmp_path):
+    """A table with columns t (0.1 s apart), id, x, y, changed, and read."""
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+
+    def parquet(description, **columns):
+        table = pandas.DataFrame({"t": np.arange(6) / 10, "id": 7, "x": np.arange(6.0), "y": 0.0})
+        table.assign(**columns).to_parquet(tmp_path / "b.parquet")
+        return read((tmp_path / "b.parquet").read_bytes(), description, "b.parquet")
+
+    return parquet
+
+
+BY_TIME = {"columns": {"track": "id", "time": "t", "x": "x", "y": "y"}}
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "date"])
+def test_dates_of_parquet_have_their_own_unit(parquet, unit):
+    pandas = pytest.importorskip("pandas")
+    times = pandas.date_range("2024-05-01T12:00", periods=6, freq="100ms")
+    (recording,) = parquet(BY_TIME | {"time_unit": unit}, t=times)
+    assert (recording.frame_rate, recording.duration_s) == (10.0, 0.5)
+    assert recording.start_time_ns == 1_714_564_800 * 10**9
+    with pytest.raises(RecordingError, match="row 3: the time an empty cell, expected a date"):
+        parquet(BY_TIME | {"time_unit": unit}, t=times.where(np.arange(6) != 2))
+
+
+def test_nested_columns_of_parquet(parquet):
+    pose = [{"position": {"x": float(i), "y": 2.0}, "note": "a"} for i in range(6)]
+    columns = {"x": "pose.position.x", "y": "pose.position.y"}
+    (recording,) = parquet({"columns": BY_TIME["columns"] | columns}, pose=pose)
+    np.testing.assert_array_equal(recording.position, [[i, 2.0] for i in range(6)])
+    with pytest.raises(
+        RecordingError, match=r"no column 'pose\.z', .* it has t, id, x, y, pose, po"
+    ):
+        parquet({"columns": BY_TIME["columns"] | {"x": "pose.z"}}, pose=pose)
+
+
+def test_identities_of_parquet_may_be_bytes_and_its_rows_are_whole_numbers(parquet):
+    uuid = bytes(range(0xF0, 0x100))
+    (recording,) = parquet(BY_TIME, id=[uuid] * 6)
+    np.testing.assert_array_equal(recording.key, keys_from_texts([uuid.hex()]))
+    (recording,) = parquet(BY_TIME, id=[b"car"] * 6)
+    np.testing.assert_array_equal(recording.key, keys_from_texts(["car"]))
+    with pytest.raises(RecordingError, match="row 4: the road user has no name"):
+        parquet(BY_TIME, id=[1.0, 1.0, 1.0, np.nan, 1.0, 1.0])

@@ -1,0 +1,101 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a text file is and where its rows are: read only to say what is wrong with it."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, cast
+
+SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "'|'", " ": "blanks"}
+"""Separators of cells that are told apart, and how a sentence calls them."""
+
+_KINDS = {
+    b"PK\x03\x04": "a ZIP archive or a spreadsheet, expected CSV",
+    b"\xd0\xcf\x11\xe0": "a spreadsheet, expected CSV",
+    b"\x1f\x8b": "compressed by gzip, expected a name that ends in .gz",
+    b"version https://git-lfs": "a pointer of Git LFS, expected the file that 'git lfs pull' gets",
+    b"<!DOCTYPE": "a web page, expected CSV",
+    b"<html": "a web page, expected CSV",
+    b"PAR1": "a Parquet file, expected a name that ends in .parquet",
+    b"\xff\xfe": "encoded in UTF-16, expected UTF-8",
+    b"\xfe\xff": "encoded in UTF-16, expected UTF-8",
+}
+"""First bytes of files that are no plain text -> what they are."""
+
+_BEGIN = 64
+"""Bytes of a file that are looked at; chosen, longer than any of the above."""
+
+
+def kind_of_other_file(path: Path) -> str:
+    """Return what a file is if it is no plain text, empty if it may be.
+
+    Args:
+        path: the file; one whose name ends in ``.gz`` is looked at as it is.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as stream:
+        begin = stream.read(_BEGIN)
+    if path.suffix == ".gz":
+        return ""
+    for bytes_of, kind in _KINDS.items():
+        if begin.startswith(bytes_of):
+            return kind
+    # Every second byte of English text in UTF-16 is zero.
+    if b"\0" in begin.rstrip(b"\0"):
+        return "no text, expected CSV in UTF-8"
+    return ""
+
+
+def separator_of(line: str) -> str:
+    """Return the separator that occurs most often in a line, a blank if there is no other."""
+    counts = {mark: line.count(mark) for mark in SEPARATORS if mark != " "}
+    best = max(counts, key=lambda mark: counts[mark])
+    return best if counts[best] else " "
+
+
+def line_in_file(path: Path, number: int) -> int:
+    """Return the line at which the row with a number begins.
+
+    Blank lines are no rows, and a cell in quotes may have line breaks.
+
+    Args:
+        path: the file.
+        number: of the row, from 1; the line of column names counts.
+    """
+    for row, (line, _) in enumerate(_rows(path), start=1):
+        if row == number:
+            return line
+    return number
+
+
+def first_longer_row(path: Path, width: int) -> tuple[int, int] | None:
+    """Return line and number of cells of the first row with more cells than ``width``."""
+    for line, cells in _rows(path):
+        if len(cells) > width and any(cell.strip() for cell in cells[width:]):
+            return line, len(cells)
+    return None
+
+
+def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Yield the line at which each row begins, and its cells, as far as the file can be read."""
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            stream = io.TextIOWrapper(cast(BinaryIO, file), "utf-8-sig", "replace")
+            mark = separator_of(next((line for line in stream if line.strip()), ""))
+            stream.seek(0)
+            reader = csv.reader(stream, delimiter=mark, skipinitialspace=True)
+            before = 0
+            for cells in reader:
+                begin, before = before + 1, reader.line_num
+                if len(cells) > 1 or "".join(cells).strip():
+                    yield begin, [cell for cell in cells if cell] if mark == " " else cells
+    except (OSError, EOFError, zlib.error, csv.Error):
+        return

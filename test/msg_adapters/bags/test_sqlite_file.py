@@ -1,0 +1,97 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""SQLite files whose recorder was killed: what it left beside them is read, and they stay."""
+
+import shutil
+import sqlite3
+
+import pytest
+
+from msg_adapters.bags import stored_bag
+from msg_adapters.bags.sqlite_file import files_left_beside
+from msg_adapters.bags.stored_bag import StoredBag
+
+TABLES = """
+CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
+ serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);
+CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL,
+ timestamp INTEGER NOT NULL, data BLOB NOT NULL);
+INSERT INTO topics VALUES(1, '/x', 'std_msgs/msg/String', 'cdr', '');
+"""
+
+
+@pytest.fixture(autouse=True)
+def _say_everything_again(monkeypatch):
+    monkeypatch.setattr(stored_bag, "_told", set())
+
+
+@pytest.fixture
+def left(tmp_path):
+    """A database as it is while it is written, copied beside what is not in it yet."""
+
+    def left(steps, journal="WAL"):
+        path = tmp_path / "written.db3"
+        with sqlite3.connect(path) as database:
+            database.execute(f"PRAGMA journal_mode={journal}")
+            database.executescript(TABLES)
+            for step in steps:
+                if isinstance(step, str):
+                    database.execute(step).fetchall()
+                else:
+                    rows = [(k, b"\0\1\0\0" + bytes(500)) for k in step]
+                    database.executemany("INSERT INTO messages VALUES(NULL,1,?,?)", rows)
+                    database.commit()
+            folder = tmp_path / "copied"
+            folder.mkdir()
+            for file in tmp_path.glob("written.db3*"):
+                shutil.copyfile(file, folder / file.name)
+            database.rollback()
+        database.close()
+        return folder / "written.db3"
+
+    return left
+
+
+def times(path):
+    with StoredBag(path) as bag:
+        return [time_ns for _, time_ns, _ in bag.messages()], [c.msgcount for c in bag.connections]
+
+
+@pytest.mark.parametrize("checkpoint", [True, False])
+def test_messages_that_are_in_the_write_ahead_log_only_are_read(left, checkpoint, caplog):
+    first = [range(20), "PRAGMA wal_checkpoint(TRUNCATE)"] if checkpoint else [range(20)]
+    path = left([*first, range(20, 50)])
+    before = {file.name: file.read_bytes() for file in path.parent.iterdir()}
+    assert [file.name for file in files_left_beside(path)] == ["written.db3-wal"]
+    assert times(path) == (list(range(50)), [50])
+    assert f"{path} was not closed" in caplog.text
+    assert "written.db3-wal is read as well" in caplog.text
+    assert {file.name: file.read_bytes() for file in path.parent.iterdir()} == before
+
+
+def test_changes_that_were_never_completed_are_taken_back(left, caplog):
+    path = left(
+        [range(400), "PRAGMA cache_size=2", "BEGIN", "UPDATE messages SET timestamp=7"], "DELETE"
+    )
+    assert [file.name for file in files_left_beside(path)] == ["written.db3-journal"]
+    assert times(path) == (list(range(400)), [400])
+    assert "written.db3-journal is read as well" in caplog.text
+
+
+def test_a_log_that_cannot_be_used_is_named_and_the_rest_is_read(left, caplog, monkeypatch):
+    path = left([range(20), "PRAGMA wal_checkpoint(TRUNCATE)", range(20, 30)])
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(shutil, "copyfile", full)
+    assert times(path) == (list(range(20)), [20])
+    assert "written.db3-wal cannot be used: No space left on device" in caplog.text
+
+
+def test_a_database_that_was_closed_is_read_where_it_is(left, caplog):
+    path = left([range(5)], "DELETE")
+    (path.parent / "written.db3-wal").write_bytes(b"")
+    assert files_left_beside(path) == []
+    assert times(path) == (list(range(5)), [5])
+    assert not caplog.records
