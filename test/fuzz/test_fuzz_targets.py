@@ -5,7 +5,7 @@
 import random
 
 import pytest
-from fuzz_target import HANG_S, all_targets, mutated, processor_time
+from fuzz_target import HANG_S, all_targets, processor_time
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -31,7 +31,7 @@ def test_changed_inputs_are_read_or_refused(name):
               suppress_health_check=list(HealthCheck))  # fmt: skip
     @given(st.sampled_from(seeds), st.integers(0, 2**32 - 1))
     def check(seed, number):
-        assert processor_time(target, mutated(seed, random.Random(number))) <= HANG_S
+        assert processor_time(target, target.mutated(seed, random.Random(number))) <= HANG_S
 
     check()
 
