@@ -167,7 +167,7 @@ def _fuzz_one(name: str, arguments: argparse.Namespace, share: float | None, pla
             command.append("--plain")
         memory = _MEMORY if os.access(_MEMORY, os.W_OK) else None
         with tempfile.TemporaryDirectory(prefix="fuzz_", dir=memory) as scratch:
-            state = _State.created(Path(scratch) / "state")
+            state = State.created(Path(scratch) / "state")
             child = subprocess.run(
                 [*command, "--child", str(state.path)],
                 capture_output=True, text=True, errors="replace", check=False,
@@ -196,7 +196,7 @@ def _fuzz_one(name: str, arguments: argparse.Namespace, share: float | None, pla
     return done
 
 
-class _State:
+class State:
     """What a process does, in memory that outlives it: counts, and the input that it looks at.
 
     Args:
@@ -213,7 +213,7 @@ class _State:
             self._bytes = mmap.mmap(stream.fileno(), self._HEAD.size + LARGEST_INPUT)
 
     @classmethod
-    def created(cls, path: Path) -> _State:
+    def created(cls, path: Path) -> State:
         """Return the state in a new file."""
         from fuzz_target import LARGEST_INPUT
 
@@ -293,7 +293,7 @@ def _fuzz_plain(arguments: argparse.Namespace) -> int:
 
     _limit_memory()
     target = all_targets()[arguments.target[0]]
-    draw, state = random.Random(arguments.seed), _State(arguments.child)
+    draw, state = random.Random(arguments.seed), State(arguments.child)
     seeds = list(target.seeds())
     for seed in seeds:
         target.check(seed)

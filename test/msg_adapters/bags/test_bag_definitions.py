@@ -11,6 +11,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
+from msg_adapters.bags import bag_definitions
 from msg_adapters.bags.bag_reader import BagReader, DecodingBagReader
 from msg_adapters.bags.bag_types import bag_typestore
 from msg_adapters.types import TypestoreTypes
@@ -189,3 +190,19 @@ def test_a_bag_of_ros_1_is_decoded(tmp_path):
     with pytest.raises(RecordingError, match=r"old\.bag cannot be read as a bag") as caught:
         BagReader(path)
     assert "no complete bag of ROS 1" in str(caught.value)
+
+
+def test_a_definition_is_read_once_unless_it_is_long(tmp_path, monkeypatch):
+    read = []
+    parse = bag_definitions.get_types_from_msg
+    monkeypatch.setattr(
+        bag_definitions, "get_types_from_msg", lambda *given: read.append(1) or parse(*given)
+    )
+    kind = "vendor_msgs/msg/Again"
+    for text, times in (("uint8 level", 1), ("uint8 level\n#" + "x" * 70_000, 3)):
+        for number in range(2):
+            path = tmp_path / f"{number}.mcap"
+            write(path, ("/x", kind, "ros2msg", text, "cdr", LEVEL))
+            (message,) = heard(path, "/x")[0]
+            assert message.level == 7
+        assert len(read) == times

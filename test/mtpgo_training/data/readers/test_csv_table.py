@@ -5,6 +5,7 @@
 import gzip
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from mtpgo_core.errors import RecordingError
@@ -162,3 +163,35 @@ def test_a_file_without_a_header_is_refused(file):
     with pytest.raises(RecordingError, match=r"t\.csv\.gz cannot be read as CSV: "):
         read_header(file(TEXT, "u.csv").rename(file("", "t.csv.gz")))
     assert read_header(file(TEXT)) == ["id", "x", "note", "speed", "extra"]
+
+
+HEADERS = [
+    b"a,b\n1,2\n",
+    b"a, b ,c\r\n1,2,3\r\n",
+    b"a,b\r1,2\r",
+    b"\xef\xbb\xbfa,b\n1,2\n",
+    b"a;b,c\n1;2\n",
+    b"a,b",
+    b"a,a,b\n1,2,3\n",
+    b"a,,b\n1,2,3\n",
+    b"a,b,\n1,2,3\n",
+    b"\n\na,b\n1,2\n",
+    b"  \na,b\n1,2\n",
+    b'"a,b",c\n1,2\n',
+    b'a,"b\nc"\n1,2\n',
+    b"a\x0bb,c\xe2\x80\xa8d\n1,2\n",
+    b"a b,c\td\n1,2\n",
+    b"a'b,#c\n1,2\n",
+    b"a,b\n1,2,3\n4,5,6\n",
+    b"a" * 70_000 + b",b\n1,2\n",
+]
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("content", HEADERS, ids=lambda content: repr(content[:20]))
+def test_a_header_is_what_pandas_says(tmp_path, content, separator):
+    path = tmp_path / "t.csv"
+    path.write_bytes(content)
+    form = CsvForm(separator=separator)
+    expected = pd.read_csv(path, nrows=0, **form.pandas_options()).columns
+    assert read_header(path, form) == [name.strip() for name in expected]

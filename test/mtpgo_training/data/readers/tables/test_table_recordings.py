@@ -247,3 +247,9 @@ def test_what_the_command_line_says(tmp_path, capsys):
     assert "class map 'kitti' is neither a preset nor a file" in capsys.readouterr().err
     assert cli.main([*command, "--columns", str(tmp_path / "c.yaml")]) == 0
     assert "1 recording(s) (a), 0.4 s, 5 frames" in capsys.readouterr().out
+
+
+def test_the_name_of_a_recording_in_a_column_is_no_path(read):
+    text = "f,id,x,y,r\n1,1,0,0,/../../b\n1,1,0,0,c\n"
+    columns = {"columns": {**POSITIONS["columns"], "recording": "r"}, "frame_rate": 10}
+    assert [recording.name for recording in read(text, columns)] == ["a-_.._.._b", "a-c"]
