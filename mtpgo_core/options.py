@@ -181,7 +181,12 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         require(where, value, same_length, f"{len(arguments)} values")
         return tuple(_value(arguments[0], v, f"{where}[{i}]") for i, v in enumerate(value))
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError:
+            raise ConfigurationError(
+                f"{where} is a whole number beyond all of floating point, expected a number"
+            ) from None
     plain = origin or hint
     if plain in (bool, int, float, str, dict, list):
         fits = isinstance(value, plain) and (plain is bool or not isinstance(value, bool))

@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import json
 import sqlite3
 import sys
 import tempfile
@@ -56,6 +57,15 @@ def read_recordings(path: Path) -> None:
         assert len(np.unique(rows)) == len(recording)
 
 
+def read_metadata(data: bytes) -> None:
+    """Read a folder with a good bag and these bytes as its metadata."""
+    folder = place("bag_metadata")
+    if not (folder / "bag_0.mcap").exists():
+        (folder / "bag_0.mcap").write_bytes(mcap_bytes(b"", ""))
+    (folder / "metadata.yaml").write_bytes(data)
+    read_recordings(folder)
+
+
 def read_ros1(data: bytes) -> None:
     """Read bytes as a bag of ROS 1."""
     path = place("bag") / "bag.bag"
@@ -77,11 +87,41 @@ def mcap_bytes(definition: bytes, language: str, **options: object) -> bytes:
     writer.start(profile="ros2", library="fuzz")
     adapter = INPUTS[_KIND]
     schema = writer.register_schema(adapter.message_type, language, definition)
-    channel = writer.register_channel("/objects", "cdr", schema, {"offered_qos_profiles": ""})
+    channel = writer.register_channel("/objects", "cdr", schema, {"offered_qos_profiles": QOS})
     for stamp_ns, data in _messages():
         writer.add_message(channel, stamp_ns, data, stamp_ns)
     writer.finish()
     return stream.getvalue()
+
+
+QOS = """- history: 1
+  depth: 5
+  reliability: 1
+  durability: 2
+  deadline: {sec: 0, nsec: 0}
+  lifespan: {sec: 0, nsec: 0}
+  liveliness: 1
+  liveliness_lease_duration: {sec: 0, nsec: 0}
+  avoid_ros_namespace_conventions: false
+"""
+METADATA = f"""rosbag2_bagfile_information:
+  version: 9
+  relative_file_paths: [bag_0.mcap]
+  compression_mode: FILE
+  topics_with_message_count:
+  - message_count: 4
+    topic_metadata:
+      name: /objects
+      type: visualization_msgs/msg/MarkerArray
+      serialization_format: cdr
+      type_description_hash: RIHS01_0
+      offered_qos_profiles: {json.dumps(QOS)}
+  files:
+  - path: bag_0.mcap
+    message_count: 4
+    starting_time: {{nanoseconds_since_epoch: 0}}
+    duration: {{nanoseconds: 300000000}}
+""".encode()
 
 
 def mcap_seeds() -> Sequence[bytes]:
@@ -165,6 +205,7 @@ def targets() -> list[FuzzTarget]:
         FuzzTarget("bag_mcap", functools.partial(read_bag, "bag.mcap"), mcap_seeds),
         FuzzTarget("bag_sqlite", functools.partial(read_bag, "bag.db3"), sqlite_seeds),
         FuzzTarget("bag_ros1", read_ros1, ros1_seeds),
+        FuzzTarget("bag_metadata", read_metadata, lambda: [METADATA], text=True),
         FuzzTarget(
             "bag_definition",
             functools.partial(read_definition, "ros2msg"),
