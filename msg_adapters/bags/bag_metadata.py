@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -124,15 +125,29 @@ def _extent(entry: Any) -> tuple[int, int, int]:
 
 def qos_of(text: Any) -> list[Qos]:
     """Return QoS profiles as rosbag2 stores them, none where they cannot be read."""
+    if isinstance(text, str):
+        return list(_qos_of_text(text)) if len(text) <= _LARGEST_QOS else []
+    return list(_profiles(text))
+
+
+@functools.lru_cache(maxsize=64)
+def _qos_of_text(text: str) -> tuple[Qos, ...]:
+    """Return the profiles in a text; most topics have the same, and to read it takes 3 ms."""
     try:
-        if isinstance(text, str):
-            if len(text) > _LARGEST_QOS:
-                return []
-            text = _plain_yaml(text)
-        profiles = parse_qos(text or [])
+        return _profiles(_plain_yaml(text))
+    except Exception:  # A broken text fails the library in many ways.
+        return ()
+
+
+def _profiles(items: Any) -> tuple[Qos, ...]:
+    """Return the profiles in what a YAML text holds; a text would be read by rosbags, unguarded."""
+    if not isinstance(items, list):
+        return ()
+    try:
+        profiles = parse_qos(items)
     except Exception:  # Every version of rosbag2 writes them in another way.
-        return []
-    return profiles if all(_is_plain(profile) for profile in profiles) else []
+        return ()
+    return tuple(profiles) if all(_is_plain(profile) for profile in profiles) else ()
 
 
 def _is_plain(profile: Qos) -> bool:

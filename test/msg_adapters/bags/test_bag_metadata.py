@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Metadata and QoS profiles of bags from strangers: read where they are plain, else left."""
 
+import json
 import time
 
 import pytest
@@ -54,7 +55,16 @@ def test_a_profile_of_other_kinds_is_passed_over(given):
 
 
 @pytest.mark.parametrize(
-    "text", [BOMB, "[" * 60_000, "[{" * 30_000, "- " * 60_000, "#" * 70_000, "!!merge a: {b: c}"]
+    "text",
+    [
+        BOMB,
+        json.dumps(BOMB),
+        "[" * 60_000,
+        "[{" * 30_000,
+        "- " * 60_000,
+        "#" * 70_000,
+        "!!merge a: {b: c}",
+    ],
 )
 def test_a_text_that_stands_for_too_much_is_passed_over(text):
     assert qos_of(text) == []
