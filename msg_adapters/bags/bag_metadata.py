@@ -140,7 +140,7 @@ def _qos_of_text(text: str) -> tuple[Qos, ...]:
 
 
 def _profiles(items: Any) -> tuple[Qos, ...]:
-    """Return the profiles in what a YAML text holds; a text would be read by rosbags, unguarded."""
+    """Return the profiles in what a text holds; rosbags would read a text in a text, unguarded."""
     if not isinstance(items, list):
         return ()
     try:
