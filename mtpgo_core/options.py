@@ -10,7 +10,6 @@ library is imported here, so that the networks, the node and the training packag
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import types
 import typing
@@ -112,15 +111,9 @@ def check_types(config: Any, prefix: str = "") -> None:
     Raises:
         ConfigurationError: a value of another type.
     """
-    hints = _hints(type(config))
+    hints = typing.get_type_hints(type(config))
     for field in dataclasses.fields(config):
         _value(hints[field.name], getattr(config, field.name), f"{prefix}{field.name}")
-
-
-@functools.cache
-def _hints(cls: type) -> dict[str, Any]:
-    """Return the types of a dataclass's fields, whose texts are read once."""
-    return typing.get_type_hints(cls)
 
 
 def require(name: str, value: object, valid: bool, expected: object) -> None:
@@ -157,7 +150,7 @@ def from_dict(cls: type[T], data: Any, where: str) -> T:
     """
     if not isinstance(data, Mapping):
         raise ConfigurationError(f"{where} is {data!r}, expected a mapping of its fields")
-    hints = _hints(cls)
+    hints = typing.get_type_hints(cls)
     unknown = sorted(set(data) - set(hints))
     if unknown:
         raise ConfigurationError(
