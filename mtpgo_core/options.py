@@ -137,6 +137,18 @@ def listed(names: Iterable[Any]) -> str:
     return ", ".join(repr(name) for name in names)
 
 
+def is_unicode(text: str) -> bool:
+    r"""Return whether a text can be written in UTF-8: JSON may hold halves of characters (\ud800).
+
+    They would fail whoever prints, stores or compares the text much later.
+    """
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def from_dict(cls: type[T], data: Any, where: str) -> T:
     """Return a configuration dataclass made of plain JSON or YAML data, checked field by field.
 
@@ -174,9 +186,16 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         require(where, value, same_length, f"{len(arguments)} values")
         return tuple(_value(arguments[0], v, f"{where}[{i}]") for i, v in enumerate(value))
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError:
+            raise ConfigurationError(
+                f"{where} is a whole number beyond all of floating point, expected a number"
+            ) from None
     plain = origin or hint
     if plain in (bool, int, float, str, dict, list):
         fits = isinstance(value, plain) and (plain is bool or not isinstance(value, bool))
         require(where, value, fits, plain.__name__)
+        if plain is str:
+            require(where, value, is_unicode(value), "text without lone surrogates")
     return value

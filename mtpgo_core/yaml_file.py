@@ -1,16 +1,31 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Small YAML files that users write, read with a limit and with errors that name the line."""
+"""Small YAML files that users write, read with limits and with errors that name the line.
+
+A few hundred bytes of YAML can stand for more values than any memory holds, by aliases of aliases,
+and such files are passed on like the data that they belong to. So there are no aliases here.
+"""
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
 
-LARGEST_FILE = 1 << 18
-"""Bytes of the largest file that is read; chosen, far above any list of classes or columns."""
+LARGEST_FILE = 1 << 16
+"""Bytes of the largest file that is read; chosen, far above any list of classes or columns, and
+read within a second."""
+
+_DEEPEST = 20
+"""Most levels of lists and mappings in each other; chosen, far above those of any such file."""
+
+_LONGEST_PROBLEM = 200
+"""Most characters that are told of PyYAML's reason, which may repeat the file; chosen."""
+
+_LONGEST_NUMBER = 100
+"""Most characters of a whole number; chosen, above those of 64 bits in any form."""
 
 
 def read_yaml(path: Path, expected: str, *, as_node: bool = False) -> Any:
@@ -43,10 +58,46 @@ def read_yaml(path: Path, expected: str, *, as_node: bool = False) -> Any:
         ) from None
     try:
         if as_node:
-            return yaml.compose(content, yaml.SafeLoader)
-        return yaml.safe_load(content)
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
+            return yaml.compose(content, _loader())
+        return yaml.load(content, _loader())
+    except Exception as error:  # A value that is not of its tag fails PyYAML in many ways.
         mark = getattr(error, "problem_mark", None)
         place = f", line {mark.line + 1}" if mark is not None else ""
-        problem = getattr(error, "problem", None) or "it is not text in UTF-8"
+        problem = getattr(error, "problem", None)
+        if isinstance(error, yaml.reader.ReaderError | UnicodeDecodeError):
+            problem = "it is not text in UTF-8"
+        elif problem is None:
+            problem = f"a value is not of its kind ({error})"
+        problem = " ".join(str(problem).split())[:_LONGEST_PROBLEM]
         raise ConfigurationError(f"{path}{place} cannot be read as YAML: {problem}") from error
+
+
+@functools.cache
+def _loader() -> Any:
+    """Return PyYAML's safe loader without aliases, deep nesting and endless numbers."""
+    import yaml
+
+    class PlainLoader(yaml.SafeLoader):
+        depth = 0
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            place = self.peek_event().start_mark
+            if self.check_event(yaml.AliasEvent):
+                problem = "an alias (*name), expected its content in full"
+                raise yaml.composer.ComposerError(None, None, problem, place)
+            if self.depth > _DEEPEST:
+                problem = f"more than {_DEEPEST} levels of lists and mappings"
+                raise yaml.composer.ComposerError(None, None, problem, place)
+            self.depth += 1
+            node = super().compose_node(parent, index)
+            self.depth -= 1
+            return node
+
+        def construct_yaml_int(self, node: Any) -> int:
+            if len(node.value) > _LONGEST_NUMBER:
+                problem = f"a number of more than {_LONGEST_NUMBER} characters"
+                raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+            return int(super().construct_yaml_int(node))
+
+    PlainLoader.add_constructor("tag:yaml.org,2002:int", PlainLoader.construct_yaml_int)
+    return PlainLoader

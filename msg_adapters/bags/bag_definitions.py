@@ -34,6 +34,10 @@ _SEPARATOR = "=" * 80 + "\n"
 _IDL_COMMENT = re.compile(r'("(?:[^"\\]|\\.)*")|/\*.*?\*/|//[^\n]*|^[ \t]*#[^\n]*', re.S | re.M)
 """Comments and includes of an IDL text, and quoted texts, which may look like them."""
 
+_KEPT_CHARACTERS = 1 << 16
+"""Longest definition whose types are kept for the next bag; chosen, ten times the longest known
+one: with at most 64 of them a hostile file cannot fill the memory."""
+
 
 def qos_and_encoding(connection: Connection) -> ConnectionExtRosbag2:
     """Return the QoS that a connection was offered with, and how its messages are serialised."""
@@ -125,7 +129,7 @@ class BagDefinitions:
             if candidate.msgdef.format is MessageDefinitionFormat.NONE:
                 continue
             try:
-                return _registered(name, _parsed(candidate.msgdef, name), own)
+                return _types_of(candidate.msgdef, name, encoding)
             except Exception as error:  # a damaged text fails the library in many ways
                 reason = f"the definition of {name} in the bag cannot be read: {_short(error)}"
         if name in own.fielddefs:
@@ -158,7 +162,33 @@ def _first_that_reads(decoders: list[Decoder]) -> Decoder:
 
 def _own_types(encoding: str) -> Typestore:
     """Return the types that are known without a bag."""
-    return get_typestore(Stores.ROS1_NOETIC) if encoding == "ros1" else bag_typestore()
+    return _ros1_types() if encoding == "ros1" else bag_typestore()
+
+
+@functools.cache
+def _ros1_types() -> Typestore:
+    """Return the types of ROS 1; their code is made once, which takes 40 ms for markers."""
+    return get_typestore(Stores.ROS1_NOETIC)
+
+
+def _types_of(definition: MessageDefinition, name: str, encoding: str) -> Typestore:
+    """Return a store with a type as a text defines it.
+
+    Bags have the same definitions again and again, and to read that of markers takes 10 ms.
+
+    Raises:
+        Exception: the text cannot be read, or does not define the type.
+    """
+    if len(definition.data) > _KEPT_CHARACTERS:
+        return _read_types(definition, name, encoding)
+    return _kept_types(definition, name, encoding)
+
+
+def _read_types(definition: MessageDefinition, name: str, encoding: str) -> Typestore:
+    return _registered(name, _parsed(definition, name), _own_types(encoding))
+
+
+_kept_types = functools.lru_cache(maxsize=64)(_read_types)
 
 
 def _parsed(definition: MessageDefinition, name: str) -> dict[str, Any]:

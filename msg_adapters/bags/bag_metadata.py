@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -12,12 +13,25 @@ from typing import Any
 from rosbags.interfaces import Qos
 from rosbags.rosbag2.metadata import parse_qos
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
 
 METADATA = "metadata.yaml"
 """File that makes a directory a rosbag2 bag."""
 
-_LARGEST = 1 << 24
-"""Most bytes of metadata that are read; chosen: a thousand times those of a usual bag."""
+_LARGEST = 1 << 22
+"""Most bytes of metadata that are read; chosen: those of a bag of 20 000 files."""
+
+_LARGEST_QOS = 1 << 16
+"""Most characters of QoS profiles that are read; chosen: those of 200 publishers of a topic."""
+
+_DEEPEST = 20
+"""Most levels of lists and mappings in each other; chosen: rosbag2 writes eight at most."""
+
+_MERGE = "tag:yaml.org,2002:merge"
+"""Tag of a merge key, which puts one mapping into another."""
+
+_LARGEST_NUMBER = 1 << 64
+"""Numbers of a QoS profile are smaller, as ROS 2 has them in 64 bits."""
 
 
 @dataclass
@@ -55,7 +69,8 @@ def read_metadata(folder: Path) -> BagMetadata:
         found.problem = f"has a {METADATA} that cannot be read ({type(error).__name__})"
         return found
     with suppress(Exception):
-        found.by_message = str(about.get("compression_mode") or "").lower() == "message"
+        mode = about.get("compression_mode")
+        found.by_message = isinstance(mode, str) and mode.lower() == "message"
     for entry in _entries(about.get("files")):
         with suppress(Exception):
             found.expected[PurePosixPath(entry["path"]).name] = _extent(entry)
@@ -66,7 +81,8 @@ def read_metadata(folder: Path) -> BagMetadata:
         with suppress(Exception):
             topic = entry["topic_metadata"]
             key = (topic["name"], topic["type"])
-            found.digests[key] = str(topic.get("type_description_hash") or "")
+            digest = topic.get("type_description_hash")
+            found.digests[key] = digest if isinstance(digest, str) else ""
             found.offered[key] = qos_of(topic.get("offered_qos_profiles"))
     return found
 
@@ -76,7 +92,7 @@ def _content(path: Path) -> dict[str, Any]:
         text = stream.read(_LARGEST + 1)
     if len(text) > _LARGEST:
         raise ValueError(f"larger than {_LARGEST} bytes")
-    content = YAML(typ="safe").load(text.decode("utf-8"))
+    content = _plain_yaml(text.decode("utf-8"))
     about: dict[str, Any] = content["rosbag2_bagfile_information"]
     return about
 
@@ -109,7 +125,62 @@ def _extent(entry: Any) -> tuple[int, int, int]:
 
 def qos_of(text: Any) -> list[Qos]:
     """Return QoS profiles as rosbag2 stores them, none where they cannot be read."""
+    if isinstance(text, str):
+        return list(_qos_of_text(text)) if len(text) <= _LARGEST_QOS else []
+    return list(_profiles(text))
+
+
+@functools.lru_cache(maxsize=64)
+def _qos_of_text(text: str) -> tuple[Qos, ...]:
+    """Return the profiles in a text; most topics have the same, and to read it takes 3 ms."""
     try:
-        return parse_qos(text or [])
+        return _profiles(_plain_yaml(text))
+    except Exception:  # A broken text fails the library in many ways.
+        return ()
+
+
+def _profiles(items: Any) -> tuple[Qos, ...]:
+    """Return the profiles in what a text holds; rosbags would read a text in a text, unguarded."""
+    if not isinstance(items, list):
+        return ()
+    try:
+        profiles = parse_qos(items)
     except Exception:  # Every version of rosbag2 writes them in another way.
-        return []
+        return ()
+    return tuple(profiles) if all(_is_plain(profile) for profile in profiles) else ()
+
+
+def _is_plain(profile: Qos) -> bool:
+    """Return whether the numbers of a profile are numbers; rosbags takes whatever is there."""
+    times = (profile.deadline, profile.lifespan, profile.liveliness_lease_duration)
+    numbers = [profile.depth, *(number for time in times for number in time)]
+    return all(isinstance(n, int) and abs(n) < _LARGEST_NUMBER for n in numbers) and isinstance(
+        profile.avoid_ros_namespace_conventions, bool
+    )
+
+
+class _PlainComposer(Composer):
+    """Reads YAML without merge keys (``<<``), of which a few fill any memory."""
+
+    levels = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.levels > _DEEPEST:
+            raise ValueError(f"more than {_DEEPEST} levels")
+        self.levels += 1
+        node = super().compose_node(parent, index)
+        self.levels -= 1
+        if node.tag == _MERGE:
+            raise ValueError("a merge key")
+        return node
+
+
+def _plain_yaml(text: str) -> Any:
+    """Return what a YAML text holds.
+
+    Raises:
+        Exception: it is no YAML, has merge keys or is nested too deep.
+    """
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Composer = _PlainComposer
+    return yaml.load(text)

@@ -284,7 +284,7 @@ class TaskDescription:
         """
         try:
             data = json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ConfigurationError(f"the task description is no JSON: {error}") from error
         if not isinstance(data, dict):
             raise ConfigurationError(

@@ -108,7 +108,7 @@ def _values(text: str) -> list[str]:
     """Return the values of a list as YAML texts, empty if it is none."""
     try:
         items = yaml.safe_load(f"[{text}]")
-    except yaml.YAMLError:
+    except Exception:  # a value that is not of its tag fails PyYAML in many ways
         return []
     found: list[str] = []
     for item in items:

@@ -260,7 +260,7 @@ def _read(path: Path, inside: tuple[Path, ...] = ()) -> Any:
         raise ConfigurationError(
             f"the configuration {path} cannot be read: {error.strerror}"
         ) from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except Exception as error:  # a value that is not of its tag fails PyYAML in many ways
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"the configuration {path} is no YAML: {reason}") from error
     if not isinstance(data, dict) or "base" not in data:
@@ -297,7 +297,7 @@ def _with_setting(data: Any, setting: str) -> Any:
     key, equals, text = setting.partition("=")
     try:
         value = yaml.safe_load(text)
-    except yaml.YAMLError:
+    except Exception:  # as above
         equals = ""
     if not (key and equals):
         raise ConfigurationError(f"--set is given {setting!r}, expected KEY=VALUE in YAML")

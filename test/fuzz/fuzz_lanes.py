@@ -4,14 +4,8 @@
 
 from __future__ import annotations
 
-import atexit
-import functools
-import shutil
-import tempfile
-from pathlib import Path
-
 import numpy as np
-from fuzz_target import FuzzTarget
+from fuzz_target import FuzzTarget, place
 
 from mtpgo_core.maps.lane_file import read_lane_file
 from mtpgo_core.maps.lane_file_options import LaneFileOptions
@@ -32,22 +26,15 @@ GEOJSON = b"""{"type": "FeatureCollection", "features": [
 "geometry": {"type": "MultiLineString", "coordinates": [[[0, 2], [9, 2]]]}}]}"""
 
 
-@functools.cache
-def place() -> Path:
-    """Return a folder for the file, removed at the end."""
-    folder = Path(tempfile.mkdtemp(prefix="fuzz_lanes_"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
-
-
 def read(data: bytes) -> None:
     """Read a lane file and look a place up."""
-    (place() / "lanes").write_bytes(data)
-    lines = read_lane_file(place() / "lanes", LaneFileOptions("local")).lines
+    path = place("lanes") / "lanes"
+    path.write_bytes(data)
+    lines = read_lane_file(path, LaneFileOptions("local")).lines
     found = LaneMap(lines).positions(np.array([[4.0, 1.0]]), np.zeros(1))
     assert not np.isinf(found).any(), "a position that is infinite"
 
 
 def targets() -> list[FuzzTarget]:
     """Return the targets of this file."""
-    return [FuzzTarget("lane_file", read, lambda: [OSM, GEOJSON])]
+    return [FuzzTarget("lane_file", read, lambda: [OSM, GEOJSON], text=True)]

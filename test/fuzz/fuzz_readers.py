@@ -4,15 +4,11 @@
 
 from __future__ import annotations
 
-import atexit
 import functools
-import shutil
-import tempfile
 import warnings
-from pathlib import Path
 
 import numpy as np
-from fuzz_target import FuzzTarget
+from fuzz_target import FuzzTarget, place
 
 from mtpgo_core.task.calibration import GROUPS, Calibration, GroupCalibration
 from mtpgo_core.task.task_description import TaskDescription
@@ -21,14 +17,6 @@ from mtpgo_training.data.readers import load_recordings
 
 _BETWEEN = b"\n====\n"
 """Separates the files of a recording in an input."""
-
-
-@functools.cache
-def place(name: str) -> Path:
-    """Return a folder for the files of a target, removed at the end."""
-    folder = Path(tempfile.mkdtemp(prefix=f"fuzz_{name}_"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
 
 
 def read_files(layout: str, names: tuple[str, ...], data: bytes) -> None:
@@ -69,6 +57,7 @@ def csv_target(layout: str, names: tuple[str, ...], seed: tuple[bytes, ...]) -> 
         f"reader_{layout}",
         functools.partial(read_files, layout, names),
         lambda: [_BETWEEN.join(seed)],
+        text=True,
     )
 
 
@@ -115,7 +104,7 @@ def task_target() -> FuzzTarget:
         calibrated = TaskDescription(calibration=Calibration(groups))
         return [task.to_json().encode() for task in (TaskDescription(), calibrated)]
 
-    return FuzzTarget("task_description", run, seeds)
+    return FuzzTarget("task_description", run, seeds, text=True)
 
 
 def targets() -> list[FuzzTarget]:

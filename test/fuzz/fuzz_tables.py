@@ -4,20 +4,17 @@
 
 from __future__ import annotations
 
-import atexit
 import functools
 import io
 import json
-import shutil
 import struct
-import tempfile
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from fuzz_target import FuzzTarget
+from fuzz_target import FuzzTarget, place
 
 from mtpgo_core.class_map import read_class_map
 from mtpgo_training.data.readers import load_recordings
@@ -51,14 +48,6 @@ NGSIM_TEXT = b"".join(
 )
 
 
-@functools.cache
-def place(name: str) -> Path:
-    """Return a folder for the files of a target, removed at the end."""
-    folder = Path(tempfile.mkdtemp(prefix=f"fuzz_{name}_"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
-
-
 def read(layout: str, names: Sequence[str], data: bytes, columns: bytes | None = None) -> None:
     """Write the files of a recording, read and describe it."""
     folder = place(layout + Path(names[0]).suffix[1:]) / "data"
@@ -86,15 +75,18 @@ def yaml_target(name: str, function: object, seeds: Sequence[bytes]) -> FuzzTarg
         path.write_bytes(data)
         function(path)  # type: ignore[operator]
 
-    return FuzzTarget(name, run, lambda: list(seeds))
+    return FuzzTarget(name, run, lambda: list(seeds), text=True)
 
 
-def layout_target(layout: str, names: Sequence[str], *seed: bytes) -> FuzzTarget:
+def layout_target(
+    layout: str, names: Sequence[str], *seed: bytes, text: bool = True
+) -> FuzzTarget:
     """Return the target of the files of a layout."""
     return FuzzTarget(
         f"layout_{layout}",
         functools.partial(read, layout, names),
         lambda: [_BETWEEN.join(seed)],
+        text=text,
     )
 
 
@@ -144,7 +136,10 @@ def targets() -> list[FuzzTarget]:
         yaml_target("class_map", read_class_map, [b"preset: coco\ntram: bus\n17: car\n"]),
         yaml_target("table_columns", read_columns, [COLUMNS]),
         FuzzTarget(
-            "layout_table", lambda data: read("table", ["a.csv"], data, COLUMNS), lambda: [TABLE]
+            "layout_table",
+            lambda data: read("table", ["a.csv"], data, COLUMNS),
+            lambda: [TABLE],
+            text=True,
         ),
         FuzzTarget(
             "layout_table_parquet",
@@ -158,6 +153,6 @@ def targets() -> list[FuzzTarget]:
         layout_target("eth_ucy", ["a.txt"], ETH),
         layout_target("openacc", ["a.csv"], OPENACC),
         layout_target("ngsim", ["a.txt"], NGSIM_TEXT),
-        layout_target("waymo", ["a.tfrecord"], _scenario()),
+        layout_target("waymo", ["a.tfrecord"], _scenario(), text=False),
         layout_target("nuscenes", NUSCENES_FILES, *_nuscenes()),
     ]

@@ -8,8 +8,13 @@ and the short test in the suite find it by its name.
 
 from __future__ import annotations
 
+import atexit
+import functools
 import importlib
 import random
+import re
+import shutil
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -45,6 +50,53 @@ _INTERESTING = (
     b'"',
 )
 
+_WORDS = (
+    b"",
+    b"0",
+    b"-1",
+    b"1.5",
+    b"nan",
+    b"-inf",
+    b"1e999",
+    b"1e308",
+    b"1e-320",
+    b"0x10",
+    b"007",
+    b"1_000",
+    b"2147483648",
+    b"9223372036854775808",
+    b"99999999999999999999",
+    b"true",
+    b"no",
+    b"null",
+    b"2024-05-01T12:00:00Z",
+    b"car",
+    b"[]",
+    b"{}",
+    b"9" * 400,
+    b"0x" + b"f" * 4000,
+    b"!!bool",
+    b"!!float",
+    b"!!timestamp",
+    b"&a",
+    b"*a",
+    b"<<",
+    b"\\ud800",
+    b"[" * 200,
+    b'""',
+    "\u00e9\u2028".encode(),
+)
+"""Words that take the place of others in a text."""
+
+_MARKS = b"\n\r\t ,;:=#'\"|-+.[]{}()&*!?%@<>/\\\x00"
+"""Characters with a meaning in the texts that are read."""
+
+_TOKEN = re.compile(rb"[\w.+-]+")
+
+_CHANGES = (1, 1, 1, 2, 2, 3, 4, 8)
+"""How many changes an input gets, each with the same chance: one is often enough to be refused
+at the first check, and what lies behind it should be reached as well."""
+
 
 @dataclass(frozen=True)
 class FuzzTarget:
@@ -55,15 +107,17 @@ class FuzzTarget:
         run: returns, or raises one of ``refused``; everything else is a finding.
         seeds: returns valid inputs, which ``run`` accepts without an exception.
         refused: the exceptions by which an input is refused.
+        text: the inputs are texts: most mutations keep them so.
     """
 
     name: str
     run: Callable[[bytes], None]
     seeds: Callable[[], Sequence[bytes]]
     refused: tuple[type[Exception], ...] = (MtpgoError,)
+    text: bool = False
 
-    def check(self, data: bytes) -> None:
-        """Run one input.
+    def check(self, data: bytes) -> bool:
+        """Run one input; return whether it was accepted.
 
         Raises:
             Exception: a finding.
@@ -73,6 +127,22 @@ class FuzzTarget:
         except self.refused as error:
             if "\n" in str(error) or not str(error).strip():
                 raise AssertionError(f"not one sentence: {str(error)!r}") from error
+            return False
+        return True
+
+    def mutated(self, data: bytes, draw: random.Random) -> bytes:
+        """Return a valid input with some changes."""
+        if self.text and draw.randrange(8):
+            return mutated_text(data, draw)
+        return mutated(data, draw)
+
+
+@functools.cache
+def place(name: str) -> Path:
+    """Return a folder for the files of a target, removed at the end."""
+    folder = Path(tempfile.mkdtemp(prefix=f"fuzz_{name}_"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def processor_time(target: FuzzTarget, data: bytes) -> float:
@@ -83,11 +153,16 @@ def processor_time(target: FuzzTarget, data: bytes) -> float:
 
 
 def mutated(data: bytes, draw: random.Random) -> bytes:
-    """Return the bytes with up to eight changes: bits, known bad values, cuts, copies."""
+    """Return the bytes with up to eight changes: bits, known bad values, cuts, copies.
+
+    Half of the results have the length of the original: in many files everything behind a place
+    that moves is lost.
+    """
     out = bytearray(data)
-    for _ in range(draw.randint(1, 8)):
+    kinds = draw.choice((3, 6))
+    for _ in range(draw.choice(_CHANGES)):
         at = draw.randrange(len(out) + 1)
-        kind = draw.randrange(6)
+        kind = draw.randrange(kinds)
         if kind == 0 and at < len(out):
             out[at] ^= 1 << draw.randrange(8)
         elif kind == 1 and at < len(out):
@@ -103,6 +178,40 @@ def mutated(data: bytes, draw: random.Random) -> bytes:
             first = draw.randrange(len(out) + 1)
             out[at:at] = out[first : first + draw.choice((1, 4, 16, 256))]
     return bytes(out[:LARGEST_INPUT])
+
+
+def mutated_text(data: bytes, draw: random.Random) -> bytes:
+    """Return a text with up to eight changes of words, marks and lines."""
+    out = data
+    for _ in range(draw.choice(_CHANGES)):
+        kind = draw.randrange(8)
+        if kind < 4:
+            out = _with_other_word(out, draw)
+        elif kind == 4:
+            at = draw.randrange(len(out) + 1)
+            mark = draw.choice(_MARKS).to_bytes()
+            out = out[:at] + mark + out[at + draw.randrange(2) :]
+        else:
+            lines = out.splitlines(keepends=True) or [b""]
+            first, second = draw.randrange(len(lines)), draw.randrange(len(lines))
+            if kind == 5:
+                del lines[first]
+            elif kind == 6:
+                lines.insert(first, lines[second])
+            else:
+                lines[first], lines[second] = lines[second], lines[first]
+            out = b"".join(lines)
+    return out[:LARGEST_INPUT]
+
+
+def _with_other_word(data: bytes, draw: random.Random) -> bytes:
+    """Return a text with one word replaced, by a known bad one or by another one of the text."""
+    words = list(_TOKEN.finditer(data))
+    if not words:
+        return draw.choice(_WORDS)
+    old = draw.choice(words)
+    new = draw.choice(_WORDS) if draw.randrange(2) else draw.choice(words)[0]
+    return data[: old.start()] + new + data[old.end() :]
 
 
 def all_targets() -> dict[str, FuzzTarget]:

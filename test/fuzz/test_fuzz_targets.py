@@ -3,11 +3,16 @@
 """The short form of ``make fuzz``: a few changed inputs of each target, the same in each run."""
 
 import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
-from fuzz_target import HANG_S, all_targets, mutated, processor_time
+from fuzz_target import HANG_S, all_targets, mutated_text, processor_time
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from run_fuzz import State
 
 INPUTS = 40
 TARGETS = all_targets()
@@ -31,7 +36,7 @@ def test_changed_inputs_are_read_or_refused(name):
               suppress_health_check=list(HealthCheck))  # fmt: skip
     @given(st.sampled_from(seeds), st.integers(0, 2**32 - 1))
     def check(seed, number):
-        assert processor_time(target, mutated(seed, random.Random(number))) <= HANG_S
+        assert processor_time(target, target.mutated(seed, random.Random(number))) <= HANG_S
 
     check()
 
@@ -46,3 +51,22 @@ def test_arbitrary_bytes_are_read_or_refused(name):
         target.check(data)
 
     check()
+
+
+def test_most_changed_texts_are_texts():
+    draw, text = random.Random(0), b"a: b\n17: car\nc: bus\n"
+    changed = {mutated_text(text, draw) for _ in range(200)}
+    assert len(changed) > 100
+    readable = [one for one in changed if "\ufffd" not in one.decode(errors="replace")]
+    assert len(readable) > 0.95 * len(changed)
+
+
+def test_the_input_of_a_process_that_ended_is_known(tmp_path):
+    state = State.created(tmp_path / "state")
+    command = "import os, pathlib, run_fuzz, sys\n"
+    command += "run_fuzz.State(pathlib.Path(sys.argv[1])).note(7, 3, b'bad'); os.abort()"
+    ended = subprocess.run(
+        [sys.executable, "-c", command, str(state.path)], cwd=Path(__file__).parent, check=False
+    )
+    assert ended.returncode == -signal.SIGABRT
+    assert state.read() == (7, 3, b"bad")

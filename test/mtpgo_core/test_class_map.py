@@ -109,7 +109,7 @@ def test_what_is_no_file_or_too_large_is_refused(tmp_path):
         class_map("kitti")
     path = tmp_path / "large.yaml"
     path.write_text("a: car\n" * 50_000)
-    with pytest.raises(ConfigurationError, match="is larger than 262144 bytes"):
+    with pytest.raises(ConfigurationError, match="is larger than 65536 bytes"):
         class_map(path)
     (tmp_path / "latin.yaml").write_bytes(b"\xfcber: car\n")
     with pytest.raises(ConfigurationError, match="cannot be read as YAML"):

@@ -87,3 +87,8 @@ def test_plain_data_becomes_the_dataclass():
         from_dict(Config, {"shape": 1}, "c")
     with pytest.raises(ConfigurationError, match=r"c is \[\], expected a mapping of its fields"):
         from_dict(Config, [], "c")
+
+
+def test_a_number_beyond_floating_point_is_one_sentence():
+    with pytest.raises(ConfigurationError, match=r"^here\.share is a whole number beyond"):
+        from_dict(Config, {"share": 10**400}, "here")

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 import warnings
 import zlib
 from collections.abc import Collection, Sequence
@@ -28,7 +29,9 @@ _ROWS_AT_ONCE = 100_000
 """Rows parsed together; chosen, bounds the memory."""
 
 _LONGEST_LINE = 1 << 16
-"""Bytes read to find the last line of a file; chosen far above the longest line."""
+"""Bytes read to find the first or last line of a file; chosen far above the longest line."""
+
+_LINE_END = re.compile(rb"[\r\n]")
 
 _UNREADABLE = (OSError, EOFError, zlib.error, UnicodeDecodeError, pd.errors.ParserError)
 
@@ -92,6 +95,9 @@ def read_header(path: Path, form: CsvForm = STANDARD_FORM) -> list[str]:
         return list(form.names)
     try:
         _require_text(path)
+        plain = _plain_header(path, form)
+        if plain is not None:
+            return plain
         # As a row, for pandas renames the second of two columns of one name.
         options = {**form.pandas_options(), "header": None, "dtype": str}
         first = pd.read_csv(path, nrows=1, skipinitialspace=True, keep_default_na=False, **options)
@@ -108,6 +114,30 @@ def _require_text(path: Path) -> None:
         raise RecordingError(f"{path} is {kind}")
 
 
+def _plain_header(path: Path, form: CsvForm) -> list[str] | None:
+    """Return the column names where they can be had by splitting the first line.
+
+    That takes a tenth of the time of pandas, which counts where there are many small files. None
+    where pandas decides: quotes, blank lines, names that are missing or repeated, and whatever
+    cannot be read.
+    """
+    if form.skipped or form.separator == " ":
+        return None
+    try:
+        first, _rest = _LINE_END.split(_begin_of(path), maxsplit=1)
+        names = [name.strip() for name in first.decode("utf-8-sig").split(form.separator)]
+    except (*_UNREADABLE, ValueError):
+        return None
+    odd = b'"' in first or b"\0" in first or "" in names or len(set(names)) < len(names)
+    return None if odd else names
+
+
+def _begin_of(path: Path) -> bytes:
+    """Return the first bytes of a file, also with ``.gz``."""
+    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
+        return stream.read(_LONGEST_LINE)
+
+
 def first_lines_of(path: Path, count: int, *, blank: bool = False) -> list[str]:
     """Return the first ``count`` lines of a text file, fewer if there are.
 
@@ -121,8 +151,7 @@ def first_lines_of(path: Path, count: int, *, blank: bool = False) -> list[str]:
     """
     try:
         _require_text(path)
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
-            start = stream.read(_LONGEST_LINE)
+        start = _begin_of(path)
     except _UNREADABLE as error:
         raise RecordingError(_cannot_be_read(path, error)) from error
     lines = start.decode("utf-8-sig", errors="replace").splitlines()
@@ -268,10 +297,16 @@ def check_columns(
     place = _Place(path, unit, first_line)
     for name in (*integers, *numbers, *unknown_allowed):
         if name in table:
-            table[name] = _numbers(table[name], place, unknown=name in unknown_allowed)
+            _replace(table, name, _numbers(table[name], place, unknown=name in unknown_allowed))
     for name in integers:
         if name in table:
-            table[name] = _whole(table[name], place)
+            _replace(table, name, _whole(table[name], place))
+
+
+def _replace(table: pd.DataFrame, name: str, column: pd.Series) -> None:
+    """Put a column in the place of one of another type."""
+    if column.dtype != table[name].dtype:
+        table[name] = column
 
 
 def _parse(

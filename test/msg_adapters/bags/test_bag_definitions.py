@@ -11,6 +11,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
+from msg_adapters.bags import bag_definitions
 from msg_adapters.bags.bag_reader import BagReader, DecodingBagReader
 from msg_adapters.bags.bag_types import bag_typestore, earlier_typestore
 from msg_adapters.types import TypestoreTypes
@@ -220,3 +221,19 @@ def test_messages_of_an_earlier_release_are_read_without_a_definition(tmp_path, 
     rows = [("/x", kind, "", "", "cdr", one) for one in [*data, data[1][:-30]]]
     found, _ = heard(write(tmp_path / "bag.mcap", *rows), "/x")
     assert [named(message) for message in found] == ["a", "b", "c", "d"]
+
+
+def test_a_definition_is_read_once_unless_it_is_long(tmp_path, monkeypatch):
+    read = []
+    parse = bag_definitions.get_types_from_msg
+    monkeypatch.setattr(
+        bag_definitions, "get_types_from_msg", lambda *given: read.append(1) or parse(*given)
+    )
+    kind = "vendor_msgs/msg/Again"
+    for text, times in (("uint8 level", 1), ("uint8 level\n#" + "x" * 70_000, 3)):
+        for number in range(2):
+            path = tmp_path / f"{number}.mcap"
+            write(path, ("/x", kind, "ros2msg", text, "cdr", LEVEL))
+            (message,) = heard(path, "/x")[0]
+            assert message.level == 7
+        assert len(read) == times

@@ -85,10 +85,17 @@ def test_histories_that_cannot_be_are_errors(changes):
         HistoryConfig(**changes)
 
 
-@pytest.mark.parametrize("text", ["", "[1]", "null", '{"schema_version": 0}', "{}"])
+@pytest.mark.parametrize("text", ["", "[1]", "null", '{"schema_version": 0}', "{}", "[" * 100_000])
 def test_text_that_is_no_task_is_an_error(text):
     with pytest.raises(ConfigurationError, match="the task description"):
         TaskDescription.from_json(text)
+
+
+def test_half_a_character_is_no_text():
+    data = json.loads(TaskDescription().to_json())
+    data["name"] = "\ud800"
+    with pytest.raises(ConfigurationError, match=r"task\.name is '.ud800', expected text without"):
+        TaskDescription.from_json(json.dumps(data))
 
 
 def test_nested_errors_name_the_place():

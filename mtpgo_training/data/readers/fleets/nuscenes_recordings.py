@@ -22,6 +22,7 @@ import pandas as pd
 
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
+from mtpgo_core.options import is_unicode
 from mtpgo_training.data.readers.drone_files import existing_directory
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
@@ -203,7 +204,9 @@ def _rows(folder: Path, table: str, fields: Sequence[str]) -> Iterator[dict[str,
                 raise RecordingError(f"{where} has no field {name!r}")
             if name == "timestamp":
                 row[name] = int(_numbers([row[name]], name, 1, where)[0])
-            elif name not in _VECTORS and not isinstance(row[name], str):
+            elif name not in _VECTORS and not (
+                isinstance(row[name], str) and is_unicode(row[name])
+            ):
                 raise RecordingError(f"{where}: {name} is {row[name]!r:.60}, expected text")
         yield row
 

@@ -113,8 +113,12 @@ def _read(name: str, path: Path, classes: ClassMap) -> Iterator[Recording]:
         where = f"{path}, record {number}"
         try:
             scenario.ParseFromString(content)
-        except (DecodeError, RuntimeError) as error:
+        except (DecodeError, RuntimeError, UnicodeDecodeError) as error:
             raise RecordingError(f"{where} is no scenario of Waymo: {error}") from error
+        if isinstance(scenario.scenario_id, bytes):  # as protobuf gives a damaged text
+            raise RecordingError(
+                f"{where} is no scenario of Waymo: its scenario_id is not text in UTF-8"
+            )
         if not scenario.tracks or not scenario.timestamps_seconds:
             raise RecordingError(
                 f"{where} has no tracks or no times, expected a scenario of Waymo"

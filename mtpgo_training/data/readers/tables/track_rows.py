@@ -103,7 +103,7 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
     numbers, key = _identities(names)
     yaw = table["yaw"].to_numpy(np.float64) if "yaw" in table else np.full(len(table), np.nan)
     return Recording(
-        name=source.name,
+        name=_as_file_name(source.name),
         layout=source.layout,
         location=source.location,
         frame_rate=frame_rate,
@@ -120,6 +120,14 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
         start_time_ns=start_ns,
         track_key=key,
     )
+
+
+def _as_file_name(name: str) -> str:
+    """Return the name of a recording, part of which is data, as one that a file may have.
+
+    Recordings are written to files of their names: ``a/../../b`` must not be another folder.
+    """
+    return "".join(c if c.isprintable() and c not in "/\\" else "_" for c in name)
 
 
 def with_ego(recording: Recording, name: str) -> Recording:

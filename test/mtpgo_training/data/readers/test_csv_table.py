@@ -210,3 +210,36 @@ def test_a_file_of_another_kind_is_named(file):
         RecordingError, match=r"t\.csv is a ZIP archive or a spreadsheet, expected CSV"
     ):
         read_header(path)
+
+
+HEADERS = [
+    b"a,b\n1,2\n",
+    b"a, b ,c\r\n1,2,3\r\n",
+    b"a,b\r1,2\r",
+    b"\xef\xbb\xbfa,b\n1,2\n",
+    b"a;b,c\n1;2\n",
+    b"a,b",
+    b"a,a,b\n1,2,3\n",
+    b"a,,b\n1,2,3\n",
+    b"a,b,\n1,2,3\n",
+    b"\n\na,b\n1,2\n",
+    b"  \na,b\n1,2\n",
+    b'"a,b",c\n1,2\n',
+    b'a,"b\nc"\n1,2\n',
+    b"a\x0bb,c\xe2\x80\xa8d\n1,2\n",
+    b"a b,c\td\n1,2\n",
+    b"a'b,#c\n1,2\n",
+    b"a,b\n1,2,3\n4,5,6\n",
+    b"a" * 70_000 + b",b\n1,2\n",
+]
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("content", HEADERS, ids=lambda content: repr(content[:20]))
+def test_a_header_is_what_pandas_says(tmp_path, monkeypatch, content, separator):
+    path = tmp_path / "t.csv"
+    path.write_bytes(content)
+    form = CsvForm(separator=separator)
+    found = read_header(path, form)
+    monkeypatch.setattr(csv_table, "_plain_header", lambda path, form: None)
+    assert found == read_header(path, form)

@@ -110,6 +110,7 @@ def test_scenes_by_name_and_tables_larger_than_a_portion(folder, monkeypatch):
         ),
         ("sample_annotation", lambda t: t.replace("4.6", "1" * 400, 1), "record 1: size is [1.9"),
         ("ego_pose", lambda t: t.replace("[1", '["1"', 1), "expected finite numbers"),
+        ("log", lambda t: t.replace('"l"', r'"\ud800"'), r"token is '\ud800', expected text"),
     ],
 )
 def test_a_defect_is_one_sentence_with_its_place(folder, table, edit, sentence):

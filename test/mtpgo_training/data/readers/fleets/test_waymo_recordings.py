@@ -62,6 +62,10 @@ def test_the_scenarios_of_a_file(tmp_path):
         (struct.pack("<QI", 1 << 62, 0), "ends within record 1"),
         (b"", "is empty, expected a TFRecord file"),
         (record(b"\xff\xff\xff"), "record 1 is no scenario of Waymo"),
+        (
+            record(scenario("abc").replace(b"abc", b"a\xffc")),
+            "record 1 is no scenario of Waymo: its scenario_id is not text in UTF-8",
+        ),
         (record(b""), "record 1 has no tracks or no times, expected a scenario of Waymo"),
     ],
 )
@@ -71,6 +75,11 @@ def test_a_defect_is_one_sentence_with_its_place(tmp_path, content, sentence):
         load_recordings(tmp_path, "waymo")
     assert sentence in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_the_name_of_a_scenario_is_no_path(tmp_path):
+    (tmp_path / "a.tfrecord").write_bytes(record(scenario("b/../../c\n")))
+    assert [r.name for r in load_recordings(tmp_path, "waymo")] == ["a.tfrecord-b_.._.._c_"]
 
 
 def test_no_file_is_named(tmp_path):

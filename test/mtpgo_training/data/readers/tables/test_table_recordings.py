@@ -313,3 +313,9 @@ def test_identities_of_parquet_may_be_bytes_and_its_rows_are_whole_numbers(parqu
     np.testing.assert_array_equal(recording.key, keys_from_texts(["car"]))
     with pytest.raises(RecordingError, match="row 4: the road user has no name"):
         parquet(BY_TIME, id=[1.0, 1.0, 1.0, np.nan, 1.0, 1.0])
+
+
+def test_the_name_of_a_recording_in_a_column_is_no_path(read):
+    text = "f,id,x,y,r\n1,1,0,0,/../../b\n1,1,0,0,c\n"
+    columns = {"columns": {**POSITIONS["columns"], "recording": "r"}, "frame_rate": 10}
+    assert [recording.name for recording in read(text, columns)] == ["a-_.._.._b", "a-c"]

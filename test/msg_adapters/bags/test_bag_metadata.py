@@ -1,0 +1,87 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Metadata and QoS profiles of bags from strangers: read where they are plain, else left."""
+
+import json
+import time
+
+import pytest
+
+from msg_adapters.bags.bag_metadata import qos_of, read_metadata
+
+QOS = """- history: 1
+  depth: {depth}
+  reliability: 1
+  durability: 2
+  deadline: {{sec: 0, nsec: 0}}
+  lifespan: {{sec: {sec}, nsec: 0}}
+  liveliness: 1
+  liveliness_lease_duration: {{sec: 0, nsec: 0}}
+  avoid_ros_namespace_conventions: {avoid}
+"""
+PLAIN = {"depth": 5, "sec": 0, "avoid": "false"}
+BOMB = "a0: &a0 {q: x, r: y}\n" + "".join(
+    f"a{i}: &a{i} {{<<: [*a{i - 1}, *a{i - 1}]}}\n" for i in range(1, 40)
+)
+LISTS = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 40))
+
+
+@pytest.fixture(autouse=True)
+def _at_once():
+    start = time.process_time()
+    yield
+    assert time.process_time() - start < 1.0
+
+
+def test_a_plain_profile_is_read():
+    (profile,) = qos_of(QOS.format(**PLAIN))
+    assert (profile.depth, profile.deadline.sec) == (5, 0)
+    assert qos_of("") == qos_of(None) == []
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"depth": "[1]"},
+        {"depth": "1e999"},
+        {"depth": "0x" + "f" * 5000},
+        {"sec": "{a: b}"},
+        {"avoid": "[1]"},
+    ],
+    ids=lambda given: str(given)[:20],
+)
+def test_a_profile_of_other_kinds_is_passed_over(given):
+    assert qos_of(QOS.format(**{**PLAIN, **given})) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        BOMB,
+        json.dumps(BOMB),
+        "[" * 60_000,
+        "[{" * 30_000,
+        "- " * 60_000,
+        "#" * 70_000,
+        "!!merge a: {b: c}",
+    ],
+)
+def test_a_text_that_stands_for_too_much_is_passed_over(text):
+    assert qos_of(text) == []
+
+
+def about(tmp_path, text, more=""):
+    (tmp_path / "metadata.yaml").write_text(
+        f"{text}rosbag2_bagfile_information:\n  relative_file_paths: [a_0.mcap]\n{more}"
+    )
+    return read_metadata(tmp_path)
+
+
+def test_metadata_of_any_content_are_read_at_once(tmp_path):
+    assert "cannot be read" in about(tmp_path, BOMB).problem
+    topic = "{topic_metadata: {name: /x, type: a/B, type_description_hash: *a39}}"
+    found = about(
+        tmp_path, LISTS, f"  compression_mode: *a39\n  topics_with_message_count: [{topic}]\n"
+    )
+    assert (found.files, found.problem) == (["a_0.mcap"], "")
+    assert found.digests == {("/x", "a/B"): ""}
