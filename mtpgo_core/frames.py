@@ -137,9 +137,11 @@ def to_fixed_frame(
             rotated.
 
     Raises:
-        FrameError: the pose is not finite.
+        FrameError: the pose is not finite, or its motion where that is needed.
     """
-    values = (pose.x, pose.y, pose.yaw, *pose.velocity, pose.yaw_rate)
+    values = (pose.x, pose.y, pose.yaw)
+    if relative_velocity:
+        values = (*values, *pose.velocity, pose.yaw_rate)
     if not all(map(math.isfinite, values)):
         raise FrameError(
             f"the pose of frame {states.frame_id!r} in {frame_id!r} at {states.stamp_ns} ns is "
@@ -217,7 +219,8 @@ class PoseBuffer:
     def at(self, stamp_ns: int) -> Pose2:
         """Return the pose at a time (ns), interpolated, the yaw along the shorter arc.
 
-        Outside the stored times the nearest pose is extrapolated by its velocity and yaw rate.
+        Outside the stored times the nearest pose is extrapolated by its velocity and yaw rate;
+        where these are not finite, it stays.
 
         Raises:
             FrameError: no pose is near enough in time.
@@ -246,6 +249,8 @@ class PoseBuffer:
                 f"at most {self._reach_ns * 1e-9:.3f} s"
             )
         pose, off_s = self._pose[nearest], off_ns * 1e-9
+        if not all(map(math.isfinite, (*pose.velocity, pose.yaw_rate))):
+            return pose
         return dataclasses.replace(
             pose,
             x=pose.x + pose.velocity[0] * off_s,

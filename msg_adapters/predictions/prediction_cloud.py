@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.conversions import positive, stamp_to_ns
+from msg_adapters.conversions import finite, positive, stamp_to_ns
 from msg_adapters.inputs.object_cloud import KEY_FIELDS
 from msg_adapters.types import Types
 from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud, require_fields
@@ -190,7 +190,7 @@ def _prediction(message: Any, records: NDArray[Any]) -> Prediction:
         .astype(np.uint32)
         .reshape(n, 4),
         agent_class=np.ascontiguousarray(first["class"]),
-        z=first["z"].astype(np.float64),
+        z=finite(first["z"]),
         size=_size(first),
         initial=np.full((n, 4), np.nan),
         initial_yaw=np.full(n, np.nan),

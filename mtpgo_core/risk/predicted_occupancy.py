@@ -17,8 +17,7 @@ import numpy as np
 from mtpgo_core.class_size import known_sizes
 from mtpgo_core.frames import along_and_across
 from mtpgo_core.options import check_options, option
-from mtpgo_core.risk.collision_risk import WEIGHT_TOLERANCE
-from mtpgo_core.risk.footprint_overlap import is_covariance
+from mtpgo_core.risk.collision_risk import WEIGHT_TOLERANCE, known_poses
 from mtpgo_core.schema import Float32Array, Float64Array, IndexArray, Prediction
 
 _REACH = 3.0
@@ -104,9 +103,7 @@ def predicted_occupancy(
     chosen = _steps_within(prediction.time_s, begin_s, end_s)
     corner, cells = shape.corner(center), shape.cells
     weighty = prediction.weight > _LEAST_WEIGHT
-    finite = np.isfinite(prediction.mean[:, :, chosen, :2]).all(axis=(2, 3))
-    finite &= is_covariance(prediction.covariance[:, :, chosen]).all(axis=2)
-    finite &= np.isfinite(prediction.yaw[:, :, chosen]).all(axis=2)
+    finite = known_poses(prediction)[:, :, chosen].all(axis=2)
     lost = (weighty & ~finite).any(axis=1)
     with np.errstate(invalid="ignore"):  # an infinite weight; NaN is lost too
         lost |= ~(np.abs(prediction.weight.sum(axis=1) - 1.0) <= WEIGHT_TOLERANCE)

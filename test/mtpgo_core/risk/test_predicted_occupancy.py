@@ -108,10 +108,11 @@ def test_modes_weigh_and_road_users_add_up():
 
 def test_an_agent_that_is_not_finite_makes_the_field_unknown():
     given = prediction((0.0, 5.0))
-    given.covariance[1] = np.nan
-    field = predicted_occupancy(given, SHAPE, np.zeros(2), 1.0, 1.0)
-    assert np.isnan(field.probability).all()
-    assert field.unknown_agents == 1
+    for value in (np.nan, 1e38):  # of the latter every cell would be free
+        given.covariance[1] = value * np.eye(2)
+        field = predicted_occupancy(given, SHAPE, np.zeros(2), 1.0, 1.0)
+        assert np.isnan(field.probability).all()
+        assert field.unknown_agents == 1
     assert np.isnan(unknown_field(SHAPE, np.zeros(2)).probability).all()
 
 

@@ -185,7 +185,7 @@ def test_a_road_user_without_covariance(setup):
     assert risk.agent_unknown.tolist() == [Unknown.NO_PREDICTION, Unknown.KNOWN]
     level, message = diagnosed(status)["predictions"]
     assert level == WARN
-    assert message.startswith("the predictions of 1 of 2 road users have no covariance")
+    assert message.startswith("the predictions of 1 of 2 road users have no usable covariance")
     assessor.assess(prediction(), START)
     assert diagnosed(status)["predictions"][0] == OK
 
