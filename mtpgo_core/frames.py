@@ -139,9 +139,8 @@ def to_fixed_frame(
     Raises:
         FrameError: the pose is not finite, or its motion where that is needed.
     """
-    values = (pose.x, pose.y, pose.yaw)
-    if relative_velocity:
-        values = (*values, *pose.velocity, pose.yaw_rate)
+    motion = (*pose.velocity, pose.yaw_rate) if relative_velocity else ()
+    values = (pose.x, pose.y, pose.yaw, *motion)
     if not all(map(math.isfinite, values)):
         raise FrameError(
             f"the pose of frame {states.frame_id!r} in {frame_id!r} at {states.stamp_ns} ns is "

@@ -13,13 +13,18 @@ import numpy as np
 from msg_adapters.conversions import make_header, make_vector, pose_row, yaw_from_quaternions
 from msg_adapters.types import Types
 from mtpgo_core.errors import MessageError
-from mtpgo_core.schema import Float64Array
+from mtpgo_core.maps.lane_lines import LONGEST_M
+from mtpgo_core.schema import FARTHEST_M, Float64Array
 
 NAMESPACE = "lane_markings"
 _LINE_STRIP, _LINE_LIST = 4, 5
 _ADD = 0
 MOST_POINTS = 200_000
 """Most points of a site's lane markings; chosen: 200 km of lines with a point each metre."""
+
+MOST_BYTES = 8 << 20
+"""Largest serialised message that is decoded (bytes); chosen: so many points, with room for the
+rest of some thousands of markers."""
 
 
 @dataclass(frozen=True)
@@ -70,14 +75,15 @@ def lanes_to_markers(
 def lanes_from_markers(message: Any) -> LaneMarkings:
     """Return the lines of LINE_STRIP markers, and each segment of LINE_LIST markers.
 
-    Markers of other types, deletions and lines with fewer than two finite points are left out.
+    Markers of other types, deletions and lines with fewer than two finite points are left out;
+    coordinates beyond :data:`~mtpgo_core.schema.FARTHEST_M` count as not finite.
 
     Args:
         message: ``visualization_msgs/MarkerArray``.
 
     Raises:
-        MessageError: the lines are in different frames, or the message is malformed or too
-            large.
+        MessageError: the lines are in different frames, two consecutive points are too far apart
+            for a lane, or the message is malformed or too large.
     """
     lines: list[Float64Array] = []
     frames: dict[str, None] = {}
@@ -102,8 +108,15 @@ def lanes_from_markers(message: Any) -> LaneMarkings:
         raise MessageError(
             f"lane markings are in the frames {', '.join(map(repr, frames))}, expected one"
         )
-    finite = [line[np.isfinite(line).all(axis=1)] for line in lines]
-    return LaneMarkings(next(iter(frames), ""), tuple(line for line in finite if len(line) > 1))
+    known = [line[(np.abs(line) <= FARTHEST_M).all(axis=1)] for line in lines]
+    usable = tuple(line for line in known if len(line) > 1)
+    longest_m = max((np.hypot(*np.diff(line, axis=0).T).max() for line in usable), default=0.0)
+    if longest_m > LONGEST_M:
+        raise MessageError(
+            f"lane markings have two consecutive points that are {longest_m * 1e-3:.4g} km apart,"
+            f" expected at most {LONGEST_M * 1e-3:g} km"
+        )
+    return LaneMarkings(next(iter(frames), ""), usable)
 
 
 def _placed(marker: Any) -> Float64Array:

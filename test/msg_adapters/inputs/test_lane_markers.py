@@ -64,3 +64,16 @@ def test_two_frames_and_other_messages_are_refused(offline):
         lanes_from_markers(message)
     with pytest.raises(MessageError, match="cannot be read as lane markings"):
         lanes_from_markers(object())
+
+
+def test_places_beyond_belief_are_left_out_and_leaps_are_refused(offline):
+    line = np.array([[0.0, 1.0], [1e9, 1.0], [50.0, 1.0], [1e300, 0.0], [np.inf, 0.0]])
+    message = lanes_to_markers([line], offline, stamp_ns=5, frame_id="map")
+    (found,) = lanes_from_markers(message).polylines
+    np.testing.assert_array_equal(found, [[0.0, 1.0], [50.0, 1.0]])
+    # A grid of the segments of such a line would take seconds and hundreds of megabytes.
+    far = lanes_to_markers([np.array([[0.0, 1.0], [1e7, 1.0]])], offline, stamp_ns=5, frame_id="")
+    with pytest.raises(
+        MessageError, match=r"points that are 1e\+04 km apart, expected at most 20"
+    ):
+        lanes_from_markers(far)
