@@ -125,4 +125,5 @@ def _placed(marker: Any) -> Float64Array:
     x, y, _, *quaternion = pose_row(marker.pose)
     yaw = float(np.nan_to_num(yaw_from_quaternions(np.array([quaternion], dtype=np.float64))[0]))
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    return points @ turn.T + (x, y)
+    with np.errstate(invalid="ignore"):  # an infinite coordinate
+        return np.asarray(points @ turn.T + (x, y))

@@ -10,6 +10,7 @@ counts.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,12 +74,14 @@ class OccupancyField:
         probability: [rows, columns] of each cell to be covered, rows along y; NaN where unknown.
         unknown_agents: number of agents whose prediction is not known, because of whom the whole
             field is unknown.
+        begins_beyond: the predictions do not reach the window, because of which it is unknown.
     """
 
     corner: Float64Array
     resolution: float
     probability: Float64Array
     unknown_agents: int = 0
+    begins_beyond: bool = False
 
 
 def unknown_field(shape: GridShape, center: Float64Array, agents: int = 0) -> OccupancyField:
@@ -96,10 +99,12 @@ def predicted_occupancy(
         prediction: without the ego itself.
         shape: of the grid.
         center: [2] its middle (m).
-        begin_s: first time after the prediction's stamp (s); with a window that holds no step,
+        begin_s: first time after the prediction's stamp (s); with a window between two steps,
             the step nearest to its middle counts.
-        end_s: last time.
+        end_s: last time. What is beyond the last step is not known and does not count.
     """
+    if len(prediction) and begin_s > reach_s(prediction.time_s):
+        return dataclasses.replace(unknown_field(shape, center), begins_beyond=True)
     chosen = _steps_within(prediction.time_s, begin_s, end_s)
     corner, cells = shape.corner(center), shape.cells
     weighty = prediction.weight > _LEAST_WEIGHT
@@ -131,6 +136,14 @@ def predicted_occupancy(
         np.maximum(field, now, out=field)
     np.minimum(field, 1.0, out=field)
     return OccupancyField(corner, shape.resolution, field.reshape(cells, cells))
+
+
+def reach_s(time_s: Float64Array) -> float:
+    """Return until when the last of [H] steps stands for what is predicted: half a step later."""
+    if not len(time_s):
+        return 0.0
+    before_s = float(time_s[-2]) if len(time_s) > 1 else 0.0
+    return float(time_s[-1]) + 0.5 * (float(time_s[-1]) - before_s)
 
 
 def _steps_within(time_s: Float64Array, begin_s: float, end_s: float) -> IndexArray:

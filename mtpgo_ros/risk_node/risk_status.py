@@ -47,6 +47,7 @@ class RiskStatus:
         peak_time_s: when it is (s after the observation).
         peak_agent: whose it is.
         occupancy_problem: why the occupancy grid is unknown, empty if it is not.
+        occupancy_warning: what a known grid lacks, empty if nothing.
         processing_ms: time that the last result took (ms).
     """
 
@@ -70,6 +71,7 @@ class RiskStatus:
     peak_time_s: float = float("nan")
     peak_agent: str = ""
     occupancy_problem: str = ""
+    occupancy_warning: str = ""
     processing_ms: float = float("nan")
 
 
@@ -158,6 +160,8 @@ def _result_causes(status: RiskStatus) -> list[Cause]:
         causes.append((WARN, sentence))
     if status.occupancy_problem:
         causes.append((ERROR, status.occupancy_problem))
+    if status.occupancy_warning:
+        causes.append((WARN, status.occupancy_warning))
     return causes
 
 

@@ -91,6 +91,16 @@ def test_the_highest_of_the_steps_in_the_window_counts():
     assert covered(1.0, 1.0) == [False, True, False]
     assert covered(0.0, 9.0) == [True, True, True]
     assert covered(1.4, 1.4) == [False, True, False]  # no step there: the nearest
+    assert covered(2.4, 9.0) == [False, False, True]  # the last step stands for a while
+
+
+def test_a_window_beyond_the_predictions_is_unknown():
+    field = predicted_occupancy(prediction(time_s=(1.0, 2.0)), SHAPE, np.zeros(2), 2.6, 9.0)
+    assert field.begins_beyond
+    assert np.isnan(field.probability).all()
+    nobody = predicted_occupancy(prediction((), time_s=()), SHAPE, np.zeros(2), 2.6, 9.0)
+    assert not nobody.begins_beyond
+    assert (nobody.probability == 0.0).all()
 
 
 def test_modes_weigh_and_road_users_add_up():
