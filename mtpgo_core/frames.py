@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.errors import FrameError
-from mtpgo_core.schema import Float64Array, TrackedStates
+from mtpgo_core.schema import FARTHEST_M, Float64Array, TrackedStates
 
 VEHICLE_FRAMES = ("base_link", "base_footprint", "ego_vehicle", "vehicle", "hero")
 """Usual names of frames that move with a vehicle, for a warning."""
@@ -163,6 +163,11 @@ def to_fixed_frame(
     )
 
 
+def is_place(x: float, y: float) -> bool:
+    """Return whether coordinates (m) are finite and within :data:`FARTHEST_M`."""
+    return abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M  # false for NaN
+
+
 class PoseBuffer:
     """The last poses of one frame in another, interpolated at any time.
 
@@ -197,12 +202,12 @@ class PoseBuffer:
         self._pose.clear()
 
     def add(self, stamp_ns: int, pose: Pose2) -> bool:
-        """Add a pose; return false if it is not finite or its stamp exists already.
+        """Add a pose; return false if it is no place or its stamp exists already.
 
         A stamp that is older than the newest one by more than the span means that the clock was
         set back: all earlier poses are forgotten.
         """
-        if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
+        if not (math.isfinite(pose.yaw) and is_place(pose.x, pose.y)):
             return False
         if self._stamp and stamp_ns < self._stamp[-1] - self._span_ns:
             self.clear()

@@ -180,7 +180,7 @@ def _input(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
 
 def _input_causes(status: NodeStatus, events: EventLog) -> list[Cause]:
     causes = [(WARN, text) for text in (status.namesake, status.waiting) if text]
-    causes += _silence(status) + _standing_clock(status)
+    causes += _silence(status) + standing_clock(status.input, status.input_timeout_s)
     if status.frame_error:
         causes.append((ERROR, status.frame_error))
     if status.ego_problem:
@@ -210,10 +210,14 @@ def _silence(status: NodeStatus) -> list[Cause]:
     return []
 
 
-def _standing_clock(status: NodeStatus) -> list[Cause]:
-    """Return the cause of a simulated clock that stands still."""
-    age = status.input
-    if age.clock_stands_s <= status.input_timeout_s:
+def standing_clock(age: InputAge, limit_s: float) -> list[Cause]:
+    """Return the cause of a simulated clock that stands still.
+
+    Args:
+        age: of the input.
+        limit_s: for so long it may stand (s).
+    """
+    if age.clock_stands_s <= limit_s:
         return []
     if not age.clock_seen:
         return [(WARN, "use_sim_time is set, but no time has come on /clock")]

@@ -122,6 +122,11 @@ class RiskAssessor:
 
     def _stale(self, stamp_ns: int, now_ns: int) -> str:
         """Return why predictions are too old, empty if they are not."""
+        if now_ns == 0:  # Simulated time that has not begun.
+            return (
+                "the age of the predictions is not known: use_sim_time is set, but no time has"
+                " come on /clock; the risk is unknown"
+            )
         limit_s, age_s = self._parameters.prediction_timeout, (now_ns - stamp_ns) * 1e-9
         if abs(age_s) <= limit_s:
             return ""

@@ -16,6 +16,7 @@ from mtpgo_ros.diagnostics.diagnostic_status import (
     counted,
     make_status,
     not_active,
+    standing_clock,
     worst_first,
 )
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -122,8 +123,9 @@ def risk_statuses(name: str, status: RiskStatus, events: EventLog) -> list[Diagn
 def _prediction_causes(status: RiskStatus) -> list[Cause]:
     causes = [(WARN, status.publishers)] if status.publishers else []
     age, limit_s = status.input, status.prediction_timeout_s
+    causes += standing_clock(age, limit_s)
     if not age.usable and not age.rejected:
-        if not causes:
+        if not status.publishers:
             causes.append((WARN, f"nothing has come on {status.topic} yet"))
     elif status.prediction_problem:
         causes.append((ERROR, status.prediction_problem))
