@@ -12,6 +12,8 @@ import numpy as np
 
 from msg_adapters.conversions import make_header, make_vector, pose_row, yaw_from_quaternions
 from msg_adapters.types import Types
+from msg_adapters.wire.cdr_reader import CdrReader
+from msg_adapters.wire.input_limits import check_room
 from mtpgo_core.errors import MessageError
 from mtpgo_core.maps.lane_lines import LONGEST_M
 from mtpgo_core.schema import FARTHEST_M, Float64Array
@@ -25,6 +27,12 @@ MOST_POINTS = 200_000
 MOST_BYTES = 8 << 20
 """Largest serialised message that is decoded (bytes); chosen: so many points, with room for the
 rest of some thousands of markers."""
+
+MOST_MARKERS = 10_000
+"""Most markers of a message; chosen: the lines of a town. Each takes 0.1 ms (measured)."""
+
+_MARKER_BYTES = 100
+"""Smallest size of a marker; chosen below its pose, scale and colour, 96 bytes, and the rest."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +78,23 @@ def lanes_to_markers(
             )
         )
     return types.make("visualization_msgs/msg/MarkerArray", markers=markers)
+
+
+def check_serialized(data: bytes) -> None:
+    """Check a serialised MarkerArray (CDR) in constant time, before its markers are decoded.
+
+    Raises:
+        MessageError: it is too large, or claims more markers than its bytes can hold.
+    """
+    if len(data) > MOST_BYTES:
+        raise MessageError(f"lane markings have {len(data)} bytes, expected at most {MOST_BYTES}")
+    reader = CdrReader(data, "lane markings")
+    (markers,) = reader.unpack(4, "I")
+    if markers > MOST_MARKERS:
+        raise MessageError(
+            f"lane markings have {markers} markers, expected at most {MOST_MARKERS}"
+        )
+    check_room("lane markings", "markers", markers, _MARKER_BYTES, reader.rest)
 
 
 def lanes_from_markers(message: Any) -> LaneMarkings:

@@ -25,8 +25,7 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from msg_adapters.inputs.lane_markers import MOST_BYTES, lanes_from_markers
-from mtpgo_core.errors import MessageError
+from msg_adapters.inputs.lane_markers import check_serialized, lanes_from_markers
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.runtime.work_queue import WorkQueue
@@ -117,8 +116,7 @@ class _LaneMarkings:
 
     def _read(self, data: bytes) -> None:
         try:
-            if len(data) > MOST_BYTES:
-                raise MessageError(f"they have {len(data)} bytes, expected at most {MOST_BYTES}")
+            check_serialized(data)
             markings = lanes_from_markers(deserialize_message(data, MarkerArray))
             lanes = LaneMap(markings.polylines)
         except Exception as error:  # Whatever a message contains, the node keeps running.

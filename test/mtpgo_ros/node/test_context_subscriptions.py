@@ -12,10 +12,10 @@ from ros_helpers import LATCHED, spin_until
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
+from msg_adapters.inputs import lane_markers
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.types import RclpyTypes
 from mtpgo_ros.diagnostics.event_log import EventLog
-from mtpgo_ros.node import context_subscriptions
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
 
 _namespaces = itertools.count()
@@ -62,7 +62,7 @@ def test_a_model_without_lanes_does_not_subscribe_to_them(node):
 
 
 def test_markings_that_cannot_be_used_are_refused_and_the_next_ones_taken(node, monkeypatch):
-    monkeypatch.setattr(context_subscriptions, "MOST_BYTES", 500)
+    monkeypatch.setattr(lane_markers, "MOST_BYTES", 500)
     publisher = node.create_publisher(MarkerArray, "lane_markings", LATCHED)
     lanes, refused = [], []
     context = ContextSubscriptions(node, print, None, EventLog())
