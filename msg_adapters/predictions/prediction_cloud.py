@@ -69,7 +69,7 @@ REQUIRED_FIELDS = tuple(name for name, _ in _FIELDS)
 MAX_COUNT = 256
 """Most modes, and most steps: each is counted in a byte."""
 
-_LATEST_S, _SOONEST_S = 1e4, 1e-3
+LATEST_S, SOONEST_S = 1e4, 1e-3
 """The last step of every prediction is between these times (s). Chosen far around every horizon:
 floats that are read in the wrong byte order are not."""
 
@@ -261,7 +261,7 @@ def _check_plausible(records: NDArray[Any], times: Float64Array, big_endian: boo
     if (
         rising
         and times[0] >= 0.0
-        and _SOONEST_S <= times[-1] <= _LATEST_S
+        and SOONEST_S <= times[-1] <= LATEST_S
         and bool(((weight >= 0.0) & (weight <= 1.0 + _WEIGHT_SLACK)).all())
     ):
         return
