@@ -31,6 +31,10 @@ _LEAST_WEIGHT = 0.01
 _CELLS_AT_A_TIME = 20_000
 """Cells of footprints that are computed together; chosen so that they stay in the cache."""
 
+MOST_CELLS = 20_000_000
+"""Most cells of all footprints, modes and steps with their errors; chosen: each takes 0.1 us
+(measured), so that a grid comes within some two seconds. The 64 road users of the benchmark need less than a million."""
+
 _LEAST_VARIANCE = 1e-4
 """Smaller variances count as this, in squares of a cell: a hundredth of a cell."""
 
@@ -75,6 +79,8 @@ class OccupancyField:
         unknown_agents: number of agents whose prediction is not known, because of whom the whole
             field is unknown.
         begins_beyond: the predictions do not reach the window, because of which it is unknown.
+        too_many_cells: cells of all footprints with their errors, because of which it is unknown:
+            computing it would take longer than it is of use; 0 where they are few enough.
     """
 
     corner: Float64Array
@@ -82,6 +88,7 @@ class OccupancyField:
     probability: Float64Array
     unknown_agents: int = 0
     begins_beyond: bool = False
+    too_many_cells: int = 0
 
 
 def unknown_field(shape: GridShape, center: Float64Array, agents: int = 0) -> OccupancyField:
@@ -117,11 +124,22 @@ def predicted_occupancy(
     size = known_sizes(prediction.size, prediction.agent_class)
     field = np.zeros(cells * cells)
     agent, mode = np.nonzero(weighty)
-    for step in chosen:
+    ranges = [
+        _cell_range(
+            prediction.mean[agent, mode, step, :2] - corner,
+            prediction.covariance[agent, mode, step],
+            size[agent],
+            shape,
+        )
+        for step in chosen
+    ]
+    number = sum(int(np.prod(last - first, axis=1).sum()) for first, last in ranges)
+    if number > MOST_CELLS:
+        return dataclasses.replace(unknown_field(shape, center), too_many_cells=number)
+    for step, (first, last) in zip(chosen, ranges, strict=True):
         now = np.zeros(cells * cells)
         mean = prediction.mean[agent, mode, step, :2] - corner
         spread = prediction.covariance[agent, mode, step]
-        first, last = _cell_range(mean, spread, size[agent], shape)
         boxes = _boxes(
             mean / shape.resolution - 0.5,
             spread / shape.resolution**2,

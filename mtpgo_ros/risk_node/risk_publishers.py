@@ -25,6 +25,7 @@ from msg_adapters.types import RclpyTypes
 from mtpgo_core.risk.collision_risk import CollisionRisk
 from mtpgo_core.risk.ego_plan import EgoPlan
 from mtpgo_core.risk.predicted_occupancy import (
+    MOST_CELLS,
     OccupancyField,
     predicted_occupancy,
     reach_s,
@@ -149,6 +150,13 @@ class RiskPublishers:
             status.occupancy_problem = (
                 f"the occupancy is unknown: the prediction of {field.unknown_agents} road users is"
                 " not finite, or lacks modes or covariances"
+            )
+        elif field.too_many_cells:
+            status.occupancy_problem = (
+                "the occupancy is unknown: road users and their errors cover"
+                f" {field.too_many_cells / 1e6:.0f} million cells, expected at most"
+                f" {MOST_CELLS / 1e6:.0f}: lower occupancy_size or occupancy_until, or raise"
+                " occupancy_resolution"
             )
         elif len(time_s) and parameters.occupancy_until > reach_s(time_s):
             status.occupancy_warning = (

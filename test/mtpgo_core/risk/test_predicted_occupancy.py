@@ -126,6 +126,14 @@ def test_an_agent_that_is_not_finite_makes_the_field_unknown():
     assert np.isnan(unknown_field(SHAPE, np.zeros(2)).probability).all()
 
 
+def test_a_grid_that_would_take_too_long_is_unknown():
+    wide = prediction(np.zeros(20), sigma_m=(3000.0, 3000.0))
+    shape = GridShape(1000.0, 0.5)
+    field = predicted_occupancy(wide, shape, np.zeros(2), 1.0, 1.0)
+    assert field.too_many_cells == 20 * 2000**2
+    assert np.isnan(field.probability).all()
+
+
 def test_an_agent_whose_modes_are_not_complete_makes_the_field_unknown():
     lacking = prediction(weight=(0.7, 0.2))
     assert predicted_occupancy(lacking, SHAPE, np.zeros(2), 1.0, 1.0).unknown_agents == 1
