@@ -33,7 +33,8 @@ _CELLS_AT_A_TIME = 20_000
 
 MOST_CELLS = 20_000_000
 """Most cells of all footprints, modes and steps with their errors; chosen: each takes 0.1 us
-(measured), so that a grid comes within some two seconds. The 64 road users of the benchmark need less than a million."""
+(measured), so that a grid comes within some two seconds. The 64 road users of the benchmark need
+less than a million."""
 
 _LEAST_VARIANCE = 1e-4
 """Smaller variances count as this, in squares of a cell: a hundredth of a cell."""
