@@ -8,21 +8,26 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 
-def publisher_problem(node: Node, topic: str, message_type: str, qos: QoSProfile) -> str:
+def publisher_problem(node: Node, topic: str, qos: QoSProfile) -> str:
     """Return what is wrong with a topic's publishers, empty if nothing is.
 
     Args:
         node: the node that subscribes.
         topic: resolved name.
-        message_type: ROS type of the subscription.
         qos: of the subscription.
     """
     publishers = node.get_publishers_info_by_topic(topic)
-    others = {info.topic_type for info in publishers} - {message_type}
-    if others:
+    own = (node.get_name(), node.get_namespace())
+    taken = {
+        info.topic_type
+        for info in node.get_subscriptions_info_by_topic(topic)
+        if (info.node_name, info.node_namespace) == own
+    }
+    others = {info.topic_type for info in publishers} - taken
+    if taken and others:
         return (
             f"topic {topic}: a publisher of {', '.join(sorted(others))} is not heard, the node"
-            f" takes {message_type}"
+            f" takes {', '.join(sorted(taken))}"
         )
     reliable = qos.reliability == ReliabilityPolicy.RELIABLE
     if reliable and any(

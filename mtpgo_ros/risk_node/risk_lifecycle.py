@@ -233,9 +233,5 @@ class RiskNode(ResourceNode):
         status.publishers = status.plan_publishers = ""
         if self._assessor is None:
             return
-        status.publishers = publisher_problem(
-            self, status.topic, self._prediction_adapter.message_type, _NEWEST
-        )
-        status.plan_publishers = publisher_problem(
-            self, status.plan_topic, self._plan_adapter.message_type, _ANY
-        )
+        status.publishers = publisher_problem(self, status.topic, _NEWEST)
+        status.plan_publishers = publisher_problem(self, status.plan_topic, _ANY)
