@@ -6,6 +6,7 @@ Nothing but the standard library and launch: ``ros2`` may know only the share fo
 whose modules are in another environment.
 """
 
+import math
 from collections.abc import Callable, Mapping
 
 from launch.actions import DeclareLaunchArgument
@@ -51,7 +52,12 @@ def typed(kind: type, name: str, text: str) -> str | float | bool | list[str]:
         if text.lower() not in ("true", "false"):
             raise ValueError(f"argument {name} is {text!r}, expected true or false")
         return text.lower() == "true"
+    if kind is str:
+        return text
     try:
-        return kind(text)
+        value = kind(text)
     except ValueError:
-        raise ValueError(f"argument {name} is {text!r}, expected a number") from None
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"argument {name} is {text!r}, expected a number")
+    return value

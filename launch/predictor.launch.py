@@ -107,13 +107,13 @@ def _predictor(context: object) -> list[Node]:
         Node(
             package="mtpgo_ros",
             executable="predictor",
-            name=given("name"),
+            name=given("name") or "predictor",
             namespace=given("namespace"),
             parameters=[given("params_file"), overrides(PARAMETERS, given)],
             remappings=[
                 (topic, given(_argument(topic)))
                 for topic in TOPICS
-                if given(_argument(topic)) != topic
+                if given(_argument(topic)) not in ("", topic)
             ],
             # launch leaves its processes behind when it is ended by SIGTERM.
             arguments=["--end-with-parent"],
@@ -141,10 +141,10 @@ def _rviz(context: object) -> list[Node | LogInfo]:
     else:
         names = DisplayNames(
             namespace=given("namespace"),
-            node=given("name"),
+            node=given("name") or "predictor",
             frame=given("frame") or given("fixed_frame") or "map",
-            objects=given("objects"),
-            lane_markings=given("lane_markings"),
+            objects=given("objects") or "objects",
+            lane_markings=given("lane_markings") or "lane_markings",
         )
         layout = Path(tempfile.mkdtemp(prefix="mtpgo_rviz_")) / layout.name
         layout.write_text(rviz_layout(names), encoding="utf-8")

@@ -71,7 +71,9 @@ def _risk(context: object) -> list[Node]:
             namespace=given("namespace"),
             parameters=[given("params_file"), overrides(PARAMETERS, given)],
             remappings=[
-                (topic, given(name)) for name, topic in TOPICS.items() if given(name) != topic
+                (topic, given(name))
+                for name, topic in TOPICS.items()
+                if given(name) not in ("", topic)
             ],
             # launch leaves its processes behind when it is ended by SIGTERM.
             arguments=["--end-with-parent"],

@@ -22,6 +22,9 @@ TWIST_FRAMES = ("default", "object", "header")
 
 _NANOSECONDS = 1_000_000_000
 
+_LAST_S = (1 << 31) - 1
+"""Last second of ``builtin_interfaces/Time``."""
+
 
 @contextmanager
 def reading(message: Any, message_type: str) -> Iterator[None]:
@@ -55,8 +58,25 @@ def choose_twist_frame(twist_frame: str, default: str) -> str:
 
 
 def stamp_to_ns(stamp: Any) -> int:
-    """Return the nanoseconds of a ``builtin_interfaces/Time``."""
-    return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)
+    """Return the nanoseconds of a ``builtin_interfaces/Time`` or ``Duration``.
+
+    Raises:
+        MessageError: see :func:`stamp_of`.
+    """
+    return stamp_of(int(stamp.sec), int(stamp.nanosec))
+
+
+def stamp_of(seconds: int, nanoseconds: int) -> int:
+    """Return the nanoseconds of a stamp whose fraction may be more than a second.
+
+    Raises:
+        MessageError: it is later than the last one that a message can hold.
+    """
+    if seconds + nanoseconds // _NANOSECONDS > _LAST_S:
+        raise MessageError(
+            f"stamp is {seconds} s and {nanoseconds} ns, expected less than {_LAST_S + 1} s"
+        )
+    return seconds * _NANOSECONDS + nanoseconds
 
 
 def make_time(types: Types, stamp_ns: int) -> Any:

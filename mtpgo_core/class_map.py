@@ -17,6 +17,7 @@ with dots that is not in the map is looked up by its beginning: ``vehicle.bus.ri
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,6 +30,7 @@ import numpy as np
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import listed
 from mtpgo_core.schema import AgentClass, ClassArray
+from mtpgo_core.whole_file import user_path
 from mtpgo_core.yaml_file import read_yaml
 
 _COCO_NUMBERS = 92
@@ -216,8 +218,8 @@ def class_map(name: str | Path) -> ClassMap:
         return OWN_NAMES
     if text in PRESETS:
         return _of(PRESETS[text])
-    path = Path(text)
-    if not path.is_file():
+    path = user_path(text)
+    if not os.path.isfile(path):
         raise ConfigurationError(
             f"class map {text!r} is neither a preset nor a file, expected one of "
             f"{listed(PRESETS)} or a YAML file"

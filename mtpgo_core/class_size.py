@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.schema import AgentClass, ClassArray, Float64Array
+from mtpgo_core.schema import LARGEST_SIZE_M, AgentClass, ClassArray, Float64Array
 
 CLASS_SIZE_M = {
     AgentClass.UNKNOWN: (4.0, 1.8),
@@ -29,9 +29,10 @@ _SIZES = np.array([CLASS_SIZE_M[kind] for kind in AgentClass])
 
 
 def known_sizes(size: NDArray[np.floating[Any]], agent_class: ClassArray) -> Float64Array:
-    """Return [n, 2] length and width (m), those of the class where ``size`` [n, 2] is NaN.
+    """Return [n, 2] length and width (m), those of the class where ``size`` [n, 2] is none.
 
-    A class beyond those that there are counts as unknown.
+    A size is none where it is NaN or beyond :data:`LARGEST_SIZE_M`. A class beyond those that
+    there are counts as unknown.
     """
     kind = np.where(agent_class < len(_SIZES), agent_class, AgentClass.UNKNOWN)
-    return np.where(np.isfinite(size), size.astype(np.float64), _SIZES[kind])
+    return np.where(size <= LARGEST_SIZE_M, size.astype(np.float64), _SIZES[kind])

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.errors import FrameError
-from mtpgo_core.schema import Float64Array, TrackedStates
+from mtpgo_core.schema import FARTHEST_M, Float64Array, TrackedStates
 
 VEHICLE_FRAMES = ("base_link", "base_footprint", "ego_vehicle", "vehicle", "hero")
 """Usual names of frames that move with a vehicle, for a warning."""
@@ -137,9 +137,10 @@ def to_fixed_frame(
             rotated.
 
     Raises:
-        FrameError: the pose is not finite.
+        FrameError: the pose is not finite, or its motion where that is needed.
     """
-    values = (pose.x, pose.y, pose.yaw, *pose.velocity, pose.yaw_rate)
+    motion = (*pose.velocity, pose.yaw_rate) if relative_velocity else ()
+    values = (pose.x, pose.y, pose.yaw, *motion)
     if not all(map(math.isfinite, values)):
         raise FrameError(
             f"the pose of frame {states.frame_id!r} in {frame_id!r} at {states.stamp_ns} ns is "
@@ -160,6 +161,11 @@ def to_fixed_frame(
         yaw=wrap(states.yaw + pose.yaw),
         covariance=rotate_covariance(states.covariance, pose.yaw),
     )
+
+
+def is_place(x: float, y: float) -> bool:
+    """Return whether coordinates (m) are finite and within :data:`FARTHEST_M`."""
+    return abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M  # false for NaN
 
 
 class PoseBuffer:
@@ -196,12 +202,12 @@ class PoseBuffer:
         self._pose.clear()
 
     def add(self, stamp_ns: int, pose: Pose2) -> bool:
-        """Add a pose; return false if it is not finite or its stamp exists already.
+        """Add a pose; return false if it is no place or its stamp exists already.
 
         A stamp that is older than the newest one by more than the span means that the clock was
         set back: all earlier poses are forgotten.
         """
-        if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
+        if not (math.isfinite(pose.yaw) and is_place(pose.x, pose.y)):
             return False
         if self._stamp and stamp_ns < self._stamp[-1] - self._span_ns:
             self.clear()
@@ -217,7 +223,8 @@ class PoseBuffer:
     def at(self, stamp_ns: int) -> Pose2:
         """Return the pose at a time (ns), interpolated, the yaw along the shorter arc.
 
-        Outside the stored times the nearest pose is extrapolated by its velocity and yaw rate.
+        Outside the stored times the nearest pose is extrapolated by its velocity and yaw rate;
+        where these are not finite, it stays.
 
         Raises:
             FrameError: no pose is near enough in time.
@@ -246,6 +253,8 @@ class PoseBuffer:
                 f"at most {self._reach_ns * 1e-9:.3f} s"
             )
         pose, off_s = self._pose[nearest], off_ns * 1e-9
+        if not all(map(math.isfinite, (*pose.velocity, pose.yaw_rate))):
+            return pose
         return dataclasses.replace(
             pose,
             x=pose.x + pose.velocity[0] * off_s,

@@ -24,6 +24,12 @@ KeyArray = NDArray[np.uint32]
 ClassArray = NDArray[np.uint8]
 IndexArray = NDArray[np.intp]
 
+FARTHEST_M = 1e8
+"""Coordinates beyond are invalid (m): UTM coordinates stay below 1e7 m."""
+
+LARGEST_SIZE_M = 1000.0
+"""Lengths and widths beyond are invalid (m); chosen above the longest trains."""
+
 MOVING_MPS = 0.5
 """Above this speed (m/s) the velocity gives the direction of motion, up to it the yaw; chosen
 above a tracker's velocity noise at standstill."""

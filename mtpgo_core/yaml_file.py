@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.whole_file import read_regular
 
 LARGEST_FILE = 1 << 16
 """Bytes of the largest file that is read; chosen, far above any list of classes or columns, and
@@ -42,8 +43,7 @@ def read_yaml(path: Path, expected: str, *, as_node: bool = False) -> Any:
             installed.
     """
     try:
-        with path.open("rb") as stream:
-            content = stream.read(LARGEST_FILE + 1)
+        content = read_regular(path, LARGEST_FILE)
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be read: {error.strerror}") from error
     if len(content) > LARGEST_FILE:

@@ -103,9 +103,10 @@ def _measure(plan: LoadPlan, stopped: Callable[[], bool]) -> dict[str, Any]:
         MtpgoError: no prediction or a signal was received.
     """
     from mtpgo_ros.load.load_node import LoadNode
-    from mtpgo_ros.runtime.ros_start import spin
+    from mtpgo_ros.runtime.ros_start import node_errors, spin
 
-    node = LoadNode(plan.agents, plan.predictor, plan.markers)
+    with node_errors():
+        node = LoadNode(plan.agents, plan.predictor, plan.markers)
     over = threading.Event()
     publishing = threading.Thread(target=_publish, args=(plan, node, stopped, over), daemon=True)
     publishing.start()

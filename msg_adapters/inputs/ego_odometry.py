@@ -20,9 +20,10 @@ import numpy as np
 from msg_adapters.conversions import planar_block, stamp_to_ns, state_covariance
 from msg_adapters.inputs.odometry import pose_of
 from mtpgo_core.errors import FrameError, MessageError
-from mtpgo_core.frames import Pose2, PoseBuffer, rotate
+from mtpgo_core.frames import Pose2, PoseBuffer, is_place, rotate
 from mtpgo_core.options import check_options, option
 from mtpgo_core.schema import (
+    FARTHEST_M,
     AgentClass,
     BoolArray,
     Float64Array,
@@ -121,10 +122,10 @@ class EgoOdometry:
         pose = pose_of(message)
         if stamp_ns <= 0:
             raise MessageError("odometry of the ego has no stamp, expected the pose's time")
-        if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
+        if not (math.isfinite(pose.yaw) and is_place(pose.x, pose.y)):
             raise MessageError(
                 f"odometry of the ego has the pose ({pose.x:g}, {pose.y:g}) m, yaw {pose.yaw:g}"
-                " rad, expected finite numbers and an orientation"
+                f" rad, expected numbers up to {FARTHEST_M:g} m and an orientation"
             )
         twist = (*pose.velocity, pose.yaw_rate)
         if not all(map(math.isfinite, twist)):

@@ -12,14 +12,27 @@ import numpy as np
 
 from msg_adapters.conversions import make_header, make_vector, pose_row, yaw_from_quaternions
 from msg_adapters.types import Types
+from msg_adapters.wire.cdr_reader import CdrReader
+from msg_adapters.wire.input_limits import check_room
 from mtpgo_core.errors import MessageError
-from mtpgo_core.schema import Float64Array
+from mtpgo_core.maps.lane_lines import LONGEST_M
+from mtpgo_core.schema import FARTHEST_M, Float64Array
 
 NAMESPACE = "lane_markings"
 _LINE_STRIP, _LINE_LIST = 4, 5
 _ADD = 0
 MOST_POINTS = 200_000
 """Most points of a site's lane markings; chosen: 200 km of lines with a point each metre."""
+
+MOST_BYTES = 8 << 20
+"""Largest serialised message that is decoded (bytes); chosen: so many points, with room for the
+rest of some thousands of markers."""
+
+MOST_MARKERS = 10_000
+"""Most markers of a message; chosen: the lines of a town. Each takes 0.1 ms (measured)."""
+
+_MARKER_BYTES = 100
+"""Smallest size of a marker; chosen below its pose, scale and colour, 96 bytes, and the rest."""
 
 
 @dataclass(frozen=True)
@@ -67,17 +80,35 @@ def lanes_to_markers(
     return types.make("visualization_msgs/msg/MarkerArray", markers=markers)
 
 
+def check_serialized(data: bytes) -> None:
+    """Check a serialised MarkerArray (CDR) in constant time, before its markers are decoded.
+
+    Raises:
+        MessageError: it is too large, or claims more markers than its bytes can hold.
+    """
+    if len(data) > MOST_BYTES:
+        raise MessageError(f"lane markings have {len(data)} bytes, expected at most {MOST_BYTES}")
+    reader = CdrReader(data, "lane markings")
+    (markers,) = reader.unpack(4, "I")
+    if markers > MOST_MARKERS:
+        raise MessageError(
+            f"lane markings have {markers} markers, expected at most {MOST_MARKERS}"
+        )
+    check_room("lane markings", "markers", markers, _MARKER_BYTES, reader.rest)
+
+
 def lanes_from_markers(message: Any) -> LaneMarkings:
     """Return the lines of LINE_STRIP markers, and each segment of LINE_LIST markers.
 
-    Markers of other types, deletions and lines with fewer than two finite points are left out.
+    Markers of other types, deletions and lines with fewer than two finite points are left out;
+    coordinates beyond :data:`~mtpgo_core.schema.FARTHEST_M` count as not finite.
 
     Args:
         message: ``visualization_msgs/MarkerArray``.
 
     Raises:
-        MessageError: the lines are in different frames, or the message is malformed or too
-            large.
+        MessageError: the lines are in different frames, two consecutive points are too far apart
+            for a lane, or the message is malformed or too large.
     """
     lines: list[Float64Array] = []
     frames: dict[str, None] = {}
@@ -102,8 +133,15 @@ def lanes_from_markers(message: Any) -> LaneMarkings:
         raise MessageError(
             f"lane markings are in the frames {', '.join(map(repr, frames))}, expected one"
         )
-    finite = [line[np.isfinite(line).all(axis=1)] for line in lines]
-    return LaneMarkings(next(iter(frames), ""), tuple(line for line in finite if len(line) > 1))
+    known = [line[(np.abs(line) <= FARTHEST_M).all(axis=1)] for line in lines]
+    usable = tuple(line for line in known if len(line) > 1)
+    longest_m = max((np.hypot(*np.diff(line, axis=0).T).max() for line in usable), default=0.0)
+    if longest_m > LONGEST_M:
+        raise MessageError(
+            f"lane markings have two consecutive points that are {longest_m * 1e-3:.4g} km apart,"
+            f" expected at most {LONGEST_M * 1e-3:g} km"
+        )
+    return LaneMarkings(next(iter(frames), ""), usable)
 
 
 def _placed(marker: Any) -> Float64Array:
@@ -112,4 +150,5 @@ def _placed(marker: Any) -> Float64Array:
     x, y, _, *quaternion = pose_row(marker.pose)
     yaw = float(np.nan_to_num(yaw_from_quaternions(np.array([quaternion], dtype=np.float64))[0]))
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    return points @ turn.T + (x, y)
+    with np.errstate(invalid="ignore"):  # an infinite coordinate
+        return np.asarray(points @ turn.T + (x, y))

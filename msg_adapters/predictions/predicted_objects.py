@@ -22,7 +22,7 @@ from msg_adapters.conversions import (
     yaw_from_quaternions,
 )
 from msg_adapters.inputs.autoware import object_class, object_size
-from msg_adapters.predictions.prediction_cloud import MAX_COUNT, check_cells
+from msg_adapters.predictions.prediction_cloud import LATEST_S, MAX_COUNT, SOONEST_S, check_cells
 from msg_adapters.wire.predicted_objects_bytes import (
     ObjectContent,
     PathContent,
@@ -59,7 +59,8 @@ def prediction_from_predicted_objects(data: Any, *, assume_covariance: bool = Fa
         mean one since the step before.
 
     Raises:
-        MessageError: the bytes are no such message, or its paths have no time step.
+        MessageError: the bytes are no such message, or its paths have no time step, or one that
+            no prediction has.
     """
     content = predicted_objects_from_cdr(data)
     objects = content.objects
@@ -70,6 +71,11 @@ def prediction_from_predicted_objects(data: Any, *, assume_covariance: bool = Fa
         raise MessageError(
             f"PredictedObjects message has {modes} paths of an object and {steps} steps of"
             f" {step_ns * 1e-9:g} s, expected at most {MAX_COUNT} each"
+        )
+    if step_ns and not SOONEST_S <= steps * step_ns * 1e-9 <= LATEST_S:
+        raise MessageError(
+            f"PredictedObjects message has paths that end after {steps * step_ns * 1e-9:g} s,"
+            f" expected {SOONEST_S:g} to {LATEST_S:g} s"
         )
     poses = sum(len(path.poses) for paths in ordered for path in paths)
     check_cells("PredictedObjects message", poses, len(objects), modes, steps)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.conversions import positive, stamp_to_ns
+from msg_adapters.conversions import finite, positive, stamp_to_ns
 from msg_adapters.inputs.object_cloud import KEY_FIELDS
 from msg_adapters.types import Types
 from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud, require_fields
@@ -69,7 +69,7 @@ REQUIRED_FIELDS = tuple(name for name, _ in _FIELDS)
 MAX_COUNT = 256
 """Most modes, and most steps: each is counted in a byte."""
 
-_LATEST_S, _SOONEST_S = 1e4, 1e-3
+LATEST_S, SOONEST_S = 1e4, 1e-3
 """The last step of every prediction is between these times (s). Chosen far around every horizon:
 floats that are read in the wrong byte order are not."""
 
@@ -190,7 +190,7 @@ def _prediction(message: Any, records: NDArray[Any]) -> Prediction:
         .astype(np.uint32)
         .reshape(n, 4),
         agent_class=np.ascontiguousarray(first["class"]),
-        z=first["z"].astype(np.float64),
+        z=finite(first["z"]),
         size=_size(first),
         initial=np.full((n, 4), np.nan),
         initial_yaw=np.full(n, np.nan),
@@ -261,7 +261,7 @@ def _check_plausible(records: NDArray[Any], times: Float64Array, big_endian: boo
     if (
         rising
         and times[0] >= 0.0
-        and _SOONEST_S <= times[-1] <= _LATEST_S
+        and SOONEST_S <= times[-1] <= LATEST_S
         and bool(((weight >= 0.0) & (weight <= 1.0 + _WEIGHT_SLACK)).all())
     ):
         return

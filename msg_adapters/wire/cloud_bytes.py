@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from msg_adapters.wire.cdr_reader import CdrReader
-from msg_adapters.wire.input_limits import FIELD_BYTES, check_room
+from msg_adapters.wire.input_limits import DEFAULT_LIMITS, FIELD_BYTES, check_room
+from mtpgo_core.errors import MessageError
 
 
 class _Stamp(NamedTuple):
@@ -51,12 +52,17 @@ def cloud_from_cdr(data: Any) -> CloudContent:
             ``raw=True`` or a bag gives them; the points are not copied.
 
     Raises:
-        MessageError: the bytes are not plain CDR, or end too early.
+        MessageError: the bytes are not plain CDR, end too early, or have more fields than any
+            layout.
     """
     reader = CdrReader(data, "point cloud")
     stamp = _Stamp(*reader.unpack(4, "iI"))
     header = _Header(stamp, reader.text())
     height, width, count = reader.unpack(4, "III")
+    if count > DEFAULT_LIMITS.max_fields:
+        raise MessageError(
+            f"point cloud has {count} fields, expected at most {DEFAULT_LIMITS.max_fields}"
+        )
     check_room("point cloud", "fields", count, FIELD_BYTES, reader.rest)
     fields = []
     for _ in range(count):

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from msg_adapters.conversions import stamp_of
 from msg_adapters.wire.cdr_reader import CdrReader
 from msg_adapters.wire.input_limits import check_room
+from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import Float64Array
 
 _OBJECT_BYTES = 1000
@@ -20,6 +22,10 @@ and acceleration, 1016 bytes."""
 
 _PATH_BYTES, _LABEL_BYTES, _POINT_BYTES = 16, 5, 12
 """Smallest sizes of a path without poses, a classification, and a point of a footprint."""
+
+_MOST_OBJECTS, _MOST_LABELS, _MOST_POINTS = 32768, 64, 4096
+"""Most objects of a message and paths of an object, classifications and points of a footprint;
+chosen far above any publisher: each costs a Python object, whatever its bytes."""
 
 _NAME = "PredictedObjects message"
 
@@ -109,15 +115,17 @@ def predicted_objects_from_cdr(data: Any) -> PredictedObjectsContent:
         MessageError: the bytes are not plain CDR, end too early, or claim more than they can hold.
     """
     reader = CdrReader(data, _NAME)
-    seconds, nanoseconds = reader.unpack(4, "iI")
+    stamp_ns = stamp_of(*reader.unpack(4, "iI"))
     frame_id = reader.text()
     objects = [_object(reader) for _ in range(_count(reader, "objects", _OBJECT_BYTES))]
-    return PredictedObjectsContent(seconds * 1_000_000_000 + nanoseconds, frame_id, objects)
+    return PredictedObjectsContent(stamp_ns, frame_id, objects)
 
 
-def _count(reader: CdrReader, what: str, least_bytes: int) -> int:
+def _count(reader: CdrReader, what: str, least_bytes: int, most: int = _MOST_OBJECTS) -> int:
     (number,) = reader.unpack(4, "I")
     check_room(_NAME, what, number, least_bytes, reader.rest)
+    if number > most:
+        raise MessageError(f"{_NAME} has {number} {what}, expected at most {most}")
     return int(number)
 
 
@@ -125,7 +133,7 @@ def _object(reader: CdrReader) -> ObjectContent:
     (uuid,) = reader.unpack(1, "16s")
     reader.unpack(4, "f")  # probability that it exists
     labels = []
-    for _ in range(_count(reader, "classifications", _LABEL_BYTES)):
+    for _ in range(_count(reader, "classifications", _LABEL_BYTES, _MOST_LABELS)):
         (label,) = reader.unpack(1, "B")
         labels.append(LabelContent(label, *reader.unpack(4, "f")))
     pose, pose_covariance = reader.doubles(7), reader.doubles(6, 6)
@@ -147,7 +155,7 @@ def _path(reader: CdrReader) -> PathContent:
 def _shape(reader: CdrReader) -> ShapeContent:
     (kind,) = reader.unpack(1, "B")
     points = []
-    for _ in range(_count(reader, "points of a footprint", _POINT_BYTES)):
+    for _ in range(_count(reader, "points of a footprint", _POINT_BYTES, _MOST_POINTS)):
         x, y, _z = reader.unpack(4, "3f")
         points.append(PointContent(x, y))
     x, y, _height = reader.doubles(3).tolist()

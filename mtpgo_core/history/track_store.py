@@ -11,7 +11,13 @@ from mtpgo_core.history.causal_slope import CausalSlope
 from mtpgo_core.history.resampling import NEVER_NS
 from mtpgo_core.history.sample_rings import SampleRings, longer
 from mtpgo_core.history.track_index import SortKeyArray, TrackIndex
-from mtpgo_core.schema import BoolArray, IndexArray, TrackedStates
+from mtpgo_core.schema import (
+    FARTHEST_M,
+    LARGEST_SIZE_M,
+    BoolArray,
+    IndexArray,
+    TrackedStates,
+)
 from mtpgo_core.task.task_description import HistoryConfig
 
 _ACCELERATION_PRIOR_S2 = (0.1 / 2.2) ** 2
@@ -19,11 +25,6 @@ _ACCELERATION_PRIOR_S2 = (0.1 / 2.2) ** 2
 about 2.2 m/s^2. Without it, the first estimates of a track are noise divided by a short time."""
 _FIRST_CAPACITY = 64
 """Slots of a new store; it doubles on demand."""
-
-FARTHEST_M = 1e8
-"""Coordinates beyond are invalid (m): UTM coordinates stay below 1e7 m."""
-_LONGEST_M = 1000.0
-"""Lengths and widths beyond are invalid (m); chosen above the longest trains."""
 
 SAMPLE_COLUMNS = 7
 POSITION, VELOCITY, ACCELERATION, YAW = slice(0, 2), slice(2, 4), slice(4, 6), 6
@@ -137,7 +138,7 @@ class TrackStore:
         agent_class, z, size = states.agent_class[row], states.z[row], states.size[row]
         self.agent_class[slot] = np.where(agent_class > 0, agent_class, self.agent_class[slot])
         self.z[slot] = np.where(np.abs(z) <= FARTHEST_M, z, self.z[slot])
-        possible = (size > 0.0) & (size <= _LONGEST_M)
+        possible = (size > 0.0) & (size <= LARGEST_SIZE_M)
         self.size[slot] = np.where(possible, size, self.size[slot])
         self.covariance[slot] = states.covariance[row]
 

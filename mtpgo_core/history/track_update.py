@@ -22,14 +22,20 @@ from mtpgo_core.history.resampling import (
 )
 from mtpgo_core.history.track_store import (
     ACCELERATION,
-    FARTHEST_M,
     POSITION,
     SAMPLE_COLUMNS,
     VELOCITY,
     YAW,
     TrackStore,
 )
-from mtpgo_core.schema import MOVING_MPS, BoolArray, Float64Array, IndexArray, TrackedStates
+from mtpgo_core.schema import (
+    FARTHEST_M,
+    MOVING_MPS,
+    BoolArray,
+    Float64Array,
+    IndexArray,
+    TrackedStates,
+)
 from mtpgo_core.task.task_description import HistoryConfig
 
 _JUMP_M = 5.0

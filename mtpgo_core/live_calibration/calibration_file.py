@@ -15,7 +15,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.sigma_tracker import LEVELS, SIGMA_LIMITS
 from mtpgo_core.task.calibration import GROUPS
-from mtpgo_core.whole_file import whole_file
+from mtpgo_core.whole_file import read_regular, whole_file
 
 FORMAT = 1
 """Version of the file."""
@@ -94,7 +94,7 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
         sigma = np.array(rows, dtype=np.float64).transpose(0, 2, 1, 3)
         preferred = content["served_by_constant_velocity"]
         unknown = set(preferred) - set(GROUPS)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ConfigurationError(_damaged(path, str(error))) from error
     if sigma.shape != shape:
         raise ConfigurationError(_damaged(path, f"shape {sigma.shape}, expected {shape}"))
@@ -102,7 +102,7 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
     if not ((sigma >= low) & (sigma <= high)).all():
         raise ConfigurationError(_damaged(path, f"factors beyond {low:g} to {high:g}"))
     if unknown:
-        raise ConfigurationError(_damaged(path, f"unknown group {min(unknown)!r}"))
+        raise ConfigurationError(_damaged(path, f"unknown group {min(map(repr, unknown))}"))
     live.tracker.log_sigma = np.log(sigma)
     live.preference.constant_velocity = np.array([group in preferred for group in GROUPS])
     return True
@@ -111,8 +111,7 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
 def _content(path: Path) -> dict[str, Any]:
     """Return the JSON object of a file of this kind and format."""
     try:
-        with path.open("rb") as file:
-            data = file.read(_LARGEST_BYTES + 1)
+        data = read_regular(path, _LARGEST_BYTES)
     except OSError as error:
         raise ConfigurationError(
             f"calibration file {path} cannot be read: {error.strerror}"

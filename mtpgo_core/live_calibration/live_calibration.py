@@ -66,10 +66,13 @@ class LiveCalibration:
         """Return the prediction that is to be published in place of another.
 
         Args:
-            prediction: with the shipped calibration, of the agents present in the window.
+            prediction: with the shipped calibration, of the agents present in the window. One
+                with another horizon is returned as it is: it was made before a change of models.
             window: that it was made of.
         """
         if not self.options.watches or not len(prediction):
+            return prediction
+        if len(prediction.time_s) != self.tracker.log_sigma.shape[-1]:
             return prediction
         row = find_sort_keys(sort_keys(window.key), sort_keys(prediction.key))
         window = window.select(row)

@@ -13,6 +13,7 @@ from mtpgo_core.maps.geojson_lanes import read_geojson
 from mtpgo_core.maps.lane_file_options import AS_IN_FILE, LaneFileOptions
 from mtpgo_core.maps.lane_lines import LaneLines
 from mtpgo_core.maps.lanelet_osm import read_lanelets
+from mtpgo_core.whole_file import read_regular, regular_size, user_path
 
 MOST_BYTES = 128 * 2**20
 """Size of the largest lane file that is read (bytes); chosen: maps of cities have tens of MB."""
@@ -28,7 +29,7 @@ def read_lane_file(path: str | Path, options: LaneFileOptions = AS_IN_FILE) -> L
         ConfigurationError: the file is missing, of another kind, too large, damaged or has no
             lanes; or its coordinates need a projection that is not given.
     """
-    path = Path(path)
+    path = user_path(path)
     content = _content(path)
     start = content[:4096].removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
     reader = _READERS.get(start)
@@ -53,10 +54,11 @@ def require_lane_file(path: str | Path) -> None:
     Raises:
         ConfigurationError: it is missing, no file or too large.
     """
-    path = Path(path)
+    path = user_path(path)
     try:
-        with path.open("rb") as stream:
-            size = stream.seek(0, 2)
+        size = regular_size(path)
+        with path.open("rb"):
+            pass
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be read: {error.strerror}") from error
     if size > MOST_BYTES:
@@ -69,6 +71,6 @@ def require_lane_file(path: str | Path) -> None:
 def _content(path: Path) -> bytes:
     require_lane_file(path)
     try:
-        return path.read_bytes()
+        return read_regular(path, MOST_BYTES)
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be read: {error.strerror}") from error

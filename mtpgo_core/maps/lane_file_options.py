@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, option
+from mtpgo_core.schema import FARTHEST_M
 
 AUTO, LOCAL = "auto", "local"
 UTM, MGRS, TRANSVERSE_MERCATOR, CARTESIAN = "utm", "mgrs", "transverse_mercator", "cartesian"
@@ -33,7 +34,10 @@ class LaneFileOptions:
 
     def __post_init__(self) -> None:
         check_options(self, "lane_")
-        _ = self.offset_m
+        if max(map(abs, self.offset_m)) > FARTHEST_M:
+            raise ConfigurationError(
+                f"lane_offset is {self.offset!r}, expected x and y up to {FARTHEST_M:g} m"
+            )
         place = self.origin_deg
         if place is None:
             if self.projection in (TRANSVERSE_MERCATOR, CARTESIAN):

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.schema import Float64Array
+from mtpgo_core.schema import FARTHEST_M, Float64Array
 
 MOST_POINTS = 1_000_000
 """Most points of all lane lines of a file; chosen: 1000 km of lines with a point each metre."""
@@ -66,12 +66,14 @@ def usable_line(points: Float64Array, path: Path, place: str) -> Float64Array | 
     Raises:
         ConfigurationError: a point is not finite, or too far from the one before.
     """
-    if not np.isfinite(points).all():
-        raise ConfigurationError(f"{path}, {place}: a point is not finite")
+    if not (np.abs(points) <= FARTHEST_M).all():
+        raise ConfigurationError(
+            f"{path}, {place}: a point is not finite, or beyond {FARTHEST_M:g} m"
+        )
     step = np.hypot(*np.diff(points, axis=0).T)
     if len(step) and step.max() > LONGEST_M:
         raise ConfigurationError(
-            f"{path}, {place}: two consecutive points are {step.max() * 1e-3:.0f} km apart,"
+            f"{path}, {place}: two consecutive points are {step.max() * 1e-3:.4g} km apart,"
             f" expected at most {LONGEST_M * 1e-3:g} km"
         )
     line: Float64Array = points[np.append(True, step > _SAME_M)]

@@ -180,7 +180,7 @@ class _Elements:
             return int(attributes[name])
         except (KeyError, ValueError):
             raise self._error(
-                f"{name}={attributes.get(name)!r}, expected the number of an element"
+                f"{name}={attributes.get(name)!r:.60}, expected the number of an element"
             ) from None
 
     def _number(self, name: str, attributes: dict[str, str], called: str = "") -> float:
@@ -189,7 +189,7 @@ class _Elements:
         except (KeyError, ValueError):
             value = np.nan
         if not np.isfinite(value):
-            raise self._error(f"{called or name}={attributes.get(name)!r}, expected a number")
+            raise self._error(f"{called or name}={attributes.get(name)!r:.60}, expected a number")
         return value
 
     def _error(self, what: str) -> ConfigurationError:

@@ -15,8 +15,8 @@ from mtpgo_core.frames import along_and_across, rotate_covariance
 from mtpgo_core.prediction.finite_output import definite_in_float32
 from mtpgo_core.schema import MOVING_MPS, Float64Array, HistoryWindow, Prediction, Source
 
-_LARGEST_STD = 1e4
-"""Largest standard deviation of a tracker that is believed (m, m/s); chosen, no site is larger."""
+LARGEST_STD = 1e4
+"""Largest standard deviation that is believed (m, m/s); chosen, no site is larger."""
 
 
 @dataclass(frozen=True)
@@ -125,10 +125,10 @@ def usable_covariances(covariance: Float64Array) -> Float64Array:
     """Return symmetric covariances [n, S, S], NaN where they are no use.
 
     They are none where they are not finite, not positive definite, or have a standard deviation
-    above :data:`_LARGEST_STD`, which says no more than an unknown one.
+    above :data:`LARGEST_STD`, which says no more than an unknown one.
     """
     # False for NaN; the eigenvalues of numbers near the largest double would overflow.
-    usable = np.asarray((np.abs(covariance) <= _LARGEST_STD**2).all(axis=(1, 2)))
+    usable = np.asarray((np.abs(covariance) <= LARGEST_STD**2).all(axis=(1, 2)))
     result = np.full_like(covariance, np.nan)
     if usable.any():
         some = covariance[usable]

@@ -18,13 +18,24 @@ from mtpgo_core.errors import FrameError
 from mtpgo_core.risk.ego_plan import EgoFootprint, EgoPlan
 from mtpgo_core.risk.footprint_distance import smallest_distances, weighted_quantiles
 from mtpgo_core.risk.footprint_overlap import is_covariance, overlap_probability
-from mtpgo_core.schema import BoolArray, ClassArray, Float64Array, KeyArray, Prediction
+from mtpgo_core.schema import (
+    FARTHEST_M,
+    BoolArray,
+    ClassArray,
+    Float64Array,
+    KeyArray,
+    Prediction,
+)
 
 QUANTILES = (0.05, 0.5, 0.95)
 """Levels of the quantiles of the smallest distance."""
 
 WEIGHT_TOLERANCE = 0.01
 """Mode weights that sum to one within this are complete; chosen above float32 rounding."""
+
+
+_LARGEST_YAW = 1e4
+"""A heading beyond is none (rad); chosen: it has lost its digits in float32."""
 
 
 class Unknown(IntEnum):
@@ -38,7 +49,7 @@ class Unknown(IntEnum):
     BEYOND_PLAN = 3
     """The plan does not reach this step."""
     NO_PREDICTION = 4
-    """The prediction of the agent is not finite or lacks modes."""
+    """The prediction of the agent is not finite, beyond belief, or lacks modes."""
     STALE = 5
     """The prediction is too old."""
 
@@ -158,7 +169,7 @@ def assess(
         agent_class=prediction.agent_class,
         source=prediction.source,
         z=prediction.z,
-        position=prediction.mean[:, 0, :, :2] if modes else np.full((n, steps, 2), np.nan),
+        position=_places(prediction) if modes else np.full((n, steps, 2), np.nan),
         yaw=prediction.yaw[:, 0] if modes else np.full((n, steps), np.nan),
         size=size,
         probability=probability,
@@ -175,6 +186,20 @@ def assess(
     )
 
 
+def _places(prediction: Prediction) -> Float64Array:
+    """Return [n, H, 2] the most probable mode's positions (m), NaN beyond belief."""
+    mean = prediction.mean[:, 0, :, :2]
+    return np.where(np.abs(mean) <= FARTHEST_M, mean, np.nan)
+
+
+def known_poses(prediction: Prediction) -> BoolArray:
+    """Return [n, M, H] where position, heading and covariance are finite and believed."""
+    with np.errstate(invalid="ignore"):
+        place = np.maximum(np.abs(prediction.mean[..., 0]), np.abs(prediction.mean[..., 1]))
+        known = (place <= FARTHEST_M) & (np.abs(prediction.yaw) <= _LARGEST_YAW)
+    return np.asarray(known & is_covariance(prediction.covariance))
+
+
 def _usable(prediction: Prediction) -> tuple[BoolArray, BoolArray]:
     """Return which modes count at which steps, and which agents are known at which steps.
 
@@ -183,11 +208,8 @@ def _usable(prediction: Prediction) -> tuple[BoolArray, BoolArray]:
         the weights sum to one.
     """
     weighty = np.isfinite(prediction.weight) & (prediction.weight > 0.0)
-    covariance, mean = prediction.covariance, prediction.mean
+    finite = known_poses(prediction)
     with np.errstate(invalid="ignore"):
-        # A sum is finite where all of its terms are.
-        finite = np.isfinite(mean[..., 0] + mean[..., 1] + prediction.yaw)
-        finite &= is_covariance(covariance)
         whole = np.abs(prediction.weight.sum(axis=1) - 1.0) <= WEIGHT_TOLERANCE
     complete = (finite | ~weighty[:, :, None]).all(axis=1) & whole[:, None]
     return finite & weighty[:, :, None], complete

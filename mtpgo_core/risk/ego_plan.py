@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, wrap
 from mtpgo_core.options import check_options, option
-from mtpgo_core.schema import Float64Array
+from mtpgo_core.schema import FARTHEST_M, Float64Array
 
 BEFORE_S = 0.5
 """A plan is extended backwards by this much at the velocity of its beginning (s). Chosen: a plan
@@ -22,6 +22,12 @@ begins now, a prediction at the observation that it is made of, a latency earlie
 
 _MOTION_HORIZON_S = 3600.0
 """How far constant velocity reaches (s); chosen beyond any prediction."""
+
+_FASTEST_MPS = 100.0
+"""Fastest plan (m/s); chosen as the speed above which the history of road users rejects."""
+
+_JUMP_M = 2.0
+"""Farther than that by this is believed (m); chosen: two poses may be a millisecond apart."""
 
 _MOVES_M = 1e-3
 """Two points this far apart give a heading (m); chosen above rounding."""
@@ -153,12 +159,8 @@ def make_plan(
             f"{source} has times that do not ascend: pose {at + 1} is "
             f"{int(time_ns[at + 1] - time_ns[at]) * 1e-9:g} s after pose {at}"
         )
-    bad = np.flatnonzero(~np.isfinite(position).all(axis=1))
-    if len(bad):
-        raise MessageError(
-            f"{source} has the position {position[bad[0]].tolist()} at pose {int(bad[0])}, "
-            "expected finite numbers"
-        )
+    require_places(position, source)
+    _require_speeds(time_ns, position, source)
     return EgoPlan(
         stamp_ns=int(stamp_ns),
         frame_id=frame_id,
@@ -170,6 +172,39 @@ def make_plan(
     )
 
 
+def require_places(position: Float64Array, source: str) -> None:
+    """Check that [k, 2] positions can be some (m).
+
+    Raises:
+        MessageError: one is not finite, or beyond :data:`~mtpgo_core.schema.FARTHEST_M`.
+    """
+    bad = np.flatnonzero(~(np.abs(position) <= FARTHEST_M).all(axis=1))
+    if len(bad):
+        raise MessageError(
+            f"{source} has the position {position[bad[0]].tolist()} at pose {int(bad[0])}, "
+            f"expected finite numbers up to {FARTHEST_M:g} m"
+        )
+
+
+def _require_speeds(time_ns: NDArray[np.int64], position: Float64Array, source: str) -> None:
+    """Check that no pose is farther from the one before than a vehicle drives.
+
+    Other units than m and s, or a place far away, would otherwise make every risk a low one.
+
+    Raises:
+        MessageError: one is.
+    """
+    took_s = np.diff(time_ns) * 1e-9
+    moved_m = np.hypot(*np.diff(position, axis=0).T)
+    fast = np.flatnonzero(moved_m > _JUMP_M + _FASTEST_MPS * took_s)
+    if len(fast):
+        at = int(fast[0])
+        raise MessageError(
+            f"{source} moves {moved_m[at]:.4g} m in {took_s[at]:.4g} s from pose {at} to pose"
+            f" {at + 1}, expected at most {_FASTEST_MPS:g} m/s"
+        )
+
+
 def plan_of_motion(stamp_ns: int, frame_id: str, pose: Pose2) -> EgoPlan:
     """Return a plan at constant velocity and heading.
 
@@ -179,13 +214,17 @@ def plan_of_motion(stamp_ns: int, frame_id: str, pose: Pose2) -> EgoPlan:
         pose: with the velocity along the frame's axes.
 
     Raises:
-        MessageError: the pose or its velocity is not finite.
+        MessageError: the pose or its velocity is not finite, or faster than a vehicle.
     """
     source = "odometry"
     if not all(map(math.isfinite, (pose.yaw, *pose.velocity))):
         raise MessageError(
             f"{source} has the yaw {pose.yaw} and the velocity {pose.velocity}, "
             "expected finite numbers"
+        )
+    if math.hypot(*pose.velocity) > _FASTEST_MPS:
+        raise MessageError(
+            f"{source} has the velocity {pose.velocity} m/s, expected at most {_FASTEST_MPS:g} m/s"
         )
     start = np.array((pose.x, pose.y))
     end = start + _MOTION_HORIZON_S * np.array(pose.velocity)

@@ -23,6 +23,7 @@ import functools
 import numpy as np
 
 from mtpgo_core.frames import rotate, rotate_covariance
+from mtpgo_core.prediction.constant_velocity import LARGEST_STD
 from mtpgo_core.risk.normal_integral import normal_density, normal_integral
 from mtpgo_core.schema import BoolArray, Float64Array
 
@@ -64,7 +65,7 @@ def overlap_probability(
 
     Returns:
         Probabilities, 0 where they are below :data:`NEGLIGIBLE`; NaN where an argument is not
-        finite or the covariance is not positive semidefinite.
+        finite, or the covariance is none (:func:`is_covariance`).
     """
     with np.errstate(invalid="ignore"):
         # A sum is finite where all of its terms are.
@@ -122,12 +123,14 @@ def within_right_angle(
 def is_covariance(matrix: Float64Array) -> BoolArray:
     """Return [...] whether matrices [..., 2, 2] are finite and positive semidefinite.
 
-    Up to rounding of float32.
+    Up to rounding of float32. A standard deviation above :data:`LARGEST_STD` says no more than an
+    unknown one: the position is anywhere, which would make every risk a low one.
     """
     xx, yy, xy = matrix[..., 0, 0], matrix[..., 1, 1], matrix[..., 0, 1]
     with np.errstate(invalid="ignore", over="ignore"):
         product = xx * yy * (1.0 + 1e-6) + 1e-12
-        return np.asarray((xx >= 0.0) & (yy >= 0.0) & (xy * xy <= product) & (product < np.inf))
+        believed = np.maximum(xx, yy) <= LARGEST_STD**2  # false for NaN
+        return np.asarray((xx >= 0.0) & (yy >= 0.0) & (xy * xy <= product) & believed)
 
 
 def _is_out_of_reach(

@@ -10,6 +10,7 @@ counts.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +18,7 @@ import numpy as np
 from mtpgo_core.class_size import known_sizes
 from mtpgo_core.frames import along_and_across
 from mtpgo_core.options import check_options, option
-from mtpgo_core.risk.collision_risk import WEIGHT_TOLERANCE
-from mtpgo_core.risk.footprint_overlap import is_covariance
+from mtpgo_core.risk.collision_risk import WEIGHT_TOLERANCE, known_poses
 from mtpgo_core.schema import Float32Array, Float64Array, IndexArray, Prediction
 
 _REACH = 3.0
@@ -30,6 +30,11 @@ _LEAST_WEIGHT = 0.01
 
 _CELLS_AT_A_TIME = 20_000
 """Cells of footprints that are computed together; chosen so that they stay in the cache."""
+
+MOST_CELLS = 20_000_000
+"""Most cells of all footprints, modes and steps with their errors; chosen: each takes 0.1 us
+(measured), so that a grid comes within some two seconds. The 64 road users of the benchmark need
+less than a million."""
 
 _LEAST_VARIANCE = 1e-4
 """Smaller variances count as this, in squares of a cell: a hundredth of a cell."""
@@ -74,12 +79,17 @@ class OccupancyField:
         probability: [rows, columns] of each cell to be covered, rows along y; NaN where unknown.
         unknown_agents: number of agents whose prediction is not known, because of whom the whole
             field is unknown.
+        begins_beyond: the predictions do not reach the window, because of which it is unknown.
+        too_many_cells: cells of all footprints with their errors, because of which it is unknown:
+            computing it would take longer than it is of use; 0 where they are few enough.
     """
 
     corner: Float64Array
     resolution: float
     probability: Float64Array
     unknown_agents: int = 0
+    begins_beyond: bool = False
+    too_many_cells: int = 0
 
 
 def unknown_field(shape: GridShape, center: Float64Array, agents: int = 0) -> OccupancyField:
@@ -97,16 +107,16 @@ def predicted_occupancy(
         prediction: without the ego itself.
         shape: of the grid.
         center: [2] its middle (m).
-        begin_s: first time after the prediction's stamp (s); with a window that holds no step,
+        begin_s: first time after the prediction's stamp (s); with a window between two steps,
             the step nearest to its middle counts.
-        end_s: last time.
+        end_s: last time. What is beyond the last step is not known and does not count.
     """
+    if len(prediction) and begin_s > reach_s(prediction.time_s):
+        return dataclasses.replace(unknown_field(shape, center), begins_beyond=True)
     chosen = _steps_within(prediction.time_s, begin_s, end_s)
     corner, cells = shape.corner(center), shape.cells
     weighty = prediction.weight > _LEAST_WEIGHT
-    finite = np.isfinite(prediction.mean[:, :, chosen, :2]).all(axis=(2, 3))
-    finite &= is_covariance(prediction.covariance[:, :, chosen]).all(axis=2)
-    finite &= np.isfinite(prediction.yaw[:, :, chosen]).all(axis=2)
+    finite = known_poses(prediction)[:, :, chosen].all(axis=2)
     lost = (weighty & ~finite).any(axis=1)
     with np.errstate(invalid="ignore"):  # an infinite weight; NaN is lost too
         lost |= ~(np.abs(prediction.weight.sum(axis=1) - 1.0) <= WEIGHT_TOLERANCE)
@@ -115,11 +125,22 @@ def predicted_occupancy(
     size = known_sizes(prediction.size, prediction.agent_class)
     field = np.zeros(cells * cells)
     agent, mode = np.nonzero(weighty)
-    for step in chosen:
+    ranges = [
+        _cell_range(
+            prediction.mean[agent, mode, step, :2] - corner,
+            prediction.covariance[agent, mode, step],
+            size[agent],
+            shape,
+        )
+        for step in chosen
+    ]
+    number = sum(int(np.prod(last - first, axis=1).sum()) for first, last in ranges)
+    if number > MOST_CELLS:
+        return dataclasses.replace(unknown_field(shape, center), too_many_cells=number)
+    for step, (first, last) in zip(chosen, ranges, strict=True):
         now = np.zeros(cells * cells)
         mean = prediction.mean[agent, mode, step, :2] - corner
         spread = prediction.covariance[agent, mode, step]
-        first, last = _cell_range(mean, spread, size[agent], shape)
         boxes = _boxes(
             mean / shape.resolution - 0.5,
             spread / shape.resolution**2,
@@ -134,6 +155,14 @@ def predicted_occupancy(
         np.maximum(field, now, out=field)
     np.minimum(field, 1.0, out=field)
     return OccupancyField(corner, shape.resolution, field.reshape(cells, cells))
+
+
+def reach_s(time_s: Float64Array) -> float:
+    """Return until when the last of [H] steps stands for what is predicted: half a step later."""
+    if not len(time_s):
+        return 0.0
+    before_s = float(time_s[-2]) if len(time_s) > 1 else 0.0
+    return float(time_s[-1]) + 0.5 * (float(time_s[-1]) - before_s)
 
 
 def _steps_within(time_s: Float64Array, begin_s: float, end_s: float) -> IndexArray:

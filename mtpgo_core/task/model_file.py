@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from mtpgo_core.resources import find_resource
 from mtpgo_core.task.checked_archive import CheckedArchive, check_archive, read_archive
 from mtpgo_core.task.model_operators import foreign_operators
 from mtpgo_core.task.task_description import TASK_FILE, TaskDescription
+from mtpgo_core.whole_file import user_path
 
 CHECKPOINT_SUFFIX = ".ckpt"
 """Suffix of the checkpoint of a model file, from which a training can start."""
@@ -44,7 +46,7 @@ def find_model(name_or_path: str | Path) -> Path:
         ModelFileError: there is no such shipped model. A path is not checked before it is read.
     """
     path = Path(name_or_path)
-    return path if path.is_file() else _path_or_shipped(path, ".pt", "model")
+    return path if os.path.isfile(path) else _path_or_shipped(path, ".pt", "model")
 
 
 def find_checkpoint(name_or_path: str | Path) -> Path:
@@ -59,7 +61,7 @@ def find_checkpoint(name_or_path: str | Path) -> Path:
             has none beside it. A path is not checked before it is read.
     """
     path = Path(name_or_path)
-    if not path.exists():  # a run folder may have any name
+    if not os.path.exists(path):  # a run folder may have any name
         path = _path_or_shipped(path, CHECKPOINT_SUFFIX, "checkpoint")
     if not is_model_file(path):
         return path
@@ -99,7 +101,7 @@ def is_model_file(path: Path) -> bool:
 def _path_or_shipped(path: Path, suffix: str, what: str) -> Path:
     """Return a path with a separator or a suffix as it is, else the shipped file of this name."""
     if path.suffix or len(path.parts) != 1:
-        return path.expanduser()
+        return user_path(path)
     try:
         return find_resource("weights", f"{path}{suffix}")
     except ConfigurationError as error:

@@ -25,6 +25,7 @@ from msg_adapters.types import RclpyTypes, message_class
 from mtpgo_core.errors import ConfigurationError, MessageError, RecordingError
 from mtpgo_core.schema import Float64Array
 from mtpgo_ros.bags.playback import Message, PlaybackTiming, Report, Sinks, play
+from mtpgo_ros.runtime.ros_start import node_errors
 
 LANES_TOPIC = "/lane_markings"
 
@@ -68,7 +69,8 @@ class BagPlayer:
         self._bag, self._timing = bag, timing
         if timing.clock_hz > 0.0:
             topics = [topic for topic in topics if topic.name != "/clock"]
-        self._node = rclpy.create_node("replay")
+        with node_errors():
+            self._node = rclpy.create_node("replay")
         self._publishers: dict[str, Publisher] = {}
         for topic in topics:
             try:

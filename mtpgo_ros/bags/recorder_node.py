@@ -14,11 +14,12 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from msg_adapters.bags.live.live_bag_writer import LiveBagWriter
 from msg_adapters.types import message_class
 from mtpgo_core.errors import MessageError, RecordingError
-from mtpgo_ros.runtime.ros_start import spin
+from mtpgo_ros.runtime.ros_start import node_errors, spin
 
 _DEPTH = 200
 """Messages that may wait for the disk; chosen: eight seconds at 25 Hz."""
@@ -74,9 +75,14 @@ def record(
 
     Raises:
         RecordingError: the output cannot be written, or no longer; what was written is kept.
+        ConfigurationError: the name of a topic is not allowed, or ROS refuses the node.
     """
+    with node_errors():
+        for name in topics:
+            validate_full_topic_name(name)
     with LiveBagWriter(path) as bag:
-        node = Recorder(bag, topics, known)
+        with node_errors():
+            node = Recorder(bag, topics, known)
         print(f"ready: recording {', '.join(topics)} into {path}", flush=True)
         try:
             spin(node, stopped, handled=lambda: bag.messages)

@@ -69,6 +69,8 @@ class NodeStatus:
         ego_problem: why the ego was not known at the last observation, empty if it was.
         degraded: why there is no model, empty if there is one.
         limitations: other reasons why the predictions are worse than they could be.
+        left_out: why some of the selected outputs are not published.
+        nothing_published: none of them is.
         overload: what the last prediction lacks because there are many agents, empty if nothing.
         agents: agents of the last prediction.
         fallback_agents: those of them predicted at constant velocity.
@@ -100,6 +102,8 @@ class NodeStatus:
     ego_problem: str = ""
     degraded: str = ""
     limitations: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    nothing_published: bool = False
     overload: str = ""
     agents: int = 0
     fallback_agents: int = 0
@@ -180,7 +184,7 @@ def _input(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
 
 def _input_causes(status: NodeStatus, events: EventLog) -> list[Cause]:
     causes = [(WARN, text) for text in (status.namesake, status.waiting) if text]
-    causes += _silence(status) + _standing_clock(status)
+    causes += _silence(status) + standing_clock(status.input, status.input_timeout_s)
     if status.frame_error:
         causes.append((ERROR, status.frame_error))
     if status.ego_problem:
@@ -210,10 +214,14 @@ def _silence(status: NodeStatus) -> list[Cause]:
     return []
 
 
-def _standing_clock(status: NodeStatus) -> list[Cause]:
-    """Return the cause of a simulated clock that stands still."""
-    age = status.input
-    if age.clock_stands_s <= status.input_timeout_s:
+def standing_clock(age: InputAge, limit_s: float) -> list[Cause]:
+    """Return the cause of a simulated clock that stands still.
+
+    Args:
+        age: of the input.
+        limit_s: for so long it may stand (s).
+    """
+    if age.clock_stands_s <= limit_s:
         return []
     if not age.clock_seen:
         return [(WARN, "use_sim_time is set, but no time has come on /clock")]
@@ -249,6 +257,8 @@ def _model_causes(status: NodeStatus, events: EventLog) -> list[Cause]:
     if failures:
         causes.append((WARN, "constant velocity serves instead: " + ", ".join(failures)))
     causes += [(WARN, limitation) for limitation in status.limitations]
+    level = ERROR if status.nothing_published else WARN
+    causes += [(level, sentence) for sentence in status.left_out]
     if status.overload and not status.idle:
         causes.append((WARN, status.overload))
     if status.fallback_agents and not causes and not status.idle:

@@ -51,7 +51,7 @@ def run_executable(
     import rclpy
 
     from mtpgo_ros.runtime.dds_transport import avoid_shared_memory
-    from mtpgo_ros.runtime.ros_start import own_arguments, start
+    from mtpgo_ros.runtime.ros_start import node_errors, own_arguments, start
 
     status, node = 0, None
     notifier = ServiceNotifier.from_environment()
@@ -62,7 +62,8 @@ def run_executable(
         start(arguments)
         from mtpgo_ros.lifecycle.lifecycle_run import run_lifecycle
 
-        node = node_class()(arguments=arguments)
+        with node_errors():
+            node = node_class()(arguments=arguments)
         run_lifecycle(node, stopped, notifier)
     except MtpgoError as error:
         status = fail(name, error)

@@ -20,14 +20,15 @@ from rclpy.qos import (
     ReliabilityPolicy,
     qos_policy_name_from_kind,
 )
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from msg_adapters.inputs.lane_markers import lanes_from_markers
-from mtpgo_core.errors import MtpgoError
+from msg_adapters.inputs.lane_markers import check_serialized, lanes_from_markers
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.runtime.work_queue import WorkQueue
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -35,7 +36,11 @@ _UNDEMANDING = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Fits every publisher that has no deadline or liveliness of its own to offer."""
 
 OnLanes = Callable[[LaneMap, str], None]
-"""Takes lane lines and their frame."""
+"""Takes lane lines and their frame, on the thread that reads them."""
+
+_PATIENCE_S = 0.1
+"""How long closing waits for lane markings that are being read (s); chosen: transitions are to be
+answered within 0.2 s."""
 
 
 class ContextSubscriptions:
@@ -59,39 +64,78 @@ class ContextSubscriptions:
         self._ego = _AnyPublisher(
             node, String, "ego_id", lambda message: on_ego(message.data), events
         )
-        self._lanes: _AnyPublisher | None = None
+        self._lanes: _LaneMarkings | None = None
         self.use_lanes(on_lanes)
 
-    def use_lanes(self, on_lanes: OnLanes | None) -> None:
-        """Subscribe to ``lane_markings`` if a function is given, else unsubscribe."""
+    def use_lanes(
+        self, on_lanes: OnLanes | None, on_refused: Callable[[str], None] = lambda reason: None
+    ) -> None:
+        """Subscribe to ``lane_markings`` if a function is given, else unsubscribe.
+
+        Args:
+            on_lanes: called with the lane lines and their frame.
+            on_refused: called with the sentence that says why a message is not used.
+        """
         if self._lanes is not None:
             self._lanes.close()
             self._lanes = None
         if on_lanes is not None:
-            self._lanes = _AnyPublisher(
-                self._node,
-                MarkerArray,
-                "lane_markings",
-                lambda message: self._receive_lanes(message, on_lanes),
-                self._events,
-            )
-
-    def _receive_lanes(self, message: Any, on_lanes: OnLanes) -> None:
-        try:
-            markings = lanes_from_markers(message)
-            lanes = LaneMap(markings.polylines)
-        except MtpgoError as error:
-            self._events.log("lanes", f"lane markings are not used: {error}", is_error=True)
-            return
-        self._node.get_logger().info(
-            f"lane markings with {len(lanes)} segments taken", throttle_duration_sec=5.0
-        )
-        on_lanes(lanes, markings.frame_id)
+            self._lanes = _LaneMarkings(self._node, on_lanes, on_refused, self._events)
 
     def close(self) -> None:
         """Destroy the subscriptions."""
         self._ego.close()
         self.use_lanes(None)
+
+
+class _LaneMarkings:
+    """The subscription to ``lane_markings``, whose messages a thread of its own reads.
+
+    Reading the lines of a large site takes a second, which services and diagnostics do not have.
+
+    Args:
+        node: the node.
+        on_lanes: called with lane lines and their frame.
+        on_refused: called with the sentence that says why a message is not used.
+        events: where unusable messages are logged.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        on_lanes: OnLanes,
+        on_refused: Callable[[str], None],
+        events: EventLog,
+    ) -> None:
+        self._node, self._events = node, events
+        self._on_lanes, self._on_refused = on_lanes, on_refused
+        self._queue = WorkQueue(self._read, 1, "lane markings")
+        self._subscription = _AnyPublisher(
+            node, MarkerArray, "lane_markings", self._queue.submit, events, raw=True
+        )
+
+    def _read(self, data: bytes) -> None:
+        try:
+            check_serialized(data)
+            markings = lanes_from_markers(deserialize_message(data, MarkerArray))
+            lanes = LaneMap(markings.polylines)
+        except Exception as error:  # Whatever a message contains, the node keeps running.
+            sentence = f"lane markings are not used: {error}"
+            if not self._queue.stopped:
+                self._events.log("lanes", sentence, is_error=True)
+                self._on_refused(sentence)
+            return
+        if self._queue.stopped:
+            return
+        self._node.get_logger().info(
+            f"lane markings with {len(lanes)} segments taken", throttle_duration_sec=5.0
+        )
+        self._on_lanes(lanes, markings.frame_id)
+
+    def close(self) -> None:
+        """Destroy the subscription and end the thread."""
+        self._queue.stop(_PATIENCE_S)
+        self._subscription.close()
 
 
 class _AnyPublisher:
@@ -103,6 +147,7 @@ class _AnyPublisher:
         topic: name.
         receive: called with each message that differs from the last one.
         events: where incompatible publishers are counted.
+        raw: give the bytes of each message.
     """
 
     def __init__(
@@ -112,8 +157,10 @@ class _AnyPublisher:
         topic: str,
         receive: Callable[[Any], None],
         events: EventLog,
+        *,
+        raw: bool = False,
     ) -> None:
-        self._node, self._kind, self._topic = node, kind, topic
+        self._node, self._kind, self._topic, self._raw = node, kind, topic, raw
         self._receive, self._events = receive, events
         self._last: Any = None
         self._subscriptions: list[Subscription] = []
@@ -126,6 +173,7 @@ class _AnyPublisher:
                 self._topic,
                 self._on_message,
                 qos,
+                raw=self._raw,
                 event_callbacks=SubscriptionEventCallbacks(incompatible_qos=on_incompatible),
             )
         )

@@ -134,6 +134,7 @@ class ModelHost:
                 self.degraded = loaded.degraded
                 # What was learned about the other model's errors does not hold for this one.
                 self.calibrator.close()
+                loaded.calibrator.look_at_file()  # which has just been written
                 self.calibrator = loaded.calibrator
             if self.uses_lanes != had_lanes:
                 self.lanes.continue_with(loaded.lanes)

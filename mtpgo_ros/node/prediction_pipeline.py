@@ -181,7 +181,7 @@ class PredictionPipeline:
         """Give the model lane lines if it uses them: of a file, else those that are published."""
         model, lanes = self._model, self._model.lanes
         topic = model.uses_lanes and lanes.from_topic
-        self._context.use_lanes(lanes.take_markings if topic else None)
+        self._context.use_lanes(lanes.take_markings if topic else None, lanes.refuse_markings)
         lanes.on_read = self._on_lane_file
         lanes.pose_in = no_pose
         if model.uses_lanes:
@@ -330,5 +330,5 @@ class PredictionPipeline:
         changed, self.ego_text = text != self.ego_text, text
         self._model.configure(self._parameters, text)
         if changed and not self._parameters.ego_id:
-            line = f"ego is {text!r}" if text else "no ego is chosen any more"
+            line = f"ego is {text!r:.80}" if text else "no ego is chosen any more"
             self._node.get_logger().info(line)

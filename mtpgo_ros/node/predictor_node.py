@@ -180,6 +180,10 @@ class PredictorNode(ResourceNode):
             status.preferred = calibrator.preferred
         status.limitations, status.waiting = [], ""
         status.idle, status.unanswered_s, status.input = True, 0.0, InputAge()
+        status.left_out, status.nothing_published = [], False
+        if self._outputs is not None:
+            status.left_out = list(self._outputs.left_out.values())
+            status.nothing_published = self._outputs.nothing
         pipeline = self._pipeline
         if self._model is not None and pipeline is not None:
             status.limitations = self._model.limitations()

@@ -43,6 +43,9 @@ class Publishers:
         kinds: selected kinds; those whose messages are not installed are left out.
         max_modes: most modes of an agent.
         events: where failures are logged.
+
+    Attributes:
+        left_out: the sentence that says why a selected kind is not published, by its name.
     """
 
     def __init__(
@@ -60,6 +63,7 @@ class Publishers:
         self._publishers: dict[str, LifecyclePublisher] = {}
         self._writers: dict[str, Writer] = {}
         self._kinds: tuple[str, ...] = ()
+        self.left_out: dict[str, str] = {}
         self._max_modes = 0
         self._time = node.create_lifecycle_publisher(Float64, "~/debug/processing_time_ms", _QOS)
         self.configure(kinds, max_modes)
@@ -75,7 +79,13 @@ class Publishers:
             if max_modes != self._max_modes:
                 self._writers = {}
             self._max_modes = max_modes
-            self._kinds = tuple(kind for kind in kinds if self._prepare(kind))
+            self.left_out = {}
+            self._kinds = tuple(kind for kind in dict.fromkeys(kinds) if self._prepare(kind))
+
+    @property
+    def nothing(self) -> bool:
+        """Whether no selected kind can be published."""
+        return not self._kinds
 
     def _prepare(self, kind: str) -> bool:
         """Create publisher and writer of a kind; log and return false if that is impossible."""
@@ -87,7 +97,8 @@ class Publishers:
                     self._types, max_modes=self._max_modes, serialized=True
                 )
         except MessageError as error:
-            self._node.get_logger().error(f"output {kind} is left out: {error}")
+            self.left_out[kind] = f"output {kind} is left out: {error}"
+            self._node.get_logger().error(self.left_out[kind])
             return False
         if kind not in self._publishers:
             message_class = self._types.message_class(adapter.message_type)
@@ -135,7 +146,9 @@ class Publishers:
                 with self._secondary_lock:
                     if kind in self._kinds and self._has_subscribers(kind):
                         self._publishers[kind].publish(self._writers[kind](prediction))
+                        self.left_out.pop(kind, None)
             except Exception as error:
+                self.left_out[kind] = f"output {kind} is left out: it could not be made: {error}"
                 self._events.failure(f"output {kind} could not be published", error)
 
     def _clear_markers(self) -> None:

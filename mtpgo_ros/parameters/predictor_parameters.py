@@ -417,10 +417,6 @@ def check(parameters: PredictorParameters) -> None:
             "parameter model is empty, expected the name of an installed model or a file"
         )
     try:
-        class_map(parameters.class_map)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"parameter class_map: {error}") from error
-    try:
         _ = parameters.lane_options
     except ConfigurationError as error:
         raise ConfigurationError(f"parameter lane_file: {error}") from error
@@ -447,6 +443,12 @@ def updated(current: PredictorParameters, values: Mapping[str, Any]) -> Predicto
     """
     new = replaced(current, values)
     check(new)
+    # Files are looked at when they are chosen: one that is deleted later hinders no other change.
+    if new.class_map != current.class_map:
+        try:
+            class_map(new.class_map)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"parameter class_map: {error}") from error
     if new.lane_file and new.lane_file != current.lane_file:
         try:
             require_lane_file(new.lane_file)

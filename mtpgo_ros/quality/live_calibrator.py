@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from pathlib import Path
@@ -15,15 +16,20 @@ from mtpgo_core.history.stream_guard import UpdateReport
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.live_calibration.calibration_file import restore, save
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
+from mtpgo_core.live_calibration.live_options import BEST
 from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_core.schema import HistoryWindow, Prediction, Source
 from mtpgo_core.task.calibration import GROUPS
 from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_core.whole_file import user_path
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
 _SAVE_EVERY_S = 30.0
 """Time between two writings of the file (s); chosen: what is lost in a crash is learned again in
 that time."""
+
+_FileState = tuple[int, int]
+"""What tells one writing of a file from another: its inode, and when it was written (ns)."""
 
 
 class LiveCalibrator:
@@ -35,7 +41,8 @@ class LiveCalibrator:
 
     Attributes:
         live: the calibration.
-        file_error: why the file was not used or not written, empty if it was.
+        file_error: why the file was not used or not written when that was tried last, or that
+            another process writes it as well; empty if all is well.
     """
 
     def __init__(self, parameters: PredictorParameters, task: TaskDescription) -> None:
@@ -44,14 +51,21 @@ class LiveCalibrator:
         self.file_error = ""
         self._path: Path | None = None
         self._restored = False
+        self._seen: _FileState | None = None
         self._saved_s = time.monotonic()
         self._writer: threading.Thread | None = None
         if parameters.calibration_file and self.live.options.watches:
-            self._path = Path(parameters.calibration_file).expanduser()
+            self._path = user_path(parameters.calibration_file)
             try:
                 self._restored = restore(self.live, task.weights_sha256, self._path)
             except ConfigurationError as error:
                 self.file_error = f"{error}; the shipped factors are used"
+            self.look_at_file()
+
+    def look_at_file(self) -> None:
+        """Take the file as it is now for this calibrator's own."""
+        if self._path is not None:
+            self._seen = _state_of(self._path)
 
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
@@ -83,15 +97,27 @@ class LiveCalibrator:
 
     def _save(self) -> None:
         assert self._path is not None
+        found = _state_of(self._path)
         try:
             save(self.live, self._task.weights_sha256, self._path)
         except OSError as error:
             reason = error.strerror or str(error)
             self.file_error = f"calibration file {self._path} cannot be written: {reason}"
+            return
+        foreign = found is not None and found != self._seen
+        self.file_error = (
+            f"calibration file {self._path} was written by another process as well, expected one"
+            " file for each node"
+            if foreign
+            else ""
+        )
+        self.look_at_file()
 
     @property
     def preferred(self) -> list[str]:
         """Groups that constant velocity serves because it has been better."""
+        if self.live.options.prefer != BEST:
+            return []  # A file may know of some from another time.
         chosen = self.live.preference.constant_velocity
         return [name for name, preferred in zip(GROUPS, chosen, strict=True) if preferred]
 
@@ -125,3 +151,12 @@ class LiveCalibrator:
                 values[f"error_m_model_and_cv_{name}"] = f"{error_m[0]:.3f} {error_m[1]:.3f}"
                 values[f"served_by_{name}"] = "constant velocity" if served else "model"
         return values
+
+
+def _state_of(path: Path) -> _FileState | None:
+    """Return which writing of a file there is, None without a file."""
+    try:
+        about = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return about.st_ino, about.st_mtime_ns

@@ -13,11 +13,10 @@ import time
 import numpy as np
 
 from msg_adapters.inputs.ego_odometry import EGO_NAME
-from mtpgo_core.errors import MtpgoError
 from mtpgo_core.frames import moves_with_vehicle
 from mtpgo_core.identity import first_key, key_to_int
 from mtpgo_core.prediction.output_assembly import without_agent
-from mtpgo_core.risk.collision_risk import CollisionRisk, Unknown, assess
+from mtpgo_core.risk.collision_risk import CollisionRisk, Unknown, assess, known_poses
 from mtpgo_core.risk.ego_plan import EgoPlan
 from mtpgo_core.risk.footprint_overlap import is_covariance
 from mtpgo_core.schema import Float64Array, Prediction
@@ -68,7 +67,7 @@ class RiskAssessor:
         if self._missing:
             self._missing = self._status.plan_problem = ""
 
-    def refuse_plan(self, error: MtpgoError) -> None:
+    def refuse_plan(self, error: Exception) -> None:
         """Note a plan that is not usable: the one before it is not valid any more."""
         self._plans.clear()
         self._missing = f"the plan on {self._plan_topic} is not usable: {error}"
@@ -118,12 +117,16 @@ class RiskAssessor:
             position, _ = self.plan.at(prediction.stamp_ns, np.zeros(1))
             if np.isfinite(position).all():
                 return position[0]
-        first = prediction.mean[:, :, :1, :2].reshape(-1, 2)
-        first = first[np.isfinite(first).all(axis=1)]
+        first = prediction.mean[:, :, :1, :2][known_poses(prediction)[:, :, :1]]
         return first.mean(axis=0) if len(first) else None
 
     def _stale(self, stamp_ns: int, now_ns: int) -> str:
         """Return why predictions are too old, empty if they are not."""
+        if now_ns == 0:  # Simulated time that has not begun.
+            return (
+                "the age of the predictions is not known: use_sim_time is set, but no time has"
+                " come on /clock; the risk is unknown"
+            )
         limit_s, age_s = self._parameters.prediction_timeout, (now_ns - stamp_ns) * 1e-9
         if abs(age_s) <= limit_s:
             return ""
@@ -186,12 +189,12 @@ def _moving(prediction: Prediction) -> str:
 
 
 def _without_covariance(prediction: Prediction) -> str:
-    """Return how many road users have finite paths without a covariance, empty for none."""
+    """Return how many road users have finite paths without a usable covariance, empty for none."""
     finite = np.isfinite(prediction.mean[..., :2]).all(axis=-1) & np.isfinite(prediction.yaw)
     lacking = np.asarray((finite & ~is_covariance(prediction.covariance)).any(axis=(1, 2)))
     if not lacking.any():
         return ""
     return (
-        f"the predictions of {int(lacking.sum())} of {len(lacking)} road users have no covariance:"
-        " their risk is unknown (parameter missing_covariance)"
+        f"the predictions of {int(lacking.sum())} of {len(lacking)} road users have no usable"
+        " covariance: their risk is unknown (parameter missing_covariance)"
     )

@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from msg_adapters.inputs.ego_plans import PLANS, PlanAdapter
@@ -26,6 +28,7 @@ from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
 from mtpgo_ros.parameters.parameter_server import ParameterServer
 from mtpgo_ros.parameters.risk_parameters import RiskParameters, updated_risk
 from mtpgo_ros.risk_node.plan_transform import PlanTransform
+from mtpgo_ros.risk_node.publisher_check import publisher_problem
 from mtpgo_ros.risk_node.risk_assessor import RiskAssessor
 from mtpgo_ros.risk_node.risk_publishers import RiskPublishers
 from mtpgo_ros.risk_node.risk_status import RiskStatus, risk_statuses
@@ -36,6 +39,9 @@ _ANY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 _CHECK_PERIOD_S = 0.1
 """Time between two looks for predictions that no longer come (s); chosen."""
+
+_PUBLISHERS_PERIOD_S = 0.5
+"""Time between two looks at the publishers of both topics (s); chosen."""
 
 
 class RiskNode(ResourceNode):
@@ -63,6 +69,7 @@ class RiskNode(ResourceNode):
         self._transform: PlanTransform | None = None
         self._watch = InputWatch()
         self._last: Prediction | None = None
+        self._checked_s = float("-inf")
         self._server = ParameterServer(
             self,
             RiskParameters(),
@@ -114,7 +121,7 @@ class RiskNode(ResourceNode):
                 raw=True,
             ),
             self.create_subscription(
-                message_class(adapter.message_type), adapter.topic, self._on_plan, _ANY
+                message_class(adapter.message_type), adapter.topic, self._on_plan, _ANY, raw=True
             ),
         ]
         done = self._activated(state)
@@ -155,14 +162,16 @@ class RiskNode(ResourceNode):
         if self._assessor is not None:
             self._assessor.configure(parameters)
 
-    def _on_plan(self, message: Any) -> None:
+    def _on_plan(self, data: bytes) -> None:
         if self._assessor is None:
             return
         self.events.count("plans")
+        adapter, stands_after = self._plan_adapter, self.parameters.stands_after
         try:
-            stands_after = self.parameters.stands_after
-            self._assessor.add_plan(self._plan_adapter.plan(message, stands_after=stands_after))
-        except MtpgoError as error:
+            adapter.check_serialized(data)
+            message = deserialize_message(data, message_class(adapter.message_type))
+            self._assessor.add_plan(adapter.plan(message, stands_after=stands_after))
+        except Exception as error:  # rclpy's errors have no common base.
             self._assessor.refuse_plan(error)
             self.events.count("rejected_plans", reason=self._status.plan_problem)
 
@@ -173,16 +182,17 @@ class RiskNode(ResourceNode):
         try:
             assumes = self.parameters.assumes_covariance
             prediction = self._assessor.others(self._prediction_adapter.read(data, assumes))
-        except (MtpgoError, ValueError, IndexError) as error:
-            sentence = f"predictions on {self._status.topic} are not usable: {error}"
+            risk = self._assessor.assess(prediction, self.get_clock().now().nanoseconds)
+            self._outputs.publish(risk, self._assessor.plan)
+        except Exception as error:  # Whatever a message contains, the node keeps running.
+            kind = "" if isinstance(error, MtpgoError) else f"{type(error).__name__}: "
+            sentence = f"predictions on {self._status.topic} are not usable: {kind}{error}"
             self._status.prediction_problem = sentence
             self._watch.reject(str(error))
             self.events.count("rejected", reason=sentence)
             return
         self._watch.accept()
-        risk = self._assessor.assess(prediction, self.get_clock().now().nanoseconds)
         self._last = None if self._status.prediction_problem else prediction
-        self._outputs.publish(risk, self._assessor.plan)
         known = not self._status.prediction_problem
         self._outputs.publish_grid(prediction, self._assessor.place(prediction), known=known)
         status = self._status
@@ -210,4 +220,18 @@ class RiskNode(ResourceNode):
         status.state, status.failure = state_of(self), self.failure
         status.prediction_timeout_s = timeout_s
         status.input = self._watch.age(timeout_s)
+        self._check_publishers()
         return status
+
+    def _check_publishers(self) -> None:
+        """Note whether the publishers of both topics are heard, from time to time."""
+        now_s = time.monotonic()
+        if now_s - self._checked_s < _PUBLISHERS_PERIOD_S:
+            return
+        self._checked_s = now_s
+        status = self._status
+        status.publishers = status.plan_publishers = ""
+        if self._assessor is None:
+            return
+        status.publishers = publisher_problem(self, status.topic, _NEWEST)
+        status.plan_publishers = publisher_problem(self, status.plan_topic, _ANY)

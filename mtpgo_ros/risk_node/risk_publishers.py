@@ -8,6 +8,8 @@ thread of its own makes it of the newest predictions, at its own rate.
 
 from __future__ import annotations
 
+import math
+
 from nav_msgs.msg import OccupancyGrid
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -22,7 +24,13 @@ from msg_adapters.outputs.risk_markers import LIFETIME_S, draw_risk
 from msg_adapters.types import RclpyTypes
 from mtpgo_core.risk.collision_risk import CollisionRisk
 from mtpgo_core.risk.ego_plan import EgoPlan
-from mtpgo_core.risk.predicted_occupancy import predicted_occupancy, unknown_field
+from mtpgo_core.risk.predicted_occupancy import (
+    MOST_CELLS,
+    OccupancyField,
+    predicted_occupancy,
+    reach_s,
+    unknown_field,
+)
 from mtpgo_core.schema import Float64Array, Prediction
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.parameters.risk_parameters import RiskParameters
@@ -97,7 +105,10 @@ class RiskPublishers:
         period_ns = (1.0 - _CLOCK_SLACK) * 1e9 / self._parameters.occupancy_rate
         last_ns, now_ns = self._grid_ns, prediction.stamp_ns
         due = not known or last_ns is None or not 0 <= now_ns - last_ns < period_ns
-        if center is None or not due or not self._grid.get_subscription_count():
+        if not self._grid.get_subscription_count():
+            self._status.occupancy_problem = self._status.occupancy_warning = ""
+            return
+        if center is None or not due:
             return
         self._grid_ns = now_ns
         self._queue.submit((prediction, center, known))
@@ -116,12 +127,7 @@ class RiskPublishers:
                 )
             else:
                 field = unknown_field(parameters.grid, center)
-            self._status.occupancy_problem = (
-                f"the occupancy is unknown: the prediction of {field.unknown_agents} road users is"
-                " not finite, or lacks modes or covariances"
-                if field.unknown_agents
-                else ""
-            )
+            self._note(field, prediction.time_s)
             message = field_to_grid(
                 field, self._types, stamp_ns=prediction.stamp_ns, frame_id=prediction.frame_id
             )
@@ -129,6 +135,34 @@ class RiskPublishers:
                 self._grid.publish(message)
         except Exception as error:
             self._events.failure("the occupancy grid could not be published", error)
+
+    def _note(self, field: OccupancyField, time_s: Float64Array) -> None:
+        """Note in the status what a grid of predictions at [H] times lacks."""
+        status, parameters = self._status, self._parameters
+        status.occupancy_problem = status.occupancy_warning = ""
+        last_s = time_s[-1] if len(time_s) else math.inf
+        if field.begins_beyond:
+            status.occupancy_problem = (
+                f"the occupancy is unknown: occupancy_from is {parameters.occupancy_from:g} s, and"
+                f" the predictions end at {last_s:.1f} s"
+            )
+        elif field.unknown_agents:
+            status.occupancy_problem = (
+                f"the occupancy is unknown: the prediction of {field.unknown_agents} road users is"
+                " not finite, or lacks modes or covariances"
+            )
+        elif field.too_many_cells:
+            status.occupancy_problem = (
+                "the occupancy is unknown: road users and their errors cover"
+                f" {field.too_many_cells / 1e6:.0f} million cells, expected at most"
+                f" {MOST_CELLS / 1e6:.0f}: lower occupancy_size or occupancy_until, or raise"
+                " occupancy_resolution"
+            )
+        elif len(time_s) and parameters.occupancy_until > reach_s(time_s):
+            status.occupancy_warning = (
+                f"the occupancy is that until {last_s:.1f} s, where the predictions end;"
+                f" occupancy_until is {parameters.occupancy_until:g} s"
+            )
 
     def close(self) -> None:
         """Destroy the publishers."""

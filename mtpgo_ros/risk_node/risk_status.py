@@ -16,6 +16,7 @@ from mtpgo_ros.diagnostics.diagnostic_status import (
     counted,
     make_status,
     not_active,
+    standing_clock,
     worst_first,
 )
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -30,11 +31,13 @@ class RiskStatus:
         state: of the life cycle, as in lifecycle_msgs/State.
         failure: why the last transition failed, empty if it did not.
         topic: resolved name of the predictions' topic.
+        publishers: what is wrong with its publishers, empty if nothing is.
         input: age of the predictions.
         prediction_timeout_s: age from which on they are stale (s).
         prediction_problem: why the last predictions were not usable, empty if they were.
         prediction_warning: what the last predictions lack, empty if nothing.
         plan_topic: resolved name of the plan's topic.
+        plan_publishers: what is wrong with its publishers, empty if nothing is.
         plan_problem: why there is no usable plan, empty if there is one.
         plan_warning: what the plan lacks, empty if nothing.
         plan_age_s: time from the plan to the observation of the last predictions (s), NaN without.
@@ -45,17 +48,20 @@ class RiskStatus:
         peak_time_s: when it is (s after the observation).
         peak_agent: whose it is.
         occupancy_problem: why the occupancy grid is unknown, empty if it is not.
+        occupancy_warning: what a known grid lacks, empty if nothing.
         processing_ms: time that the last result took (ms).
     """
 
     state: str = ACTIVE
     failure: str = ""
     topic: str = ""
+    publishers: str = ""
     input: InputAge = field(default_factory=InputAge)
     prediction_timeout_s: float = 1.0
     prediction_problem: str = ""
     prediction_warning: str = ""
     plan_topic: str = ""
+    plan_publishers: str = ""
     plan_problem: str = ""
     plan_warning: str = ""
     plan_age_s: float = float("nan")
@@ -66,6 +72,7 @@ class RiskStatus:
     peak_time_s: float = float("nan")
     peak_agent: str = ""
     occupancy_problem: str = ""
+    occupancy_warning: str = ""
     processing_ms: float = float("nan")
 
 
@@ -114,24 +121,32 @@ def risk_statuses(name: str, status: RiskStatus, events: EventLog) -> list[Diagn
 
 
 def _prediction_causes(status: RiskStatus) -> list[Cause]:
+    causes = [(WARN, status.publishers)] if status.publishers else []
     age, limit_s = status.input, status.prediction_timeout_s
+    causes += standing_clock(age, limit_s)
     if not age.usable and not age.rejected:
-        return [(WARN, f"nothing has come on {status.topic} yet")]
-    if status.prediction_problem:
-        return [(ERROR, status.prediction_problem)]
-    if age.age_s > limit_s:
+        if not status.publishers:
+            causes.append((WARN, f"nothing has come on {status.topic} yet"))
+    elif status.prediction_problem:
+        causes.append((ERROR, status.prediction_problem))
+    elif age.age_s > limit_s:
         sentence = (
             f"predictions are stale: the last ones on {status.topic} came {age.age_s:.1f} s ago,"
             f" expected within {limit_s:g} s; the risk is unknown"
         )
-        return [(ERROR, sentence)]
-    return [(WARN, status.prediction_warning)] if status.prediction_warning else []
+        causes.append((ERROR, sentence))
+    elif status.prediction_warning:
+        causes.append((WARN, status.prediction_warning))
+    return causes
 
 
 def _plan_causes(status: RiskStatus) -> list[Cause]:
+    causes = [(WARN, status.plan_publishers)] if status.plan_publishers else []
     if status.plan_problem:
-        return [(ERROR, f"{status.plan_problem}; the risk is unknown")]
-    return [(WARN, status.plan_warning)] if status.plan_warning else []
+        causes.append((ERROR, f"{status.plan_problem}; the risk is unknown"))
+    elif status.plan_warning:
+        causes.append((WARN, status.plan_warning))
+    return causes
 
 
 def _result_causes(status: RiskStatus) -> list[Cause]:
@@ -147,6 +162,8 @@ def _result_causes(status: RiskStatus) -> list[Cause]:
         causes.append((WARN, sentence))
     if status.occupancy_problem:
         causes.append((ERROR, status.occupancy_problem))
+    if status.occupancy_warning:
+        causes.append((WARN, status.occupancy_warning))
     return causes
 
 

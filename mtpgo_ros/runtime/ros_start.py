@@ -8,12 +8,14 @@ node is being created or still has a bag to close.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -52,6 +54,20 @@ def start(arguments: Sequence[str]) -> None:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         raise ConfigurationError(f"ROS cannot start: {_first_sentence(error)}") from error
+
+
+@contextlib.contextmanager
+def node_errors() -> Iterator[None]:
+    """Report what rclpy refuses while a node is made: its own parameters (use_sim_time) and names.
+
+    Raises:
+        ConfigurationError: it refuses something.
+    """
+    try:
+        yield
+    except (ParameterException, NameValidationException) as error:
+        text = " ".join(str(error).split()).removesuffix(" ^")
+        raise ConfigurationError(f"not accepted by ROS: {text}") from error
 
 
 def spin(

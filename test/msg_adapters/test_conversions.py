@@ -43,6 +43,17 @@ def test_a_stamp_survives_the_round_trip(offline, stamp_ns):
     assert stamp_to_ns(stamp) == stamp_ns
 
 
+def test_a_fraction_of_more_than_a_second_counts_and_the_last_stamp_is_the_last(offline):
+    def stamp(sec, nanosec):
+        return offline.make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+
+    assert stamp_to_ns(stamp(5, 1_500_000_000)) == 6_500_000_000
+    last = stamp(2**31 - 1, 999_999_999)
+    assert make_time(offline, stamp_to_ns(last)) == last
+    with pytest.raises(MessageError, match="stamp is 2147483647 s and 1000000000 ns, expected"):
+        stamp_to_ns(stamp(2**31 - 1, 1_000_000_000))
+
+
 def test_a_duration_is_rounded_to_nanoseconds(offline):
     durations = [make_duration(offline, seconds) for seconds in (0.2, 1.9999999999, 25.0)]
     assert [(d.sec, d.nanosec) for d in durations] == [(0, 200_000_000), (2, 0), (25, 0)]

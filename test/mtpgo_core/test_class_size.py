@@ -18,3 +18,8 @@ def test_unknown_sizes_are_those_of_the_class():
 def test_a_class_from_a_newer_publisher_is_unknown():
     found = known_sizes(np.full((1, 2), np.nan), np.array([200], np.uint8))
     np.testing.assert_array_equal(found, [CLASS_SIZE_M[AgentClass.UNKNOWN]])
+
+
+def test_a_size_beyond_belief_is_that_of_the_class():
+    found = known_sizes(np.array([[1e38, 2.0]]), np.array([AgentClass.CAR], np.uint8))
+    np.testing.assert_array_equal(found, [[CLASS_SIZE_M[AgentClass.CAR][0], 2.0]])

@@ -112,6 +112,25 @@ def test_a_pose_that_is_not_finite_is_an_error():
         to_fixed_frame(vehicle_states(), Pose2(0.0, math.nan, 0.0), "map")
 
 
+def test_a_pose_that_is_no_place_is_not_taken():
+    poses = PoseBuffer()
+    assert not poses.add(S_NS, Pose2(1e9, 0.0, 0.0))
+    assert not poses.add(S_NS, Pose2(0.0, -1e300, 0.0))
+    assert not poses.add(S_NS, Pose2(math.nan, 0.0, 0.0))
+    assert poses.add(S_NS, Pose2(6e5, 5e6, 0.0))  # UTM
+
+
+def test_an_unknown_motion_matters_only_where_it_is_needed():
+    poses = PoseBuffer()
+    poses.add(S_NS, Pose2(1.0, 2.0, 0.0, velocity=(math.nan, 0.0), yaw_rate=math.nan))
+    pose = poses.at(S_NS + 100_000_000)
+    assert (pose.x, pose.y) == (1.0, 2.0)
+    lifted = to_fixed_frame(vehicle_states(), pose, "map")
+    np.testing.assert_allclose(lifted.position, vehicle_states().position + np.array((1.0, 2.0)))
+    with pytest.raises(FrameError, match="expected finite numbers"):
+        to_fixed_frame(vehicle_states(), pose, "map", relative_velocity=True)
+
+
 def test_poses_are_interpolated_along_the_shorter_arc():
     poses = PoseBuffer()
     assert poses.add(0, Pose2(0.0, 0.0, 3.0, (1.0, 0.0), 0.2))

@@ -172,7 +172,12 @@ def test_replay_ends_everything_with_the_bag(start):
 
 @pytest.mark.parametrize(
     ("kind", "name", "text", "expected"),
-    [(float, "rate", "abc", "a number"), (bool, "respawn", "maybe", "true or false")],
+    [
+        (float, "rate", "abc", "a number"),
+        (float, "rate", "nan", "a number"),
+        (float, "rate", "1e999", "a number"),
+        (bool, "respawn", "maybe", "true or false"),
+    ],
 )
 def test_a_wrong_launch_argument_is_named(predictor_launch, kind, name, text, expected):
     with pytest.raises(ValueError, match=f"argument {name} is '{text}', expected {expected}"):
@@ -181,6 +186,13 @@ def test_a_wrong_launch_argument_is_named(predictor_launch, kind, name, text, ex
     assert predictor_launch.typed(bool, "respawn", "True") is True
     for text in ("markers,autoware", "[markers, autoware]", "['markers', 'autoware']"):
         assert predictor_launch.typed(tuple, "output", text) == ["markers", "autoware"]
+
+
+def test_an_empty_name_or_topic_is_the_usual_one(start):
+    (predictor,), *_ = start("predictor.launch.py", name="", objects="", ego_id_topic="/ego")
+    assert (predictor.name, predictor.remappings) == ("predictor", [("ego_id", "/ego")])
+    (risk,), *_ = start("risk.launch.py", plan="", predictions="/p")
+    assert risk.remappings == [("predictor/predictions", "/p")]
 
 
 def test_the_service_unit_has_a_watchdog_and_starts_the_predictor():

@@ -197,11 +197,13 @@ def test_a_full_disk_ends_a_recording_and_keeps_it(process, peer, tmp_path):
     [
         (["-o", "EXISTING"], "exists already"),
         (["-o", "/proc/nowhere/bag"], "/proc/nowhere/bag cannot be written"),
+        (["-o", "NEW", "--topics", "/a b"], "'/a b'"),
         ([], "-o"),
     ],
 )
 def test_the_executable_answers_bad_input_with_one_sentence(tmp_path, arguments, words):
-    given = [str(tmp_path) if word == "EXISTING" else word for word in arguments]
+    places = {"EXISTING": str(tmp_path), "NEW": str(tmp_path / "new")}
+    given = [places.get(word, word) for word in arguments]
     status, out, err = run_process("record", *given)
     assert (status, out) == (2, "")
     assert words in one_line(err)

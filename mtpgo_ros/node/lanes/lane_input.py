@@ -73,7 +73,7 @@ class LaneInput:
         self._lines, self._lane_frame, self._called = _NONE, "", ""
         self._placed: LaneMap | None = None
         self._frame_id: str | None = None
-        self._problem = self._file_problem = ""
+        self._problem = self._not_read = ""
         self._fit = LaneFit()
         self._looked_s = float("-inf")
 
@@ -126,7 +126,7 @@ class LaneInput:
         if self._wanted != _given(parameters):  # changed once more in the meantime
             return
         if lanes is None:
-            self._file_problem = sentence
+            self._not_read = sentence
         else:
             self._take(lanes, parameters.lane_frame, parameters.lane_file)
         self.on_read(sentence, lanes is None)
@@ -134,6 +134,11 @@ class LaneInput:
     def take_markings(self, lanes: LaneMap, frame_id: str) -> None:
         """Use the lines of a message on the topic ``lane_markings``."""
         self._take(lanes, frame_id, _TOPIC)
+
+    def refuse_markings(self, sentence: str) -> None:
+        """Note that a message on that topic is not used: earlier lines stay."""
+        with self._lock:
+            self._not_read = sentence
 
     def continue_with(self, other: LaneInput) -> None:
         """Use the lines of another input, none if it has none."""
@@ -143,7 +148,7 @@ class LaneInput:
     def _take(self, lanes: LaneMap, lane_frame: str, called: str) -> None:
         with self._lock:
             self._lines, self._lane_frame, self._called = lanes, lane_frame, called
-            self._placed, self._problem, self._file_problem = None, "", ""
+            self._placed, self._problem, self._not_read = None, "", ""
             self._fit, self._looked_s = LaneFit(), float("-inf")
             if not called:
                 self._place(_NONE)
@@ -188,14 +193,16 @@ class LaneInput:
 
     def limitations(self) -> list[str]:
         """Return why the model has no lines, or not the right ones."""
-        found = [self._file_problem] if self._file_problem else []
+        found = [self._not_read] if self._not_read else []
         if not self._called:
-            if not self._wanted[0]:
+            if not self._wanted[0] and not found:
                 found.append("the model wants lanes, but nothing has come on lane_markings")
             elif not found:
                 found.append(f"{self._wanted[0]} is being read")
         elif self._problem:
             found.append(f"the lanes are not used: {self._problem}")
+        elif not len(self._lines):
+            found.append(f"there is no lane line in {self._called}")
         elif self._fit.problem:
             where = "lane_projection, lane_origin, lane_offset or lane_frame"
             what = "frame of lane_markings" if self._called == _TOPIC else where

@@ -134,6 +134,29 @@ def test_a_trajectory_without_times_ends_where_the_vehicle_stops(offline):
         AUTOWARE.plan(trajectory(offline, times_s=(0.0,) * 3, speed=(1.0, math.nan, 1.0)))
 
 
+def test_a_trajectory_that_takes_for_ever_is_refused(offline):
+    far = trajectory(offline, x=(0.0, 4e7, 8e7), times_s=(0.0,) * 3, speed=(1.0,) * 3)
+    with pytest.raises(MessageError, match=r"trajectory takes 8e\+07 s at its velocities"):
+        AUTOWARE.plan(far)
+    lost = trajectory(offline, x=(0.0, math.nan, 8.0), times_s=(0.0,) * 3, speed=(1.0,) * 3)
+    with pytest.raises(MessageError, match=r"trajectory has the position .* at pose 1"):
+        AUTOWARE.plan(lost)
+
+
+def test_bytes_are_checked_before_they_are_decoded(offline, typestore):
+    for adapter, message in ((PATH, path(offline)), (AUTOWARE, trajectory(offline))):
+        data = bytearray(typestore.serialize_cdr(message, adapter.message_type))
+        adapter.check_serialized(bytes(data))
+        count = 4 + 8 + 4 + 4  # encoding, stamp, length of the frame's name, "map"
+        for claimed, words in ((20_000, "20000 poses, expected at most 10000"), (9, "claims 9")):
+            data[count : count + 4] = claimed.to_bytes(4, "little")
+            with pytest.raises(MessageError, match=words):
+                adapter.check_serialized(bytes(data))
+        with pytest.raises(MessageError, match="is cut off"):
+            adapter.check_serialized(bytes(data[:18]))
+    ODOMETRY.check_serialized(b"")  # it has no list
+
+
 def test_another_message_is_refused(offline):
     with pytest.raises(MessageError, match="cannot be read as nav_msgs/msg/Path"):
         PATH.plan(odometry(offline))

@@ -5,7 +5,12 @@
 import numpy as np
 import pytest
 
-from msg_adapters.inputs.lane_markers import lanes_from_markers, lanes_to_markers
+from msg_adapters.inputs.lane_markers import (
+    MOST_BYTES,
+    check_serialized,
+    lanes_from_markers,
+    lanes_to_markers,
+)
 from mtpgo_core.errors import MessageError
 
 TYPE = "visualization_msgs/msg/MarkerArray"
@@ -64,3 +69,33 @@ def test_two_frames_and_other_messages_are_refused(offline):
         lanes_from_markers(message)
     with pytest.raises(MessageError, match="cannot be read as lane markings"):
         lanes_from_markers(object())
+
+
+def test_places_beyond_belief_are_left_out_and_leaps_are_refused(offline):
+    line = np.array([[0.0, 1.0], [1e9, 1.0], [50.0, 1.0], [1e300, 0.0], [np.inf, 0.0]])
+    message = lanes_to_markers([line], offline, stamp_ns=5, frame_id="map")
+    (found,) = lanes_from_markers(message).polylines
+    np.testing.assert_array_equal(found, [[0.0, 1.0], [50.0, 1.0]])
+    # A grid of the segments of such a line would take seconds and hundreds of megabytes.
+    far = lanes_to_markers([np.array([[0.0, 1.0], [1e7, 1.0]])], offline, stamp_ns=5, frame_id="")
+    with pytest.raises(
+        MessageError, match=r"points that are 1e\+04 km apart, expected at most 20"
+    ):
+        lanes_from_markers(far)
+
+
+def test_bytes_are_checked_before_they_are_decoded(offline, typestore):
+    message = lanes_to_markers(LINES, offline, stamp_ns=5, frame_id="map")
+    data = bytearray(typestore.serialize_cdr(message, TYPE))
+    check_serialized(bytes(data))
+    check_serialized(
+        bytes(
+            typestore.serialize_cdr(lanes_to_markers([], offline, stamp_ns=5, frame_id=""), TYPE)
+        )
+    )
+    for claimed, words in ((10_001, "10001 markers, expected at most 10000"), (99, "claims 99")):
+        data[4:8] = claimed.to_bytes(4, "little")
+        with pytest.raises(MessageError, match=words):
+            check_serialized(bytes(data))
+    with pytest.raises(MessageError, match="bytes, expected at most 8388608"):
+        check_serialized(bytes(MOST_BYTES + 1))

@@ -219,6 +219,15 @@ def test_time_steps_and_counts_that_make_no_sense_are_refused(
         read(message)
 
 
+@pytest.mark.parametrize(("step_s", "end"), [(1e-9, "2e-09"), (1e9, r"2e\+09")])
+def test_paths_that_end_at_once_or_never_are_refused(message, read, offline, step_s, end):
+    (one, *_) = message.objects
+    one.kinematics.predicted_paths = [path(offline, [(i, 0, 0) for i in range(3)], step_s, 1.0)]
+    message.objects = [one]
+    with pytest.raises(MessageError, match=f"end after {end} s, expected 0.001 to 10000 s"):
+        read(message)
+
+
 def test_few_poses_do_not_make_large_arrays(message, read, offline):
     k = message.objects[0].kinematics
     k.predicted_paths = [path(offline, [], 0.2, 0.0)] * 256

@@ -41,3 +41,10 @@ def test_what_is_no_cloud_is_refused_with_what_it_is(states, offline, typestore)
             cloud_from_cdr(given)
     with pytest.raises(MessageError, match="is a str, expected bytes"):
         cloud_from_cdr("text")
+
+
+def test_more_fields_than_any_layout_are_refused(offline, typestore):
+    field = offline.make("sensor_msgs/msg/PointField", name="f", offset=0, datatype=2, count=1)
+    message = offline.make(TYPE, fields=[field] * 257)
+    with pytest.raises(MessageError, match="has 257 fields, expected at most 256"):
+        cloud_from_cdr(bytes(typestore.serialize_cdr(message, TYPE)))

@@ -146,3 +146,17 @@ def test_a_message_that_claims_more_than_its_bytes_can_hold_is_refused(typestore
     data[objects : objects + 4] = struct.pack("<I", 4_000_000_000)
     with pytest.raises(MessageError, match="claims 4000000000 objects, expected at most 5 in"):
         predicted_objects_from_cdr(bytes(data))
+
+
+@pytest.mark.parametrize(
+    ("labels", "corners", "words"),
+    [
+        (65, 0, "65 classifications, expected at most 64"),
+        (1, 4097, "4097 points of a footprint, expected at most 4096"),
+    ],
+)
+def test_more_than_any_publisher_has_is_refused(typestore, offline, labels, corners, words):
+    one = item(offline, np.random.default_rng(5), labels, (), corners)
+    message = offline.make(TYPE, header=make_header(offline, 1, "map"), objects=[one])
+    with pytest.raises(MessageError, match=words):
+        predicted_objects_from_cdr(bytes(typestore.serialize_cdr(message, TYPE)))

@@ -78,6 +78,8 @@ def _first_factor(value):
         (_change(sigma_factors=[1]), "is damaged"),
         (_change(served_by_constant_velocity=["tram"]), "unknown group 'tram'"),
         (_change(served_by_constant_velocity=[["tram"]]), "is damaged"),
+        (_change(served_by_constant_velocity=[1, "tram", None]), "unknown group"),
+        (_first_factor(10**400), "is damaged"),
         (_change(served_by_constant_velocity=3), "is damaged"),
         (_first_factor(float("nan")), "factors beyond 0.2 to 8"),
         (_first_factor(9.0), "factors beyond 0.2 to 8"),

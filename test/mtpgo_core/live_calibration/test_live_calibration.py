@@ -191,3 +191,14 @@ def test_empty_scenes_and_agents_that_left_are_no_trouble():
     assert len(road.served) == 0
     road.drive(2.0, first_number=100)
     assert len(select(road.served, np.arange(AGENTS))) == AGENTS
+
+
+def test_a_prediction_of_another_horizon_is_left_alone():
+    """After a swap of models, one of the earlier model may still be on its way."""
+    road = Road()
+    road.drive(1.0)
+    window = road.history.window()
+    window = window.select(window.valid[:, -1])
+    short = predict_constant_velocity(window, horizon_steps=10, dt_s=0.2, modes=2)
+    assert road.live.serve(short, window) is short
+    assert (road.drive(1.0).calibration == CalibrationStage.ONLINE).all()

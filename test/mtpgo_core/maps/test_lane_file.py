@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lane files of every kind, and files that are none."""
 
+import os
+
 import pytest
 from lane_files import feature, geojson, osm
 
@@ -38,6 +40,13 @@ def test_missing_and_large_files_are_refused(tmp_path, monkeypatch):
         read_lane_file(tmp_path / "none.osm")
     with pytest.raises(ConfigurationError, match="cannot be read: Is a directory"):
         read_lane_file(tmp_path)
+    os.mkfifo(tmp_path / "pipe.osm")
+    for endless in (tmp_path / "pipe.osm", "/dev/zero"):
+        with pytest.raises(ConfigurationError, match="cannot be read: it is a pipe or a device"):
+            read_lane_file(endless)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    with pytest.raises(ConfigurationError, match=rf"{tmp_path}/a\.osm cannot be read"):
+        read_lane_file("~/a.osm")
     path = osm(tmp_path / "map.osm")
     monkeypatch.setattr(lane_lines, "MOST_POINTS", 9)
     with pytest.raises(

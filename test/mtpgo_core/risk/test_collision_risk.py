@@ -141,6 +141,27 @@ def test_a_mode_that_is_not_finite_makes_its_agent_unknown_but_no_other(field, v
     assert np.isfinite(risk.peak[1])
 
 
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("mean", 1e9),
+        ("mean", 1e38),
+        ("yaw", 1e6),
+        ("covariance", 2e8 * np.eye(2)),
+        ("covariance", 1e38 * np.eye(2)),
+    ],
+)
+def test_numbers_beyond_belief_are_unknown_and_not_a_low_risk(field, value):
+    given = prediction([[3.0], [3.0]])
+    getattr(given, field)[0] = value
+    risk = assess(given, STILL, BOX)
+    assert risk.agent_unknown.tolist() == [Unknown.NO_PREDICTION, Unknown.KNOWN]
+    assert np.isnan(risk.peak).tolist() == [True, False]
+    assert np.isnan(risk.distance_m[0]).all()
+    assert not (np.abs(risk.position) > 1e8).any()  # displays draw it
+    assert risk.peak[1] == pytest.approx(one(3.0))
+
+
 def test_modes_that_were_filtered_away_are_not_taken_for_safety():
     risk = assess(prediction([[90.0, 95.0]], weight=(0.5, 0.2)), STILL, BOX)
     assert risk.agent_unknown.tolist() == [Unknown.NO_PREDICTION]

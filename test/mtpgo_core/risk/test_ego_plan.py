@@ -66,6 +66,8 @@ def test_a_missing_orientation_is_that_of_the_motion():
         ({"times_s": (0.0, 1.0, 1.0)}, "do not ascend: pose 2 is 0 s after pose 1"),
         ({"x": (0.0, np.nan, 1.0)}, r"position \[nan, 0.0\] at pose 1, expected finite"),
         ({"x": (0.0, np.inf, 1.0)}, "expected finite"),
+        ({"x": (0.0, 1.0, 1e300)}, r"position \[1e\+300, 0.0\] at pose 2, expected finite"),
+        ({"x": (0.0, 10.0, 1e6)}, "moves 1e.06 m in 2 s from pose 1 to pose 2, expected at most"),
     ],
 )
 def test_a_plan_without_usable_times_or_places_is_refused(change, words):
@@ -85,6 +87,12 @@ def test_constant_velocity_keeps_direction_and_heading():
     np.testing.assert_allclose(yaw, 0.3)
     with pytest.raises(MessageError, match="expected finite"):
         plan_of_motion(START, "odom", Pose2(0.0, 0.0, 0.0, velocity=(np.nan, 0.0)))
+    with pytest.raises(MessageError, match=r"the velocity \(300.0, 0.0\) m/s, expected at most"):
+        plan_of_motion(START, "odom", Pose2(0.0, 0.0, 0.0, velocity=(300.0, 0.0)))
+
+
+def test_two_poses_in_a_moment_are_no_jump():
+    assert len(plan((0.0, 0.001, 1.0), (0.0, 0.5, 9.0)).time_ns) == 3
 
 
 def test_the_box_is_ahead_of_the_planned_point_and_has_a_margin():

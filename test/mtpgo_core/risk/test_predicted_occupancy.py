@@ -91,6 +91,16 @@ def test_the_highest_of_the_steps_in_the_window_counts():
     assert covered(1.0, 1.0) == [False, True, False]
     assert covered(0.0, 9.0) == [True, True, True]
     assert covered(1.4, 1.4) == [False, True, False]  # no step there: the nearest
+    assert covered(2.4, 9.0) == [False, False, True]  # the last step stands for a while
+
+
+def test_a_window_beyond_the_predictions_is_unknown():
+    field = predicted_occupancy(prediction(time_s=(1.0, 2.0)), SHAPE, np.zeros(2), 2.6, 9.0)
+    assert field.begins_beyond
+    assert np.isnan(field.probability).all()
+    nobody = predicted_occupancy(prediction((), time_s=()), SHAPE, np.zeros(2), 2.6, 9.0)
+    assert not nobody.begins_beyond
+    assert (nobody.probability == 0.0).all()
 
 
 def test_modes_weigh_and_road_users_add_up():
@@ -108,11 +118,20 @@ def test_modes_weigh_and_road_users_add_up():
 
 def test_an_agent_that_is_not_finite_makes_the_field_unknown():
     given = prediction((0.0, 5.0))
-    given.covariance[1] = np.nan
-    field = predicted_occupancy(given, SHAPE, np.zeros(2), 1.0, 1.0)
-    assert np.isnan(field.probability).all()
-    assert field.unknown_agents == 1
+    for value in (np.nan, 1e38):  # of the latter every cell would be free
+        given.covariance[1] = value * np.eye(2)
+        field = predicted_occupancy(given, SHAPE, np.zeros(2), 1.0, 1.0)
+        assert np.isnan(field.probability).all()
+        assert field.unknown_agents == 1
     assert np.isnan(unknown_field(SHAPE, np.zeros(2)).probability).all()
+
+
+def test_a_grid_that_would_take_too_long_is_unknown():
+    wide = prediction(np.zeros(20), sigma_m=(3000.0, 3000.0))
+    shape = GridShape(1000.0, 0.5)
+    field = predicted_occupancy(wide, shape, np.zeros(2), 1.0, 1.0)
+    assert field.too_many_cells == 20 * 2000**2
+    assert np.isnan(field.probability).all()
 
 
 def test_an_agent_whose_modes_are_not_complete_makes_the_field_unknown():

@@ -19,6 +19,7 @@ from mtpgo_core.task.model_file import (
     find_model,
     load_task,
     model_card,
+    read_model,
     shipped_models,
 )
 from mtpgo_core.task.task_description import TASK_FILE, HistoryConfig, TaskDescription
@@ -176,6 +177,20 @@ def test_paths_stay_paths_and_names_are_looked_up(tmp_path, monkeypatch):
     assert find_model("junction") == weights / "junction.pt"
     with pytest.raises(ModelFileError, match="'no_such' is neither a file nor a shipped model"):
         find_model("no_such")
+    with pytest.raises(ModelFileError, match="is neither a file nor a shipped model"):
+        find_model("y" * 5000)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("~nobody_of_that_name/model.pt", "does not exist"),
+        ("y" * 5000 + ".pt", "cannot be read: File name too long"),
+    ],
+)
+def test_a_name_that_no_file_can_have_is_one_sentence(name, sentence):
+    with pytest.raises(ModelFileError, match=sentence):
+        read_model(find_model(name))
 
 
 def test_a_name_finds_the_shipped_checkpoint(tmp_path, monkeypatch):

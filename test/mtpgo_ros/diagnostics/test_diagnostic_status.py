@@ -53,6 +53,14 @@ def test_silence_is_not_hidden_by_anything(status):
     assert sentence(status, 0).endswith("; a publisher of std_msgs/msg/String")
 
 
+def test_an_output_that_is_left_out_is_said(status):
+    status.agents, status.left_out = 3, ["output autoware is left out: no package"]
+    assert levels(status, EventLog())[1] == WARN
+    assert "no package" in sentence(status, 1)
+    status.nothing_published = True
+    assert levels(status, EventLog())[1] == ERROR
+
+
 def test_before_the_first_observation(status):
     status.input = InputAge(age_s=60.0)
     assert levels(status, EventLog())[0] == WARN

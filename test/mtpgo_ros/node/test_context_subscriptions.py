@@ -12,6 +12,7 @@ from ros_helpers import LATCHED, spin_until
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
+from msg_adapters.inputs import lane_markers
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.types import RclpyTypes
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -57,4 +58,26 @@ def test_a_model_without_lanes_does_not_subscribe_to_them(node):
     context = ContextSubscriptions(node, print, None, EventLog())
     assert node.count_subscribers("ego_id") == 1
     assert node.count_subscribers("lane_markings") == 0
+    context.close()
+
+
+def test_markings_that_cannot_be_used_are_refused_and_the_next_ones_taken(node, monkeypatch):
+    monkeypatch.setattr(lane_markers, "MOST_BYTES", 500)
+    publisher = node.create_publisher(MarkerArray, "lane_markings", LATCHED)
+    lanes, refused = [], []
+    context = ContextSubscriptions(node, print, None, EventLog())
+    context.use_lanes(lambda road, frame_id: lanes.append(road), refused.append)
+    spin(node, lambda: publisher.get_subscription_count())
+    for x, words in (
+        (np.linspace(0.0, 50.0, 51), "bytes, expected at most 500"),
+        (np.array([0.0, 1e6]), "1000 km apart"),
+    ):
+        line = np.stack([x, np.zeros_like(x)], axis=1)
+        publisher.publish(lanes_to_markers([line], RclpyTypes(), stamp_ns=0, frame_id="map"))
+        spin(node, lambda words=words: refused and words in refused[-1])
+    assert not lanes
+    line = np.array([[0.0, 0.0], [50.0, 0.0]])
+    publisher.publish(lanes_to_markers([line], RclpyTypes(), stamp_ns=0, frame_id="map"))
+    spin(node, lambda: lanes)
+    assert len(refused) == 2
     context.close()

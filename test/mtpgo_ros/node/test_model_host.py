@@ -4,6 +4,7 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 from ros_helpers import traffic
 
@@ -68,5 +69,5 @@ def test_a_missing_ego_and_missing_lanes_are_limitations(models):
     assert "no ego" in ego
     assert "lane_markings" in lanes
     host.configure(parameters(models["lanes"], graph="ego"), "1")
-    host.lanes.take_markings(LaneMap(()), "map")
+    host.lanes.take_markings(LaneMap([np.array([[0.0, 2.0], [9.0, 2.0]])]), "map")
     assert host.limitations() == []

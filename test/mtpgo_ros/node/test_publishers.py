@@ -95,6 +95,13 @@ def test_the_cloud_is_published_immediately_with_the_time_of_processing(make):
 def test_kinds_whose_messages_are_not_installed_are_left_out(make):
     outputs = make(("autoware", "pointcloud2"))
     assert outputs.publishers._kinds == ("pointcloud2",)
+    assert "output autoware is left out: " in outputs.publishers.left_out["autoware"]
+    assert not outputs.publishers.nothing
+    outputs.publishers.configure(("autoware",), 3)
+    assert outputs.publishers.nothing
+    outputs.publishers.configure(("pointcloud2",), 3)
+    assert not outputs.publishers.left_out
+    assert not outputs.publishers.nothing
 
 
 def test_fewer_modes_are_published_after_a_change(make):

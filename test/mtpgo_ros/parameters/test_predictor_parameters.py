@@ -47,6 +47,8 @@ def test_the_choices_are_those_that_the_adapters_offer():
         ({"output": ()}, ["output", "empty"]),
         ({"model": " "}, ["model", "empty"]),
         ({"class_map": "kitty"}, ["parameter class_map: ", "'kitty'", "'nuscenes'", "YAML file"]),
+        ({"class_map": "y" * 5000}, ["parameter class_map: ", "neither a preset nor a file"]),
+        ({"lane_file": "/dev/zero"}, ["parameter lane_file: ", "a pipe or a device"]),
         ({"model_sha256": "abc"}, ["model_sha256", "'abc'", "64 digits"]),
         ({"ego_topic": "a b"}, ["ego_topic", "'a b'", "nav_msgs/Odometry"]),
         ({"ego_class": "tank"}, ["ego_class", "'tank'", "'truck'"]),
@@ -79,3 +81,13 @@ def test_the_parameter_file_holds_every_parameter_with_its_default():
     assert values == defaults
     types = {name: type(value) for name, value in values.items()}
     assert types == {name: type(value) for name, value in defaults.items()}
+
+
+def test_a_file_that_is_gone_hinders_no_other_change(tmp_path):
+    path = tmp_path / "classes.yaml"
+    path.write_text("automobile: car\n")
+    current = updated(PredictorParameters(), {"class_map": str(path)})
+    path.unlink()
+    assert updated(current, {"rate": 4.0}).rate == 4.0
+    with pytest.raises(ConfigurationError, match="parameter class_map"):
+        updated(PredictorParameters(), {"class_map": str(path)})

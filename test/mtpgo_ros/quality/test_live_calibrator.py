@@ -10,6 +10,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from ros_helpers import traffic
 
 from mtpgo_core.schema import CalibrationStage, Source
+from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.quality.live_calibrator import LiveCalibrator
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 AGENTS, SHIPPED_VARIANCE = 12, 0.1 + 1.0  # of the tiny model after 1 s (m^2)
@@ -93,3 +96,50 @@ def test_an_unwritable_file_is_reported_and_the_node_goes_on(bench, tmp_path):
     b = bench(calibration_file=str(tmp_path / "missing" / "calibration.json"))
     b.status("calibration", WARN, "cannot be read")
     assert len(b.predict(traffic(0.0, agents=AGENTS))) == AGENTS
+
+
+@pytest.fixture
+def calibrator(tmp_path):
+    """A function that makes calibrators with one file."""
+    task = TaskDescription()
+
+    def make(**parameters):
+        path = str(tmp_path / "calibration.json")
+        return LiveCalibrator(PredictorParameters(calibration_file=path, **parameters), task)
+
+    return make
+
+
+def test_a_file_that_could_not_be_used_is_no_problem_once_it_is_written(calibrator, tmp_path):
+    (tmp_path / "calibration.json").write_text("{}")
+    one = calibrator()
+    assert "is no calibration file" in one.file_error
+    one.close()
+    assert not one.file_error
+    (tmp_path / "calibration.json").unlink()
+    (tmp_path / "calibration.json").mkdir()
+    one.close()
+    assert "cannot be written: Is a directory" in one.file_error
+    (tmp_path / "calibration.json").rmdir()
+    one.close()
+    assert not one.file_error
+
+
+def test_two_nodes_with_one_file_are_told(calibrator):
+    one, other = calibrator(), calibrator()
+    one.close()
+    assert not one.file_error
+    other.close()
+    assert "was written by another process as well, expected one file" in other.file_error
+    other.close()
+    assert not other.file_error
+    one.close()
+    assert "was written by another process as well" in one.file_error
+
+
+def test_a_preference_in_the_file_serves_nobody_where_the_model_is_wanted(calibrator):
+    one = calibrator(prefer="best")
+    one.live.preference.constant_velocity[1] = True
+    one.close()
+    assert calibrator(prefer="best").preferred == ["vehicle_moving"]
+    assert calibrator(prefer="model").preferred == []

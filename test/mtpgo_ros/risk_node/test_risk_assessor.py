@@ -152,6 +152,21 @@ def test_predictions_of_another_time(setup, late_s, side):
     assert "use_sim_time" in message
 
 
+def test_a_simulated_clock_that_has_not_begun(setup):
+    assessor, status = setup
+    assessor.add_plan(STILL)
+    assert_unknown(assessor.assess(prediction(), 0), Unknown.STALE)
+    status.input = InputAge(usable=True, clock_stands_s=5.0, clock_seen=False)
+    level, message = diagnosed(status)["predictions"]
+    assert level == ERROR
+    assert "use_sim_time is set, but no time has come on /clock" in message
+    assert "played bag" not in message
+    assessor.assess(prediction(), START)
+    status.input = InputAge(usable=True, clock_stands_s=5.0)
+    level, message = diagnosed(status)["predictions"]
+    assert (level, message) == (WARN, "the simulated time on /clock has stood still for 5.0 s")
+
+
 def test_predictions_that_stop_coming(setup):
     assessor, status = setup
     assessor.add_plan(STILL)
@@ -185,7 +200,7 @@ def test_a_road_user_without_covariance(setup):
     assert risk.agent_unknown.tolist() == [Unknown.NO_PREDICTION, Unknown.KNOWN]
     level, message = diagnosed(status)["predictions"]
     assert level == WARN
-    assert message.startswith("the predictions of 1 of 2 road users have no covariance")
+    assert message.startswith("the predictions of 1 of 2 road users have no usable covariance")
     assessor.assess(prediction(), START)
     assert diagnosed(status)["predictions"][0] == OK
 

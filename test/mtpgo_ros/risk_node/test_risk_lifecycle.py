@@ -6,17 +6,24 @@ import math
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from rclpy.context import Context
+from rclpy.node import Node
 from rclpy.parameter import Parameter
-from risk_bench import PATIENT_S, RiskBench
-from risk_scene import ERROR, OK, prediction
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from risk_bench import PATIENT_S, TYPES, RiskBench
+from risk_scene import ERROR, OK, WARN, prediction
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from msg_adapters.outputs.risk_cloud import agents_from_cloud, steps_from_cloud
+from msg_adapters.predictions import prediction_to_pointcloud2
 from mtpgo_core.risk.collision_risk import Unknown
 from mtpgo_ros.risk_node.risk_lifecycle import RiskNode
 
 NAMESPACE = "/risk_bench"
+BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +117,82 @@ def test_when_predictions_stop_the_last_risk_is_taken_back(bench):
     assert last["id_0"].tolist() == [1, 2]
     bench.status("predictions", ERROR, "the last ones on")
     bench.until(lambda: set(bench.got["occupancy"][-1].data) == {-1})
+
+
+def test_an_occupancy_beyond_the_predictions_is_unknown(bench):
+    def window(begin_s, until_s):
+        values = {"occupancy_from": begin_s, "occupancy_until": until_s}
+        bench.node.set_parameters_atomically([Parameter(k, value=v) for k, v in values.items()])
+        return set(bench.grid_of(prediction()).data)
+
+    assert window(30.0, 60.0) == {-1}
+    bench.status("result", ERROR, "occupancy_from is 30 s, and the predictions end at 2.0 s")
+    assert -1 not in window(0.0, 60.0)
+    bench.status("result", WARN, "is that until 2.0 s, where the predictions end")
+    assert -1 not in window(0.0, 2.0)
+    bench.status("result", OK)
+
+
+def test_a_plan_that_is_too_long_is_refused_before_it_is_decoded(bench):
+    before = bench.count("rejected_plans")
+    bench.planner.publish(Path(poses=[PoseStamped()] * 10_001))
+    bench.until(lambda: bench.count("rejected_plans") > before)
+    assert (bench.predict(prediction())["unknown"] == Unknown.NO_PLAN).all()
+    bench.status("plan", ERROR, "has 10001 poses, expected at most 10000")
+
+
+def test_a_plan_at_the_speed_of_a_jet_gives_no_low_risk(bench):
+    bench.plan(x=(0.0, 1e4))
+    assert (bench.predict(prediction())["unknown"] == Unknown.NO_PLAN).all()
+    bench.status("plan", ERROR, "moves 1e+04 m in 10 s")
+
+
+def test_numbers_beyond_belief_are_unknown_and_leave_the_others(bench):
+    given = prediction()
+    given.covariance[1] *= 1e30
+    found = bench.predict(given)
+    assert found["unknown"].tolist() == [Unknown.KNOWN, Unknown.NO_PREDICTION]
+    assert math.isnan(found["probability"][1])
+    bench.status("predictions", WARN, "1 of 2 road users have no usable covariance")
+
+
+def test_a_stamp_that_no_message_can_hold_is_refused(bench):
+    before = bench.count("rejected")
+    message = prediction_to_pointcloud2(prediction(), TYPES)
+    message.header.stamp.sec, message.header.stamp.nanosec = 2**31 - 1, 2**32 - 1
+    bench.predictor.publish(message)
+    bench.until(lambda: bench.count("rejected") > before)
+    bench.status("predictions", ERROR, "stamp is 2147483647 s and 4294967295 ns")
+    assert (bench.predict(prediction())["unknown"] == Unknown.KNOWN).all()
+
+
+@pytest.fixture
+def stranger():
+    """A node of another process, as the middleware sees it."""
+    context = Context()
+    context.init()
+    node = Node("stranger", namespace=NAMESPACE, context=context)
+    yield node
+    node.destroy_node()
+    context.try_shutdown()
+
+
+def test_publishers_that_are_not_heard_or_too_many_are_said(bench, stranger):
+    topic = "predictor/predictions"
+    for kind, qos, words in (
+        (String, 5, "a publisher of std_msgs/msg/String is not heard, the node takes sensor_msgs"),
+        (PointCloud2, BEST_EFFORT, "a publisher that is best effort is not heard"),
+        (PointCloud2, 5, "has 2 publishers, expected one"),
+    ):
+        other = stranger.create_publisher(kind, topic, qos)
+        bench.status("predictions", WARN, words)
+        stranger.destroy_publisher(other)
+    planner = stranger.create_publisher(Path, "plan", 5)
+    bench.status("plan", WARN, "has 2 publishers, expected one")
+    stranger.destroy_publisher(planner)
+    bench.predict(prediction())
+    bench.status("plan", OK)
+    bench.status("predictions", OK)
 
 
 def test_other_clouds_are_refused_and_counted(bench):

@@ -89,7 +89,7 @@ def test_predicted_objects_are_read(bench, monkeypatch):
     assert found["id_0"].tolist() == [1, 2]
     assert found["unknown"].tolist() == [Unknown.NO_PREDICTION] * 2
     assert np.isnan(found["probability"]).all()
-    one.status("predictions", WARN, "2 of 2 road users have no covariance")
+    one.status("predictions", WARN, "2 of 2 road users have no usable covariance")
     one.until(lambda: one.got["occupancy"] and set(one.got["occupancy"][-1].data) == {-1})
     one.node.set_parameters([Parameter("missing_covariance", value="assumed")])
     found = one.answer(data)

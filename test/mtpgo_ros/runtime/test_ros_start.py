@@ -6,9 +6,11 @@ import itertools
 
 import pytest
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_ros.runtime.ros_start import own_arguments, spin
+from mtpgo_ros.runtime.ros_start import node_errors, own_arguments, spin
 
 
 @pytest.fixture
@@ -54,3 +56,13 @@ def test_ros_arguments_that_cannot_be_read_are_reported_in_a_sentence(arguments)
     with pytest.raises(ConfigurationError, match=arguments[-1]) as caught:
         own_arguments(arguments)
     assert "/src/" not in str(caught.value)
+
+
+def test_what_ros_refuses_about_a_node_is_one_sentence():
+    wrong = [Parameter("use_sim_time", value="maybe")]
+    with pytest.raises(ConfigurationError, match="'use_sim_time' to 'maybe'"), node_errors():
+        Node("refused", parameter_overrides=wrong)
+    with pytest.raises(ConfigurationError, match=r"Invalid topic name: .*'/a b'"), node_errors():
+        validate_full_topic_name("/a b")
+    with pytest.raises(ZeroDivisionError), node_errors():
+        _ = 1 / 0  # a defect keeps its traceback

@@ -164,3 +164,20 @@ def test_reading_takes_place_beside_the_node(bench, tmp_path, monkeypatch):
     bench.said.append("go on")
     bench.wait()
     assert "slow" in bench.lanes.limitations()[0]
+
+
+def test_markings_without_a_line_and_refused_ones_are_said_until_usable_ones_come(bench):
+    assert bench.lanes.limitations() == [
+        "the model wants lanes, but nothing has come on lane_markings"
+    ]
+    bench.lanes.refuse_markings("lane markings are not used: too large")
+    assert bench.lanes.limitations() == ["lane markings are not used: too large"]
+    bench.lanes.take_markings(LaneMap(()), "map")
+    bench.observe()
+    assert bench.lanes.limitations() == ["there is no lane line in lane_markings"]
+    bench.lanes.take_markings(LaneMap([np.array([[0.0, 2.0], [9.0, 2.0]])]), "map")
+    bench.observe()
+    assert bench.lanes.limitations() == []
+    bench.lanes.refuse_markings("lane markings are not used: two frames")
+    assert bench.lanes.limitations() == ["lane markings are not used: two frames"]
+    assert bench.lanes.values()["lane_segments"] == "1"  # the earlier ones serve
