@@ -15,6 +15,7 @@ from mtpgo_core.history.stream_guard import UpdateReport
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.live_calibration.calibration_file import restore, save
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
+from mtpgo_core.live_calibration.live_options import BEST
 from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_core.schema import HistoryWindow, Prediction, Source
 from mtpgo_core.task.calibration import GROUPS
@@ -92,6 +93,8 @@ class LiveCalibrator:
     @property
     def preferred(self) -> list[str]:
         """Groups that constant velocity serves because it has been better."""
+        if self.live.options.prefer != BEST:
+            return []  # A calibration file may name some all the same.
         chosen = self.live.preference.constant_velocity
         return [name for name, preferred in zip(GROUPS, chosen, strict=True) if preferred]
 

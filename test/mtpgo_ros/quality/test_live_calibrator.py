@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node calibrates itself while it runs, over DDS."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -10,6 +11,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from ros_helpers import traffic
 
 from mtpgo_core.schema import CalibrationStage, Source
+from mtpgo_core.task.calibration import GROUPS
+from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.quality.live_calibrator import LiveCalibrator
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 AGENTS, SHIPPED_VARIANCE = 12, 0.1 + 1.0  # of the tiny model after 1 s (m^2)
@@ -93,3 +98,17 @@ def test_an_unwritable_file_is_reported_and_the_node_goes_on(bench, tmp_path):
     b = bench(calibration_file=str(tmp_path / "missing" / "calibration.json"))
     b.status("calibration", WARN, "cannot be read")
     assert len(b.predict(traffic(0.0, agents=AGENTS))) == AGENTS
+
+
+def test_groups_of_a_file_are_served_by_constant_velocity_only_with_best(tmp_path):
+    """Otherwise the diagnostics warn of a preference that serves nobody."""
+    given = {"calibration_file": str(tmp_path / "calibration.json"), "prefer": "best"}
+    task = TaskDescription(weights_sha256="0" * 64)
+    written = LiveCalibrator(dataclasses.replace(PredictorParameters(), **given), task)
+    written.live.preference.constant_velocity[GROUPS.index("pedestrian_moving")] = True
+    written.close()
+    for prefer, served in (("best", ["pedestrian_moving"]), ("model", [])):
+        parameters = dataclasses.replace(PredictorParameters(), **{**given, "prefer": prefer})
+        again = LiveCalibrator(parameters, task)
+        assert again.file_error == ""
+        assert again.preferred == served
