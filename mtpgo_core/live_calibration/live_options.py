@@ -39,7 +39,7 @@ class LiveOptions:
         coupling: share of a change of the 50 % ellipse that the 90 % ellipse follows at once.
         least_agents: road users of a group below which it moves along with all groups.
         track_limit: most that one track may have moved a logarithm of a factor within
-            ``track_memory_s``; more where there are fewer than ten road users.
+            ``track_memory_s``; more where there are fewer than ten road users, of all classes.
         track_memory_s: time over which this is counted (s).
     """
 
