@@ -52,7 +52,7 @@ class LiveOptions:
     rate_50: float = option(0.12, above=0.0, high=1.0)
     coupling: float = option(0.5, low=0.0, high=1.0)
     least_agents: float = option(4.0, low=1.0)
-    track_limit: float = option(0.06, above=0.0, high=1.0)
+    track_limit: float = option(0.05, above=0.0, high=1.0)
     track_memory_s: float = option(60.0, above=0.0)
 
     def __post_init__(self) -> None:

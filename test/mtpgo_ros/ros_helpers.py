@@ -173,6 +173,8 @@ class Bench:
         self.node._pipeline._request = lambda window, stamp_ns, received_ns: PredictionRequest(
             window, stamp_ns, received_ns, budget_ns=limit_ns, deadline_ns=limit_ns
         )
+        # Nor does a slow prediction leave agents of the next ones to constant velocity.
+        self.node._pipeline._load.allowed_s = lambda budget, period_s: LIMIT_S
         return self
 
     def until(self, condition: Callable[[], Any], limit_s: float = LIMIT_S) -> None:
