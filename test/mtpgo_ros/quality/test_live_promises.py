@@ -27,7 +27,7 @@ SHIPPED_VARIANCE = 0.1 + (0.2 * np.arange(1, 26)) ** 2
 EACH, DRIFT_MPS, PREFER_S = 6, 3.0, 4.0
 """Cars, and as many pedestrians; drift of the model ``wrong``; the parameter ``prefer_time``."""
 
-CARS, ERRATIC, CALM_S = 30, 29, 90.0
+CARS, ERRATIC, CALM_S = 30, 29, 60.0
 CORRELATION_S, POSITION_NOISE_M, VELOCITY_NOISE_MPS = 2.0, 0.2, 0.5
 """Of a tracker: its errors last for some time."""
 
@@ -76,13 +76,12 @@ class FastBench(Bench):
     """A test bench in simulated time.
 
     Attributes:
-        served: the predictions by their stamps (ns).
         people: what comes on ``~/quality``.
     """
 
     def __init__(self, model, **parameters):
         super().__init__(
-            model, use_sim_time=True, output=["pointcloud2"], diagnostic_period=0.5, **parameters
+            model, use_sim_time=True, output=["pointcloud2"], diagnostic_period=1.0, **parameters
         )
         self.people = []
         self.peer.create_subscription(DiagnosticArray, "predictor/quality", self.people.append, 20)
@@ -157,30 +156,24 @@ def test_one_erratic_car_of_thirty_moves_no_factor_by_a_tenth(calm, models):
     assert missed == pytest.approx(1 / CARS, rel=0.1)  # the erratic car always, the others never
     assert all(len(one) == CARS and (one.source == Source.MODEL).all() for one in served)
     ratio = np.array([factors(one) for one in served]) / without
-    print(np.abs(np.log(ratio)).max(axis=(0, 2)))
     assert 0.01 < np.abs(np.log(ratio)).max() < np.log(1.1)
     assert shown_with.keys() == shown_without.keys()
     for key, values in shown_without.items():
         np.testing.assert_allclose(shown_with[key], values, rtol=0.1, err_msg=key)
-    print(max(np.abs(shown_with[key] / v - 1).max() for key, v in shown_without.items()))
 
 
 def test_noise_that_doubles_is_followed_within_a_minute(calm):
     bench, tracker, _, before = calm
-    print(bench.minute("vehicle"))
-    assert coverage(bench) == pytest.approx(0.9, abs=0.03)
+    assert (coverage(bench) > 0.87).all()
     for _ in range(steps(60.0)):
         bench.drive(tracker.observe(noise=2.0))
     after = shown(bench)
-    print(bench.minute("vehicle"))
-    assert (coverage(bench) < 0.87).all()  # it was not so from the beginning
+    assert (coverage(bench) < 0.87).all()  # not at once
     for _ in range(steps(60.0)):
         bench.drive(tracker.observe(noise=2.0))
-    print(bench.minute("vehicle"))
     assert coverage(bench) == pytest.approx(0.9, abs=0.03)
     for level in (50, 90):
         key = f"model_sigma_{level}_vehicle_moving"
-        print(after[key] / before[key])
         assert after[key] / before[key] == pytest.approx(2.0, rel=0.2)
 
 
@@ -235,7 +228,6 @@ def test_best_serves_constant_velocity_only_where_and_while_it_is_better(models)
     first, back = np.flatnonzero(np.diff(source[:, 0])) + 1
     assert set(source[first:back, 0]) == {Source.PREFERRED_CONSTANT_VELOCITY}
     assert source[0, 0] == source[-1, 0] == Source.MODEL
-    print(first, back, turned)
     assert PREFER_S < DT_S * first < PREFER_S + 2.0
     # The averages of the time before have to fade, the new errors to become known.
     assert PREFER_S < DT_S * (back - turned) < 4.0 * PREFER_S
