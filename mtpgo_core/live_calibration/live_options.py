@@ -39,7 +39,7 @@ class LiveOptions:
         coupling: share of a change of the 50 % ellipse that the 90 % ellipse follows at once.
         least_agents: road users of a group below which it moves along with all groups.
         track_limit: most that one track may have moved a logarithm of a factor within
-            ``track_memory_s``; more where there are fewer than ten road users.
+            ``track_memory_s``; more where there are fewer than ten road users, of all classes.
         track_memory_s: time over which this is counted (s).
     """
 
@@ -52,7 +52,7 @@ class LiveOptions:
     rate_50: float = option(0.12, above=0.0, high=1.0)
     coupling: float = option(0.5, low=0.0, high=1.0)
     least_agents: float = option(4.0, low=1.0)
-    track_limit: float = option(0.06, above=0.0, high=1.0)
+    track_limit: float = option(0.05, above=0.0, high=1.0)
     track_memory_s: float = option(60.0, above=0.0)
 
     def __post_init__(self) -> None:

@@ -53,7 +53,7 @@ _IDLE_S = 10.0
 """Time without outcomes after which a group forgets (s); chosen: twice the horizon."""
 
 _FEW_AGENTS = 10.0
-"""Road users below which each of them may change more; chosen."""
+"""Road users present below which each of them may change more; chosen."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class SigmaTracker:
         counts = np.stack([squares.group < POOLS, np.ones(m, dtype=np.bool_)])
         agents = self.agents[group, squares.step]
         size = squares.span_s / np.maximum(agents, self.options.least_agents)
-        limit = self.options.track_limit * np.maximum(1.0, _FEW_AGENTS / np.maximum(agents, 1.0))
+        limit = self._track_limits()[group, squares.step]
         # [2, m, SOURCES, LEVELS]
         served = np.stack([squares.own, squares.pool])
         squared = squares.squared[:, :, None]
@@ -164,6 +164,18 @@ class SigmaTracker:
         cell = ((source * shape[1] + level) * shape[2] + group[kind, row]) * steps + step
         change = np.bincount(cell, granted, self.log_sigma.size).astype(np.float64)
         return change.reshape(shape)
+
+    def _track_limits(self) -> Float64Array:
+        """Return [groups, H] most that one track may move a logarithm.
+
+        What counts is how many road users move, not how many are in the group: among thirty, one
+        of few pedestrians may do no more than one of many cars. For groups that stand all count,
+        since any road user may stand for a moment.
+        """
+        standing, moving = self.agents[POOLS:]
+        present = np.maximum([standing + moving, moving], 1.0)
+        limit = self.options.track_limit * np.maximum(1.0, _FEW_AGENTS / present)
+        return np.asarray(limit[np.arange(len(GROUPS)) % len(MOTIONS)])
 
     def _count(self, squares: Squares) -> None:
         """Count road users per prediction, by group and step."""

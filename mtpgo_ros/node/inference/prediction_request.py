@@ -26,6 +26,8 @@ class PredictionRequest:
         budget_ns: time after ``received_ns`` from which on the fallback answers (ns).
         deadline_ns: time after ``received_ns`` from which on an answer is late (ns).
         over_budget: the fallback answers because the model was not ready.
+        scored: set once earlier predictions are scored by the observation, so that what was
+            learned from it is served in each run.
     """
 
     window: HistoryWindow
@@ -34,6 +36,7 @@ class PredictionRequest:
     budget_ns: int
     deadline_ns: int
     over_budget: bool = False
+    scored: threading.Event = field(default_factory=threading.Event, repr=False)
     _claim: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     @property

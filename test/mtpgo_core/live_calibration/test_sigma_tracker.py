@@ -8,6 +8,9 @@ from live_stream import ErrorStream
 
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.live_calibration.sigma_tracker import POOLS, SIGMA_LIMITS
+from mtpgo_core.task.calibration import GROUPS
+
+PEDESTRIANS = GROUPS.index("pedestrian_moving")
 
 
 def test_right_covariances_keep_their_factors():
@@ -50,6 +53,21 @@ def test_one_erratic_road_user_of_thirty_moves_no_factor_by_a_tenth(heavy):
     assert 0.0 < apart.max() < np.log(1.1)
 
 
+@pytest.mark.parametrize(("pedestrians", "most"), [(1, 0.1), (3, 0.15)])
+def test_nor_does_one_of_few_pedestrians_where_there_are_thirty_road_users(pedestrians, most):
+    """Such a group has its factors of one or two other road users only."""
+    apart = 0.0
+    calm, disturbed = ErrorStream(), ErrorStream()
+    for stream in (calm, disturbed):
+        stream.group[:pedestrians] = PEDESTRIANS
+    for _ in range(10):
+        calm.run(8)
+        disturbed.run(8, erratic=(0,))
+        ratio = disturbed.sigma(group=PEDESTRIANS) / calm.sigma(group=PEDESTRIANS)
+        apart = max(apart, np.abs(np.log(ratio)).max())
+    assert 0.0 < apart < np.log(1.0 + most)
+
+
 def test_factors_stay_within_their_limits():
     stream = ErrorStream()
     stream.run(60, scale=100.0)
@@ -62,8 +80,7 @@ def test_factors_stay_within_their_limits():
 def test_groups_with_few_road_users_move_along_with_all():
     stream = ErrorStream()
     stream.run(60, scale=2.0)
-    pedestrians = 5
-    assert stream.sigma(group=pedestrians) == pytest.approx(
+    assert stream.sigma(group=PEDESTRIANS) == pytest.approx(
         stream.sigma(group=POOLS + 1), rel=0.05
     )
     standing = 0  # another motion is another kind of error

@@ -3,6 +3,7 @@
 """The node calibrates itself while it runs, over DDS."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -90,6 +91,30 @@ def test_constant_velocity_serves_where_the_model_has_been_worse(bench):
     model_m, constant_m = map(float, values["error_m_model_and_cv_vehicle_moving"].split())
     assert model_m > 1.0 > constant_m
     b.status("model", OK, fallback_agents="0")  # it works, it is only worse
+
+
+def test_what_an_observation_teaches_is_served_with_the_prediction_that_it_starts(
+    bench, monkeypatch
+):
+    """However the threads run, so that two runs on a bag are equal."""
+    b = bench()
+    calibrator, order = b.node._model.calibrator, []
+    observe, serve = calibrator.observe, calibrator.serve
+
+    def slow(history, report):
+        time.sleep(0.02)  # the tiny model is ready sooner
+        observe(history, report)
+        order.append("observe")
+
+    def served(prediction, window):
+        order.append("serve")
+        return serve(prediction, window)
+
+    monkeypatch.setattr(calibrator, "observe", slow)
+    monkeypatch.setattr(calibrator, "serve", served)
+    for step in range(3):
+        b.predict(traffic(0.2 * step))
+    assert order == 3 * ["observe", "serve"]
 
 
 def test_an_unwritable_file_is_reported_and_the_node_goes_on(bench, tmp_path):
