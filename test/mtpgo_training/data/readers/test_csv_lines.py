@@ -49,7 +49,7 @@ def test_the_first_row_with_too_many_cells(tmp_path):
     ("content", "kind"),
     [
         (b"PK\x03\x04\x14\x00", "a ZIP archive or a spreadsheet"),
-        (gzip.compress(b"v,w\n"), "compressed by gzip, expected a name that ends in .gz"),
+        (gzip.compress(b"v,w\n", mtime=0), "compressed by gzip, expected a name that ends in .gz"),
         (b"PAR1\x15\x04", "a Parquet file, expected a name that ends in .parquet"),
         ("v,w\n1,2\n".encode("utf-16"), "encoded in UTF-16, expected UTF-8"),
         ("v,w\n1,2\n".encode("utf-16-le"), "no text, expected CSV in UTF-8"),
