@@ -19,7 +19,7 @@ from rclpy.lifecycle import LifecycleNode
 from msg_adapters.adapter import InputAdapter
 from mtpgo_core.class_map import class_map
 from mtpgo_core.errors import FrameError, MessageError, MtpgoError
-from mtpgo_core.frames import VEHICLE_FRAMES
+from mtpgo_core.frames import moves_with_vehicle
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.finite_output import publishable
@@ -270,7 +270,7 @@ class PredictionPipeline:
         return states, decoded.skipped_total
 
     def _warn_of_moving_frame(self, states: TrackedStates) -> None:
-        if not self._parameters.fixed_frame and states.frame_id in VEHICLE_FRAMES:
+        if not self._parameters.fixed_frame and moves_with_vehicle(states.frame_id):
             self._events.log(
                 "moving frame",
                 f"objects come in frame {states.frame_id!r}, which usually moves with the vehicle:"

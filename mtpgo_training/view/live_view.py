@@ -20,7 +20,7 @@ from msg_adapters.inputs.lane_markers import lanes_from_markers
 from msg_adapters.predictions import prediction_from_pointcloud2
 from msg_adapters.registry import adapter_for_type
 from mtpgo_core.errors import ConfigurationError, MessageError, RecordingError
-from mtpgo_core.frames import VEHICLE_FRAMES
+from mtpgo_core.frames import moves_with_vehicle
 from mtpgo_core.maps.lane_lines import LaneLines
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.recording_bag import LANES_TOPIC, OBJECTS_TOPIC, PREDICTIONS_TOPIC
@@ -206,7 +206,7 @@ class LiveScene:
             elif came.topic == self._topics.objects:
                 adapter = adapter_for_type(came.message_type)
                 states = adapter.to_states(came.message, fallback_stamp_ns=came.time_ns)
-                if states.frame_id not in VEHICLE_FRAMES:
+                if not moves_with_vehicle(states.frame_id):
                     names = identity_texts(states.key)
                     self._target.log_states(self._since_s(states.stamp_ns), states, names)
             elif came.topic == LANES_TOPIC and self._lanes is None:

@@ -136,12 +136,13 @@ def test_a_missing_pose_is_an_error_of_the_frame_until_it_is_there(make):
     assert setup.status.frame_error == ""
 
 
-def test_a_moving_frame_is_reported_and_still_predicted(make):
+@pytest.mark.parametrize("frame_id", ["base_link", "car1/base_link"])
+def test_a_moving_frame_is_reported_and_still_predicted(make, frame_id):
     setup = make()
-    setup.receive(message_of(traffic(0.0, frame_id="base_link")))
+    setup.receive(message_of(traffic(0.0, frame_id=frame_id)))
     setup.prediction()
     (line,) = setup.logger.warnings
-    assert "'base_link', which usually moves with the vehicle" in line
+    assert f"'{frame_id}', which usually moves with the vehicle" in line
 
 
 def test_a_late_prediction_is_published_and_counted_as_a_missed_deadline(make):
