@@ -141,7 +141,9 @@ class StudyRun:
         cache = None if self.cache is None else RecordingCache(self.cache)
         data = study_data(self.study, self.first, list(read_sources(self.sources, cache)))
         if not files.training.is_file():
-            config = dataclasses.replace(data.of(self.config), name=self.name, seed=self.seed)
+            config = dataclasses.replace(
+                data.of(self.config), name=self.name, seed=self.seed, num_threads=1
+            )
             if not self._train(files, config, data.recordings, cache):
                 return False
         # A model that was trained for a few minutes may have ellipses that an export refuses.

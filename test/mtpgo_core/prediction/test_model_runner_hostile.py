@@ -28,7 +28,7 @@ WITHOUT_TORCH = {
     "of_another_schema": "has schema version 99, expected 1",
     "of_a_huge_task": "task.horizon_steps is 1000000000, expected 1 to 1000",
     "with_a_forged_hash": "is not what was exported: its content has the SHA-256",
-    "nested_json": "has an unusable task.json: maximum recursion depth",
+    "nested_json": "has an unusable task.json: the task description is no JSON: maximum recursion",
 }
 """What is refused before torch sees the file."""
 

@@ -104,6 +104,8 @@ def test_a_study_of_two_rows_interrupted_continued_and_with_a_failed_run(
     assert cli.main(arguments(place, *TWO_ROWS)) == 0
     printed = capsys.readouterr()
     assert "2 runs, 0 done before" in printed.out
+    config = (out / "runs" / "seq2seq-seed1" / "run" / "config.yaml").read_text(encoding="utf-8")
+    assert "\nnum_threads: 1\n" in config, "processes beside each other have one thread each"
     log = (out / "runs" / "seq2seq-seed1" / "run" / "log.csv").read_text(encoding="utf-8")
     assert [line.split(",")[0] for line in log.splitlines()[1:]] == [*"12345678"]
     content = json.loads((out / "result.json").read_text(encoding="utf-8"))
