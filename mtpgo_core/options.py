@@ -140,7 +140,7 @@ def listed(names: Iterable[Any]) -> str:
 def is_unicode(text: str) -> bool:
     r"""Return whether a text can be written in UTF-8: JSON may hold halves of characters (\ud800).
 
-    They would fail whoever prints, stores or compares the text much later.
+    Printing, storing or comparing such a text would fail much later.
     """
     try:
         text.encode()

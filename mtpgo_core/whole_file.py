@@ -63,7 +63,7 @@ def user_path(text: str | Path) -> Path:
 def regular_size(path: Path) -> int:
     """Return the size of a regular file (bytes).
 
-    Opening a pipe waits for somebody who writes, and a device may never end: neither is opened.
+    Opening a pipe waits for a writer, and a device may never end: neither is opened.
 
     Raises:
         OSError: there is no such file, or it is no regular one.

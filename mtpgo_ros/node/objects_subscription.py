@@ -12,7 +12,7 @@ import contextlib
 import gc
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any, cast
 
 from rclpy.clock import Clock, ClockType
@@ -144,10 +144,7 @@ class ObjectsSubscription:
         elif not others:
             self.status = ""
         elif others != published or not self._follows_type:
-            self.status = (
-                f"topic {self.topic}: a publisher of {', '.join(sorted(others))} is not heard, the"
-                f" node takes {self.message_type}"
-            )
+            self.status = types_not_heard(self.topic, others, {self.message_type})
             self._events.log("objects type", self.status)
         else:
             self._subscribe_to_one_of(published)
@@ -303,3 +300,11 @@ def _received_ns(info: dict[str, Any]) -> int:
     if not 0 <= waited_ns <= 1_000_000_000:
         waited_ns = 0
     return time.monotonic_ns() - waited_ns
+
+
+def types_not_heard(topic: str, others: Collection[str], taken: Collection[str]) -> str:
+    """Return the sentence for publishers of other message types than those that a node takes."""
+    return (
+        f"topic {topic}: a publisher of {', '.join(sorted(others))} is not heard, the node takes"
+        f" {', '.join(sorted(taken))}"
+    )

@@ -7,6 +7,8 @@ from __future__ import annotations
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from mtpgo_ros.node.objects_subscription import types_not_heard
+
 
 def publisher_problem(node: Node, topic: str, qos: QoSProfile) -> str:
     """Return what is wrong with a topic's publishers, empty if nothing is.
@@ -25,10 +27,7 @@ def publisher_problem(node: Node, topic: str, qos: QoSProfile) -> str:
     }
     others = {info.topic_type for info in publishers} - taken
     if taken and others:
-        return (
-            f"topic {topic}: a publisher of {', '.join(sorted(others))} is not heard, the node"
-            f" takes {', '.join(sorted(taken))}"
-        )
+        return types_not_heard(topic, others, taken)
     reliable = qos.reliability == ReliabilityPolicy.RELIABLE
     if reliable and any(
         info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for info in publishers
@@ -37,6 +36,6 @@ def publisher_problem(node: Node, topic: str, qos: QoSProfile) -> str:
     if len(publishers) > 1:
         return (
             f"topic {topic} has {len(publishers)} publishers, expected one: the risk is that of"
-            " whichever spoke last; one that was killed is still known for 20 s"
+            " the last message; one that was killed is still known for 20 s"
         )
     return ""

@@ -55,7 +55,7 @@ def test_only_a_file_with_an_end_is_read(tmp_path):
     path.write_bytes(b"12345")
     assert read_regular(path, 5) == b"12345"
     assert read_regular(path, 2) == b"123"  # one more shows that there is more
-    os.mkfifo(tmp_path / "pipe")  # nobody writes: opening it would wait for ever
+    os.mkfifo(tmp_path / "pipe")  # without a writer: opening it would wait for ever
     for none in (tmp_path / "pipe", "/dev/zero", tmp_path, tmp_path / "b", tmp_path / "a\0b"):
         with pytest.raises(OSError, match=r".") as caught:
             read_regular(none, 5)
@@ -65,5 +65,5 @@ def test_only_a_file_with_an_end_is_read(tmp_path):
 def test_a_home_folder_is_found_and_an_unknown_one_left_as_it_is(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert user_path("~/a/b.pt") == tmp_path / "a" / "b.pt"
-    assert str(user_path("~nobody_of_that_name/b.pt")) == "~nobody_of_that_name/b.pt"
+    assert str(user_path("~no_such_user/b.pt")) == "~no_such_user/b.pt"
     assert str(user_path("a~b")) == "a~b"

@@ -32,6 +32,15 @@ _BEGIN = 64
 """Bytes of a file that are looked at; chosen, longer than any of the above."""
 
 
+def open_file(path: Path) -> BinaryIO:
+    """Open a file to read its bytes, those within where its name ends in ``.gz``.
+
+    Raises:
+        OSError: it cannot be opened.
+    """
+    return cast(BinaryIO, gzip.open(path)) if path.suffix == ".gz" else path.open("rb")
+
+
 def kind_of_other_file(path: Path) -> str:
     """Return what a file is if it is no plain text, empty if it may be.
 
@@ -87,8 +96,8 @@ def first_longer_row(path: Path, width: int) -> tuple[int, int] | None:
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Yield the line at which each row begins, and its cells, as far as the file can be read."""
     try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-            stream = io.TextIOWrapper(cast(BinaryIO, file), "utf-8-sig", "replace")
+        with open_file(path) as file:
+            stream = io.TextIOWrapper(file, "utf-8-sig", "replace")
             mark = separator_of(next((line for line in stream if line.strip()), ""))
             stream.seek(0)
             reader = csv.reader(stream, delimiter=mark, skipinitialspace=True)

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import gzip
 import re
 import warnings
 import zlib
@@ -22,6 +21,7 @@ from mtpgo_training.data.readers.csv_lines import (
     first_longer_row,
     kind_of_other_file,
     line_in_file,
+    open_file,
     separator_of,
 )
 
@@ -134,7 +134,7 @@ def _plain_header(path: Path, form: CsvForm) -> list[str] | None:
 
 def _begin_of(path: Path) -> bytes:
     """Return the first bytes of a file, also with ``.gz``."""
-    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
+    with open_file(path) as stream:
         return stream.read(_LONGEST_LINE)
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Metadata and QoS profiles of bags from strangers: read where they are plain, else left."""
+"""Metadata and QoS profiles of foreign bags: read where they are plain, else left."""
 
 import json
 import time

@@ -3,6 +3,7 @@
 """Folders of bags: whole, without metadata, split, with a bad split."""
 
 import logging
+from contextlib import contextmanager
 
 import pytest
 import yaml
@@ -29,6 +30,16 @@ def number(message):
 
 def data_of(count):
     return b"\0\1\0\0" + str(count).encode()
+
+
+@contextmanager
+def library_writer(path):
+    """Yield a writer of the library for an MCAP file, and its schema of texts."""
+    with path.open("wb") as stream:
+        writer = McapLibraryWriter(stream)
+        writer.start(profile="ros2", library="test")
+        yield writer, writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        writer.finish()
 
 
 def write_split(path, files=3, each=20, storage=StoragePlugin.MCAP):
@@ -208,14 +219,10 @@ def test_compressed_files_are_read_also_where_they_are_cut(tmp_path, listed):
 
 def test_compressed_messages_are_read_without_metadata(tmp_path):
     path = tmp_path / "bag.mcap"
-    with path.open("wb") as stream:
-        writer = McapLibraryWriter(stream)
-        writer.start(profile="ros2", library="test")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+    with library_writer(path) as (writer, schema):
         channel = writer.register_channel("/x", "cdr", schema)
         for count in range(5):
             writer.add_message(channel, count, zstd.compress(data_of(count)), count)
-        writer.finish()
     assert read(path) == (list(range(5)), [])
 
 
@@ -232,10 +239,7 @@ def test_splits_that_overlap_are_read_in_time(tmp_path):
 
 def test_topics_with_several_channels_have_one_connection(tmp_path):
     path = tmp_path / "bag.mcap"
-    with path.open("wb") as stream:
-        writer = McapLibraryWriter(stream)
-        writer.start(profile="ros2", library="test")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+    with library_writer(path) as (writer, schema):
         odd = writer.register_schema("pkg.Odd", "jsonschema", b"{}")
         channels = [
             writer.register_channel("/x", "cdr", schema, {"offered_qos_profiles": profile})
@@ -244,7 +248,6 @@ def test_topics_with_several_channels_have_one_connection(tmp_path):
         writer.register_channel("/json", "json", odd)
         for count in range(6):
             writer.add_message(channels[count % 2], count, data_of(count), count)
-        writer.finish()
     with StoredBag(path) as bag:
         about = [(c.topic, c.msgtype, c.ext.serialization_format) for c in bag.connections]
         assert about == [("/x", "std_msgs/msg/String", "cdr"), ("/json", "pkg.Odd", "json")]
@@ -304,16 +307,12 @@ def test_hidden_files_are_no_part_of_a_bag(tmp_path):
     assert read(path) == (list(range(10)), [])
 
 
-def test_a_topic_has_its_slash_whoever_recorded_it(tmp_path):
+def test_a_topic_has_its_slash_if_recorded_without(tmp_path):
     path = tmp_path / "bag.mcap"
-    with path.open("wb") as stream:
-        writer = McapLibraryWriter(stream)
-        writer.start(profile="ros2", library="test")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+    with library_writer(path) as (writer, schema):
         for topic in ("x", "/x"):
             channel = writer.register_channel(topic, "cdr", schema)
             writer.add_message(channel, len(topic), data_of(len(topic)), 0)
-        writer.finish()
     with StoredBag(path) as bag:
         assert [(c.topic, c.msgcount) for c in bag.connections] == [("/x", 2)]
     assert read(path)[0] == [1, 2]

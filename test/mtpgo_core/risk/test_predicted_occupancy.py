@@ -98,9 +98,9 @@ def test_a_window_beyond_the_predictions_is_unknown():
     field = predicted_occupancy(prediction(time_s=(1.0, 2.0)), SHAPE, np.zeros(2), 2.6, 9.0)
     assert field.begins_beyond
     assert np.isnan(field.probability).all()
-    nobody = predicted_occupancy(prediction((), time_s=()), SHAPE, np.zeros(2), 2.6, 9.0)
-    assert not nobody.begins_beyond
-    assert (nobody.probability == 0.0).all()
+    empty = predicted_occupancy(prediction((), time_s=()), SHAPE, np.zeros(2), 2.6, 9.0)
+    assert not empty.begins_beyond
+    assert (empty.probability == 0.0).all()
 
 
 def test_modes_weigh_and_road_users_add_up():

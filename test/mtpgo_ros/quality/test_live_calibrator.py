@@ -162,7 +162,7 @@ def test_two_nodes_with_one_file_are_told(calibrator):
     assert "was written by another process as well" in one.file_error
 
 
-def test_a_preference_in_the_file_serves_nobody_where_the_model_is_wanted(calibrator):
+def test_a_preference_in_the_file_has_no_effect_where_the_model_is_wanted(calibrator):
     one = calibrator(prefer="best")
     one.live.preference.constant_velocity[1] = True
     one.close()
