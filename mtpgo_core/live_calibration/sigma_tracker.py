@@ -175,7 +175,7 @@ class SigmaTracker:
         standing, moving = self.agents[POOLS:]
         present = np.maximum([standing + moving, moving], 1.0)
         limit = self.options.track_limit * np.maximum(1.0, _FEW_AGENTS / present)
-        return np.asarray(limit[np.arange(len(GROUPS)) % len(MOTIONS)])
+        return np.asarray(limit[POOL_OF - POOLS])
 
     def _count(self, squares: Squares) -> None:
         """Count road users per prediction, by group and step."""
