@@ -5,7 +5,7 @@
 import math
 
 import pytest
-from node_times import MS, made
+from node_times import MS, STAMP, STEP, made
 
 from mtpgo_training.benchmark.node_case import NodeCase, evaluate
 
@@ -20,6 +20,14 @@ def test_a_perfect_run():
     assert row.start_s == pytest.approx(2.01)
     assert row.first_input_s == pytest.approx(0.01)
     assert math.isnan(row.cpu_share)
+
+
+@pytest.mark.parametrize("known_from", [None, STAMP + STEP])
+def test_the_first_input_is_the_first_predicted_one_where_the_subscription_was_seen_late(
+    known_from,
+):
+    times = made(lambda n: 10.0 + n) | {"heard_from_stamp": known_from}
+    assert evaluate(NodeCase(4), times, [], 0).first_input_s == pytest.approx(0.01)
 
 
 @pytest.mark.parametrize("lost", [{5}, {9}, {14}])
