@@ -19,9 +19,9 @@ _KEPT = 64
 """Tables kept: more predictions than the memory of outcomes holds."""
 
 LIGHT_SHARE = 0.5
-"""Share of the logarithm of a factor above 1 by which the other modes are widened. The misses are
-those of the heaviest mode, and some of them are hits of the others. Of 0, 0.25, 0.5 and 1 it gave
-the best likelihood on left-out sites with errors as they are and multiplied by 2 to 4."""
+"""Share of the logarithm of a factor by which the other modes are widened or narrowed: what misses
+and hits is the heaviest mode, which tells less of them. docs/design.md ("Live calibration") has
+the figures."""
 
 _SHORTEST_SPAN_S = 0.35
 """Predictions that come sooner are not learned from (s); chosen below two cycles of 5 Hz: an error
@@ -103,7 +103,7 @@ def apply_factors(
     source = np.minimum(prediction.source, Source.CONSTANT_VELOCITY)
     half, most = np.moveaxis(log_sigma[source, :, group], 1, 0)
     factor = np.repeat(most[:, None], prediction.weight.shape[1], axis=1)  # [n, M, H]
-    factor[:, 1:] *= np.where(factor[:, 1:] > 0.0, LIGHT_SHARE, 1.0)
+    factor[:, 1:] *= LIGHT_SHARE
     size = _log_size(prediction.covariance)
     grown = np.maximum.accumulate(factor + size, axis=2) - size
     grown = np.where(np.isfinite(grown), grown, factor)
