@@ -14,6 +14,9 @@ from mtpgo_core.schema import Float64Array, IndexArray
 _FORGOTTEN = 5.0
 """Time constants after which an unseen track is dropped; chosen: 0.7 % is left then."""
 
+_CAPACITY = 1024
+"""Tracks for which there is room at first: 64 road users that stay 20 s each need 900."""
+
 
 class TrackLimits:
     """Sums what each track has changed, with exponential forgetting, and cuts off the surplus.
@@ -25,21 +28,26 @@ class TrackLimits:
 
     def __init__(self, memory_s: float, places: int) -> None:
         self._memory_s, self._places = memory_s, places
-        self._number: NDArray[np.int64] = np.empty(0, dtype=np.int64)
-        self._idle_s = np.empty(0)
-        self._sum = np.empty((0, places))
+        self._row_of: dict[int, int] = {}
+        self._free = list(range(_CAPACITY))
+        self._idle_s = np.zeros(_CAPACITY)
+        # Stays where it is: moved with each new track, among what the model needs for a cycle, it
+        # would leave holes that the memory of the process grows by.
+        self._sum = np.zeros((_CAPACITY, places))
 
     def __len__(self) -> int:
-        return len(self._number)
+        return len(self._row_of)
 
     def pass_time(self, seconds: float) -> None:
         """Forget by the time that has passed (s)."""
         self._sum *= math.exp(-seconds / self._memory_s)
         self._idle_s += seconds
-        keep = self._idle_s < _FORGOTTEN * self._memory_s
-        if not keep.all():
-            self._number, self._idle_s = self._number[keep], self._idle_s[keep]
-            self._sum = self._sum[keep]
+        longest = _FORGOTTEN * self._memory_s
+        gone = [track for track, row in self._row_of.items() if self._idle_s[row] >= longest]
+        for track in gone:
+            row = self._row_of.pop(track)
+            self._sum[row] = 0.0
+            self._free.append(row)
 
     def limited(
         self,
@@ -52,7 +60,7 @@ class TrackLimits:
         """Return [m] the part of changes that is within the limits, and count it.
 
         Args:
-            tracks: [t] ascending numbers of tracks.
+            tracks: [t] numbers of tracks, each once.
             row: [m] positions there.
             place: [m] flat positions on the other axes.
             change: [m] wanted changes; several of one track and place count together.
@@ -73,14 +81,20 @@ class TrackLimits:
         return np.asarray(change * share[cell])
 
     def _rows(self, tracks: NDArray[np.int64]) -> IndexArray:
-        """Return the rows of ascending tracks, which are added if they are new."""
-        new = np.setdiff1d(tracks, self._number, assume_unique=True)
-        if len(new):
-            number = np.concatenate([self._number, new])
-            order = np.argsort(number)
-            self._number = number[order]
-            self._idle_s = np.concatenate([self._idle_s, np.zeros(len(new))])[order]
-            self._sum = np.concatenate([self._sum, np.zeros((len(new), self._places))])[order]
-        row = np.searchsorted(self._number, tracks)
+        """Return the rows of tracks, which are added if they are new."""
+        row = np.array([self._row(track) for track in tracks.tolist()], dtype=np.intp)
         self._idle_s[row] = 0.0
         return row
+
+    def _row(self, track: int) -> int:
+        if track not in self._row_of:
+            if not self._free:
+                self._grow()
+            self._row_of[track] = self._free.pop()
+        return self._row_of[track]
+
+    def _grow(self) -> None:
+        old = len(self._sum)
+        self._free = list(range(old, 2 * old))
+        self._idle_s = np.concatenate([self._idle_s, np.zeros(old)])
+        self._sum = np.concatenate([self._sum, np.zeros((old, self._places))])

@@ -36,3 +36,14 @@ def test_changes_are_forgotten_and_so_are_tracks():
     assert granted(limits, [1], [1.0])[0] == pytest.approx(1.0 - np.exp(-1.0))
     limits.pass_time(301.0)
     assert len(limits) == 0
+
+
+def test_more_tracks_than_there_is_room_for_and_rows_that_are_used_again():
+    limits = TrackLimits(60.0, 1)
+    tracks = np.arange(3000)
+    np.testing.assert_allclose(granted(limits, tracks, np.full(3000, 0.8)), 0.8)
+    np.testing.assert_allclose(granted(limits, tracks[::-1], np.full(3000, 0.8)), 0.2)
+    limits.pass_time(301.0)
+    assert len(limits) == 0
+    np.testing.assert_allclose(granted(limits, tracks + 3000, np.full(3000, 1.5)), 1.0)
+    assert len(limits) == 3000
