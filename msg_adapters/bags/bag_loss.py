@@ -105,9 +105,13 @@ class LibraryFile:
     ) -> Iterator[tuple[int, int, bytes]]:
         """Yield log time (ns), number of the topic and bytes of messages, ascending in time."""
         wanted = [c for c in self._reader.connections if c.id in numbers]
-        read, last_ns = 0, self.start_ns
+        read, last_ns, broken = 0, self.start_ns, 0
         try:
             for connection, time_ns, data in self._reader.messages(wanted, start_ns, stop_ns):
+                # Cells of an SQLite database have any type, whatever its columns are called.
+                if not isinstance(time_ns, int) or not isinstance(data, bytes | memoryview):
+                    broken += 1
+                    continue
                 yield time_ns, connection.id, data
                 read, last_ns = read + 1, time_ns
         except Exception as error:  # a damaged file fails the library in many ways
@@ -121,6 +125,11 @@ class LibraryFile:
                 (self.end_ns - last_ns) * 1e-9,
                 exact=start_ns is None and stop_ns is None,
             )
+            return
+        if broken:
+            reason = "has messages without a time or without content"
+            seconds = (last_ns - self.start_ns) * 1e-9
+            self._loss = BagLoss(self._path, reason, read, seconds, broken, exact=True)
 
     def loss(self) -> BagLoss | None:
         """Return what is lost as far as it is known by now, None if nothing is."""

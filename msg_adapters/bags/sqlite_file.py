@@ -105,9 +105,11 @@ class SqliteFile(Sqlite3Reader):
                 f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id"
             )
         ]
-        ((first, last),) = rows("SELECT MIN(timestamp), MAX(timestamp) FROM messages")
+        ((first, last),) = rows(
+            "SELECT MIN(timestamp), MAX(timestamp) FROM messages WHERE typeof(timestamp)='integer'"
+        )
         count = sum(connection.msgcount for connection in self.connections)
-        start, end = (int(first), int(last) + 1) if count else (2**63 - 1, 0)
+        start, end = (2**63 - 1, 0) if first is None else (first, last + 1)
         self.metadata = ReaderMetadata(
             max(0, end - start), start, end, count, None, None, None, None
         )

@@ -95,3 +95,21 @@ def test_a_database_that_was_closed_is_read_where_it_is(left, caplog):
     assert files_left_beside(path) == []
     assert times(path) == (list(range(5)), [5])
     assert not caplog.records
+
+
+@pytest.mark.parametrize("column", ["timestamp", "data"])
+@pytest.mark.parametrize("value", ["'text'", "1.5", "NULL"])
+def test_cells_of_another_type_are_lost_messages(left, caplog, column, value):
+    if (column, value) == ("data", "1.5"):
+        value = "4000000000"  # so many bytes would be made of it
+    nullable = (
+        "ALTER TABLE messages RENAME TO strict",
+        ("CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB)"),
+    )
+    moved = "INSERT INTO messages SELECT * FROM strict", "DROP TABLE strict"
+    broken = f"UPDATE messages SET {column}={value} WHERE timestamp IN (1, 3)"
+    path = left([range(5), *nullable, *moved, broken, range(5, 6)], journal="DELETE")
+    assert times(path)[0] == [0, 2, 4, 5]
+    said = [r.getMessage() for r in caplog.records if "without a time or" in r.getMessage()]
+    assert said
+    assert "2 messages lost" in said[0].replace("(0.0 s) ", "")
