@@ -72,7 +72,8 @@ class RollingScores:
         )
         series = outcomes.group.astype(np.int64) * len(TIMES_S) + time
         due_ns = outcomes.stamp_ns + np.rint(1e9 * outcomes.time_s).astype(np.int64)
-        bucket = (due_ns + self._offset_ns) // _BUCKET_NS
+        # A truth may be up to a microsecond early: its time may lie in the span that comes next.
+        bucket = np.minimum((due_ns + self._offset_ns) // _BUCKET_NS, self._bucket)
         for one in np.unique(bucket).tolist():
             if one > self._bucket - self._buckets:
                 mine = bucket == one

@@ -120,3 +120,13 @@ def test_the_memory_is_bounded():
         stream.predict()
     assert size < 3e6
     assert scores.bytes - size < 16 * 3 * 20
+
+
+def test_a_truth_just_before_the_end_of_a_span_counts_in_it_and_is_kept():
+    """Stamps that were seconds in floating point may be a nanosecond before a predicted time."""
+    stream, scores = Stream(), RollingScores(0.2)
+    for step in range(52):
+        early_s = 1e-9 if step % 25 == 0 else 0.0  # spans end at 5 s and 10 s
+        scores.update(stream.observe(0.2 * step - early_s, {1: (2.0 * step, 0.0)}))
+        stream.predict(modes=1)
+        assert row(scores)["predictions"] == max(0, step - 4)
