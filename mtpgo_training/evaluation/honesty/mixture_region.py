@@ -90,14 +90,15 @@ def _points(mean: Array, weight: Array, covariance: Array) -> Array:
 def _log_densities(mean: Array, weight: Array, covariance: Array) -> Array:
     """[n, 6, M] each mode's log-density as coefficients of x^2, x y, y^2, x, y and 1.
 
-    Without the constant log(2 pi); finite for a weight of zero, so that products are defined.
+    Without the constant log(2 pi). A weight of zero counts as the smallest normal number, so that
+    products are defined; the constant itself may be any number, as of a mode that is far away and
+    thin.
     """
     a, b, e = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
     determinant = a * e - b * b
     xx, xy, yy = e / determinant, -b / determinant, a / determinant
     u, v = mean[..., 0], mean[..., 1]
     along, across = xx * u + xy * v, xy * u + yy * v
-    with np.errstate(divide="ignore"):
-        constant = np.log(weight) - 0.5 * np.log(determinant) - 0.5 * (u * along + v * across)
-    constant = np.maximum(constant, -1e4)
+    log_weight = np.log(np.maximum(weight, np.finfo(np.float64).tiny))
+    constant = log_weight - 0.5 * np.log(determinant) - 0.5 * (u * along + v * across)
     return np.stack([-0.5 * xx, -xy, -0.5 * yy, along, across, constant], axis=1)

@@ -93,3 +93,13 @@ def test_far_and_repeated_truths_and_blocks(monkeypatch):
     monkeypatch.setattr(mixture_region, "_AGENTS_AT_ONCE", 3)
     np.testing.assert_array_equal(region_level(*mixtures, truth), level)
     assert region_level(*(part[:0] for part in mixtures), truth[:0]).shape == (0,)
+
+
+@pytest.mark.parametrize("sigma", [0.3, 0.03])
+def test_thin_modes_far_apart_each_have_their_own_ellipse(sigma):
+    """Two lanes or ways 40 m apart: the middle of the mixture is 670 sigma from either mode."""
+    covariance = np.array([[[4.0, 0.0], [0.0, sigma**2]]] * 2)
+    truth = np.array([[1.0, 1.2 * sigma], [-3.0, 40.0 - 0.5 * sigma]])
+    squared = np.array([0.25 + 1.44, 2.25 + 0.25])
+    level = levels_at(truth, [[0.0, 0.0], [0.0, 40.0]], [0.5, 0.5], covariance)
+    np.testing.assert_allclose(level, 1.0 - np.exp(-0.5 * squared), atol=0.01)
