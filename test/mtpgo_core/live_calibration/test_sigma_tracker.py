@@ -7,7 +7,12 @@ import pytest
 from live_stream import ErrorStream
 
 from mtpgo_core.live_calibration.live_options import LiveOptions
-from mtpgo_core.live_calibration.sigma_tracker import POOLS, SIGMA_LIMITS
+from mtpgo_core.live_calibration.sigma_tracker import (
+    LARGEST_SIGMA_RATIO_50,
+    POOLS,
+    SIGMA_LIMITS,
+)
+from mtpgo_core.quality.metrics import radius_squared, sigma_factor
 from mtpgo_core.task.calibration import GROUPS
 
 PEDESTRIANS = GROUPS.index("pedestrian_moving")
@@ -109,3 +114,12 @@ def test_constant_velocity_learns_where_the_model_did_not_predict():
     stream.run(60, scale=2.0, predicted=False)
     assert (stream.sigma(source=0) == 1.0).all()
     assert stream.sigma(source=1) == pytest.approx(2.0, rel=0.2)
+
+
+def test_ellipses_of_all_levels_lie_within_each_other_at_any_ratio_of_the_two():
+    level = np.linspace(0.01, 0.999, 400)
+    plain = np.sqrt([radius_squared(p) for p in level])
+    smallest = SIGMA_LIMITS[0] / SIGMA_LIMITS[1]
+    for ratio in np.geomspace(smallest, LARGEST_SIGMA_RATIO_50, 9):
+        radius = plain * [sigma_factor(p, ratio) for p in level]
+        assert (np.diff(radius) > 0.0).all()
