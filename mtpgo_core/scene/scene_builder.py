@@ -262,14 +262,15 @@ def _trails(
 def _polar(position: Float64Array, radians: bool) -> Float64Array:
     """Return distance and direction from the scene's origin (polar context, eq. (4)).
 
-    The direction is the cosine and sine of the angle, counter-clockwise from the scene's x axis;
-    at the origin it is 0. With ``radians`` it is the paper's theta = arctan2(y_0 - y, x - x_0),
-    which is clockwise.
+    The direction is the cosine and sine of the angle, counter-clockwise from the scene's x axis.
+    With ``radians`` it is the paper's theta = arctan2(y_0 - y, x - x_0), which is clockwise. At
+    the origin, where arctan2 depends on the signs of zeros, the angle is 0.
     """
     r = np.hypot(position[..., 0], position[..., 1])
-    if radians:
-        return np.stack([r, np.arctan2(-position[..., 1], position[..., 0])], axis=-1)
     at_origin = r == 0.0
+    if radians:
+        theta = np.arctan2(-position[..., 1], position[..., 0])
+        return np.stack([r, np.where(at_origin, 0.0, theta)], axis=-1)
     divisor = np.where(at_origin, 1.0, r)
     cos = np.where(at_origin, 1.0, position[..., 0] / divisor)
     return np.stack([r, cos, position[..., 1] / divisor], axis=-1)

@@ -102,6 +102,15 @@ def test_polar_context_counts_from_the_origin():
     np.testing.assert_array_equal(own, [0.0, 1.0, 0.0])
 
 
+def test_the_polar_angle_at_the_origin_is_zero_whatever_the_signs_of_zeros():
+    config = SceneConfig(context="polar", angles="radians")
+    theta = config.features.index("theta")
+    for heading in (0.0, 2.0, -2.0, math.pi, NORTH, -NORTH):
+        batch = build_scenes(window_of(heading=heading), config, centres=np.array([0]))
+        assert batch.features[0, 0, -1, theta] == 0.0
+        assert batch.features[0, 1, -1, theta] == pytest.approx(-NORTH, abs=1e-6)  # to the left
+
+
 def test_lane_context_is_the_lane_maps():
     lanes = LaneMap([np.array([[-50.0, y], [50.0, y]]) for y in (-2.0, 2.0, 6.0)])
     config = SceneConfig(context="lanes")
