@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.frames import wrap
+from mtpgo_core.scene.scene_builder import LARGEST_SIZE
 from mtpgo_core.schema import Float32Array
 from mtpgo_core.task.task_description import CONTEXT_FEATURES
 
@@ -38,6 +39,8 @@ _LATERAL = ("d_l", "d_r", "lead1_across")
 _SIDES = {
     name: name.replace("left_", "right_") for name in sorted(_OF_ROAD) if name[:5] == "left_"
 }
+_SIZES = ("length", "width")
+"""Static features that are lengths."""
 _DIRECTIONS = ("cos_yaw", "cos_theta")
 _ANGLES = {"yaw": 1.0, "theta": -1.0}
 """Angles in radians, and which way they turn: ``theta`` is clockwise, as in the paper."""
@@ -111,6 +114,17 @@ class Augmentation:
             for name in _LATERAL:
                 if name in at:
                     out[..., at[name]] *= -1.0
+        return out
+
+    def static(self, static: Float32Array, names: tuple[str, ...]) -> Float32Array:
+        """Return [..., C] static features named ``names``, changed: sizes are lengths.
+
+        An unknown size stays 0, and none exceeds the largest that a scene has.
+        """
+        columns = [i for i, name in enumerate(names) if name in _SIZES]
+        out = static.copy()
+        scaled = np.minimum(out[..., columns] * np.float32(self.scale), LARGEST_SIZE)
+        out[..., columns] = scaled
         return out
 
     def trails(self, trails: Float32Array) -> Float32Array:

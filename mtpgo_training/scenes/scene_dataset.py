@@ -320,8 +320,10 @@ def scene_data(
     position = to_scene(future.position - batch.origin[b], rotation)
     velocity = to_scene(future.velocity, rotation)
     features, valid = batch.features[b][there], batch.valid[b][there]
+    static = batch.static[b][there]
     if augmentation is not None and not augmentation.is_none:
         features = augmentation.features(features, scene.features)
+        static = augmentation.static(static, scene.static_features)
         features[~valid] = 0.0
         position = augmentation.vectors(position)
         velocity = augmentation.vectors(velocity)
@@ -330,7 +332,6 @@ def scene_data(
     weight = known.astype(np.float32)
     if standing_weight < 1.0:
         weight[standing(features, target, known)] *= standing_weight
-    static = batch.static[b][there]
     if unknown_seed is not None:
         static = hide_classes(static, scene.classes, unknown_seed)
     data = Data(

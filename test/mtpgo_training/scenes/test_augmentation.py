@@ -10,7 +10,7 @@ from traffic import braking_cars, cut_windows, turning_cars
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.scene.lane_map import LaneMap
-from mtpgo_core.scene.scene_builder import build_scenes
+from mtpgo_core.scene.scene_builder import build_scenes, static_features
 from mtpgo_core.scene.trails.trail_context import TrailContext, trail_features
 from mtpgo_core.task.task_description import CONTEXT_FEATURES, HistoryConfig, SceneConfig
 from mtpgo_training.scenes.augmentation import Augmentation
@@ -158,6 +158,24 @@ def test_a_scaled_world_has_the_leaders_of_the_scaled_features():
     assert both.sum() > 10
     one = slice(gap, gap + 3)
     np.testing.assert_allclose(given[both][:, one], expected[both][:, one], atol=1e-3, rtol=1e-3)
+
+
+@pytest.mark.parametrize("scale", [0.8, 1.25])
+def test_a_scaled_world_has_the_static_sizes_of_the_scaled_features(scale):
+    scene = SceneConfig(sizes=True)
+    recording = braking_cars(seconds=1.0)
+    size = np.stack([np.linspace(2.0, 29.0, 12), np.linspace(0.5, 2.6, 12)], axis=1)
+    size[4] = np.nan
+    plain, expected = (
+        static_features(cut_windows(r, HistoryConfig(), 0.2)[-1].window, scene)
+        for r in (
+            dataclasses.replace(recording, size=size),
+            dataclasses.replace(recording, size=scale * size),
+        )
+    )
+    given = Augmentation(mirror=True, scale=scale).static(plain, scene.static_features)
+    np.testing.assert_allclose(given, expected, rtol=1e-6)
+    assert not np.allclose(given, plain)
 
 
 def test_a_mirrored_world_has_the_traffic_of_the_mirrored_features():

@@ -297,6 +297,20 @@ def test_classes_are_hidden_in_a_share_of_the_scenes_and_sizes_are_kept():
     np.testing.assert_array_equal(hide_classes(static, ("car", "unknown"), 3), out[3])
 
 
+def test_sizes_are_scaled_with_the_scene():
+    data = dataclasses.replace(PLAIN, scale_std=0.2, mirror_probability=0.5)
+    scene = dataclasses.replace(SCENE, sizes=True)
+    scaled, plain = dataset(data, scene=scene), dataset(PLAIN, scene=scene)
+    width = scene.static_features.index("width")
+    (known,) = {float(plain[i].static[:, width].max()) for i in range(len(plain))}
+    assert known > 0.0
+    factors = [item.augmentation.scale for item in scaled.items]
+    assert np.std(factors) > 0.1
+    for i, factor in enumerate(factors):
+        expected = torch.full_like(scaled[i].static[:, width], known * factor)
+        torch.testing.assert_close(scaled[i].static[:, width], expected)
+
+
 def test_validation_is_over_the_recorded_and_the_tracked_observations():
     data = dataclasses.replace(PLAIN, validation_stride_s=1.0)
     recorded = validation_scenes(sources(data, training=False), HISTORY, SCENE, H)
