@@ -33,9 +33,9 @@ SIGMA_LIMITS = (0.2, 8.0)
 model that does not work."""
 
 LARGEST_SIGMA_RATIO_50 = 1.44
-"""Largest factor of the 50 % ellipse over that of the 90 % ellipse: up to 1.445 the ellipses of all
-levels lie within each other. That is exp((R90 - R50) / R) with the largest Mahalanobis radius R at
-which ``metrics.sigma_factor`` still falls, R90 + (R90 - R50) / 2."""
+"""Largest factor of the 50 % ellipse over that of the 90 % ellipse: up to 1.445 the ellipses of
+all levels lie within each other. That is exp((R90 - R50) / R) with the largest Mahalanobis radius
+R at which ``metrics.sigma_factor`` still falls, R90 + (R90 - R50) / 2."""
 
 POOLS = len(GROUPS) - len(MOTIONS)
 """Position of the first of the groups ``any``, which learn from the road users of all classes."""
