@@ -3,12 +3,17 @@
 """The shipped model loads by name, carries its description and beats kinematic baselines."""
 
 import dataclasses
+import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mtpgo_core.frames import Pose2, to_fixed_frame
+from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.prediction.prediction_queries import to_frame
+from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.schema import AgentClass, Source
 from mtpgo_core.task.model_file import find_checkpoint, find_model, load_task, model_card
@@ -127,6 +132,27 @@ def test_road_uses_its_lanes_and_runs_without(motorway: Recording):
         assert np.isfinite(given[name].mean).all()
     moved = given["lanes"].mean[..., :2] - given["none"].mean[..., :2]
     assert np.linalg.norm(moved, axis=-1).max() > 0.1
+
+
+def test_predictions_of_the_default_turn_and_move_with_the_world(motorway: Recording):
+    runner = ModelRunner.load(find_model("default"))
+    pose = Pose2(4e5, 5e6, -0.7)
+    plain, turned = TrackHistory(runner.task.history), TrackHistory(runner.task.history)
+    # Each in a graph of its own: which agents cover the others may hang on the last digit.
+    options = PredictorOptions(policy="each")
+    here, there = (ScenePredictor(runner, options=options) for _ in range(2))
+    for states in itertools.islice(motorway.states(), 0, 200, 5):  # 8 s at 5 Hz, with trails
+        plain.update(states)
+        turned.update(to_fixed_frame(states, pose, "utm"))
+        for history, predictor in ((plain, here), (turned, there)):
+            predictor.observe(history.window())
+    expected = to_frame(here.predict(plain.window()), pose, "utm")
+    given = there.predict(turned.window())
+    assert (given.source == Source.MODEL).sum() >= 5
+    np.testing.assert_array_equal(given.key, expected.key)
+    np.testing.assert_allclose(given.mean, expected.mean, rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(given.covariance, expected.covariance, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(given.weight, expected.weight, atol=1e-4)
 
 
 @pytest.mark.parametrize("other", [AgentClass.PEDESTRIAN, AgentClass.UNKNOWN])

@@ -78,10 +78,13 @@ _CLASSES = {
     7: AgentClass.BUS,
     8: AgentClass.ANIMAL,
     11: AgentClass.TRAILER,
+    12: AgentClass.PEDESTRIAN,  # VRU: wheelchairs and strollers, on sidewalks
+    13: AgentClass.BICYCLE,  # MICRO: kick scooters and the like, on cycle lanes or the road
     50: AgentClass.CAR,
     51: AgentClass.TRUCK,
 }
-_LABELS = {int(ours): label for label, ours in _CLASSES.items() if label < 50}
+_LABELS = {int(ours): label for label, ours in reversed(_CLASSES.items()) if label < 50}
+"""Of several labels of a class the first."""
 
 
 def decode_object_list(

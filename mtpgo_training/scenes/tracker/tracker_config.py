@@ -36,7 +36,8 @@ class Tracker:
         process_noise: square root of the spectral density of the white acceleration
             (m/s^2/sqrt(Hz)) for order 2, of the white jerk (m/s^3/sqrt(Hz)) for order 3.
         rate_hz: measurements per second, at most those of the recording (Hz).
-        dropout_share: share of the measurements that are missing.
+        dropout_share: share of the measurements that are missing; bursts may overlap, so that of
+            0.15 asked for, 0.14 are.
         dropout_s: mean length of a burst of missing measurements (s).
         birth_s: time until a new track is reported (s).
         gives_velocity: velocity (and acceleration, for order 3) is reported.

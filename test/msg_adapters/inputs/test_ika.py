@@ -146,6 +146,8 @@ def test_objects_that_cannot_be_read_are_counted(offline):
         (((7, 1.0),), AgentClass.BUS),
         (((11, 1.0),), AgentClass.TRAILER),
         (((9, 1.0),), AgentClass.UNKNOWN),
+        (((12, 1.0),), AgentClass.PEDESTRIAN),
+        (((13, 1.0),), AgentClass.BICYCLE),
         (((50, 1.0),), AgentClass.CAR),
         (((52, 1.0),), AgentClass.UNKNOWN),
         (((100, 1.0),), AgentClass.UNKNOWN),

@@ -11,6 +11,8 @@ from mtpgo_core.live_calibration.sigma_tracker import (
     LARGEST_SIGMA_RATIO_50,
     POOLS,
     SIGMA_LIMITS,
+    SigmaTracker,
+    Squares,
 )
 from mtpgo_core.quality.metrics import radius_squared, sigma_factor
 from mtpgo_core.task.calibration import GROUPS
@@ -123,3 +125,42 @@ def test_ellipses_of_all_levels_lie_within_each_other_at_any_ratio_of_the_two():
     for ratio in np.geomspace(smallest, LARGEST_SIGMA_RATIO_50, 9):
         radius = plain * [sigma_factor(p, ratio) for p in level]
         assert (np.diff(radius) > 0.0).all()
+
+
+@pytest.mark.parametrize(("agents", "close"), [(2, 0.03), (20, 0.015)])
+def test_the_long_run_coverage_of_heavy_tails_that_become_known_five_seconds_later(agents, close):
+    """Road users that come and go, whose errors (Student's t, three degrees) last for seconds."""
+    rng, tracker, dt_s, delay = np.random.default_rng(3), SigmaTracker(LiveOptions(), 1), 0.4, 12
+    error, tail, track = rng.normal(size=(agents, 2)), np.ones(agents), np.arange(agents)
+    keep, number, kept, inside = np.exp(-dt_s / 2.0), agents, [], []
+    for cycle in range(1500):
+        error = keep * error + np.sqrt(1.0 - keep**2) * rng.normal(size=error.shape)
+        if cycle % 25 == 0:
+            tail = rng.chisquare(3, size=agents) / 3
+        new = rng.random(agents) < dt_s / 40.0
+        track, number = np.where(new, number + np.arange(agents), track), number + agents
+        squared = 9.0 * (error**2).sum(axis=1) / tail
+        kept.append((tracker.log_sigma[:, :, :, 0], track))
+        tracker.pass_time(dt_s)
+        if cycle < delay:
+            continue
+        table, predicted = kept[cycle - delay]
+        rows = np.flatnonzero(predicted == track)
+        served = [table[:, :, group] for group in (1, POOLS + 1)]
+        radius = np.sqrt([radius_squared(p) for p in (0.5, 0.9)]) * np.exp(served[0][0])
+        inside += (np.sqrt(squared[rows])[:, None] <= radius).tolist()
+        m = len(rows)
+        tracker.update(
+            Squares(
+                track=track[rows],
+                group=np.full(m, 1),
+                step=np.zeros(m, dtype=int),
+                cycle=np.full(m, cycle),
+                span_s=np.full(m, dt_s),
+                squared=np.stack([squared[rows]] * 2, axis=1),
+                own=np.tile(served[0], (m, 1, 1)),
+                pool=np.tile(served[1], (m, 1, 1)),
+            )
+        )
+    later = np.array(inside[len(inside) // 5 :])
+    np.testing.assert_allclose(later.mean(axis=0), [0.5, 0.9], atol=close)

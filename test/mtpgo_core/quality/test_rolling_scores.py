@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from observed_stream import Stream
+from observed_stream import S_NS, Stream
 
 from mtpgo_core.quality.quality_report import SCORES, WINDOWS_S
 from mtpgo_core.quality.rolling_scores import RollingScores
@@ -130,3 +130,58 @@ def test_a_truth_just_before_the_end_of_a_span_counts_in_it_and_is_kept():
         scores.update(stream.observe(0.2 * step - early_s, {1: (2.0 * step, 0.0)}))
         stream.predict(modes=1)
         assert row(scores)["predictions"] == max(0, step - 4)
+
+
+def test_a_random_stream_against_a_plain_recomputation():
+    """Cars that come and go, missed now and then, with jitter: every prediction one by one."""
+    rng = np.random.default_rng(5)
+    stream, scores = Stream(), RollingScores(0.2)
+    seen, predicted, cars = {}, [], {}
+    for cycle in range(250):
+        now_s = 0.2 * cycle + rng.uniform(-0.004, 0.004)
+        now_ns = round((100 + now_s) * S_NS)
+        cars = {k: end_s for k, end_s in cars.items() if end_s > now_s}
+        if len(cars) < 4:
+            cars[cycle] = now_s + rng.uniform(2.0, 20.0)
+        places = {
+            k: (10.0 * now_s, 30.0 * k + np.sin(now_s + k)) for k in cars if rng.random() < 0.85
+        }
+        for k, place in places.items():
+            seen.setdefault(k, []).append((now_ns, np.array(place)))
+        if not places:
+            continue
+        scores.update(stream.observe(now_s, places))
+        aside_m = float(rng.normal())
+        stream.predict(aside_m, modes=1)
+        window = stream.history.window()
+        here = window.valid[:, -1]
+        for key, place in zip(window.key[here, 0], window.position[here, -1], strict=True):
+            predicted.append((window.stamp_ns, int(key), place + np.array([0.0, aside_m])))
+    report = scores.report({})
+    for t, time_s in enumerate((1, 3, 5)):
+        rows = []
+        for stamp_ns, key, place in predicted:
+            truth = between(seen[key], stamp_ns + time_s * S_NS)
+            if truth is not None:
+                rows.append((np.hypot(*(place + np.array([10.0 * time_s, 0.0]) - truth)), key))
+        far, keys = (np.array(column) for column in zip(*rows, strict=True))
+        cell = (WINDOWS_S.index(300), MOVING_CAR, t)
+        assert report.predictions[cell] == len(far) > 100
+        assert report.agents[cell] == len(np.unique(keys)) > 5
+        found = dict(zip(SCORES, report.scores[cell], strict=True))
+        assert found["fde"] == pytest.approx(far.mean(), rel=1e-5)
+        assert found["miss_rate"] == pytest.approx((far > 2.0).mean())
+
+
+def between(seen, due_ns):
+    """Where a car was, from observations at most 0.5 s apart, None where that is not known."""
+    stamps = [stamp for stamp, _ in seen]
+    after = next((i for i, stamp in enumerate(stamps) if stamp >= due_ns - 1000), None)
+    if after is None:
+        return None
+    if stamps[after] <= due_ns + 1000:
+        return seen[after][1]
+    if after == 0 or stamps[after] - stamps[after - 1] > S_NS // 2:
+        return None
+    share = (due_ns - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
+    return (1.0 - share) * seen[after - 1][1] + share * seen[after][1]
