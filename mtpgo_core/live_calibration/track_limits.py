@@ -31,8 +31,7 @@ class TrackLimits:
         self._row_of: dict[int, int] = {}
         self._free = list(range(_CAPACITY))
         self._idle_s = np.zeros(_CAPACITY)
-        # Stays where it is: moved with each new track, among what the model needs for a cycle, it
-        # would leave holes that the memory of the process grows by.
+        # Stays where it is: more than a megabyte would be moved with each new track.
         self._sum = np.zeros((_CAPACITY, places))
 
     def __len__(self) -> int:
