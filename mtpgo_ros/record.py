@@ -88,7 +88,7 @@ def topics_of(options: argparse.Namespace) -> list[str]:
 
     names = [*(options.topics or predictor_types(predictor_of(options)))]
     if options.objects:
-        names.append("/objects")
+        names.append(options.objects)
     return list(dict.fromkeys("/" + name.lstrip("/") for name in names))
 
 
@@ -110,7 +110,13 @@ def _parser() -> argparse.ArgumentParser:
         help="record these; by default the predictions, their processing time and scores, and the "
         "diagnostics",
     )
-    add("--objects", action="store_true", help="record the tracked objects (/objects) too")
+    add(
+        "--objects",
+        nargs="?",
+        const="/objects",
+        metavar="TOPIC",
+        help="record the tracked objects too: this topic (/objects)",
+    )
     add(
         "--predictor",
         default="/predictor",

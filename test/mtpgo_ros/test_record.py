@@ -45,6 +45,7 @@ def test_the_topics_follow_the_predictors_name():
         "/ego/predictor/predictions",
         "/objects",
     ]
+    assert topics("--objects", "/perception/objects")[-1] == "/perception/objects"
     assert topics("--topics", "a", "/b", "a") == ["/a", "/b"]
 
 
