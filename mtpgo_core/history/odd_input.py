@@ -24,7 +24,7 @@ ODD_INPUT: dict[str, str] = {
     "clock_reset": "jumps of the clock backwards",
     "frame_changed": "messages in another frame",
     "wrong_frame": "objects in another frame",
-    "not_lifted": "messages that could not be lifted into the fixed frame",
+    "not_lifted": "messages that could not be transformed into the fixed frame",
     "ego_missing": "messages at whose time the ego's odometry was not known",
     "ego_refused": "messages of the ego's odometry that could not be used",
     "qos_incompatible": "publishers with an incompatible QoS",

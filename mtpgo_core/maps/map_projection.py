@@ -174,6 +174,6 @@ def _pyproj(path: Path, what: str) -> Any:
     except ModuleNotFoundError:
         raise ConfigurationError(
             f"{path} needs pyproj for {what}: install the extra 'maps'"
-            " (pip install 'mtpgo-ros[maps]', or pip install pyproj)"
+            " (pip install 'mtpgo_ros[maps]', or pip install pyproj)"
         ) from None
     return pyproj

@@ -54,7 +54,7 @@ def test_a_counter_logs_its_description_or_the_reason(logger, clock):
     events.count("qos_incompatible", reason="cannot be heard", is_error=True)
     events.count("messages")  # nothing unusual: no line
     assert logger.warnings == [
-        "objects older than what is known (3 more)",
+        "3 objects older than what is known",
         "message left out: no field x",
     ]
     assert logger.errors == ["cannot be heard"]
@@ -105,14 +105,14 @@ def test_the_numbers_in_the_log_add_up_to_the_counter(logger, clock):
     events.count("late", 2)
     events.count("late", 3)
     assert logger.warnings == [
-        "objects older than what is known (1 more)",
-        "objects older than what is known (40 more)",
+        "1 objects older than what is known",
+        "40 objects older than what is known",
     ]
     events.flush()  # too early
     clock.now += REPEAT_S
     events.flush()
     events.flush()  # nothing is left
-    assert logger.warnings[2:] == ["objects older than what is known (3 more)"]
+    assert logger.warnings[2:] == ["3 objects older than what is known"]
     assert events.counts() == {"late": 44}
 
 

@@ -203,7 +203,7 @@ def test_objects_in_the_vehicles_frame_are_transformed_by_odometry(bench):
     assert prediction.mean[1, 0, :, 1] == pytest.approx(reached, abs=1e-3)
     assert prediction.mean[1, 0, :, 0] == pytest.approx(np.full(25, 100.0), abs=1e-3)
     assert b.node._status.frame_error == ""
-    b.status("input", WARN, "lifted")
+    b.status("input", WARN, "transformed")
     # An empty message names no frame.
     assert b.predict(traffic(0.3, agents=0, frame_id="")).frame_id == "odom"
     assert b.count("not_lifted") == 1

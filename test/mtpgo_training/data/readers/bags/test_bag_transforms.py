@@ -169,7 +169,7 @@ def test_objects_of_a_sensor_are_lifted_by_the_bag(tmp_path, source, caplog):
     (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
     # The first object comes before the first pose.
     assert recording.counts == {"not_lifted": 1}
-    assert "1 messages that could not be lifted into the fixed frame" in caplog.text
+    assert "1 messages that could not be transformed into the fixed frame" in caplog.text
     time_s = (recording.start_time_ns - EPOCH_NS) / S_NS + recording.frame / recording.frame_rate
     number = recording.track_id[recording.track]
     expected = 12.0 * number + 10.0 * time_s + 2.0 + 5.0 * time_s
