@@ -29,7 +29,7 @@ from mtpgo_core.options import check_options
 from mtpgo_ros.parameters.parameter_change import replaced
 from mtpgo_training.cli import COMMANDS, build_parser
 
-SHELL = {".", "cd", "echo", "exec", "exit", "export", "set", "source", "wait"}
+SHELL = {".", "cd", "echo", "exec", "exit", "export", "kill", "set", "source", "wait"}
 
 OTHERS = {
     "apt": "Debian",
