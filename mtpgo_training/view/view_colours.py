@@ -8,15 +8,15 @@ from mtpgo_core.schema import AgentClass
 
 CLASS_COLOURS = {
     AgentClass.CAR: "#1f6fd1",
-    AgentClass.VAN: "#2a9cc4",
+    AgentClass.VAN: "#56b4e9",
     AgentClass.TRUCK: "#d9730d",
-    AgentClass.BUS: "#8a4fc9",
-    AgentClass.TRAILER: "#b5651d",
-    AgentClass.MOTORCYCLE: "#0f9d8c",
-    AgentClass.BICYCLE: "#3d9a3d",
-    AgentClass.PEDESTRIAN: "#d6336c",
-    AgentClass.ANIMAL: "#8d6e3f",
-    AgentClass.UNKNOWN: "#68737d",
+    AgentClass.BUS: "#4b1f82",
+    AgentClass.TRAILER: "#6b3a12",
+    AgentClass.MOTORCYCLE: "#00695c",
+    AgentClass.BICYCLE: "#8cc81e",
+    AgentClass.PEDESTRIAN: "#e0246b",
+    AgentClass.ANIMAL: "#b8a04a",
+    AgentClass.UNKNOWN: "#2f353b",
 }
 
 FALLBACK_COLOUR = "#7b858e"

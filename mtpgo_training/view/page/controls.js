@@ -163,7 +163,7 @@ class Viewer {
       [`error at ${h.toFixed(0)} s`, metres(now?.final, now?.m), metres(all.final, all.m)],
       [`in ${Math.round(100 * this.scene.head.level)} % ellipse`, percent(now?.inside, now?.m),
         percent(all.inside, all.m)],
-      ["road users", String(this.present.length), all.n ? `${all.n} scored` : "–"],
+      ["predictions", now?.n ? String(now.n) : "–", all.n ? String(all.n) : "–"],
     ];
     const note = `now: predictions made ${h.toFixed(0)} s ago, most probable mode`;
     byId("scores").replaceChildren(...this.table("how good it was", rows, note));

@@ -3,23 +3,24 @@
 // Draws one instant. Lengths are metres; `px` is the size of a pixel in metres.
 
 const PAST_S = 3;
+// Colours that differ in lightness as well, for those who do not see red and green apart.
 const THEMES = {
   light: {
     ground: "#f4f5f3", road: "rgba(120,130,140,.10)", lane: "#b9bfc5", text: "#1c2126",
     truth: "#15191d", before: "#b3541e", fallback: "#7b858e", halo: "#f4f5f3",
     classes: {
-      car: "#1f6fd1", van: "#2a9cc4", truck: "#d9730d", bus: "#8a4fc9", trailer: "#b5651d",
-      motorcycle: "#0f9d8c", bicycle: "#3d9a3d", pedestrian: "#d6336c", animal: "#8d6e3f",
-      unknown: "#68737d",
+      car: "#1f6fd1", van: "#56b4e9", truck: "#d9730d", bus: "#4b1f82", trailer: "#6b3a12",
+      motorcycle: "#00695c", bicycle: "#8cc81e", pedestrian: "#e0246b", animal: "#b8a04a",
+      unknown: "#2f353b",
     },
   },
   dark: {
     ground: "#11161c", road: "rgba(150,165,180,.10)", lane: "#4a5561", text: "#e8ecef",
-    truth: "#f2f4f5", before: "#ffb27a", fallback: "#8d99a4", halo: "#11161c",
+    truth: "#f2f4f5", before: "#ffb27a", fallback: "#6f7b86", halo: "#11161c",
     classes: {
-      car: "#5aa9ff", van: "#58c7ea", truck: "#ffa24a", bus: "#c094ff", trailer: "#d99a5b",
-      motorcycle: "#3fd0be", bicycle: "#74d174", pedestrian: "#ff7aa8", animal: "#c7a56c",
-      unknown: "#a3aeb8",
+      car: "#5aa9ff", van: "#9be3ff", truck: "#ff9838", bus: "#a06bff", trailer: "#c07a3a",
+      motorcycle: "#1fa893", bicycle: "#b6e34d", pedestrian: "#ff6aa0", animal: "#e3cf8a",
+      unknown: "#d5dbe0",
     },
   },
 };
