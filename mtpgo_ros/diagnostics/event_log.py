@@ -131,7 +131,7 @@ class EventLog:
 
         Args:
             kind: lines of one kind share the limit; the name of a counter, or any text.
-            line: the line; the number precedes a counter's own description.
+            line: the line; the number follows a counter's own description.
             number: how many occurrences it stands for.
             is_error: log an error instead of a warning.
         """
@@ -197,5 +197,5 @@ class EventLog:
 def _with_number(kind: str, line: str, number: int, swallowed: int) -> str:
     """Return a line with the number of its occurrences since the last line of its kind."""
     if _DESCRIPTIONS.get(kind) == line:
-        return f"{number + swallowed} {line}"
+        return f"{line}: {number + swallowed}"
     return f"{line} ({swallowed} more since)" if swallowed else line

@@ -187,7 +187,8 @@ class ObjectsSubscription:
             ),
         )
         self.status = ""
-        how = ", reliably" if self._choice.reliable else ""
+        lost = ", reliably, since messages were lost or did not come"
+        how = lost if self._choice.reliable else ""
         self._node.get_logger().info(
             f"subscribed to {self.topic} as {adapter.message_type}"
             f" (input_type {adapter.name}){how}"

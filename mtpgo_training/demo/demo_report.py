@@ -44,6 +44,10 @@ _HEADS = (
     *("CV ADE", "CV FDE", "CV MR", "CV NLL"),
 )
 
+FALLBACK_SHARE = 0.1
+"""Share of predictions by constant velocity above which the demo says that its scores are not the
+model's; chosen: a single late cycle is less."""
+
 _PACKAGES = ("mtpgo_ros", "torch", "numpy", "rosbags", "ros-rclpy")
 
 
@@ -172,6 +176,13 @@ def sentences(content: Mapping[str, Any], rate: float) -> list[str]:
         f"single road users, {content['missing_predictions']} missing, "
         f"{content['fallback_predictions']} by constant velocity instead of the model.",
     ]
+    share = content["fallback_predictions"] / max(1, content["predictions_published"])
+    if share > FALLBACK_SHARE:
+        lines.append(
+            f"{share:.0%} are by constant velocity, so these scores say little about the"
+            " model. Usually the machine is too busy or too slow, see logs/predictor.log: close other"
+            " programs, or set -p rate:=2.0, and run the demo again."
+        )
     if content["latency_ms_p50"] is not None:
         lines.append(
             f"Latency from observation to prediction, both as received by a third process: "

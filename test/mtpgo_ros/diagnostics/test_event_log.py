@@ -54,7 +54,7 @@ def test_a_counter_logs_its_description_or_the_reason(logger, clock):
     events.count("qos_incompatible", reason="cannot be heard", is_error=True)
     events.count("messages")  # nothing unusual: no line
     assert logger.warnings == [
-        "3 objects older than what is known",
+        "objects older than what is known: 3",
         "message left out: no field x",
     ]
     assert logger.errors == ["cannot be heard"]
@@ -105,14 +105,14 @@ def test_the_numbers_in_the_log_add_up_to_the_counter(logger, clock):
     events.count("late", 2)
     events.count("late", 3)
     assert logger.warnings == [
-        "1 objects older than what is known",
-        "40 objects older than what is known",
+        "objects older than what is known: 1",
+        "objects older than what is known: 40",
     ]
     events.flush()  # too early
     clock.now += REPEAT_S
     events.flush()
     events.flush()  # nothing is left
-    assert logger.warnings[2:] == ["3 objects older than what is known"]
+    assert logger.warnings[2:] == ["objects older than what is known: 3"]
     assert events.counts() == {"late": 44}
 
 

@@ -113,6 +113,16 @@ def test_the_table_has_a_line_for_each_recording_and_one_for_all(content):
     text = " ".join(sentences(content, 5.0))
     assert "91 of 92 cycles answered at 5 Hz" in text
     assert "20.0 ms median" in text
+    assert "constant velocity, so" not in text
+
+
+def test_scores_that_are_not_the_models_are_not_shown_without_a_word():
+    plan = make_plan([make_recording("a")], {}, play_all=False)
+    content = content_of(plan, recorded_messages(plan))
+    few = content | {"fallback_predictions": content["predictions_published"] // 20}
+    many = content | {"fallback_predictions": content["predictions_published"] // 2}
+    assert "say little about the model" not in " ".join(sentences(few, 5.0))
+    assert "50% are by constant velocity" in " ".join(sentences(many, 5.0))
 
 
 def test_the_fallback_and_a_missing_road_user_show():
