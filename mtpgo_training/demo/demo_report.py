@@ -180,8 +180,8 @@ def sentences(content: Mapping[str, Any], rate: float) -> list[str]:
     if share > FALLBACK_SHARE:
         lines.append(
             f"{share:.0%} are by constant velocity, so these scores say little about the"
-            " model. Usually the machine is too busy or too slow, see logs/predictor.log: close other"
-            " programs, or set -p rate:=2.0, and run the demo again."
+            " model. Usually the machine is too busy or too slow, see logs/predictor.log: close"
+            " other programs, or set -p rate:=2.0, and run the demo again."
         )
     if content["latency_ms_p50"] is not None:
         lines.append(
