@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.quality.quality_report import SCORES
+from mtpgo_core.quality.quality_report import SCORES, group_text
 from mtpgo_core.task.calibration import GROUPS
 from mtpgo_training.evaluation.scores.score_summary import value_text
 from mtpgo_training.table_format import Row, Table
@@ -18,9 +18,7 @@ from mtpgo_training.table_format import Row, Table
 Json = dict[str, Any]
 
 _SHOWN = {"ade": "ADE m", "cv_ade": "CV ADE m", "nll": "NLL", "coverage_90": "in 90 %"}
-_TEXT = (
-    "What the node had found out itself at the end, beside the same computed again from its bag."
-)
+_TEXT = "The scores of the node itself at the end, beside the same scores computed from its bag."
 _IN_METRES = ("ade", "fde", "cv_ade")
 
 
@@ -70,7 +68,7 @@ def largest_difference_m(rows: Sequence[Json]) -> float | None:
 def difference_sentences(rows: Sequence[Json]) -> list[str]:
     """Return sentences on how far live and recorded scores differ."""
     different = [
-        f"{row['group'].replace('_', ' ')} at {row['time_s']} s"
+        f"{group_text(GROUPS.index(row['group']))} at {row['time_s']} s"
         for row in rows
         if any(row["live"][name] != row["offline"][name] for name in ("agents", "predictions"))
     ]
@@ -91,7 +89,7 @@ def live_comparison_table(rows: Sequence[Json]) -> Table:
     """Return the table that the demo prints."""
     lines = [
         Row(
-            f"{row['group'].replace('_', ' ')}, {row['time_s']} s",
+            f"{group_text(GROUPS.index(row['group']))}, {row['time_s']} s",
             [
                 str(row["live"]["agents"]),
                 *(value_text(row[side][name]) for name in _SHOWN for side in ("live", "offline")),

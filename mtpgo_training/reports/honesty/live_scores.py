@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, TIMES_S
+from mtpgo_core.quality.quality_report import group_text
+from mtpgo_core.task.calibration import GROUPS
 from mtpgo_training.evaluation.scores.score_summary import value_text
 from mtpgo_training.table_format import Row, Table
 
@@ -39,7 +41,7 @@ _LIVE_TEXT = (
 _EFFECT_TEXT = (
     "Share of truths in the heaviest mode's ellipses of 50 and 90 %, of moving road users in that "
     "of 90 % at 1, 3 and 5 s, and the negative log-likelihood, on the same recordings at the same "
-    "instants. Online: corrected by what became known of earlier predictions."
+    "instants. Online: corrected by the outcomes of earlier predictions."
 )
 
 
@@ -52,7 +54,7 @@ def live_table(rows: Sequence[Json], bag: str = "") -> Table | None:
     """
     lines = [
         Row(
-            f"{row['group'].replace('_', ' ')}, {row['time_s']} s",
+            f"{group_text(GROUPS.index(row['group']))}, {row['time_s']} s",
             [
                 str(row["agents"]),
                 str(row["predictions"]),

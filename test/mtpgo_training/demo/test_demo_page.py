@@ -44,7 +44,7 @@ def test_the_page_has_what_is_printed_and_its_figures(tmp_path):
         "live_error",
         "calibration_effect",
     }
-    for part in ("vehicle moving, 5 s", "0.625", "1.12", "40 of 40 cycles", "0.000 mm at most"):
+    for part in ("moving vehicle, 5 s", "0.625", "1.12", "40 of 40 cycles", "0.000 mm at most"):
         assert part in text, part
 
 

@@ -31,7 +31,7 @@ def test_rows_of_the_longest_window_are_paired():
     assert rows[2]["live"]["ade"] is None
     assert abs(largest_difference_m(rows) - 0.0005) < 1e-9
     lines = to_text(live_comparison_table(rows)).splitlines()
-    assert lines[1].startswith("vehicle moving, 1 s")
+    assert lines[1].startswith("moving vehicle, 1 s")
     assert lines[1].split("s")[-1].split()[:3] == ["4", "0.500", "0.500"]
     assert lines[3].split()[-2:] == ["-", "-"]
 
@@ -49,7 +49,7 @@ def test_other_road_users_are_named():
     assert sentence.endswith("0.000 mm at most, over the same road users and predictions.")
     first, second = difference_sentences([same, row("two_wheeler_standing", 4, 3)])
     assert first.endswith("over other road users and predictions.")
-    assert second == "Not the same road users or predictions: two wheeler standing at 3 s."
+    assert second == "Not the same road users or predictions: standing two-wheeler at 3 s."
 
 
 def test_nothing_recorded_is_nothing_compared():

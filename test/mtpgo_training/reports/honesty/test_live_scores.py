@@ -22,7 +22,7 @@ def test_the_longest_window_is_shown():
     text = to_text(live_table([row(60), row(1800, ade=0.625)]))
     assert len(text.splitlines()) == 2
     name, scores = text.splitlines()[1].split(", 3 s")
-    assert name == "two wheeler moving"
+    assert name == "moving two-wheeler"
     expected = "12 300 0.625 0.750 1.000 0.100 1.500 0.400 -"
     assert " ".join(scores.split()) == expected
 
