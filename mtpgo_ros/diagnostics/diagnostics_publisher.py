@@ -89,9 +89,21 @@ class DiagnosticsPublisher(Generic[AnyStatus]):
         published_s, level, cause = self._health_published
         if (verdict.level, verdict.cause) == (level, cause) and not self._due(published_s, now_s):
             return
+        if (verdict.level, verdict.cause) != (level, cause):
+            self._log_change(verdict, level)
         self._health_published = (now_s, verdict.level, verdict.cause)
         self._health_publisher.publish(verdict.message(self._name))
         self.on_health(verdict)
+
+    def _log_change(self, verdict: Verdict, before: bytes) -> None:
+        """Log the begin and the end of an ERROR, for those who read the log alone."""
+        if verdict.state == "finalized":  # the end of the node, which is logged elsewhere
+            return
+        if verdict.level == DiagnosticStatus.ERROR:
+            self._node.get_logger().error(f"health is ERROR: {verdict.sentence}")
+        elif before == DiagnosticStatus.ERROR:
+            word = "OK" if verdict.level == DiagnosticStatus.OK else "WARN"
+            self._node.get_logger().info(f"health is {word} again: {verdict.sentence}")
 
     def _due(self, published_s: float, now_s: float) -> bool:
         """Return whether the period has passed, give or take half a check."""

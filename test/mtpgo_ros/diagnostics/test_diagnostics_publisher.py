@@ -3,6 +3,8 @@
 """When diagnostics are published: regularly, and when a level changes."""
 
 import time
+from datetime import UTC, datetime
+from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -14,6 +16,7 @@ from ros_helpers import spin_until
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus, diagnostic_statuses
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.health import Verdict
 from mtpgo_ros.diagnostics.input_watch import InputAge
 
 
@@ -77,3 +80,30 @@ def test_health_is_latched_and_published_when_it_changes(setup):
     spin(node, lambda: len(heard) == 2)
     assert heard[1].level == DiagnosticStatus.ERROR
     assert [verdict.cause for verdict in verdicts] == ["model"]
+
+
+def test_the_log_says_when_an_error_begins_and_ends(setup):
+    node, publisher, _, _ = setup
+    lines = []
+    node.get_logger = lambda: SimpleNamespace(error=lines.append, info=lines.append)
+    now = datetime(2026, 1, 1, tzinfo=UTC)
+    ok, warn, error = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+    for number, (level, sentence, cause, state) in enumerate(
+        [
+            (warn, "nothing has come", "input", "active"),
+            (error, "input is stale", "input", "active"),
+            (error, "input is stale since longer", "input", "active"),
+            (warn, "odd input", "input", "active"),
+            (ok, "receiving", "", "active"),
+            (error, "no model", "model", "active"),
+            (ok, "receiving", "", "active"),
+            (error, "the node is not active", "input", "finalized"),
+        ]
+    ):
+        publisher._publish_health(Verdict(level, sentence, cause, state, now, 0.0), 10.0 * number)
+    assert lines == [
+        "health is ERROR: input is stale",
+        "health is WARN again: odd input",
+        "health is ERROR: no model",
+        "health is OK again: receiving",
+    ]
