@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,23 +23,28 @@ from mtpgo_training.reports.figure_style import STYLE
 from mtpgo_training.reports.series import draw_line
 
 CLASS_COLOURS = {
-    AgentClass.UNKNOWN: "#7d8790",
-    AgentClass.CAR: "#2a6fbb",
-    AgentClass.TRUCK: "#8a4fb0",
-    AgentClass.BUS: "#8a4fb0",
-    AgentClass.TRAILER: "#8a4fb0",
-    AgentClass.MOTORCYCLE: "#e07b16",
-    AgentClass.BICYCLE: "#1f8a5f",
-    AgentClass.PEDESTRIAN: "#b8326b",
-    AgentClass.ANIMAL: "#4b5a66",
-    AgentClass.VAN: "#2a6fbb",
+    AgentClass.UNKNOWN: "#2f353b",
+    AgentClass.CAR: "#1f6fd1",
+    AgentClass.TRUCK: "#d9730d",
+    AgentClass.BUS: "#4b1f82",
+    AgentClass.TRAILER: "#6b3a12",
+    AgentClass.MOTORCYCLE: "#00695c",
+    AgentClass.BICYCLE: "#8cc81e",
+    AgentClass.PEDESTRIAN: "#e0246b",
+    AgentClass.ANIMAL: "#b8a04a",
+    AgentClass.VAN: "#56b4e9",
 }
-"""Colour of the tracks of each class."""
+"""Colour of the tracks of each class: those of the viewer."""
 
 MOST_SEGMENTS = 40_000
 """Segments of tracks in the map; chosen, so that the picture is drawn in seconds."""
 
 _SPEEDS_KEPT = 200_000
+
+_BAR = "#2a6fbb"
+
+_LEAST_ROWS = 5
+"""Rows for which a panel of bars has room at least; chosen."""
 
 
 @dataclass
@@ -99,9 +104,17 @@ def draw_data(summary: DataSummary, data: PictureData, path: Path) -> None:
                                         ["class", "manoeuvre", "defect"]])  # fmt: skip
         _map(panels["map"], data)
         _time(panels["time"], summary)
-        panels["speed"].hist(np.concatenate([*data.speeds, np.zeros(0)]), bins=40, color="#2a6fbb")
-        panels["speed"].set(title="speed of moving road users", xlabel="m/s", ylabel="steps")
-        _bars(panels["class"], "road users by class", summary.classes)
+        panels["speed"].hist(np.concatenate([*data.speeds, np.zeros(0)]), bins=40, color=_BAR)
+        panels["speed"].set(
+            title="speed of moving road users", xlabel="speed (m/s)", ylabel="steps"
+        )
+        colours = [CLASS_COLOURS[AgentClass[name.upper()]] for name in summary.classes]
+        _bars(
+            panels["class"],
+            "road users by class, track colours",
+            summary.classes,
+            colours,
+        )
         shares = {n.replace("_", " "): 100 * v for n, v in summary.manoeuvres.items()}
         _bars(panels["manoeuvre"], "over the next 5 s (%)", shares)
         defects = {item.kind: item.count for item in summary.defects}
@@ -123,11 +136,15 @@ def _time(axes: Any, summary: DataSummary) -> None:
     for recording in summary.recordings[:12]:
         time, count = recording.agents_over_time.T
         draw_line(axes, time, count, lw=1.2)
-    axes.set(title="road users at a time", xlabel="s", ylabel="road users")
+    axes.set(title="road users at a time", xlabel="time (s)", ylabel="road users")
     axes.set_ylim(bottom=0.0)
 
 
-def _bars(axes: Any, title: str, values: dict[str, float] | dict[str, int]) -> None:
-    names: Sequence[str] = list(values)[::-1]
-    axes.barh(names, [values[name] for name in names], color="#2a6fbb")
+def _bars(
+    axes: Any, title: str, values: Mapping[str, float], colours: Sequence[str] = (_BAR,)
+) -> None:
+    names: Sequence[str] = list(values)
+    axes.barh(names, [values[name] for name in names], color=colours)
+    # From the top; few bars are not wider than many.
+    axes.set_ylim(max(len(names), _LEAST_ROWS) - 0.5, -0.5)
     axes.set(title=title)

@@ -68,3 +68,8 @@ def test_common_classes_can_be_told_apart(name, deficiency):
     for one, other in itertools.combinations(COMMON, 2):
         off = seen(colours[one], deficiency) - seen(colours[other], deficiency)
         assert np.linalg.norm(off) > LEAST_DIFFERENCE, (one, other)
+
+
+def test_the_picture_of_recordings_has_the_same_colours():
+    data_picture = pytest.importorskip("mtpgo_training.reports.recordings.data_picture")
+    assert data_picture.CLASS_COLOURS == CLASS_COLOURS
