@@ -5,17 +5,19 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, cast
 
 from rclpy.clock import ROSClock
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.diagnostics.health import Verdict
 from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions
 from mtpgo_ros.lifecycle.manager_bond import ManagerBond, NoBond, form_bond
+from mtpgo_ros.lifecycle.own_topics import refuse_own_topics
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
 
 
@@ -62,8 +64,23 @@ class ResourceNode(LifecycleNode):
     def _release(self) -> None:
         """Release what exists since the configuration."""
 
-    def _activated(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Activate the publishers and form the bond; called at the end of ``on_activate``."""
+    def _activated(
+        self, state: LifecycleState, awaited: Iterable[str] = ()
+    ) -> TransitionCallbackReturn:
+        """Activate the publishers and form the bond; called at the end of ``on_activate``.
+
+        Args:
+            state: of the life cycle, as given to ``on_activate``.
+            awaited: topics that will be subscribed to when they have a publisher.
+
+        Raises:
+            ConfigurationError: the node would hear what it publishes itself.
+        """
+        try:
+            refuse_own_topics(self, awaited)
+        except ConfigurationError:
+            self._close()
+            raise
         done = super().on_activate(state)
         self._bond = form_bond(self)
         return done

@@ -120,7 +120,7 @@ class PredictorNode(ResourceNode):
         self._pipeline = PredictionPipeline(
             self, self._model, self._outputs, self.parameters, self.events, self._status
         )
-        done = self._activated(state)
+        done = self._activated(state, [self._pipeline.objects.topic])
         about = self._model.describe()
         self.get_logger().info(
             f"ready: {about['model']} predicts {about['horizon_s']} s ahead at"
