@@ -18,7 +18,8 @@ def refuse_own_topics(node: Node, awaited: Iterable[str] = ()) -> None:
 
     Args:
         node: with its publishers and subscriptions.
-        awaited: resolved names of topics that it will subscribe to.
+        awaited: resolved names of topics that it will subscribe to. Where their types differ, the
+            middleware would refuse that in words that help nobody.
 
     Raises:
         ConfigurationError: there is such a topic.

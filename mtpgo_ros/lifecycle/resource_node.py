@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, cast
 
 from rclpy.clock import ROSClock
@@ -64,20 +64,14 @@ class ResourceNode(LifecycleNode):
     def _release(self) -> None:
         """Release what exists since the configuration."""
 
-    def _activated(
-        self, state: LifecycleState, awaited: Iterable[str] = ()
-    ) -> TransitionCallbackReturn:
+    def _activated(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Activate the publishers and form the bond; called at the end of ``on_activate``.
-
-        Args:
-            state: of the life cycle, as given to ``on_activate``.
-            awaited: topics that will be subscribed to when they have a publisher.
 
         Raises:
             ConfigurationError: the node would hear what it publishes itself.
         """
         try:
-            refuse_own_topics(self, awaited)
+            refuse_own_topics(self)
         except ConfigurationError:
             self._close()
             raise
