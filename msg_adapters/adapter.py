@@ -21,6 +21,7 @@ from msg_adapters.wire.input_limits import (
     DEFAULT_LIMITS,
     Content,
     InputLimits,
+    check_frame,
     check_serialized,
 )
 from mtpgo_core.class_map import OWN_NAMES, ClassMap
@@ -114,6 +115,7 @@ class InputAdapter:
         with reading(message, self.message_type):
             self._check(message, limits)
             decoded = self.decoder(message, twist_frame=frame, fallback_stamp_ns=fallback_stamp_ns)
+        check_frame(decoded.states.frame_id)
         if class_map is OWN_NAMES or decoded.class_names is None:
             return decoded
         found = [class_map.find(*names) for names in decoded.class_names]

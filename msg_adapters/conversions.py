@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -21,6 +21,9 @@ TWIST_FRAMES = ("default", "object", "header")
 """Frames of a message's velocities: the usual one of its publishers, or one of the two."""
 
 _NANOSECONDS = 1_000_000_000
+
+_UPRIGHT = 1e-6
+"""Horizontal part of the x axis up to which a rotation has no yaw; chosen above rounding."""
 
 _LAST_S = (1 << 31) - 1
 """Last second of ``builtin_interfaces/Time``."""
@@ -114,14 +117,19 @@ def positive(values: ArrayLike) -> Float64Array:
 
 
 def yaw_from_quaternions(quaternion: Float64Array) -> Float64Array:
-    """Return [n] the yaw (rad) of [n, 4] quaternions x, y, z, w; NaN for the unset one of zeros.
+    """Return [n] the yaw (rad) of [n, 4] quaternions x, y, z, w, NaN where they have none.
 
-    The quaternions need not be normalised.
+    The quaternions need not be normalised. One of zeros is not set, and one that points the x axis
+    straight up or down has no yaw.
     """
-    x, y, z, w = np.moveaxis(finite(quaternion), -1, 0)
-    yaw = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    unset = np.all(quaternion == 0.0, axis=-1)
-    return np.where(unset, np.nan, yaw)
+    quaternion = finite(quaternion)
+    largest = np.abs(quaternion).max(axis=-1, keepdims=True, initial=0.0)
+    usual = (largest > 1e-100) & (largest < 1e100)  # squares of others would not be numbers
+    with np.errstate(invalid="ignore"):
+        x, y, z, w = np.moveaxis(quaternion / np.where(usual, 1.0, largest), -1, 0)
+    sine, cosine = 2.0 * (w * z + x * y), w * w + x * x - y * y - z * z
+    level = np.hypot(sine, cosine) > _UPRIGHT * (x * x + y * y + z * z + w * w)
+    return np.where(level, np.arctan2(sine, cosine), np.nan)
 
 
 def make_quaternion(types: Types, yaw: float) -> Any:
@@ -150,6 +158,20 @@ def make_pose(types: Types, position: Float64Array, z: float, yaw: float) -> Any
 def make_vector(types: Types, x: float, y: float, z: float = 0.0) -> Any:
     """Return ``geometry_msgs/Vector3``."""
     return types.make("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
+
+
+def most_probable(items: Sequence[Any], probability: Callable[[Any], float]) -> Any:
+    """Return the item of the highest probability, the first of equal ones, None of none.
+
+    A probability that is not finite is the lowest: compared as a number, NaN would win or lose by
+    its place.
+    """
+
+    def comparable(item: Any) -> float:
+        value = float(probability(item))
+        return value if np.isfinite(value) else -np.inf
+
+    return max(items, key=comparable, default=None)
 
 
 def known(value: float, otherwise: float = 0.0) -> float:

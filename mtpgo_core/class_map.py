@@ -33,6 +33,9 @@ from mtpgo_core.schema import AgentClass, ClassArray
 from mtpgo_core.whole_file import user_path
 from mtpgo_core.yaml_file import read_yaml
 
+_LONGEST_NAME = 200
+"""Longer names are no names of classes (characters); chosen."""
+
 _COCO_NUMBERS = 92
 """Numbers of COCO's classes are smaller; those that take no part in traffic are unknown."""
 
@@ -189,6 +192,8 @@ class ClassMap:
         return {name: int(value) for name, value in sorted(self._by_name.items())}
 
     def _listed(self, name: str) -> AgentClass | None:
+        if len(name) > _LONGEST_NAME:
+            return None  # Its beginnings alone would take time that grows with its square.
         while name:
             if name in self._by_name:
                 return self._by_name[name]

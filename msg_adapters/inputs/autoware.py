@@ -15,11 +15,13 @@ import numpy as np
 
 from msg_adapters.adapter import Decoded, InputAdapter
 from msg_adapters.conversions import (
+    finite,
     flat36,
     known,
     make_header,
     make_pose,
     make_vector,
+    most_probable,
     planar_block,
     pose_row,
     positive,
@@ -185,9 +187,10 @@ def _planar(vector: Any) -> tuple[float, float]:
 
 def object_class(classification: Any) -> int:
     """Return our class of a list of ``ObjectClassification``, that of the most probable label."""
-    if len(classification) == 0:
+    best = most_probable(classification, lambda item: item.probability)
+    if best is None:
         return int(AgentClass.UNKNOWN)
-    label = int(max(classification, key=lambda item: item.probability).label)
+    label = int(best.label)
     # Larger labels are hazards, not road users; 9 is another class here.
     return label if label <= _LAST_SHARED_LABEL else int(AgentClass.UNKNOWN)
 
@@ -198,9 +201,8 @@ def object_size(shape: Any) -> tuple[float, float]:
     if int(shape.type) == SHAPE_CYLINDER:
         return length, length
     if int(shape.type) == SHAPE_POLYGON and len(shape.footprint.points) > 0:
-        x = [point.x for point in shape.footprint.points]
-        y = [point.y for point in shape.footprint.points]
-        return max(x) - min(x), max(y) - min(y)
+        corners = finite([(point.x, point.y) for point in shape.footprint.points])
+        length, width = np.ptp(corners, axis=0).tolist()  # NaN with a corner that is nowhere
     return length, width
 
 

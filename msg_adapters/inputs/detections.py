@@ -20,6 +20,7 @@ from msg_adapters.conversions import (
     make_header,
     make_pose,
     make_vector,
+    most_probable,
     planar_block,
     pose_row,
     positive,
@@ -53,7 +54,7 @@ def decode_detections(
     if len(tracked) < len(message.detections):
         skipped["detection without an id"] = len(message.detections) - len(tracked)
     boxes = [item.bbox for item in tracked]
-    best = [max(item.results, key=_score, default=None) for item in tracked]
+    best = [most_probable(item.results, _score) for item in tracked]
     names = ["" if b is None else _class_name(b) for b in best]
     pose = table([pose_row(box.center) for box in boxes], 7)
     position_covariance = table(
@@ -127,8 +128,7 @@ def _class_name(result: Any) -> str:
 
 
 def _score(result: Any) -> float:
-    score = float(getattr(result, "hypothesis", result).score)
-    return score if np.isfinite(score) else -np.inf
+    return float(getattr(result, "hypothesis", result).score)
 
 
 VISION = InputAdapter(

@@ -19,6 +19,7 @@ import numpy as np
 
 from msg_adapters.conversions import planar_block, stamp_to_ns, state_covariance
 from msg_adapters.inputs.odometry import pose_of
+from msg_adapters.wire.input_limits import check_frame
 from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, PoseBuffer, is_place, rotate
 from mtpgo_core.options import check_options, option
@@ -116,7 +117,7 @@ class EgoOdometry:
         then estimated from the positions, as for an object without one.
 
         Raises:
-            MessageError: it has no stamp or no finite pose.
+            MessageError: it has no stamp or no finite pose, or a name that is too long.
         """
         stamp_ns = stamp_to_ns(message.header.stamp)
         pose = pose_of(message)
@@ -134,6 +135,8 @@ class EgoOdometry:
         elif any(twist):
             self._twist_filled = True
         frames = (str(message.header.frame_id), str(message.child_frame_id))
+        for frame_id in frames:
+            check_frame(frame_id)
         late_ns = 0 if self._newest_ns is None else self._newest_ns - stamp_ns
         if frames != self._frames or late_ns > _MAX_GAP_S * 1e9:
             # Another vehicle or frame, or the clock was set back.

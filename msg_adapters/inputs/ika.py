@@ -19,6 +19,7 @@ from msg_adapters.adapter import Decoded, InputAdapter
 from msg_adapters.conversions import (
     finite,
     make_header,
+    most_probable,
     positive,
     rotate,
     small_integer_keys,
@@ -108,13 +109,14 @@ def decode_object_list(
     values, covariance = _read_states([item.state for item in kept])
     offset = table([_to_centre(item.state.reference_point) for item in kept], 3)
     yaw = values[:, 7]
-    heading = np.where(np.isfinite(yaw), yaw, 0.0)
+    # Without a heading, the point itself is nearer to the centre than one shifted anywhere.
+    shift = np.where(np.isfinite(yaw)[:, None], rotate(offset[:, :2], yaw), 0.0)
     turned = yaw if twist_frame == "object" else np.zeros_like(yaw)
     states = tracked_states(
         stamp_to_ns(message.header.stamp),
         str(message.header.frame_id),
         keys_from_integers([int(item.id) for item in kept]),
-        values[:, :2] + rotate(offset[:, :2], heading),
+        values[:, :2] + shift,
         agent_class=np.array([_agent_class(item.state) for item in kept], dtype=np.uint8),
         z=values[:, 2] + offset[:, 2],
         velocity=to_header_frame(values[:, 3:5], yaw, twist_frame),
@@ -247,9 +249,9 @@ def _write_covariance(values: Float64Array, covariance: Float64Array) -> Float64
 
 
 def _agent_class(state: Any) -> int:
-    if len(state.classifications) == 0:
+    best = most_probable(state.classifications, lambda item: item.probability)
+    if best is None:
         return int(AgentClass.UNKNOWN)
-    best = max(state.classifications, key=lambda item: item.probability)
     return int(_CLASSES.get(int(best.type), AgentClass.UNKNOWN))
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from msg_adapters.wire.cdr_reader import CdrReader
-from msg_adapters.wire.input_limits import DEFAULT_LIMITS, FIELD_BYTES, check_room
+from msg_adapters.wire.input_limits import DEFAULT_LIMITS, FIELD_BYTES, check_frame, check_room
 from mtpgo_core.errors import MessageError
 
 
@@ -52,12 +52,13 @@ def cloud_from_cdr(data: Any) -> CloudContent:
             ``raw=True`` or a bag gives them; the points are not copied.
 
     Raises:
-        MessageError: the bytes are not plain CDR, end too early, or have more fields than any
-            layout.
+        MessageError: the bytes are not plain CDR, end too early, or have more fields or a longer
+            name of the frame than any.
     """
     reader = CdrReader(data, "point cloud")
     stamp = _Stamp(*reader.unpack(4, "iI"))
     header = _Header(stamp, reader.text())
+    check_frame(header.frame_id)
     height, width, count = reader.unpack(4, "III")
     if count > DEFAULT_LIMITS.max_fields:
         raise MessageError(

@@ -64,6 +64,10 @@ class InputLimits:
             )
 
 
+LONGEST_FRAME = 255
+"""Longest name of a frame that is read (characters); chosen. It goes into the header of every
+marker and into every diagnostic message."""
+
 DEFAULT_LIMITS = InputLimits()
 """The limits where none are configured, as for recordings."""
 
@@ -81,6 +85,18 @@ class Content:
     name: str
     least_bytes: int
     has_header: bool = True
+
+
+def check_frame(frame_id: str) -> None:
+    """Check the length of a frame's name.
+
+    Raises:
+        MessageError: it is too long.
+    """
+    if len(frame_id) > LONGEST_FRAME:
+        raise MessageError(
+            f"frame_id has {len(frame_id)} characters, expected at most {LONGEST_FRAME}"
+        )
 
 
 def check_serialized(data: bytes, content: Content, limits: InputLimits) -> None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from msg_adapters.conversions import stamp_of
 from msg_adapters.wire.cdr_reader import CdrReader
-from msg_adapters.wire.input_limits import check_room
+from msg_adapters.wire.input_limits import check_frame, check_room
 from mtpgo_core.errors import MessageError
 from mtpgo_core.schema import Float64Array
 
@@ -117,6 +117,7 @@ def predicted_objects_from_cdr(data: Any) -> PredictedObjectsContent:
     reader = CdrReader(data, _NAME)
     stamp_ns = stamp_of(*reader.unpack(4, "iI"))
     frame_id = reader.text()
+    check_frame(frame_id)
     objects = [_object(reader) for _ in range(_count(reader, "objects", _OBJECT_BYTES))]
     return PredictedObjectsContent(stamp_ns, frame_id, objects)
 

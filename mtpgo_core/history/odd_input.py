@@ -14,6 +14,8 @@ ODD_INPUT: dict[str, str] = {
     "duplicate_keys": "identities twice in a message",
     "duplicates": "objects with a repeated stamp",
     "late": "objects older than what is known",
+    "behind": "objects too far behind the newest stamp to be predicted, as of two publishers with"
+    " different clocks",
     "restarted": "tracks restarted after an impossible move",
     "alternating": "objects that alternate between two places, as of two publishers with the same"
     " identities",

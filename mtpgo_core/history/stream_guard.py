@@ -27,6 +27,8 @@ class UpdateReport:
             used the same identity.
         duplicates: dropped, the track has an observation with this stamp.
         late: dropped, the track has a newer observation.
+        behind: of those accepted, too far behind the newest stamp to be carried on to it, so that
+            they are not predicted: another publisher's clock is ahead.
         duplicate_keys: dropped, the identity occurs earlier in the message.
         non_finite: dropped, no usable position.
         too_fast: dropped, faster than ``max_speed_mps``.
@@ -45,6 +47,7 @@ class UpdateReport:
     alternating: int = 0
     duplicates: int = 0
     late: int = 0
+    behind: int = 0
     duplicate_keys: int = 0
     non_finite: int = 0
     too_fast: int = 0

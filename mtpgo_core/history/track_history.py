@@ -17,6 +17,8 @@ to and fro between two places                used, and counted (``alternating``)
 same track twice in a message                the first usable one is used (``duplicate_keys``)
 same stamp as the track's newest             dropped (``duplicates``)
 older than the track's newest                dropped (``late``); other tracks are updated
+older than the newest stamp by more than     used, but too old to be predicted (``behind``):
+``max_extrapolation_s``                      another publisher's clock is ahead
 stamp older than the whole window, or the    the clock jumped back (a bag loops): the history
 third message in a row older than the        is cleared and starts with this message
 newest by more than 0.5 s                    (``clock_reset``)
@@ -39,7 +41,13 @@ from numpy.typing import NDArray
 
 from mtpgo_core.history.nearest_tracks import centre_of, nearest
 from mtpgo_core.history.observed_positions import ObservedPositions
-from mtpgo_core.history.resampling import NEVER_NS, Brackets, bracket, interpolate_linear
+from mtpgo_core.history.resampling import (
+    NEVER_NS,
+    TOLERANCE_NS,
+    Brackets,
+    bracket,
+    interpolate_linear,
+)
 from mtpgo_core.history.stream_guard import MessageStatus, StreamGuard, UpdateReport
 from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.history.track_store import ACCELERATION, POSITION, VELOCITY, YAW, TrackStore
@@ -182,6 +190,7 @@ class TrackHistory:
             alternating=int(alternating.sum()),
             duplicates=int((last_ns == stamp_ns).sum()),
             late=int((last_ns > stamp_ns).sum()),
+            behind=slot.shape[0] if self._behind(stamp_ns) else 0,
             duplicate_keys=rows.shape[0] - unique,
             left_out=left_out,
             non_finite=int((~finite).sum()),
@@ -191,6 +200,12 @@ class TrackHistory:
             clock_reset=status is MessageStatus.CLOCK_RESET,
             frame_changed=status is MessageStatus.NEW_FRAME,
         )
+
+    def _behind(self, stamp_ns: int) -> bool:
+        """Return whether what was observed then (ns) cannot be carried on to the newest stamp."""
+        newest_ns = self._guard.newest_ns
+        late_ns = 0 if newest_ns is None else newest_ns - stamp_ns
+        return late_ns > self.config.max_extrapolation_ns + TOLERANCE_NS
 
     def track_numbers(self, key: KeyArray, stamp_ns: int) -> NDArray[np.int64]:
         """Return [n] numbers of the tracks that had these identities at a time, -1 for none.

@@ -67,7 +67,7 @@ class Outcomes:
     @cached_property
     def heaviest_mean(self) -> Float64Array:
         """[m, 2] position in the heaviest mode (m)."""
-        return self._memory.mean[self._heaviest].astype(np.float64)
+        return self._memory.mean(*self._heaviest)
 
     @cached_property
     def heaviest_covariance(self) -> Float64Array:
@@ -101,7 +101,7 @@ class Outcomes:
         memory, c, a = self._memory, self._cycle, self._agent
         return (
             memory.weight[c, a].astype(np.float64),
-            memory.mean[c, a, :, self.step].astype(np.float64),
+            memory.means(c, a, self.step),
             symmetric(memory.covariance[c, a, :, self.step]),
         )
 

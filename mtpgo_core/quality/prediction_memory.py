@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,8 @@ _BY_AGENT = (
     "source",
     "heaviest",
     "weight",
-    "mean",
+    "origin",
+    "offset",
     "covariance",
     "cv_mean",
     "cv_covariance",
@@ -87,8 +89,9 @@ class KeptPrediction:
 class PredictionMemory:
     """Ring of up to ``limits.cycles`` predictions.
 
-    Weights, means and covariances are kept in float32, as they are published; constant velocity,
-    which is not, in float64. A step of an agent is resolved once, in the order of time.
+    Weights, means and covariances are kept in float32, the means relative to a place near them: at
+    UTM coordinates float32 has a grid of 0.5 m. Constant velocity is kept in float64. A step of an
+    agent is resolved once, in the order of time.
 
     Args:
         limits: bounds.
@@ -121,7 +124,8 @@ class PredictionMemory:
         self.source = np.zeros((cycles, agents), dtype=np.uint8)
         self.heaviest = np.zeros((cycles, agents), dtype=np.intp)
         self.weight: Float32Array = np.zeros((cycles, agents, modes), dtype=np.float32)
-        self.mean: Float32Array = np.zeros((cycles, agents, modes, steps, 2), dtype=np.float32)
+        self.origin = np.zeros((cycles, agents, 2))
+        self.offset: Float32Array = np.zeros((cycles, agents, modes, steps, 2), dtype=np.float32)
         self.covariance: Float32Array = np.zeros(
             (cycles, agents, modes, steps, 3), dtype=np.float32
         )
@@ -151,8 +155,11 @@ class PredictionMemory:
     def add(self, new: KeptPrediction) -> bool:
         """Keep a prediction; return false if it is left out, too soon after the last one."""
         modes, steps = new.mean.shape[1:3]
-        if (modes, steps) != self.mean.shape[2:4] and len(new.number):
+        room, length = self.offset.shape[2:4]
+        if (modes > room or steps != length) and len(new.number):
             self._allocate(modes, steps)
+        elif modes < room:
+            new = _with_modes(new, room)
         if len(new.time_s) == 0:
             return True
         spacing_ns = (float(new.time_s[-1]) + self._max_gap_s) * 1e9 / self._limits.cycles
@@ -179,7 +186,8 @@ class PredictionMemory:
         self.group[c, :n], self.source[c, :n] = new.group[rows], new.source[rows]
         self.weight[c, :n] = new.weight[rows]
         self.heaviest[c, :n] = new.weight[rows].argmax(axis=1)
-        self.mean[c, :n] = new.mean[rows]
+        self.origin[c, :n] = new.cv_mean[rows, 0]
+        self.offset[c, :n] = new.mean[rows] - new.cv_mean[rows, 0][:, None, None]
         self.sigma_factor_50[c, :n] = new.sigma_factor_50[rows]
         self.cv_mean[c, :n] = new.cv_mean[rows]
         for i, element in enumerate(((0, 0), (0, 1), (1, 1))):
@@ -210,6 +218,16 @@ class PredictionMemory:
             setattr(self, name, np.concatenate([old, more], axis=1))
         self.step[:, -more.shape[1] :] = self.time_s.shape[1]
         self.number[:, -more.shape[1] :] = -1
+
+    def mean(
+        self, cycle: IndexArray, agent: IndexArray, mode: IndexArray, step: IndexArray
+    ) -> Float64Array:
+        """Return [m, 2] predicted positions of m rows (m)."""
+        return self.origin[cycle, agent] + self.offset[cycle, agent, mode, step]
+
+    def means(self, cycle: IndexArray, agent: IndexArray, step: IndexArray) -> Float64Array:
+        """Return [m, M, 2] predicted positions of all modes of m rows (m)."""
+        return self.origin[cycle, agent][:, None] + self.offset[cycle, agent, :, step]
 
     def find_next(self, now_ns: int) -> None:
         """Set ``next_ns`` to the time of the next step after a time."""
@@ -249,7 +267,7 @@ class PredictionMemory:
         """
         known: BoolArray = np.isfinite(truth[:, 0])
         step, heaviest = self.step[cycle, agent], self.heaviest[cycle, agent]
-        mean = self.mean[cycle, agent, heaviest, step].astype(np.float64)
+        mean = self.mean(cycle, agent, heaviest, step)
         apart = np.stack([mean, self.cv_mean[cycle, agent, step]], axis=1) - truth[:, None]
         error = np.where(known[:, None], np.hypot(apart[..., 0], apart[..., 1]), 0.0)
         self._error_sum[cycle, agent] += error
@@ -257,3 +275,20 @@ class PredictionMemory:
         self.step[cycle, agent] += 1
         count = self._known_steps[cycle, agent][:, None]
         return np.where(count, self._error_sum[cycle, agent] / np.maximum(count, 1), np.nan)
+
+
+def _with_modes(new: KeptPrediction, modes: int) -> KeptPrediction:
+    """Return a prediction of fewer modes with further ones that have no weight.
+
+    The number of modes changes from cycle to cycle where there are more road users than all modes
+    are published of, and predictions in flight must not be lost by that.
+    """
+    extra = modes - new.mean.shape[1]
+    return dataclasses.replace(
+        new,
+        weight=np.pad(new.weight, ((0, 0), (0, extra))),
+        mean=np.concatenate([new.mean, np.repeat(new.mean[:, :1], extra, axis=1)], axis=1),
+        covariance=np.concatenate(
+            [new.covariance, np.repeat(new.covariance[:, :1], extra, axis=1)], axis=1
+        ),
+    )

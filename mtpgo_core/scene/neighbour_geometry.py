@@ -27,7 +27,7 @@ _TOGETHER = 64
 
 _MARGIN_M = 0.1
 """Margin of the surroundings for the rounding of float32 positions (m): 4 mm at 65 km from the
-mean position."""
+middle."""
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,12 @@ class NeighbourGeometry:
 
 
 def places(window: HistoryWindow) -> Float32Array:
-    """Return [2, T, n] positions relative to their mean (m), so that float32 is precise enough."""
+    """Return [2, T, n] positions relative to their median (m), precise enough in float32.
+
+    The mean would be moved by a single stray object far away, and all others with it.
+    """
     seen = window.position[window.valid]
-    near = window.position - (seen.mean(axis=0) if len(seen) else 0.0)
+    near = window.position - (np.median(seen, axis=0) if len(seen) else 0.0)
     return np.ascontiguousarray(near.transpose(2, 1, 0), np.float32)
 
 

@@ -16,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.quality.quality_report import QualityVerdict
-from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING, EventLog
+from mtpgo_ros.diagnostics.event_log import BAD_MODEL, BAD_TIMING, EventLog, shortened
 from mtpgo_ros.diagnostics.input_watch import InputAge
 from mtpgo_ros.diagnostics.latency import LatencyStatistics
 
@@ -336,6 +336,6 @@ def make_status(
     return DiagnosticStatus(
         level=level,
         name=name,
-        message=message,
-        values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        message=shortened(message),
+        values=[KeyValue(key=key, value=shortened(value)) for key, value in values.items()],
     )

@@ -24,6 +24,10 @@ from mtpgo_core.history.odd_input import ODD_INPUT
 RECENT_S = 2.0
 """How long an event keeps its status at WARN (s); chosen so that two reports show it."""
 
+LONGEST_TEXT = 4000
+"""Longest log line, and longest text in the diagnostics (characters); chosen: longer than any
+sentence of the node's own. Messages bring names of any length."""
+
 REPEAT_S = 5.0
 """Shortest time between two log lines of one kind (s); chosen."""
 
@@ -160,6 +164,7 @@ class EventLog:
     def _write(self, line: str, *, is_error: bool) -> None:
         if self._logger is None:
             return
+        line = shortened(line)
         if is_error:
             self._logger.error(line)
         else:
@@ -192,6 +197,13 @@ class EventLog:
                 for name, description in descriptions.items()
                 if self._last_counted_s.get(name, -np.inf) >= since_s
             ]
+
+
+def shortened(text: str) -> str:
+    """Return a text, cut off after :data:`LONGEST_TEXT` characters."""
+    if len(text) <= LONGEST_TEXT:
+        return text
+    return f"{text[:LONGEST_TEXT]}... ({len(text)} characters)"
 
 
 def _with_number(kind: str, line: str, number: int, swallowed: int) -> str:

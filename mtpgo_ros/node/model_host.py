@@ -135,6 +135,8 @@ class ModelHost:
                 # What was learned about the other model's errors does not hold for this one.
                 self.calibrator.close()
                 loaded.calibrator.look_at_file()  # which has just been written
+                # Parameters may have changed while the other host was loaded.
+                loaded.calibrator.configure(self.calibrator.parameters)
                 self.calibrator = loaded.calibrator
             if self.uses_lanes != had_lanes:
                 self.lanes.continue_with(loaded.lanes)

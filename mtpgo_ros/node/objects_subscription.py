@@ -29,6 +29,7 @@ from msg_adapters.wire.input_limits import DEFAULT_LIMITS, InputLimits
 from mtpgo_core.errors import MessageError
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.reliability_choice import ReliabilityChoice
+from mtpgo_ros.runtime.receipt_clock import ReceiptClock
 from mtpgo_ros.runtime.work_queue import WorkQueue
 
 TOPIC = "objects"
@@ -87,6 +88,7 @@ class ObjectsSubscription:
         self._events = events
         self.limits = limits
         self._lost = LostMessages()
+        self._clock = ReceiptClock()
         self._queue = WorkQueue(self._decode, _DEPTH, "objects", self._on_overrun)
         self._subscription: Subscription | None = None
         self._adapter: InputAdapter | None = None
@@ -212,7 +214,8 @@ class ObjectsSubscription:
             return  # Both subscriptions have received it.
         self._sent_ns.append(sent_ns)
         if self._adapter is not None:
-            self._queue.submit((data, self._adapter, _received_ns(info)))
+            received_ns = self._clock.monotonic_ns(int(info.get("received_timestamp", 0)))
+            self._queue.submit((data, self._adapter, received_ns))
             if self._choice.received(len(data), time.monotonic()):
                 self._subscribe_anew(self._adapter)
 
@@ -289,18 +292,6 @@ def _without_garbage_collection() -> Iterator[None]:
         yield
     finally:
         gc.enable()
-
-
-def _received_ns(info: dict[str, Any]) -> int:
-    """Return when the middleware received the message (ns of the monotonic clock).
-
-    The middleware gives the time of the system clock. The time in its queue counts as latency, but
-    a system clock that was set in the meantime must not, so at most one second is accepted.
-    """
-    waited_ns = time.time_ns() - int(info.get("received_timestamp", 0))
-    if not 0 <= waited_ns <= 1_000_000_000:
-        waited_ns = 0
-    return time.monotonic_ns() - waited_ns
 
 
 def types_not_heard(topic: str, others: Collection[str], taken: Collection[str]) -> str:

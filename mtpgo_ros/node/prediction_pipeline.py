@@ -100,7 +100,9 @@ class PredictionPipeline:
         model.reset()
         model.calibrator.live.clear_stream("clock_reset")
         model.configure(parameters, self.ego_text)
-        status.frame_error = status.ego_problem = ""
+        status.frame_error = status.ego_problem = status.overload = ""
+        status.agents = status.fallback_agents = 0
+        status.without_model_in_a_row = status.over_budget_in_a_row = 0
         self._tracks = TrackHistory(model.predictor.task.history, parameters.max_tracks)
         self.history = HistoryInput(self._tracks, model, events, parameters)
         self.quality = LiveQuality(model.predictor.task.history)
@@ -264,12 +266,18 @@ class PredictionPipeline:
         self._events.count("skipped_objects", decoded.skipped_total)
         objects = len(decoded.states) + decoded.skipped_total
         self._events.count("empty_messages", int(objects == 0))
-        self._warn_of_moving_frame(decoded.states)
+        self._warn_of_frame(decoded.states)
         states = self.transform.apply(decoded.states)
         self._status.frame_error, self._status.frame_id = "", states.frame_id
         return states, decoded.skipped_total
 
-    def _warn_of_moving_frame(self, states: TrackedStates) -> None:
+    def _warn_of_frame(self, states: TrackedStates) -> None:
+        if len(states) and (not states.frame_id or states.frame_id.startswith("/")):
+            self._events.log(
+                "frame name",
+                f"objects come in frame {states.frame_id!r}, which neither TF nor displays accept:"
+                " expected a name without a leading slash in their header",
+            )
         if not self._parameters.fixed_frame and moves_with_vehicle(states.frame_id):
             self._events.log(
                 "moving frame",

@@ -23,6 +23,7 @@ from mtpgo_ros.diagnostics.event_log import RECENT_S
 from mtpgo_ros.diagnostics.input_watch import InputAge
 from mtpgo_ros.diagnostics.latency import LatencyStatistics
 from mtpgo_ros.lifecycle.lifecycle_answers import state_of
+from mtpgo_ros.lifecycle.own_topics import refuse_own_topics
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
 from mtpgo_ros.lifecycle.resource_node import ResourceNode
 from mtpgo_ros.node.model_host import ModelHost
@@ -31,6 +32,9 @@ from mtpgo_ros.node.prediction_pipeline import PredictionPipeline
 from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.parameter_server import ParameterServer
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters, updated
+
+_HEARD = ("objects", "odometry", "ego_id", "lane_markings")
+"""Topics that the node subscribes to, some of them later or not at all."""
 
 _NAMES_PERIOD_S = 1.0
 """Time between two searches for another node of the same name (s); chosen."""
@@ -117,6 +121,7 @@ class PredictorNode(ResourceNode):
         """Subscribe and start the worker."""
         assert self._model is not None
         assert self._outputs is not None
+        refuse_own_topics(self, map(self.resolve_topic_name, _HEARD))
         self._pipeline = PredictionPipeline(
             self, self._model, self._outputs, self.parameters, self.events, self._status
         )

@@ -11,8 +11,16 @@ small message ends the silence, it was a pause of the stream, and best effort is
 
 from __future__ import annotations
 
+from collections import deque
+from statistics import median
+
 _SILENCE_S = 1.0
-"""Silence after which the other choice is tried (s); chosen: several periods of any tracker."""
+"""Shortest silence after which the other choice is tried (s); chosen: several periods of most
+trackers."""
+
+_USUAL_TIMES = 3.0
+"""The same as a multiple of the usual time between two messages; chosen: of a slow stream no
+single message is waited for in vain."""
 
 _FIRST_SILENCE_S = 3.0
 """The same before the first message (s); chosen longer, since many publishers start late."""
@@ -38,6 +46,7 @@ class ReliabilityChoice:
     def __init__(self, now_s: float) -> None:
         self.reliable = False
         self._since_s, self._limit_s = now_s, _FIRST_SILENCE_S
+        self._intervals_s: deque[float] = deque(maxlen=5)
         self._tried, self._lost, self._by_silence = False, 0, False
 
     def received(self, size: int, now_s: float) -> bool:
@@ -46,7 +55,11 @@ class ReliabilityChoice:
         Returns:
             Whether the choice has changed.
         """
-        self._since_s, self._limit_s, self._tried = now_s, _SILENCE_S, False
+        if self._limit_s != _FIRST_SILENCE_S or self._intervals_s:
+            self._intervals_s.append(now_s - self._since_s)
+        usual_s = median(self._intervals_s) if self._intervals_s else 0.0
+        self._since_s, self._tried = now_s, False
+        self._limit_s = max(_SILENCE_S, _USUAL_TIMES * usual_s)
         paused = self.reliable and self._by_silence and size < _LARGE_BYTES
         self._by_silence = False
         if paused:

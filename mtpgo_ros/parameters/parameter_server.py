@@ -20,6 +20,7 @@ from rclpy.parameter import Parameter
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import Limits, listed
+from mtpgo_ros.parameters.parameter_answers import answer_every_request
 from mtpgo_ros.parameters.parameter_change import AnyParameters, Change
 from mtpgo_ros.parameters.unknown_parameters import report_unknown_parameters
 
@@ -83,6 +84,7 @@ class ParameterServer(Generic[AnyParameters]):
         node.add_pre_set_parameters_callback(self._convert)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
+        answer_every_request(node)
 
     def checked(self, values: Mapping[str, Any]) -> AnyParameters:
         """Return the present parameters with these values, which do not take effect.

@@ -40,13 +40,14 @@ class LiveCalibrator:
         task: of the model.
 
     Attributes:
+        parameters: as given, or as configured since.
         live: the calibration.
         file_error: why the file was not used or not written when that was tried last, or that
             another process writes it as well; empty if all is well.
     """
 
     def __init__(self, parameters: PredictorParameters, task: TaskDescription) -> None:
-        self._parameters, self._task = parameters, task
+        self.parameters, self._task = parameters, task
         self.live = LiveCalibration(parameters.live_options, task.history, task.horizon_steps)
         self.file_error = ""
         self._path: Path | None = None
@@ -69,7 +70,7 @@ class LiveCalibrator:
 
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
-        self._parameters = parameters
+        self.parameters = parameters
         self.live.configure(parameters.live_options)
 
     def serve(self, prediction: Prediction, window: HistoryWindow) -> Prediction:

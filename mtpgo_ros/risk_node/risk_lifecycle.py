@@ -22,6 +22,7 @@ from mtpgo_core.schema import Prediction
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.input_watch import InputWatch
 from mtpgo_ros.lifecycle.lifecycle_answers import state_of
+from mtpgo_ros.lifecycle.own_topics import refuse_own_topics
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
 from mtpgo_ros.lifecycle.resource_node import ResourceNode
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
@@ -107,6 +108,7 @@ class RiskNode(ResourceNode):
         parameters, status = self.parameters, self._status
         status.topic = self.resolve_topic_name(predictions.topic)
         status.plan_topic = self.resolve_topic_name(adapter.topic)
+        refuse_own_topics(self, [status.topic, status.plan_topic])
         self._transform = PlanTransform(self)
         self._assessor = RiskAssessor(parameters, status, status.plan_topic, self._transform.pose)
         self._last = None

@@ -9,6 +9,7 @@ node is being created or still has a bag to close.
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -26,6 +27,9 @@ from mtpgo_ros.runtime.log_folder import choose_log_folder
 
 _CHECK_PERIOD_S = 0.1
 """A request to stop is noticed after at most this time (s); chosen."""
+
+_LAST_DOMAIN = 232
+"""Last domain whose ports exist: the DDS standard's 7400 + 250 domain + 11 is below 65536."""
 
 _IDLE_PASSES = 10
 """Passes without a handled message after which none is left: a pass may also run a timer."""
@@ -49,11 +53,28 @@ def start(arguments: Sequence[str]) -> None:
     Raises:
         ConfigurationError: the ROS arguments or the middleware are not usable.
     """
+    check_domain(os.environ.get("ROS_DOMAIN_ID", ""))
     arguments = [*arguments, *choose_log_folder(Path(sys.argv[0]).stem)]
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         raise ConfigurationError(f"ROS cannot start: {_first_sentence(error)}") from error
+
+
+def check_domain(text: str) -> None:
+    """Check the domain of ROS as the environment gives it, empty for the default.
+
+    Fast DDS ends the process at a larger one, and takes one beyond 32 bits for another one.
+
+    Raises:
+        ConfigurationError: there is no such domain.
+    """
+    if text and not (
+        text.isascii() and text.isdigit() and int(text.lstrip("0")[:4] or 0) <= _LAST_DOMAIN
+    ):
+        raise ConfigurationError(
+            f"ROS_DOMAIN_ID is {text!r:.80}, expected a whole number from 0 to {_LAST_DOMAIN}"
+        )
 
 
 @contextlib.contextmanager

@@ -13,6 +13,7 @@ from msg_adapters.conversions import (
     make_duration,
     make_quaternion,
     make_time,
+    most_probable,
     planar_block,
     pose_row,
     positive,
@@ -143,3 +144,37 @@ def test_a_pose_is_read_position_first(offline):
         orientation=offline.make("geometry_msgs/msg/Quaternion", x=4.0, y=5.0, z=6.0, w=7.0),
     )
     assert pose_row(pose) == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
+
+
+def test_a_quaternion_of_any_length_and_one_without_a_yaw():
+    """Squares of these are no numbers; the last ones point the x axis up, without a yaw."""
+    half = np.sqrt(0.5)
+    quaternions = np.array(
+        [
+            [0.0, 0.0, 1e-200, 1e-200],
+            [0.0, 0.0, 5e-324, 5e-324],
+            [0.0, 0.0, 1e200, 1e200],
+            [0.0, half, 0.0, half],
+            [0.0, -half, 0.0, half],
+            [-0.3, half, 0.3, half],
+        ]
+    )
+    expected = [np.pi / 2, np.pi / 2, np.pi / 2, NAN, NAN, NAN]
+    np.testing.assert_allclose(yaw_from_quaternions(quaternions), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "best"),
+    [
+        ([0.2, 0.7, 0.1], 1),
+        ([0.5, 0.5], 0),
+        ([NAN, 0.1], 1),
+        ([0.1, NAN], 0),
+        ([np.inf, 0.3], 1),
+        ([NAN, NAN], 0),
+        ([-3.0, -1.0], 1),
+    ],
+)
+def test_the_most_probable_of_several(given, best):
+    assert most_probable(list(enumerate(given)), lambda item: item[1])[0] == best
+    assert most_probable([], float) is None

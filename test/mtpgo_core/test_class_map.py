@@ -114,3 +114,10 @@ def test_what_is_no_file_or_too_large_is_refused(tmp_path):
     (tmp_path / "latin.yaml").write_bytes(b"\xfcber: car\n")
     with pytest.raises(ConfigurationError, match="cannot be read as YAML"):
         class_map(tmp_path / "latin.yaml")
+
+
+def test_a_name_longer_than_any_is_none():
+    """Its beginnings would be looked up one by one: a message is not to keep the node busy."""
+    assert class_map("nuscenes").find("vehicle.bus" + ".x" * 50) == BUS
+    assert class_map("nuscenes").find("vehicle.bus" + ".x" * 100) == UNKNOWN
+    assert OWN_NAMES.find("." * 1_000_000) == UNKNOWN

@@ -20,6 +20,7 @@ from mtpgo_core.scene.trails.class_groups import class_groups, spacing_m
 from mtpgo_core.scene.trails.trail_index import LARGEST_NUMBER, TrailIndex
 from mtpgo_core.scene.trails.trail_points import IntArray, PointColumns, TrailPoints
 from mtpgo_core.schema import (
+    BoolArray,
     ClassArray,
     Float64Array,
     HistoryWindow,
@@ -35,6 +36,9 @@ that the history bridges."""
 SET_BACK_NS = 600_000_000
 """Windows of one stream may step back this far (ns), by the compensation of delays (0.5 s); an
 older one belongs to another stream."""
+_FAR_M = 50_000.0
+"""Road users farther from the memory's origin leave no trails (m): at that distance float32 has a
+grid of 4 mm. Chosen: no site is as large; where most of them are farther, it is another site."""
 _TURN_RAD = 1.0
 """A road user whose place moves in a direction farther from its heading starts a new trail (rad);
 chosen: more than the tightest turn within two metres."""
@@ -77,13 +81,18 @@ class TrailMemory:
 
     def clear(self) -> None:
         """Forget everything."""
-        self.points = TrailPoints(self._capacity, reserved=self._reserved)
-        self.index = TrailIndex(self._capacity if self._reserved else 0)
-        self.origin: Float64Array = np.zeros(2)
         self._tracks = np.empty(0, dtype=_TRACK)
+        self._forget_points()
         self._trails = 0
         self._newest_ns: int | None = None
         self._frame_id = ""
+
+    def _forget_points(self) -> None:
+        """Forget all points; road users who are there start new trails."""
+        self.points = TrailPoints(self._capacity, reserved=self._reserved)
+        self.index = TrailIndex(self._capacity if self._reserved else 0)
+        self.origin: Float64Array = np.zeros(2)
+        self._tracks["number"] = -1
 
     def __len__(self) -> int:
         """Return the number of points."""
@@ -176,11 +185,12 @@ class TrailMemory:
         yaw: Float64Array,
     ) -> None:
         """Extend the trails of some road users to their places at ``sample_ns``."""
+        far = self._far(position)
         heading = own_heading(velocity, yaw)
         names = sort_keys(key)
         order = np.argsort(names, kind="stable")
         names, key, group, heading = names[order], key[order], group[order], heading[order]
-        position = position[order]
+        position, far = position[order], far[order]
         speed = np.nan_to_num(np.hypot(velocity[order, 0], velocity[order, 1]))
         track = self._tracks_of(names, sample_ns, position, heading, group)
         rows = self._tracks[track]
@@ -195,7 +205,7 @@ class TrailMemory:
         leap = spacing + (_LEAP * np.maximum(speed, rows["speed"]) + _LEAP_MPS) * passed_s
         with np.errstate(invalid="ignore"):
             steady = (np.abs(wrap(course - heading)) < _TURN_RAD) & np.isfinite(turn)
-        ends = (rows["group"] != group) | ((count > 0) & ~(steady & (distance < leap)))
+        ends = far | (rows["group"] != group) | ((count > 0) & ~(steady & (distance < leap)))
         count[ends] = 0
         rows["number"][ends] = -1
         rows["anchor"][ends] = position[ends]
@@ -207,6 +217,25 @@ class TrailMemory:
             rows["trail"][grows[fresh > 0]] = self._new_trails(int(fresh.sum()))
             self._extend(stamp_ns, rows, grows, fresh, count[grows], move, turn, key)
         self._tracks[track] = rows
+
+    def _far(self, position: Float64Array) -> BoolArray:
+        """Return [n] which road users are too far from the origin for their trails to be kept.
+
+        A stray object must not take the precision from all others, nor the memory with it. Where
+        most road users are far away, the stray was the first, or the site is another one: all
+        points are forgotten. An empty memory has its origin where most road users are.
+
+        Args:
+            position: [n, 2] (m).
+        """
+        if len(self):
+            far = np.asarray((np.abs(position - self.origin) > _FAR_M).any(axis=1))
+            if far.sum() < 2 or 2 * far.sum() <= len(far):
+                return far
+            self._forget_points()
+        apart = np.abs(position - np.median(position, axis=0))
+        far = np.asarray((apart > _FAR_M).any(axis=1))
+        return far & ~far.all()
 
     def _extend(
         self,

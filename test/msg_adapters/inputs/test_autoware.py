@@ -217,3 +217,19 @@ def test_empty_array_keeps_stamp_and_frame(offline, decoded):
     for again in decoded(tracked_objects(offline), ADAPTER.message_type).values():
         states = ADAPTER.to_states(again)
         assert (len(states), states.stamp_ns, states.frame_id) == (0, 3_250_000_000, "map")
+
+
+@pytest.mark.parametrize("labels", [[(7, np.nan), (1, 0.9)], [(1, 0.9), (7, np.nan)]])
+def test_a_probability_that_is_no_number_decides_nothing(offline, labels):
+    states = ADAPTER.to_states(tracked_objects(offline, tracked_object(offline, labels=labels)))
+    assert states.agent_class.tolist() == [AgentClass.CAR]
+
+
+@pytest.mark.parametrize("corner", [0, 1, 2])
+def test_a_polygon_with_a_corner_that_is_nowhere_has_no_length(offline, corner):
+    corners = [(0.0, 0.0), (1.0, 1.0), (3.0, 2.0)]
+    corners[corner] = (np.nan, corners[corner][1])
+    states = ADAPTER.to_states(
+        tracked_objects(offline, tracked_object(offline, shape=(2, (0.0, 0.0), corners)))
+    )
+    np.testing.assert_array_equal(states.size, [[np.nan, 2.0]])

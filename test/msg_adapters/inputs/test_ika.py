@@ -120,6 +120,12 @@ def test_reference_point_leads_to_the_centre(offline):
     np.testing.assert_allclose(states.z, [0.75])
 
 
+def test_a_reference_point_without_a_heading_is_not_shifted_anywhere(offline):
+    state = [*ISCACTR[:7], float("nan"), *ISCACTR[8:]]
+    message = object_list(offline, ika_object(offline, 16, state, reference=(1, 2.0, 0.5)))
+    np.testing.assert_array_equal(ADAPTER.to_states(message).position, [[1.0, 2.0]])
+
+
 def test_objects_that_cannot_be_read_are_counted(offline):
     message = object_list(
         offline,
@@ -142,6 +148,7 @@ def test_objects_that_cannot_be_read_are_counted(offline):
     [
         ((), AgentClass.UNKNOWN),
         (((4, 0.2), (6, 0.5)), AgentClass.VAN),
+        (((1, float("nan")), (4, 0.9)), AgentClass.CAR),
         (((3, 1.0),), AgentClass.MOTORCYCLE),
         (((7, 1.0),), AgentClass.BUS),
         (((11, 1.0),), AgentClass.TRAILER),

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages are refused by their first bytes, before they are decoded."""
 
+import dataclasses
 import struct
 
 import numpy as np
@@ -96,3 +97,15 @@ def test_a_large_message_is_refused_by_its_size():
 def test_limits_are_checked():
     with pytest.raises(ConfigurationError, match="max_objects is 0"):
         InputLimits(max_objects=0)
+
+
+@pytest.mark.parametrize("kind", INPUTS)
+def test_the_name_of_a_frame_is_bounded(kind, offline):
+    """It goes into the header of every marker of the predictions."""
+    states = dataclasses.replace(
+        tracked_states(1, "", keys_from_integers([1]), np.zeros((1, 2)), yaw=np.zeros(1)),
+        frame_id="m" * 256,
+    )
+    message = INPUTS[kind].from_states(states, offline)
+    with pytest.raises(MessageError, match="frame_id has 256 characters, expected at most 255"):
+        INPUTS[kind].to_states(message)

@@ -350,3 +350,16 @@ def test_one_agent_never_changes_another_ones_history():
     mine = crowd.window()
     row = ids_of(mine).index(500)
     same_windows(alone.window(), mine.select(np.array([row])))
+
+
+def test_observations_too_old_to_be_carried_on_to_the_newest_stamp_are_counted():
+    """Of a second publisher whose clock is behind by more than half a second."""
+    history = fed()
+    behind = []
+    for k in range(1, 5):
+        assert history.update(drive(3.0 + 0.1 * k)).behind == 0
+        behind.append(history.update(drive(2.4 + 0.1 * k, ids=(7, 8))))
+    assert [(r.accepted, r.behind, r.late) for r in behind] == [(2, 2, 0)] * 4
+    window = history.window()
+    assert ids_of(window.select(window.valid[:, -1])) == [1, 2]
+    assert history.update(drive(2.95, ids=(9,))).behind == 0

@@ -180,3 +180,31 @@ def test_all_modes_of_a_row_are_given():
     np.testing.assert_allclose(mean, [[[2.0, 0.0]] * 2], atol=1e-6)
     np.testing.assert_array_equal(covariance[0, 0], outcomes.heaviest_covariance[0])
     np.testing.assert_allclose(covariance[0, 0], outcomes.cv_covariance[0])
+
+
+def test_nothing_is_lost_at_utm_coordinates():
+    """Where float32 has a grid of half a metre."""
+    stream, east, north = Stream(), 691_000.25, 5_334_000.3
+    for time_s in np.arange(0, 6, 0.2):
+        stream.observe(time_s, {1: (east + 10.0 * time_s, north)})
+        if time_s == 0.0:
+            stream.predict(offset_m=0.5)
+    error_m = stream.rows("heaviest_mean") - stream.rows("truth")
+    np.testing.assert_allclose(error_m, np.tile([0.0, 0.5], (STEPS, 1)), atol=1e-4)
+    np.testing.assert_allclose(stream.rows("ade"), 0.5, atol=1e-4)
+
+
+def test_a_changing_number_of_modes_loses_no_prediction():
+    stream, weights = Stream(), []
+    times = np.arange(0, 12, 0.2)
+    for number, time_s in enumerate(times):
+        outcomes = stream.observe(time_s, {1: (10.0 * time_s, 0.0)})
+        weights.append(outcomes.mixture()[0].sum(axis=1))
+        stream.predict(modes=(3, 1, 2)[number % 3])
+    whole = len(times) - STEPS
+    np.testing.assert_array_equal(
+        np.bincount(stream.rows("step")), whole + np.arange(STEPS - 1, -1, -1)
+    )
+    np.testing.assert_allclose(np.concatenate(weights), 1.0)
+    np.testing.assert_allclose(stream.rows("ade"), 0.0, atol=1e-5)
+    assert stream.unknown == {}

@@ -93,3 +93,15 @@ def test_agents_out_of_reach_are_left_out_without_a_difference(features, monkeyp
     valid = crowd.valid[some]
     np.testing.assert_array_equal(parts[valid], whole[valid])
     assert max(looked_at) < 300
+
+
+def test_a_stray_object_far_away_takes_no_precision_from_the_others():
+    crowd = scattered(12, 60.0)
+    position = np.concatenate([crowd.position, np.full((1, 16, 2), 9e7)])
+    valid = np.concatenate([crowd.valid, np.ones((1, 16), dtype=bool)])
+    velocity = np.concatenate([crowd.velocity, np.zeros((1, 16, 2))])
+    yaw = np.concatenate([crowd.yaw, np.zeros((1, 16))])
+    more = window_of(position, velocity, yaw, valid, velocity)
+    alone, among = (NeighbourGeometry.of(one, np.arange(12)) for one in (crowd, more))
+    np.testing.assert_allclose(among.along[..., :12], alone.along, atol=1e-4)
+    np.testing.assert_allclose(among.across[..., :12], alone.across, atol=1e-4)

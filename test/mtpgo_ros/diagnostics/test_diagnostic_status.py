@@ -148,3 +148,9 @@ def test_every_counter_is_reported_from_the_start():
     values = {pair.key: pair.value for status in found for pair in status.values}
     for name in ("messages", "late", "clock_reset", "deadline_misses", "model_failures"):
         assert values[name] == "0"
+
+
+def test_texts_as_long_as_a_message_are_cut_off(status):
+    status.ego_problem = status.frame_id = "x" * 1_000_000
+    found = diagnostic_statuses("predictor", status, EventLog())[0]
+    assert max(map(len, [found.message, *(pair.value for pair in found.values)])) < 5000

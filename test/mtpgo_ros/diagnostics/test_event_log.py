@@ -7,7 +7,7 @@ import threading
 import pytest
 from ros_helpers import RecordingLogger
 
-from mtpgo_ros.diagnostics.event_log import RECENT_S, REPEAT_S, EventLog
+from mtpgo_ros.diagnostics.event_log import LONGEST_TEXT, RECENT_S, REPEAT_S, EventLog
 
 
 class ManualClock:
@@ -123,3 +123,10 @@ def test_swallowed_reasons_are_reported_when_the_fault_has_ended(logger, clock):
     clock.now += REPEAT_S
     events.flush()
     assert logger.errors == ["message 0 left out", "message 38 left out (38 more since)"]
+
+
+def test_a_line_as_long_as_a_message_is_cut_off(logger, clock):
+    EventLog(logger, clock).count("malformed", reason="field " + "x" * 1_000_000)
+    (line,) = logger.warnings
+    assert line.endswith("... (1000006 characters)")
+    assert len(line) < LONGEST_TEXT + 100

@@ -71,3 +71,12 @@ def test_a_missing_ego_and_missing_lanes_are_limitations(models):
     host.configure(parameters(models["lanes"], graph="ego"), "1")
     host.lanes.take_markings(LaneMap([np.array([[0.0, 2.0], [9.0, 2.0]])]), "map")
     assert host.limitations() == []
+
+
+def test_parameters_that_change_while_another_model_is_loaded_hold_for_it(models):
+    host = ModelHost(parameters(models["quick"]))
+    loaded = ModelHost(parameters(models["wrong"]))
+    host.configure(parameters(models["quick"], calibration_memory=99.0, max_neighbours=5), "")
+    host.replace_by(loaded)
+    assert host.calibrator.live.options.memory_s == 99.0
+    assert host.predictor.options.max_neighbours == 5

@@ -49,13 +49,13 @@ class Setup:
         )
         self.logger, self.status = RecordingLogger(), NodeStatus()
         self.events, self.publishers = EventLog(self.logger), RecordingPublishers()
-        self.pipeline = PredictionPipeline(
-            self.node,
-            ModelHost(parameters),
-            self.publishers,
-            parameters,
-            self.events,
-            self.status,
+        self.model, self.parameters = ModelHost(parameters), parameters
+        self.pipeline = self.again()
+
+    def again(self):
+        """Another activation."""
+        return PredictionPipeline(
+            self.node, self.model, self.publishers, self.parameters, self.events, self.status
         )
 
     def receive(self, message, received_ns=None):
@@ -207,3 +207,24 @@ def test_a_class_map_reads_the_names_in_the_messages(make):
     for name, expected in (("", AgentClass.UNKNOWN), ("nuscenes", AgentClass.PEDESTRIAN)):
         states, _ = make(class_map=name).pipeline._read(message, INPUTS["markers"], START_NS)
         assert set(states.agent_class.tolist()) == {expected}
+
+
+@pytest.mark.parametrize("frame_id", ["", "/map"])
+def test_a_frame_that_nobody_accepts_is_reported_and_still_predicted(make, frame_id):
+    setup = make()
+    setup.receive(message_of(traffic(0.0, frame_id=frame_id)))
+    assert setup.prediction().frame_id == frame_id
+    (line,) = setup.logger.warnings
+    assert f"frame '{frame_id}', which neither TF nor displays accept" in line
+
+
+def test_nothing_of_an_earlier_activation_is_reported(make):
+    setup = make()
+    status = setup.status
+    status.over_budget_in_a_row = status.without_model_in_a_row = 7
+    status.agents, status.fallback_agents, status.overload = 64, 64, "too many"
+    assert setup.pipeline.close()
+    again = setup.again()
+    assert (status.over_budget_in_a_row, status.without_model_in_a_row) == (0, 0)
+    assert (status.agents, status.fallback_agents, status.overload) == (0, 0, "")
+    setup.pipeline = again

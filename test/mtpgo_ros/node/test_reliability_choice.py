@@ -53,3 +53,13 @@ def test_a_small_message_after_a_silence_says_that_it_was_a_pause():
     assert changes(choice, [10.1]) == [10.1]
     assert not choice.received(100, 10.2)
     assert choice.reliable
+
+
+def test_a_slow_stream_is_not_taken_for_a_silence():
+    choice, changed = ReliabilityChoice(0.0), []
+    for second in range(0, 40, 2):
+        choice.received(100, float(second))
+        changed += changes(choice, [second + 0.1 * k for k in range(1, 20)])
+    assert changed == [1.1]  # before anything is known about its rate
+    assert not choice.reliable
+    assert changes(choice, range(38, 50)) == [45]

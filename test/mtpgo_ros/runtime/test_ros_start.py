@@ -10,7 +10,7 @@ from rclpy.parameter import Parameter
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_ros.runtime.ros_start import node_errors, own_arguments, spin
+from mtpgo_ros.runtime.ros_start import check_domain, node_errors, own_arguments, spin
 
 
 @pytest.fixture
@@ -66,3 +66,18 @@ def test_what_ros_refuses_about_a_node_is_one_sentence():
         validate_full_topic_name("/a b")
     with pytest.raises(ZeroDivisionError), node_errors():
         _ = 1 / 0  # a defect keeps its traceback
+
+
+@pytest.mark.parametrize("text", ["", "0", "7", "007", "232"])
+def test_a_domain_that_there_is(text):
+    check_domain(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["233", "-1", "4294967296", "1.5", "abc", " ", "٣", "1" * 5000, "0000000000233"]
+)
+def test_a_domain_that_there_is_not_is_one_sentence(text):
+    """Fast DDS would end the process, or take another domain."""
+    with pytest.raises(ConfigurationError, match="expected a whole number from 0 to 232") as found:
+        check_domain(text)
+    assert len(str(found.value)) < 200

@@ -167,3 +167,31 @@ def test_a_reserved_memory_holds_the_same_in_the_space_taken_at_first():
     for given, expected in zip(points_of(reserved), points_of(plain), strict=True):
         np.testing.assert_array_equal(given, expected)
     assert reserved.points.nbytes == space
+
+
+def test_a_stray_object_far_away_takes_no_precision_from_the_others():
+    """Whether it is there first or comes later."""
+    line, aside = bend(1), np.array([0.0, 4.0])
+    memory = TrailMemory()
+    for k in range(60):
+        time_s, stray = DT_S * k, [9e7 + 4.0 * k, 9e7]
+        ids, places, velocity = [9], [stray], [[20.0, 0.0]]
+        if k >= 10:
+            place, course = along(line, 1.6 * (k - 10))
+            ids = [1, 2, 9]
+            places, velocity = [place, place + aside, stray], [8.0 * course, 8.0 * course, [20, 0]]
+        memory.add(window_at(time_s, ids, places, velocity), DT_S)
+    place, _, _ = points_of(memory)
+    reached, _ = along(line, np.arange(0.0, 78.5, 0.05))
+    both = np.concatenate([reached, reached + aside])
+    apart = np.linalg.norm(place[:, None] - both[None], axis=2).min(axis=1)
+    assert len(place) > 60
+    assert apart.max() < 0.2
+
+
+def test_a_vehicle_alone_far_away_leaves_the_memory_of_a_site():
+    memory = TrailMemory()
+    end_s = drive(memory, bend(1), ident=1)
+    before = points_of(memory)[0]
+    drive(memory, bend(0) + 9e7, ident=2, start_s=end_s + 1.0)
+    np.testing.assert_array_equal(points_of(memory)[0], before)

@@ -1,0 +1,58 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The time that a message has waited, by clocks that the test sets."""
+
+import pytest
+
+from mtpgo_ros.runtime import receipt_clock
+from mtpgo_ros.runtime.receipt_clock import ReceiptClock
+
+S_NS = 1_000_000_000
+
+
+class Clocks:
+    """Both clocks of the machine."""
+
+    def __init__(self):
+        self.system_ns, self.machine_ns = 1_700_000_000 * S_NS, 5000 * S_NS
+
+    def time_ns(self):
+        return self.system_ns
+
+    def monotonic_ns(self):
+        return self.machine_ns
+
+    def pass_time(self, seconds):
+        self.system_ns += round(seconds * S_NS)
+        self.machine_ns += round(seconds * S_NS)
+
+
+@pytest.fixture
+def clocks(monkeypatch):
+    clocks = Clocks()
+    monkeypatch.setattr(receipt_clock, "time", clocks)
+    return clocks
+
+
+@pytest.mark.parametrize("waited_s", [0.0, 0.02, 0.9, 2.0, 10.0])
+def test_the_time_in_the_queue_counts_however_long_it_was(clocks, waited_s):
+    receipt, received_ns, expected_ns = ReceiptClock(), clocks.system_ns, clocks.machine_ns
+    clocks.pass_time(waited_s)
+    assert receipt.monotonic_ns(received_ns) == expected_ns
+
+
+@pytest.mark.parametrize("set_by_s", [-3600.0, -0.2, 0.2, 3600.0])
+def test_a_system_clock_that_was_set_says_nothing_about_the_wait(clocks, set_by_s):
+    receipt, received_ns = ReceiptClock(), clocks.system_ns
+    clocks.system_ns += round(set_by_s * S_NS)
+    clocks.pass_time(0.02)
+    assert receipt.monotonic_ns(received_ns) == clocks.machine_ns
+    received_ns = clocks.system_ns
+    clocks.pass_time(0.03)
+    assert receipt.monotonic_ns(received_ns) == clocks.machine_ns - round(0.03 * S_NS)
+
+
+def test_an_unknown_time_and_one_in_the_future_are_now(clocks):
+    receipt = ReceiptClock()
+    assert receipt.monotonic_ns(0) == clocks.machine_ns
+    assert receipt.monotonic_ns(clocks.system_ns + S_NS) == clocks.machine_ns
