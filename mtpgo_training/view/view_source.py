@@ -211,7 +211,7 @@ def recorded_frame(bag: Path, source: DataSource) -> str:
     """Return the frame of a bag's tracked objects, as the node would have them; else empty."""
     with DecodingBagReader(bag) as reader:
         topic = objects_topic(reader, source.options.bags.topic_of(bag_name(bag)))
-        poses = BagPoses(reader)
+        poses = BagPoses(reader, topic.name)
         messages = reader.messages(topic.connections)
         for _, received_ns, message in itertools.islice(messages, _LOOKED_AT):
             try:

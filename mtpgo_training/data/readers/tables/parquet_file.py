@@ -92,7 +92,8 @@ def read_feather(path: Path) -> pd.DataFrame:
     from pyarrow import feather
 
     try:
-        return feather.read_table(path, use_threads=False).to_pandas(use_threads=False)
+        table = feather.read_table(path, use_threads=False)
+        return table.to_pandas(use_threads=False, ignore_metadata=True)
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise RecordingError(_cannot_be_read(path, "Feather", error)) from error
 
