@@ -213,7 +213,7 @@ TABLES = {
     "missing column": (ROWS.replace("f,id", "f,name"), "a.csv has no column 'id', expected the c"),
     "separator": (ROWS.replace(",", ";"), "separates its columns by semicolons, expected commas"),
     "cell": (ROWS.replace("1,2,21,-2", "1,2,east,-2"), "line 3, column 'x': 'east', expected a n"),
-    "empty cell": (ROWS.replace("1,2,21,-2", "1,2,,-2"), "line 3, column 'x': an empty cell"),
+    "empty cell": (ROWS.replace("1,2,21,-2", ",2,21,-2"), "line 3, column 'f': an empty cell"),
     "no track": (ROWS.replace("1,2,21", "1,,21"), "line 3: the road user has no name"),
     "half a frame": (
         ROWS.replace("1,2,21", "1.5,2,21"),
