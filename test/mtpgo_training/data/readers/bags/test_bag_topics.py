@@ -212,3 +212,10 @@ def test_what_belongs_to_a_topic_is_in_its_namespace():
         "/b/odom",
     ]
     assert [shared_namespaces(name, "/a/tracks/objects") for name in names] == [0, 1, 0, 2]
+
+
+def test_a_bag_without_a_message_is_called_so(tmp_path):
+    with OddBag(tmp_path / "a.mcap") as bag:
+        bag.objects()
+    with pytest.raises(RecordingError, match=r"a\.mcap has no message, it has /objects \(sensor"):
+        load_recordings(tmp_path, "bag")

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """ETH and UCY in their forms, made up: eight columns or four, any step of frames."""
 
+import gzip
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,6 @@ def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
     for part in ("train", "val"):
         (tmp_path / "eth" / part).mkdir(parents=True)
         (tmp_path / "eth" / part / "HOTEL.TXT").write_text("0 1 5 6\n10 1 5.4 6\n")
-    (tmp_path / "eth" / "train" / "zara.txt").write_text("0 1 5 6\n")
+    (tmp_path / "eth" / "train" / "zara.txt.gz").write_bytes(gzip.compress(b"0 1 5 6\n"))
     names = [recording.name for recording in load_recordings(tmp_path, "eth_ucy")]
     assert names == ["eth-train-HOTEL", "eth-val-HOTEL", "eth-zara"]

@@ -99,3 +99,9 @@ def test_a_scenario_without_a_valid_state_is_left_out(tmp_path, caplog):
     path.write_bytes(empty)
     with pytest.raises(RecordingError, match=r"a\.tfrecord has no scenario with a valid state"):
         load_recordings(tmp_path, "waymo")
+
+
+def test_a_scenario_that_is_there_twice_is_refused(tmp_path):
+    (tmp_path / "a.tfrecord").write_bytes(record(scenario("a")) * 2)
+    with pytest.raises(RecordingError, match="record 2: the scenario a is there a second time"):
+        load_recordings(tmp_path, "waymo")

@@ -330,6 +330,14 @@ def test_rows_without_a_position_are_no_observations(read, caplog):
     assert sentence.endswith("the first is line 3")
 
 
+def test_rows_without_a_position_tell_the_rate(read):
+    columns = {"track": "id", "time": "t", "x": "x", "y": "y"}
+    (by_frame,) = read("f,id,x,y\n0,1,0,0\n1,1,,\n2,1,2,0\n", POSITIONS)
+    (by_time,) = read("t,id,x,y\n5.0,1,0,0\n5.1,1,,\n5.2,1,2,0\n", {"columns": columns})
+    for recording in (by_frame, by_time):
+        assert (recording.frame.tolist(), recording.frame_rate) == ([0, 2], 10.0)
+
+
 def test_errors_behind_rows_without_a_position_name_their_line(read):
     text = "f,id,x,y\n0,1,0,0\n1,1,,\n"
     with pytest.raises(RecordingError, match=r"a\.csv, line 4, column 'f': '2\.5', expected a wh"):
