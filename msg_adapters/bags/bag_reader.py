@@ -34,8 +34,8 @@ from msg_adapters.bags.stored_bag import (
 )
 from mtpgo_core.errors import MessageError, RecordingError
 
-_LATCHED_BY_NAME = frozenset({"/tf_static", "/robot_description", "/map"})
-"""Topics latched by convention, for bags whose writer left the QoS out."""
+_LATCHED_BY_NAME = frozenset({"tf_static", "robot_description", "map"})
+"""Topics latched by convention, in any namespace, for bags whose writer left the QoS out."""
 
 
 def is_bag(path: Path) -> bool:
@@ -295,5 +295,5 @@ def is_latched(connection: Connection) -> bool:
     """Return whether all publishers of a topic kept their last messages for late subscribers."""
     profiles = qos_and_encoding(connection).offered_qos_profiles
     if not profiles:
-        return connection.topic in _LATCHED_BY_NAME
+        return connection.topic.rpartition("/")[2] in _LATCHED_BY_NAME
     return all(profile.durability is QosDurability.TRANSIENT_LOCAL for profile in profiles)

@@ -367,3 +367,17 @@ def test_parquet_and_names_in_capitals(read, tmp_path, caplog):
     assert (plain.name, plain.frame.tolist()) == ("B", [0, 1])
     assert "B.PARQUET: 1 row(s) without a position ('x' or 'y')" in caplog.text
     assert "the first is row 2" in caplog.text
+
+
+def test_a_text_of_parquet_that_is_no_unicode_is_one_sentence(read, tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    (tmp_path / "data").mkdir()
+    places = np.array([0, 1, 2], dtype=np.int32)
+    odd = pyarrow.Array.from_buffers(
+        pyarrow.string(), 2, [None, pyarrow.py_buffer(places), pyarrow.py_buffer(b"a\xa2")]
+    )
+    table = pyarrow.table({"id": odd, "f": [0, 1], "x": [0.0, 1.0], "y": [0.0, 1.0]})
+    parquet.write_table(table, tmp_path / "data" / "b.parquet")
+    with pytest.raises(RecordingError, match=r"b\.parquet cannot be read as Parquet: .*UTF8"):
+        read(ROWS, POSITIONS)
