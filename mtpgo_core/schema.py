@@ -55,13 +55,22 @@ class AgentClass(IntEnum):
         return _CLASS_BY_NAME.get(name.strip().lower(), cls.UNKNOWN)
 
 
-_CLASS_BY_NAME = {member.name.lower(): member for member in AgentClass} | {
+_SINGULAR = {member.name.lower(): member for member in AgentClass} | {
     "truck_bus": AgentClass.TRUCK,
     "motorbike": AgentClass.MOTORCYCLE,
     "bike": AgentClass.BICYCLE,
+    "bicyclist": AgentClass.BICYCLE,
     "cyclist": AgentClass.BICYCLE,
+    "motorcyclist": AgentClass.MOTORCYCLE,
     "person": AgentClass.PEDESTRIAN,
 }
+
+_CLASS_BY_NAME = (
+    _SINGULAR
+    | {f"{name}s": member for name, member in _SINGULAR.items()}
+    | {"buses": AgentClass.BUS, "people": AgentClass.PEDESTRIAN}
+)
+"""Classes by their names, in the singular and the plural."""
 
 
 class Source(IntEnum):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any, cast
 
@@ -19,6 +19,7 @@ from rosbags.interfaces import (
     ConnectionExtRosbag2,
     MessageDefinition,
     MessageDefinitionFormat,
+    Nodetype,
 )
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -96,6 +97,21 @@ class BagDefinitions:
         """
         name, encoding = connection.msgtype, encoding_of(connection)
         return connection.digest or str(self._store(connection, encoding).hash_rihs01(name))
+
+    def layout(self, connection: Connection) -> list[tuple[str, str]]:
+        """Return path and type of all fields of a type, in order, as the bag defines them.
+
+        Those within another message follow it. Names of types are those of ``.msg`` files, with
+        ``[]`` or ``[n]`` behind that of a list, and ``message`` for another message. Empty where
+        the bag has no definition that can be read.
+        """
+        if not self._defined(connection.msgtype):
+            return []
+        try:
+            store = self._store(connection, encoding_of(connection))
+        except MessageError:
+            return []
+        return list(_fields_within(store, connection.msgtype))
 
     def _make(self, connection: Connection) -> Decoder:
         name, encoding = connection.msgtype, encoding_of(connection)
@@ -229,6 +245,35 @@ def _registered(name: str, types: dict[str, Any], own: Typestore) -> Typestore:
 def _fields(store: Typestore, name: str) -> Any:
     """Return the fields of a type, None if the store does not have it."""
     return store.fielddefs[name][1] if name in store.fielddefs else None
+
+
+def known_layout(message_type: str) -> list[tuple[str, str]]:
+    """Return path and type of all fields of a type as it is known without a bag.
+
+    See :meth:`BagDefinitions.layout`; empty where it is not known.
+    """
+    store = bag_typestore()
+    return list(_fields_within(store, message_type)) if message_type in store.fielddefs else []
+
+
+def _fields_within(store: Typestore, name: str, before: str = "") -> Iterator[tuple[str, str]]:
+    """Yield path and type of the fields of a type, each followed by those of the message in it."""
+    for field, description in store.fielddefs[name][1]:
+        kind, inner = _kind_of(description)
+        yield before + field, kind
+        if inner:
+            yield from _fields_within(store, inner, f"{before}{field}.")
+
+
+def _kind_of(description: Any) -> tuple[str, str]:
+    """Return the type of a field, and the type of the message in it, empty if there is none."""
+    node, content = description
+    if node is Nodetype.BASE:
+        return str(content[0]), ""
+    if node is Nodetype.NAME:
+        return "message", str(content)
+    kind, inner = _kind_of(content[0])
+    return f"{kind}[{content[1] if node is Nodetype.ARRAY else ''}]", inner
 
 
 def _short(error: Exception) -> str:

@@ -28,26 +28,28 @@ from msg_adapters.bags.stored_bag import (
     METADATA,
     SUFFIXES,
     StoredBag,
+    has_bag_suffix,
     is_unfinished_bag,
     tell_once,
 )
 from mtpgo_core.errors import MessageError, RecordingError
 
-_LATCHED_BY_NAME = frozenset({"/tf_static", "/robot_description", "/map"})
-"""Topics latched by convention, for bags whose writer left the QoS out."""
+_LATCHED_BY_NAME = frozenset({"tf_static", "robot_description", "map"})
+"""Topics latched by convention, in any namespace, for bags whose writer left the QoS out."""
 
 
 def is_bag(path: Path) -> bool:
     """Return whether a path looks like a bag, without opening it."""
     if path.is_dir():
         return (path / METADATA).is_file() or is_unfinished_bag(path)
-    return path.name.endswith(SUFFIXES) and path.is_file()
+    return has_bag_suffix(path) and path.is_file()
 
 
 def bag_name(path: Path) -> str:
     """Return the name of a bag: that of its directory, or of its file without the ending."""
-    suffix = next((s for s in SUFFIXES if path.name.endswith(s)), "")
-    return path.resolve().name.removesuffix(suffix) if path.is_file() else path.resolve().name
+    name = path.resolve().name
+    suffix = next((s for s in SUFFIXES if name.lower().endswith(s)), "")
+    return name[: len(name) - len(suffix)] if path.is_file() else name
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,14 @@ class BagReader:
     def _filled(self) -> list[Connection]:
         return [connection for connection in self.connections if connection.msgcount]
 
+    def connections_of(self, topic: BagTopic) -> list[Connection]:
+        """Return the connections of a topic, one for each definition that its type has."""
+        return [
+            c
+            for c in self.connections
+            if (c.topic, c.msgtype) == (topic.name, topic.message_type) and encoding_of(c) == "cdr"
+        ]
+
     def raw_messages(
         self, topics: Sequence[BagTopic], start_ns: int, stop_ns: int
     ) -> Iterator[tuple[str, int, bytes]]:
@@ -180,18 +190,26 @@ class BagReader:
         Raises:
             RecordingError: the file is truncated or damaged.
         """
-        types = {topic.name: topic.message_type for topic in topics}
-        connections = [
-            c
-            for c in self.connections
-            if types.get(c.topic) == c.msgtype and encoding_of(c) == "cdr"
-        ]
-        for connection, time_ns, data in self._stored(connections, start_ns, stop_ns):
+        connections = [c for topic in topics for c in self.connections_of(topic)]
+        for connection, time_ns, data in self.stored(connections, start_ns, stop_ns):
             yield connection.topic, time_ns, bytes(data)
 
-    def _stored(
-        self, connections: Collection[Connection], start_ns: int | None, stop_ns: int | None
+    def stored(
+        self,
+        connections: Collection[Connection],
+        start_ns: int | None = None,
+        stop_ns: int | None = None,
     ) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield connection, log time (ns) and bytes of messages, ascending in time.
+
+        Args:
+            connections: those wanted.
+            start_ns: earliest log time (ns).
+            stop_ns: first log time that is left out (ns).
+
+        Raises:
+            RecordingError: the file is truncated or damaged.
+        """
         if not connections:  # which stands for all in the library
             return
         stored = self._bag.messages(connections, start=start_ns, stop=stop_ns)
@@ -255,7 +273,7 @@ class DecodingBagReader(BagReader):
                 raise RecordingError(f"{self.path}, topic {connection.topic}: {error}") from error
         left_out: Counter[str] = Counter()
         reasons: dict[str, str] = {}
-        for connection, time_ns, data in self._stored(connections, None, None):
+        for connection, time_ns, data in self.stored(connections):
             try:
                 message = decoders[connection.id](data)
             except Exception as error:  # as in the constructor
@@ -277,5 +295,5 @@ def is_latched(connection: Connection) -> bool:
     """Return whether all publishers of a topic kept their last messages for late subscribers."""
     profiles = qos_and_encoding(connection).offered_qos_profiles
     if not profiles:
-        return connection.topic in _LATCHED_BY_NAME
+        return connection.topic.rpartition("/")[2] in _LATCHED_BY_NAME
     return all(profile.durability is QosDurability.TRANSIENT_LOCAL for profile in profiles)

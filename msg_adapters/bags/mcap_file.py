@@ -327,6 +327,8 @@ class McapFile:
         content, head = self._load(chunk)
         if head is None:
             self._lost[chunk.position] = _ChunkLoss(content.problem)
+            chunk.messages = 0
+            self.chunks.append(chunk)  # to which the following index of its messages belongs
             return
         chunk.start_ns, chunk.end_ns = head.start_ns, head.end_ns
         self._add(chunk, content)

@@ -25,6 +25,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from msg_adapters.bags.bag_loss import reason_of
 from msg_adapters.bags.bag_reader import METADATA, is_bag
@@ -81,7 +82,7 @@ class McapWriter:
         except OSError as error:
             raise self._not_written(error) from error
         # The file inside is named after its directory, and rosbag2's metadata repeats the name.
-        self._bag = self._folder / (path.stem if path.suffix == ".mcap" else path.name)
+        self._bag = self._folder / (path.stem if is_single_file(path) else path.name)
         try:
             self._writer = Writer(self._bag, version=9, storage_plugin=StoragePlugin.MCAP)
             if compress:
@@ -125,6 +126,7 @@ class McapWriter:
         latched: bool = False,
         reliable: bool = True,
         depth: int = _DEPTH,
+        definition: str = "",
     ) -> None:
         """Add a topic.
 
@@ -134,15 +136,21 @@ class McapWriter:
             latched: late subscribers get the last messages (transient local).
             reliable: its publisher repeats lost messages.
             depth: messages that its publisher keeps.
+            definition: of the type and all within it (``.msg``), empty for the usual one.
 
         Raises:
             RecordingError: the definition of the type is not installed, or the disk is full.
         """
-        require_type(message_type)
+        store = bag_typestore()
+        if definition:
+            store = get_typestore(Stores.EMPTY)
+            store.register(get_types_from_msg(definition, message_type))
+        else:
+            require_type(message_type)
         qos = _qos(latched=latched, reliable=reliable, depth=depth)
         try:
             self._connections[topic] = self._writer.add_connection(
-                topic, message_type, typestore=bag_typestore(), offered_qos_profiles=[qos]
+                topic, message_type, typestore=store, offered_qos_profiles=[qos]
             )
         except (OSError, WriterError) as error:
             raise self._not_written(error) from error
@@ -203,7 +211,7 @@ class McapWriter:
         """
         try:
             self._writer.close()
-            single = self.path.suffix == ".mcap"
+            single = is_single_file(self.path)
             if self._replace and self.path.is_dir() and _replaceable(self.path):
                 # Aside first: a process that is killed must not leave half of the earlier bag.
                 self.path.rename(self._folder / "replaced")
@@ -223,17 +231,22 @@ class McapWriter:
         return RecordingError(f"output {self.path} cannot be written: {reason_of(error)}")
 
 
+def is_single_file(path: Path) -> bool:
+    """Return whether an output is one self-contained file and not a rosbag2 directory."""
+    return path.suffix.lower() == ".mcap"
+
+
 def _replaceable(path: Path) -> bool:
     """Return whether nothing but an earlier bag of the same kind would be lost."""
     if not path.is_dir():
-        return not path.exists() or path.suffix == ".mcap"
+        return not path.exists() or is_single_file(path)
     entries = list(path.iterdir())
     if not entries:
         return True
     return (
-        path.suffix != ".mcap"
+        not is_single_file(path)
         and is_bag(path)
-        and all(entry.name == METADATA or entry.suffix == ".mcap" for entry in entries)
+        and all(entry.name == METADATA or is_single_file(entry) for entry in entries)
     )
 
 

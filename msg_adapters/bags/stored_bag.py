@@ -45,7 +45,7 @@ from msg_adapters.bags.sqlite_file import SqliteFile, files_left_beside, recover
 from mtpgo_core.errors import RecordingError
 
 SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag", ".bag.active")
-"""How the names of a bag's files end."""
+"""How the names of a bag's files end, in small letters or capitals."""
 
 _SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
 """First bytes of an SQLite database and of a Zstandard frame."""
@@ -63,6 +63,11 @@ _log = logging.getLogger("mtpgo")
 _told: set[str] = set()
 
 
+def has_bag_suffix(path: Path) -> bool:
+    """Return whether a file is named as one of a bag, in small letters or capitals."""
+    return path.name.lower().endswith(SUFFIXES)
+
+
 def bag_files(folder: Path) -> list[Path]:
     """Return the files of a folder that are named as a bag's, the numbered ones by number."""
 
@@ -72,7 +77,7 @@ def bag_files(folder: Path) -> list[Path]:
 
     # macOS lays a ._NAME.mcap beside each file.
     shown = (path for path in folder.iterdir() if not path.name.startswith("."))
-    found = [path for path in shown if path.name.endswith(SUFFIXES) and path.is_file()]
+    found = [path for path in shown if has_bag_suffix(path) and path.is_file()]
     return sorted(found, key=order)
 
 
@@ -91,7 +96,7 @@ def is_unfinished_bag(folder: Path) -> bool:
 
 
 def _stem(path: Path) -> str:
-    return re.sub(r"\.(mcap|db3)(\.zstd)?$", "", path.name)
+    return re.sub(r"\.(mcap|db3)(\.zstd)?$", "", path.name, flags=re.IGNORECASE)
 
 
 def _bag_name(path: Path) -> str:
@@ -284,7 +289,10 @@ class StoredBag:
         for other in (name, name.removesuffix(suffix), name + suffix):
             if (self.path / other).is_file():
                 return self.path / other
-        return self.path / name
+        # Cameras and Windows write names in capitals.
+        wanted = {name.lower(), name.lower().removesuffix(suffix), name.lower() + suffix}
+        alike = [path for path in bag_files(self.path) if path.name.lower() in wanted]
+        return alike[0] if alike else self.path / name
 
     def _open(self, file: Path) -> None:
         try:
@@ -313,7 +321,8 @@ class StoredBag:
 
     def _inflated(self, file: Path) -> Path:
         """Return a copy of a compressed file, or of as much of it as there is."""
-        target = self._temporary_folder() / file.name.removesuffix(".zstd")
+        packed = file.suffix.lower() == ".zstd"
+        target = self._temporary_folder() / (file.stem if packed else file.name)
         cut_or_damaged = suppress(EOFError, zstd.ZstdError)
         with zstd.open(file, "rb") as stream, target.open("wb") as out, cut_or_damaged:
             shutil.copyfileobj(stream, out)

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.conversions import planar_block, stamp_to_ns, state_covariance
-from msg_adapters.inputs.odometry import pose_of
+from msg_adapters.conversions import planar_block, reading, stamp_to_ns, state_covariance
+from msg_adapters.inputs.odometry import ODOMETRY, pose_of
 from msg_adapters.wire.input_limits import check_frame
 from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, PoseBuffer, is_place, rotate
@@ -117,10 +117,12 @@ class EgoOdometry:
         then estimated from the positions, as for an object without one.
 
         Raises:
-            MessageError: it has no stamp or no finite pose, or a name that is too long.
+            MessageError: it has no stamp or no finite pose, other fields, or a name that is too
+                long.
         """
-        stamp_ns = stamp_to_ns(message.header.stamp)
-        pose = pose_of(message)
+        with reading(message, ODOMETRY):
+            stamp_ns = stamp_to_ns(message.header.stamp)
+            pose = pose_of(message)
         if stamp_ns <= 0:
             raise MessageError("odometry of the ego has no stamp, expected the pose's time")
         if not (math.isfinite(pose.yaw) and is_place(pose.x, pose.y)):

@@ -19,11 +19,13 @@ from rosgraph_msgs.msg import Clock
 from tqdm import tqdm
 from visualization_msgs.msg import MarkerArray
 
+from msg_adapters.bags.bag_definitions import BagDefinitions
 from msg_adapters.bags.bag_reader import BagReader, BagTopic
 from msg_adapters.inputs.lane_markers import MOST_POINTS, lanes_to_markers
 from msg_adapters.types import RclpyTypes, message_class
 from mtpgo_core.errors import ConfigurationError, MessageError, RecordingError
 from mtpgo_core.schema import Float64Array
+from mtpgo_ros.bags.installed_types import require_installed_layout
 from mtpgo_ros.bags.playback import Message, PlaybackTiming, Report, Sinks, play
 from mtpgo_ros.runtime.ros_start import node_errors
 
@@ -72,8 +74,12 @@ class BagPlayer:
         with node_errors():
             self._node = rclpy.create_node("replay")
         self._publishers: dict[str, Publisher] = {}
+        definitions = BagDefinitions(bag.connections)
         for topic in topics:
             try:
+                for connection in bag.connections_of(topic):
+                    layout = definitions.layout(connection)
+                    require_installed_layout(topic.message_type, layout)
                 self._publishers[topic.name] = self._publisher(topic)
             except MessageError as error:
                 print(f"replay: skipping {topic.name}: {error}", file=sys.stderr, flush=True)

@@ -16,9 +16,11 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
+from msg_adapters.bags.bag_definitions import known_layout
 from msg_adapters.bags.live.live_bag_writer import LiveBagWriter
 from msg_adapters.types import message_class
 from mtpgo_core.errors import MessageError, RecordingError
+from mtpgo_ros.bags.installed_types import installed_definition, require_installed_layout
 from mtpgo_ros.runtime.ros_start import node_errors, spin
 
 _DEPTH = 200
@@ -204,7 +206,11 @@ class Recorder(Node):
             return True
         try:
             self._bag.add_topic(
-                name, topic.message_type, latched=topic.latched, reliable=topic.reliable
+                name,
+                topic.message_type,
+                latched=topic.latched,
+                reliable=topic.reliable,
+                definition=_other_definition(topic.message_type),
             )
         except RecordingError as error:
             self._warn(name, f"is not recorded: {error}")
@@ -260,3 +266,15 @@ class Recorder(Node):
         ]
         parts.append(self._silent(self._topics))
         return "".join(f"; {part}" for part in parts if part)
+
+
+def _other_definition(message_type: str) -> str:
+    """Return the installed definition of a type if it is not the known one, else empty.
+
+    A bag has the known one with its comments and constants.
+    """
+    try:
+        require_installed_layout(message_type, known_layout(message_type))
+    except MessageError:
+        return installed_definition(message_type)
+    return ""

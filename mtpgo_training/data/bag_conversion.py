@@ -10,12 +10,16 @@ import sys
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_bag import DEFAULT_KIND, write_recording
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Connection
 
 JOIN_GAP_S = 10.0
 """Pause between recordings in one bag (s); chosen longer than any history, so they never mix."""
@@ -67,7 +71,9 @@ def convert(
         MessageError: the message kind cannot carry a recording.
     """
     write = functools.partial(_write, kind=kind, sources=sources, progress=progress)
-    if join or output.suffix == ".mcap":
+    from msg_adapters.bags.mcap_writer import is_single_file
+
+    if join or is_single_file(output):
         return [write(recordings, output)]
     iterator = iter(recordings)
     first, second = next(iterator, None), next(iterator, None)
@@ -129,6 +135,7 @@ def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
     """
     # Imported late: rosbags is not needed to complete or explain a command line.
     from msg_adapters.bags.bag_definitions import BagDefinitions
+    from msg_adapters.bags.bag_loss import counted
     from msg_adapters.bags.bag_reader import BagReader
     from msg_adapters.bags.mcap_writer import McapWriter
     from msg_adapters.bags.stored_bag import bag_files
@@ -139,37 +146,46 @@ def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
     with BagReader(bag) as source, McapWriter(output, replace=True, compress=True) as target:
         topics, skipped = source.topics(), source.skipped()
         definitions = BagDefinitions(source.connections)
-        copied = []
+        copied: list[Connection] = []
+        known: dict[str, tuple[str, list[tuple[str, str]]]] = {}
         for topic in topics:
-            connection = next(
-                c
-                for c in source.connections
-                if (c.topic, c.msgtype) == (topic.name, topic.message_type)
-            )
-            try:
-                target.add_recorded_topic(connection, definitions.type_hash(connection))
-                copied.append(topic)
-            except (MessageError, RecordingError) as error:
-                skipped[topic.name] = str(error)
+            for connection in source.connections_of(topic):
+                layout = definitions.layout(connection)
+                first, usual = known.setdefault(topic.message_type, (topic.name, layout))
+                if layout != usual:
+                    # The writer, as rosbag2's own, has one definition for a type.
+                    skipped[topic.name] = (
+                        f"{counted(connection.msgcount)} with another definition of "
+                        f"{topic.message_type} than those of {first}"
+                    )
+                    continue
+                try:
+                    if not target.has_topic(topic.name):
+                        target.add_recorded_topic(connection, definitions.type_hash(connection))
+                    copied.append(connection)
+                except (MessageError, RecordingError) as error:
+                    skipped[topic.name] = str(error)
         if not copied:
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in skipped.items())
             raise RecordingError(f"no topic of {bag} can be copied: {reasons}")
-        stored = source.raw_messages(copied, source.start_ns, source.end_ns + 1)
+        stored = source.stored(copied, source.start_ns, source.end_ns + 1)
         first_ns = last_ns = None
-        for name, time_ns, data in tqdm(
+        for connection, time_ns, data in tqdm(
             stored,
             desc=bag.name,
-            total=sum(topic.count for topic in copied),
+            total=sum(one.msgcount for one in copied),
             file=sys.stderr,
             disable=not progress,
             leave=False,
         ):
-            target.write_bytes(name, time_ns, data)
+            target.write_bytes(connection.topic, time_ns, data)
             first_ns, last_ns = time_ns if first_ns is None else first_ns, time_ns
         if not target.messages:
             raise RecordingError(f"nothing was written to {output}: {bag} has no message")
         duration_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
-    return CopiedBag(output, len(copied), target.messages, duration_s, skipped)
+    return CopiedBag(
+        output, len({one.topic for one in copied}), target.messages, duration_s, skipped
+    )
 
 
 def _chain(

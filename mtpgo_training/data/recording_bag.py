@@ -12,6 +12,7 @@ import numpy as np
 
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.registry import input_adapter
+from mtpgo_core.identity import key_to_text
 from mtpgo_training.data.recording import FRAME_ID, Recording
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def write_recording(
     if recording.ego_id is not None:
         if not bag.has_topic(EGO_TOPIC):
             bag.add_topic(EGO_TOPIC, "std_msgs/msg/String", latched=True, depth=1)
-        text = bag.types.make("std_msgs/msg/String", data=str(recording.ego_id))
+        text = bag.types.make("std_msgs/msg/String", data=_name_of_ego(recording))
         bag.write(EGO_TOPIC, start_ns, text)
     for states in recording.states():
         stamp_ns = states.stamp_ns + shift_ns
@@ -70,3 +71,9 @@ def write_recording(
         states = dataclasses.replace(states, stamp_ns=stamp_ns, z=height)
         bag.write(OBJECTS_TOPIC, stamp_ns, adapter.from_states(states, bag.types))
         yield len(states)
+
+
+def _name_of_ego(recording: Recording) -> str:
+    """Return the ego's identity as the objects' messages have it, also where it is no number."""
+    row = np.flatnonzero(recording.track_id == recording.ego_id)
+    return key_to_text(recording.key[row[0]]) if len(row) else str(recording.ego_id)

@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import itertools
 import logging
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from msg_adapters.bags.bag_reader import DecodingBagReader, bag_name, is_bag
+from msg_adapters.conversions import reading
 from msg_adapters.predictions import NoPredictionsError
 from mtpgo_core.errors import ConfigurationError, FrameError, MessageError, RecordingError
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
@@ -200,10 +202,11 @@ def recorded_model(bag: Path) -> str:
     with DecodingBagReader(bag) as reader:
         diagnostics = [c for c in reader.connections if c.msgtype == _DIAGNOSTICS]
         for _, _, message in itertools.islice(reader.messages(diagnostics), _LOOKED_AT):
-            for status in message.status:
-                values = {value.key: value.value for value in status.values}
-                if status.name.endswith(": model") and values.get("model"):
-                    return str(values["model"])
+            with suppress(MessageError), reading(message, _DIAGNOSTICS):
+                for status in message.status:
+                    values = {value.key: value.value for value in status.values}
+                    if status.name.endswith(": model") and values.get("model"):
+                        return str(values["model"])
     return ""
 
 
@@ -211,7 +214,7 @@ def recorded_frame(bag: Path, source: DataSource) -> str:
     """Return the frame of a bag's tracked objects, as the node would have them; else empty."""
     with DecodingBagReader(bag) as reader:
         topic = objects_topic(reader, source.options.bags.topic_of(bag_name(bag)))
-        poses = BagPoses(reader)
+        poses = BagPoses(reader, topic.name)
         messages = reader.messages(topic.connections)
         for _, received_ns, message in itertools.islice(messages, _LOOKED_AT):
             try:

@@ -17,6 +17,10 @@ from mtpgo_core.schema import AgentClass, tracked_states
         (" Truck_Bus ", AgentClass.TRUCK),
         ("cyclist", AgentClass.BICYCLE),
         ("person", AgentClass.PEDESTRIAN),
+        ("buses", AgentClass.BUS),
+        ("Pedestrians", AgentClass.PEDESTRIAN),
+        ("people", AgentClass.PEDESTRIAN),
+        ("motorcyclist", AgentClass.MOTORCYCLE),
         ("spaceship", AgentClass.UNKNOWN),
     ],
 )

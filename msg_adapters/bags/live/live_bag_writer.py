@@ -16,7 +16,7 @@ from rosbags.rosbag2 import Writer, WriterError
 
 from msg_adapters.bags.bag_metadata import METADATA
 from msg_adapters.bags.live.chunk_file import ChunkFile
-from msg_adapters.bags.mcap_writer import McapWriter
+from msg_adapters.bags.mcap_writer import McapWriter, is_single_file
 from mtpgo_core.errors import RecordingError
 
 FLUSH_PERIOD_S = 1.0
@@ -58,7 +58,7 @@ class LiveBagWriter(McapWriter):
         storage.bio.close()
         header = storage.path.read_bytes()
         shutil.rmtree(self._folder)
-        single = self.path.suffix == ".mcap"
+        single = is_single_file(self.path)
         place = self.path if single else self.path / f"{self.path.name}.mcap"
         if not single:
             self.path.mkdir()

@@ -16,7 +16,7 @@ from mtpgo_training.data.data_sources import DataSource, SourceJob, source_jobs
 MODULES_OF_LAYOUT = {"argoverse2": "pyarrow", "waymo": "google.protobuf"}
 """Layout -> module that reads its files and comes with an extra."""
 
-MODULES_OF_SUFFIX = {".parquet": "pyarrow", ".feather": "pyarrow"}
+MODULES_OF_SUFFIX = {".parquet": "pyarrow", ".pq": "pyarrow", ".feather": "pyarrow"}
 """Suffix of a file of any layout -> module that reads it and comes with an extra."""
 
 

@@ -32,13 +32,18 @@ _BEGIN = 64
 """Bytes of a file that are looked at; chosen, longer than any of the above."""
 
 
+def is_packed(path: Path) -> bool:
+    """Return whether the name of a file ends in ``.gz``, in small letters or capitals."""
+    return path.suffix.lower() == ".gz"
+
+
 def open_file(path: Path) -> BinaryIO:
     """Open a file to read its bytes, those within where its name ends in ``.gz``.
 
     Raises:
         OSError: it cannot be opened.
     """
-    return cast(BinaryIO, gzip.open(path)) if path.suffix == ".gz" else path.open("rb")
+    return cast(BinaryIO, gzip.open(path)) if is_packed(path) else path.open("rb")
 
 
 def kind_of_other_file(path: Path) -> str:
@@ -52,7 +57,7 @@ def kind_of_other_file(path: Path) -> str:
     """
     with path.open("rb") as stream:
         begin = stream.read(_BEGIN)
-    if path.suffix == ".gz":
+    if is_packed(path):
         return ""
     for bytes_of, kind in _KINDS.items():
         if begin.startswith(bytes_of):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import warnings
 import zlib
@@ -19,11 +20,14 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.csv_lines import (
     SEPARATORS,
     first_longer_row,
+    is_packed,
     kind_of_other_file,
     line_in_file,
     open_file,
     separator_of,
 )
+
+_log = logging.getLogger("mtpgo")
 
 _ROWS_AT_ONCE = 100_000
 """Rows parsed together; chosen, bounds the memory."""
@@ -166,6 +170,7 @@ def read_table(
     unknown_allowed: Sequence[str] = (),
     texts: Sequence[str] = (),
     optional: Collection[str] = (),
+    unchecked: Sequence[str] = (),
     form: CsvForm = STANDARD_FORM,
 ) -> pd.DataFrame:
     """Return the named columns of a CSV file, checked.
@@ -177,6 +182,7 @@ def read_table(
         unknown_allowed: columns of numbers in which an empty cell or ``nan`` means unknown.
         texts: columns kept as text.
         optional: those of the above that may be missing from the file.
+        unchecked: columns that are returned as they were parsed, for :func:`check_columns`.
         form: how the file writes its cells.
 
     Returns:
@@ -187,7 +193,7 @@ def read_table(
             number; the sentence names the file and the line or column.
     """
     header = read_header(path, form)
-    wanted = [*integers, *numbers, *unknown_allowed, *texts]
+    wanted = [*unchecked, *integers, *numbers, *unknown_allowed, *texts]
     require_columns(path, header, [name for name in wanted if name not in optional], wanted, form)
     present = [name for name in wanted if name in header]
     _require_once(path, header, present)
@@ -202,6 +208,52 @@ def read_table(
         first_line=form.first_line,
     )
     return table
+
+
+def observed_rows(
+    table: pd.DataFrame,
+    path: Path,
+    position: Sequence[str],
+    *,
+    first_line: int,
+    unit: str = "line",
+) -> pd.DataFrame:
+    """Return the rows that have a position, as float64; the others are counted in a warning.
+
+    Trackers write a row without a position for a road user that they have lost.
+
+    Args:
+        table: the columns, of any type, with an index that counts from 0.
+        path: the file that it was read from.
+        position: the columns of the position.
+        first_line: number of the line that row 0 comes from.
+        unit: what a row is in the file.
+
+    Raises:
+        RecordingError: no row has a position, or a cell is neither a finite number nor empty.
+    """
+    check_columns(table, path, unknown_allowed=position, first_line=first_line, unit=unit)
+    known = table[list(position)].notna().all(axis=1)
+    lost = len(table) - int(known.sum())
+    if not lost:
+        return table
+    columns = " or ".join(map(repr, position))
+    if lost == len(table):
+        raise RecordingError(
+            f"{path} has no position: the columns {columns} are empty in all of its {lost} rows"
+        )
+    number = int(np.argmin(known.to_numpy(bool))) + first_line
+    number = line_in_file(path, number) if unit == "line" else number
+    _log.warning(
+        "mtpgo: %s: %d row(s) without a position (%s) are no observations and left out, the"
+        " first is %s %d",
+        path,
+        lost,
+        columns,
+        unit,
+        number,
+    )
+    return table[known].copy()
 
 
 def _require_once(path: Path, header: Sequence[str], names: Sequence[str]) -> None:
@@ -288,7 +340,7 @@ def check_columns(
         integers: columns of whole numbers.
         numbers: columns of finite numbers.
         unknown_allowed: columns of numbers that may be unknown.
-        first_line: number of the line that row 0 comes from.
+        first_line: number of the line that the row with index 0 comes from.
         unit: what a row is in the file.
 
     Raises:
@@ -375,7 +427,7 @@ def _check_end(path: Path, width: int, line: int, separator: str) -> None:
     Raises:
         RecordingError: it was not, or it is short although a line break follows.
     """
-    if path.suffix == ".gz" or separator == " ":
+    if is_packed(path) or separator == " ":
         return
     with path.open("rb") as stream:
         stream.seek(max(0, path.stat().st_size - 2 * _LONGEST_LINE))
@@ -417,7 +469,7 @@ class _Place:
         row = int(np.argmax(bad))
         cell = column.iloc[row]
         given = "an empty cell" if pd.isna(cell) else repr(str(cell))
-        number = row + self.first
+        number = int(column.index[row]) + self.first
         number = line_in_file(self.path, number) if self.unit == "line" else number
         raise RecordingError(
             f"{self.path}, {self.unit} {number}, column {column.name!r}: {given}, "

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.csv_table import read_header
 
 _SUFFIXES = (".csv", ".csv.gz")
+"""Endings of the files' names, which may be in capitals."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,8 @@ def find_drone_files(directory: Path, names: Sequence[str] | None = None) -> lis
     """
     existing_directory(directory)
     for place in (directory, directory / "data"):
-        tracks = _by_name(place, "_tracks")
+        paths = visible_files(place.iterdir(), place) if place.is_dir() else []
+        tracks = _tracks(paths)
         if tracks:
             break
     else:
@@ -122,38 +124,50 @@ def find_drone_files(directory: Path, names: Sequence[str] | None = None) -> lis
             f"{directory} has no recordings, expected files such as 01_tracks.csv or "
             "01_tracks.csv.gz"
         )
+    # Of two names that differ in their capitals only, the usual one comes last.
+    by_name = {path.name.lower(): path for path in paths}
     return [
         DroneFiles(
             name=name,
             tracks=tracks[name],
-            tracks_meta=_belonging_to(tracks[name], "_tracksMeta"),
-            recording_meta=_belonging_to(tracks[name], "_recordingMeta"),
-            lanes=_lanes_of(tracks[name]),
+            tracks_meta=_belonging_to(tracks[name], name, "_tracksMeta", by_name),
+            recording_meta=_belonging_to(tracks[name], name, "_recordingMeta", by_name),
+            lanes=by_name.get(f"{name}_lanes.geojson".lower()),
         )
         for name in select_names(sorted(tracks), names, directory)
     ]
 
 
-def _by_name(place: Path, ending: str) -> dict[str, Path]:
+def _tracks(paths: Sequence[Path]) -> dict[str, Path]:
+    """Return the tracks files among the files of a folder by the names of their recordings."""
     found: dict[str, Path] = {}
     for suffix in _SUFFIXES:
-        for path in visible_files(place.glob(f"*{ending}{suffix}"), place):
-            found.setdefault(path.name[: -len(ending + suffix)], path)
+        ending = f"_tracks{suffix}"
+        for path in paths:
+            if path.name.lower().endswith(ending):
+                found.setdefault(path.name[: -len(ending)], path)
     return found
 
 
-def _belonging_to(tracks: Path, ending: str) -> Path:
-    stem = tracks.name.split("_tracks.csv")[0] + ending
-    candidates = [tracks.with_name(stem + suffix) for suffix in _SUFFIXES]
-    for path in candidates:
-        if path.is_file():
+def _belonging_to(tracks: Path, name: str, ending: str, by_name: Mapping[str, Path]) -> Path:
+    """Return the file beside a tracks file that has another ending.
+
+    Args:
+        tracks: the tracks file.
+        name: name of the recording.
+        ending: the other ending, without suffix.
+        by_name: the files of the folder by their names in lower case.
+
+    Raises:
+        RecordingError: there is none.
+    """
+    for suffix in _SUFFIXES:
+        exact = tracks.with_name(name + ending + suffix)
+        path = exact if exact.is_file() else by_name.get(exact.name.lower())
+        if path is not None and path.is_file():
             return path
-    raise RecordingError(f"{candidates[0]} is missing, it belongs to {tracks.name}")
-
-
-def _lanes_of(tracks: Path) -> Path | None:
-    path = tracks.with_name(tracks.name.split("_tracks.csv")[0] + "_lanes.geojson")
-    return path if path.is_file() else None
+    missing = tracks.with_name(name + ending + _SUFFIXES[0])
+    raise RecordingError(f"{missing} is missing, it belongs to {tracks.name}")
 
 
 def detect_layout(path: Path) -> str | None:

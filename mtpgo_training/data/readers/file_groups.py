@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.drone_files import existing_directory, files_below
 
-_GENERIC = {"data", "recorded_trackfiles", "trajectories_filtered", "train", "val", "test"}
+GENERIC = {"data", "recorded_trackfiles", "trajectories_filtered", "train", "val", "test"}
 """Folders of the data sets' archives that say nothing of a recording."""
 
 _MOST_NAMES = 3
@@ -41,7 +42,7 @@ def grouped_files(
     else:
         existing_directory(directory)
         paths, root = files_below(directory), directory
-    found: dict[str, dict[str, Path]] = {}
+    named: list[tuple[str, str, str, Path]] = []
     others: list[str] = []
     for path in paths:
         match = pattern.fullmatch(path.name)
@@ -50,10 +51,18 @@ def grouped_files(
             continue
         groups = match.groupdict()
         folders = path.parent.relative_to(root).parts
-        parts = [part for part in folders if part.lower() not in _GENERIC]
-        parts.append(groups.get("name") or "")
-        name = "-".join(part for part in parts if part) or root.resolve().name
+        telling = [part for part in folders if part.lower() not in GENERIC]
+        last = groups.get("name") or ""
         kind = (groups.get("kind") or "").lower()
+        named.append(
+            (kind, _joined([*telling, last], root), _joined([*folders, last], root), path)
+        )
+    # Where train and test have files of one name, their folders tell them apart.
+    number = Counter((kind, short) for kind, short, _, _ in named)
+    doubled = {short for (_, short), count in number.items() if count > 1}
+    found: dict[str, dict[str, Path]] = {}
+    for kind, short, long, path in named:
+        name = long if short in doubled else short
         files = found.setdefault(name, {})
         if kind in files:
             raise RecordingError(
@@ -65,3 +74,7 @@ def grouped_files(
         there = f"; it has {', '.join(others[:_MOST_NAMES])}{more}" if others else ""
         raise RecordingError(f"{directory} has no recordings, expected {expected}{there}")
     return dict(sorted(found.items()))
+
+
+def _joined(parts: Sequence[str], root: Path) -> str:
+    return "-".join(part for part in parts if part) or root.resolve().name

@@ -12,6 +12,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from msg_adapters.bags import bag_definitions
+from msg_adapters.bags.bag_definitions import BagDefinitions
 from msg_adapters.bags.bag_reader import BagReader, DecodingBagReader
 from msg_adapters.bags.bag_types import bag_typestore, earlier_typestore
 from msg_adapters.types import TypestoreTypes
@@ -237,3 +238,22 @@ def test_a_definition_is_read_once_unless_it_is_long(tmp_path, monkeypatch):
             (message,) = heard(path, "/x")[0]
             assert message.level == 7
         assert len(read) == times
+
+
+def test_the_layout_of_a_type_lists_all_fields(tmp_path):
+    text = "uint8 level\na/B[2] pair\nstring<=5[] words\n" + SEPARATOR + "MSG: a/B\nfloat64 x\n"
+    path = write(
+        tmp_path / "a.mcap",
+        ("/x", STATUS, "ros2msg", text, "cdr", LEVEL),
+        ("/y", TEXT, "", "", "cdr", HELLO),
+        ("/z", "a/msg/C", "ros2msg", "other/Unknown x\n", "cdr", LEVEL),
+    )
+    with BagReader(path) as bag:
+        definitions = BagDefinitions(bag.connections)
+        layouts = {c.topic: definitions.layout(c) for c in bag.connections}
+    assert layouts == {
+        "/x": [("level", "uint8"), ("pair", "message[2]"), ("pair.x", "float64"),
+               ("words", "string[]")],
+        "/y": [],
+        "/z": [],
+    }  # fmt: skip

@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from mcap.writer import Writer as McapLibraryWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from msg_adapters.bags.bag_reader import BagReader, DecodingBagReader, is_bag
@@ -171,3 +172,16 @@ def test_messages_that_cannot_be_decoded_are_left_out_and_named(tmp_path, caplog
     assert [connection.topic for connection, _ in told] == ["/talk", "/talk"]
     assert all(why.startswith("it cannot be decoded as std_msgs/msg/String: ") for _, why in told)
     assert len(caplog.records) == 1
+
+
+def test_transforms_of_any_namespace_are_latched_without_a_qos(tmp_path):
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = McapLibraryWriter(stream)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        for name in ("/tf_static", "/r1/tf_static", "/r1/tf"):
+            writer.add_message(writer.register_channel(name, "cdr", schema), 1, b"\0\1\0\0", 1)
+        writer.finish()
+    with BagReader(tmp_path / "a.mcap") as bag:
+        latched = {topic.name: topic.latched for topic in bag.topics()}
+    assert latched == {"/tf_static": True, "/r1/tf_static": True, "/r1/tf": False}

@@ -198,3 +198,13 @@ def test_changed_bytes_never_make_a_message_that_was_not_written(tmp_path):
             continue
         assert len(read) <= len(written)
         assert sum(data not in known for _, _, data in read) == 0
+
+
+def test_chunks_of_an_unknown_compression_are_a_loss_that_is_counted(tmp_path):
+    path = tmp_path / "a.mcap"
+    written = write_file(path, compression=CompressionType.LZ4)
+    path.write_bytes(path.read_bytes().replace(b"\3\0\0\0lz4", b"\3\0\0\0xyz"))
+    messages, loss = read_all(path)
+    assert not messages
+    assert "the compression 'xyz' is not known" in loss.reason
+    assert (loss.messages, loss.exact) == (len(written), True)

@@ -92,3 +92,11 @@ def test_a_type_without_a_definition_is_named(tmp_path):
     # them; every type of the common interfaces is known anyway.
     bag.add_topic("/y", "autoware_perception_msgs/msg/TrackedObjects", latched=True, reliable=True)
     bag.discard()
+
+
+def test_a_name_in_capitals_is_one_file(tmp_path):
+    write_text(tmp_path / "OUT.MCAP")
+    assert texts(tmp_path / "OUT.MCAP") == ["3"]
+    write_text(tmp_path / "OUT.MCAP", "4", replace=True)
+    assert (tmp_path / "OUT.MCAP").is_file()
+    assert texts(tmp_path / "OUT.MCAP") == ["4"]

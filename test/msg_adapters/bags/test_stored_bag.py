@@ -12,6 +12,7 @@ from mcap.writer import Writer as McapLibraryWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from msg_adapters.bags import stored_bag
+from msg_adapters.bags.bag_reader import bag_name, is_bag
 from msg_adapters.bags.bag_types import bag_typestore
 from msg_adapters.bags.stored_bag import StoredBag, bag_files, is_unfinished_bag
 from mtpgo_core.errors import RecordingError
@@ -316,3 +317,22 @@ def test_a_topic_has_its_slash_if_recorded_without(tmp_path):
     with StoredBag(path) as bag:
         assert [(c.topic, c.msgcount) for c in bag.connections] == [("/x", 2)]
     assert read(path)[0] == [1, 2]
+
+
+def test_names_in_capitals_are_those_of_bags(tmp_path, caplog):
+    write_split(tmp_path / "drive")
+    for path in (tmp_path / "drive").glob("*.mcap"):
+        path.rename(path.with_name(path.name.upper()))
+    with StoredBag(tmp_path / "drive") as bag:
+        assert len(list(bag.messages())) == 60
+    assert not caplog.records
+    (tmp_path / "drive" / "metadata.yaml").unlink()
+    (tmp_path / "drive").rename(tmp_path / "DRIVE")
+    assert is_unfinished_bag(tmp_path / "DRIVE")
+    first = bag_files(tmp_path / "DRIVE")[0]
+    packed = tmp_path / "X.MCAP.ZSTD"
+    packed.write_bytes(zstd.compress(first.read_bytes()))
+    assert is_bag(packed)
+    assert bag_name(packed) == "X"
+    with StoredBag(packed) as bag:
+        assert len(list(bag.messages())) == 20

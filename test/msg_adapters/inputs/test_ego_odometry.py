@@ -267,3 +267,8 @@ def test_an_unset_orientation_is_refused(odometry):
 def test_options_are_checked(values):
     with pytest.raises(ConfigurationError, match="ego "):
         EgoOptions(**values)
+
+
+def test_odometry_of_another_definition_is_refused():
+    with pytest.raises(MessageError, match="message of object cannot be read as nav_msgs/msg/Od"):
+        EgoOdometry(EgoOptions()).add(object())

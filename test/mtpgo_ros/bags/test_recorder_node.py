@@ -18,6 +18,7 @@ from std_msgs.msg import Float32, String
 
 from msg_adapters.bags.bag_reader import BagReader, DecodingBagReader
 from msg_adapters.bags.live.live_bag_writer import LiveBagWriter
+from mtpgo_ros.bags import recorder_node
 from mtpgo_ros.bags.recorder_node import Recorder, predictor_types
 
 LOSSY = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -166,3 +167,12 @@ def test_messages_before_the_first_simulated_time_are_counted_and_left_out(recor
     one.until(lambda: "2 came before" in one.node.remarks())
     assert one.node.remarks().startswith("; 2 came before /clock and were left out")
     assert one.bag.messages == 0
+
+
+def test_another_installed_definition_is_the_one_that_is_recorded(monkeypatch):
+    kind = "std_msgs/msg/Header"
+    assert recorder_node._other_definition(kind) == ""
+    monkeypatch.setattr(recorder_node, "known_layout", lambda name: [("seq", "uint32")])
+    text = recorder_node._other_definition(kind)
+    assert text.startswith("builtin_interfaces/Time stamp\nstring frame_id\n")
+    assert "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n" in text

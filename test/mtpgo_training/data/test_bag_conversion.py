@@ -22,6 +22,7 @@ from msg_adapters.bags.mcap_writer import McapWriter, _qos
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import RecordingError
+from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.schema import AgentClass, tracked_states
 from mtpgo_training.data.bag_conversion import convert, copy_bag, selected
 from mtpgo_training.data.readers import iter_recordings, load_recordings
@@ -347,3 +348,34 @@ def test_a_bag_never_takes_the_place_of_what_it_is_made_of(
     assert before == {path: path.read_bytes() for path in fleet.rglob("*") if path.is_file()}
     written = convert([recording, dataclasses.replace(other, name="b")], fleet, sources=sources)
     assert [one.path.name for one in written] == ["01", "b"]
+
+
+@pytest.mark.parametrize("kind", sorted(INPUTS.keys() - {"derived", "ika"}))
+def test_an_ego_without_a_number_is_kept(tmp_path: Path, recording: Recording, kind: str) -> None:
+    keys = keys_from_texts(["ego", "b2d4c6e8-0000-4000-8000-000000000001", "car 7"])
+    named = dataclasses.replace(
+        recording, track_id=np.arange(3), track_key=keys, ego_id=0, lanes=()
+    )
+    convert([named], tmp_path / "out.mcap", kind=kind)
+    (back,) = load_recordings(tmp_path / "out.mcap", "bag")
+    np.testing.assert_array_equal(back.key[back.track_id == back.ego_id], keys[:1])
+
+
+def test_a_copy_has_one_definition_of_a_type_and_says_so(tmp_path: Path) -> None:
+    kind = "a_msgs/msg/Level"
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2", library="test")
+        for number, (topic, text) in enumerate(
+            [("/a", "uint8 level"), ("/b", "uint8 old\nuint8 level"), ("/a", "uint8 level # new")]
+        ):
+            schema = writer.register_schema(kind, "ros2msg", text.encode())
+            channel = writer.register_channel(topic, "cdr", schema)
+            writer.add_message(channel, number, b"\0\1\0\0" + bytes([7, 8]), number)
+        writer.finish()
+    copied = copy_bag(path, tmp_path / "b.mcap")
+    assert (copied.topics, copied.messages) == (1, 2)
+    assert copied.skipped == {
+        "/b": "1 message with another definition of a_msgs/msg/Level than those of /a"
+    }

@@ -32,7 +32,12 @@ from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.schema import Float64Array, KeyArray, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.bags.bag_poses import BagPoses
-from mtpgo_training.data.readers.bags.bag_topics import MARKERS, ObjectsTopic
+from mtpgo_training.data.readers.bags.bag_topics import (
+    MARKERS,
+    ObjectsTopic,
+    nearest_first,
+    shared_namespaces,
+)
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.recording_bag import EGO_TOPIC, LANES_TOPIC
 
@@ -117,18 +122,32 @@ class PieceReader:
         self._log_stamps = options.bags.stamps == "log"
         self._classes = options.classes
         self._where = f"{reader.path}, topic {topic.name}"
-        self._poses = BagPoses(reader)
+        self._poses = BagPoses(reader, topic.name)
         self._guard = StreamGuard(HistoryConfig().keep_ns)
         self._taken = taken
         self._ahead: list[_Message] = []
         self._newest: _Message | None = None
         self._messages = 0
+        self._first: _Message | None = None
+        self._last: _Message | None = None
         self._problem = ""
         self._frames: set[str] = set()
         self._piece = BagPiece()
         self._ego, self._ego_connections = None, _odometry(reader, options.bags.ego_topic)
         if self._ego_connections:
             self._ego = EgoOdometry(options.bags.ego)
+
+    @property
+    def pace(self) -> float:
+        """How fast the stamps advance, as a multiple of the time at which they were recorded.
+
+        NaN where it is not known: with less than a second, or a clock that was set back.
+        """
+        if self._first is None or self._last is None:
+            return float("nan")
+        logged_ns = self._last.received_ns - self._first.received_ns
+        stamped_ns = self._last.states.stamp_ns - self._first.states.stamp_ns
+        return stamped_ns / logged_ns if logged_ns >= 1e9 and stamped_ns > 0 else float("nan")
 
     def pieces(self) -> Iterator[BagPiece]:
         """Yield the pieces that have a road user.
@@ -137,7 +156,7 @@ class PieceReader:
             RecordingError: the bag is damaged, or no message has a road user.
         """
         objects = {id(connection) for connection in self._topic.connections}
-        others = [c for c in self._reader.connections if _is_context(c)]
+        others = self._context()
         odometry = {id(connection) for connection in self._ego_connections}
         found = 0
 
@@ -160,7 +179,9 @@ class PieceReader:
                 self._messages += 1
                 states = self._read(self._topic.adapter, message, received_ns)
                 if states is not None:
-                    usable = self._usable(_Message(states, received_ns))
+                    self._last = _Message(states, received_ns)
+                    self._first = self._first or self._last
+                    usable = self._usable(self._last)
                     done = [self._add(one) for one in usable]
                 self._piece.received_ns = received_ns
             else:
@@ -181,6 +202,28 @@ class PieceReader:
             raise RecordingError(self._nothing(self._piece.counts))
         else:
             self.rest = self._piece.counts
+
+    def _context(self) -> list[Connection]:
+        """Return the connections of lane markings and of the ego that belong to the objects."""
+        found: list[Connection] = []
+        for ending, kind in ((LANES_TOPIC, MARKERS), (EGO_TOPIC, "std_msgs/msg/String")):
+            there = [
+                c
+                for c in self._reader.connections
+                if c.topic.endswith(ending)
+                and c.msgtype == kind
+                and c.msgcount
+                and not obstacle(c)
+            ]
+            names = nearest_first({c.topic for c in there}, self._topic.name)
+            alike = [n for n in names[1:] if _near(n, self._topic) == _near(names[0], self._topic)]
+            if alike:
+                self.remarks.append(
+                    f"{self._where}: {names[0]} is read with the objects, and not"
+                    f" {', '.join(alike)}"
+                )
+            found += [c for c in there if c.topic == names[0]]
+        return found
 
     def _read(
         self, adapter: InputAdapter, message: object, received_ns: int
@@ -364,11 +407,8 @@ def _odometry(reader: DecodingBagReader, topic: str) -> list[Connection]:
     return found
 
 
-def _is_context(connection: Connection) -> bool:
-    """Return whether a connection has lane markings or the ego."""
-    lanes = connection.topic.endswith(LANES_TOPIC) and connection.msgtype == MARKERS
-    ego = connection.topic.endswith(EGO_TOPIC) and connection.msgtype == "std_msgs/msg/String"
-    return (lanes or ego) and not obstacle(connection)
+def _near(name: str, topic: ObjectsTopic) -> int:
+    return shared_namespaces(name, topic.name)
 
 
 def _apart(before_ns: int | None, after_ns: int) -> bool:

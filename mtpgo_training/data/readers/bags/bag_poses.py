@@ -9,14 +9,18 @@ inputs can be read unchanged.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from msg_adapters.bags.bag_definitions import obstacle
 from msg_adapters.bags.bag_reader import DecodingBagReader
-from msg_adapters.conversions import stamp_to_ns
+from msg_adapters.bags.stored_bag import tell_once
+from msg_adapters.conversions import reading, stamp_to_ns
 from msg_adapters.inputs.odometry import ODOMETRY, pose_of
+from mtpgo_core.errors import MessageError
 from mtpgo_core.frames import PoseBuffer, to_fixed_frame
 from mtpgo_core.schema import TrackedStates
+from mtpgo_training.data.readers.bags.bag_topics import nearest_first, shared_namespaces
 from mtpgo_training.data.readers.bags.bag_transforms import (
     FIXED_FRAMES,
     STATIC_TOPIC,
@@ -31,27 +35,43 @@ class BagPoses:
 
     Args:
         reader: the bag.
+        near: topic of the objects. Of frames of the same name, as two robots have them, those of
+            its own namespace count.
     """
 
-    def __init__(self, reader: DecodingBagReader) -> None:
-        self._reader = reader
+    def __init__(self, reader: DecodingBagReader, near: str = "") -> None:
+        self._reader, self._near = reader, near
         self._poses: dict[str, tuple[str, PoseBuffer]] = {}
         self._tree: TransformTree | None = None
         self._from_tree: dict[str, tuple[str, PoseBuffer] | None] = {}
         self._odometry = [
             c for c in reader.connections if c.msgtype == ODOMETRY and not obstacle(c)
         ]
-        for topic in sorted({connection.topic for connection in self._odometry}):
+        for topic in self._odometry_topics():
             found: dict[str, tuple[str, PoseBuffer]] = {}
             for message in self._messages(topic):
-                parent, child = message.header.frame_id, message.child_frame_id
-                if child in ("", parent):
-                    continue
-                fixed, poses = found.setdefault(child, (parent, PoseBuffer(WHOLE_BAG_S)))
-                if fixed == parent:
-                    poses.add(stamp_to_ns(message.header.stamp), pose_of(message))
+                with self._readable(topic, message, ODOMETRY):
+                    parent, child = message.header.frame_id, message.child_frame_id
+                    if child in ("", parent):
+                        continue
+                    stamp_ns, pose = stamp_to_ns(message.header.stamp), pose_of(message)
+                    fixed, poses = found.setdefault(child, (parent, PoseBuffer(WHOLE_BAG_S)))
+                    if fixed == parent:
+                        poses.add(stamp_ns, pose)
             # Of several topics with the same frame, the first is used.
             self._poses = {**found, **self._poses}
+
+    def _odometry_topics(self) -> list[str]:
+        return nearest_first({connection.topic for connection in self._odometry}, self._near)
+
+    @contextmanager
+    def _readable(self, topic: str, message: Any, message_type: str) -> Iterator[None]:
+        """Leave out a message that does not have what its type should have."""
+        try:
+            with reading(message, message_type):
+                yield
+        except MessageError as error:
+            tell_once(f"{self._reader.path}, topic {topic}: a message is left out: {error}")
 
     def _messages(self, topic: str) -> Iterator[Any]:
         """Yield the messages of an odometry topic."""
@@ -89,15 +109,20 @@ class BagPoses:
     def _read_tree(self) -> TransformTree:
         reader = self._reader
         wanted = [c for c in reader.connections if c.msgtype == TRANSFORMS and not obstacle(c)]
-        tree = TransformTree(
-            (connection.topic.endswith(STATIC_TOPIC), message)
-            for connection, _, message in reader.messages(wanted)
-        )
+        tree = TransformTree()
+        near = {id(c): shared_namespaces(c.topic, self._near) for c in wanted}
+        for level in sorted(set(near.values()), reverse=True):
+            known = tree.frames
+            own = [c for c in wanted if near[id(c)] == level]
+            for connection, _, message in reader.messages(own):
+                with self._readable(connection.topic, message, TRANSFORMS):
+                    tree.add(connection.topic.endswith(STATIC_TOPIC), message, known)
         # A sensor's frame may be fixed to a vehicle whose pose is in the odometry alone.
-        for topic in sorted({connection.topic for connection in self._odometry}):
+        for topic in self._odometry_topics():
             missing: dict[str, bool] = {}
             for message in self._messages(topic):
-                child = message.child_frame_id
-                if missing.setdefault(child, not tree.has(child)):
-                    tree.add_odometry(message)
+                with self._readable(topic, message, ODOMETRY):
+                    child = message.child_frame_id
+                    if missing.setdefault(child, not tree.has(child)):
+                        tree.add_odometry(message)
         return tree

@@ -40,6 +40,10 @@ from mtpgo_training.data.recording import Int64Array, Recording
 
 _log = logging.getLogger("mtpgo")
 
+_FASTEST_PACE = 10.0
+"""Stamps that advance faster than the time at which they were recorded by more than this factor
+are in another unit, if no two messages are near each other; chosen."""
+
 
 def bag_units(
     directory: Path, names: Sequence[str] | None = None, options: ReadingOptions = AS_USUAL
@@ -138,6 +142,16 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
     if not recordings:
         raise RecordingError(
             f"{path}, topic {topic.name}: no tracked object can be used ({described(counts)})"
+        )
+    if (
+        len(recordings) > 2
+        and piece_reader.pace > _FASTEST_PACE
+        and not any(recording.duration_s for recording in recordings)
+    ):
+        raise RecordingError(
+            f"{path}, topic {topic.name}: its stamps advance {piece_reader.pace:.3g} times as "
+            "fast as the time at which they were recorded, so that no two messages belong "
+            "together; expected the time of the observation in seconds and nanoseconds"
         )
     last = recordings[-1]
     recordings[-1] = dataclasses.replace(last, counts=dict(Counter(last.counts) + counts))

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from rosbags.interfaces import Connection
@@ -66,6 +66,8 @@ def objects_topic(reader: DecodingBagReader, wanted: str = "") -> ObjectsTopic:
     usable = _usable(reader)
     if wanted:
         return _asked_for(reader, usable, wanted)
+    if not usable and not any(c.msgcount for c in reader.connections):
+        raise RecordingError(f"{reader.path} has no message, it has {_listed(reader)}")
     if not usable:
         raise RecordingError(
             f"{reader.path} has no topic with tracked objects, it has {_listed(reader)}; expected "
@@ -81,6 +83,27 @@ def objects_topic(reader: DecodingBagReader, wanted: str = "") -> ObjectsTopic:
     name, message_type = order[0]
     others = tuple(dict.fromkeys(other for other, _ in order[1:] if other != name))
     return _chosen(usable, name, message_type, others)
+
+
+def nearest_first(topics: Iterable[str], to: str) -> list[str]:
+    """Return topics in the order in which they belong to another one, the first the best.
+
+    With several robots in a bag, what belongs to a topic is in its namespace.
+
+    Args:
+        topics: their names.
+        to: name of the other one.
+    """
+    return sorted(topics, key=lambda name: (-shared_namespaces(name, to), name.count("/"), name))
+
+
+def shared_namespaces(topic: str, other: str) -> int:
+    """Return how many namespaces, from the first on, two topics have in common.
+
+    ``/r1/odom`` and ``/r1/tracks/objects`` have one, and both have none with ``/r2/odom``.
+    """
+    pairs = zip(topic.strip("/").split("/")[:-1], other.strip("/").split("/")[:-1], strict=False)
+    return sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
 def _rank(key: tuple[str, str], held: int) -> tuple[object, ...]:

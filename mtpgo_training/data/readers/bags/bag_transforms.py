@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Container
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -63,17 +63,27 @@ class _Edge:
 
 
 class TransformTree:
-    """The transforms of a bag.
+    """The transforms of a bag."""
 
-    Args:
-        messages: whether each message is of static transforms, and the message.
-    """
-
-    def __init__(self, messages: Iterable[tuple[bool, Any]]) -> None:
+    def __init__(self) -> None:
         self._edges: dict[str, _Edge] = {}
         self._parents: dict[str, dict[tuple[str, bool], _Edge]] = {}
-        for static, message in messages:
-            for item in message.transforms:
+
+    @property
+    def frames(self) -> frozenset[str]:
+        """The frames that have a transform into another one."""
+        return frozenset(self._edges)
+
+    def add(self, static: bool, message: Any, known: Container[str] = ()) -> None:
+        """Add the transforms of a tf2_msgs/TFMessage.
+
+        Args:
+            static: it comes from the topic of static transforms.
+            message: the message.
+            known: frames whose transforms are left out.
+        """
+        for item in message.transforms:
+            if str(item.child_frame_id).lstrip("/") not in known:
                 self._add(static, item)
 
     def has(self, frame: str) -> bool:

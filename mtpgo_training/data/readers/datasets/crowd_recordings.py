@@ -18,8 +18,9 @@ import numpy as np
 import pandas as pd
 
 from mtpgo_core.class_map import ClassMap
+from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass
-from mtpgo_training.data.readers.csv_table import read_table
+from mtpgo_training.data.readers.csv_table import read_header, read_table
 from mtpgo_training.data.readers.drone_files import select_names
 from mtpgo_training.data.readers.file_groups import grouped_files
 from mtpgo_training.data.readers.file_hash import sha256_of
@@ -39,6 +40,10 @@ CLASSES = ClassMap({"ped": AgentClass.PEDESTRIAN, "veh": AgentClass.CAR})
 """Classes by the column ``label``."""
 
 _FILES = re.compile(r"(?P<name>.+)_traj_(?P<kind>ped|veh)_filtered\.csv(?:\.gz)?", re.IGNORECASE)
+
+
+_PIXELS = {"x", "x_c", "x_measure"}
+"""Columns of the first edition, all of whose positions are pixels."""
 
 
 def crowd_units(
@@ -91,6 +96,12 @@ def _read(
 
 
 def _rows(path: Path, kind: str) -> pd.DataFrame:
+    pixels = sorted(_PIXELS & set(read_header(path)))
+    if pixels:
+        raise RecordingError(
+            f"{path} is of the data set's first edition, whose positions are pixels (it has the "
+            f"column {pixels[0]!r}), expected the later one in metres"
+        )
     motion = ("vx_est", "vy_est") if kind == "ped" else ("psi_est", "vel_est")
     table = read_table(
         path,

@@ -41,9 +41,11 @@ _NAMES = {
     4: ("frame", "track", "x", "y"),
     8: ("frame", "track", "x", "z", "y", "vx", "vz", "vy"),
 }
-_FILES = re.compile(r"(?:obsmat|(?P<name>.+))\.txt", re.IGNORECASE)
+_FILES = re.compile(r"(?:obsmat|(?P<name>.+?))\.txt(?:\.gz)?", re.IGNORECASE)
 _OTHERS = {"groups.txt", "destinations.txt", "obstacles.txt", "h.txt", "info.txt", "readme.txt"}
 """Files beside the annotations in the archives."""
+_PIXELS = re.compile(r"(?:^|_)(?:px|pixels?)(?:\d*$|_)", re.IGNORECASE)
+"""In the name of a file: its positions are those in the image."""
 
 
 def eth_units(directory: Path, names: Sequence[str] | None, options: ReadingOptions) -> list[Unit]:
@@ -66,10 +68,16 @@ def eth_units(directory: Path, names: Sequence[str] | None, options: ReadingOpti
     ]
 
 
+def _is_beside(name: str) -> bool:
+    """Return whether a file is none of positions on the ground."""
+    stem = name.lower().removesuffix(".gz").removesuffix(".txt")
+    return f"{stem}.txt" in _OTHERS or _PIXELS.search(stem) is not None
+
+
 def _form(path: Path) -> CsvForm | None:
     """Return the form of a file of annotations, None for other text."""
     lines = first_lines_of(path, 1)
-    if not lines or path.name.lower() in _OTHERS:
+    if not lines or _is_beside(path.name):
         return None
     mark = separator_of(lines[0].strip())
     mark = " " if mark == "\t" else mark  # blanks stand around the tabs of some files

@@ -79,6 +79,11 @@ def _read(name: str, path: Path) -> Iterator[Recording]:
         form=form,
     )
     table = pd.concat([_car(wide, k, form.first_line) for k in cars], ignore_index=True)
+    if not len(table):
+        raise RecordingError(
+            f"{path} has no position of a car in its {len(wide)} rows, expected values in 'E1' and"
+            " 'N1'"
+        )
     yield recording_of_rows(
         table,
         TableSource(

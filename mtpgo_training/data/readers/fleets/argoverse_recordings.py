@@ -11,8 +11,8 @@ up. The recording vehicle is the track ``AV``. Objects that never move are left 
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Iterator, Sequence
-from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +60,7 @@ _NO_ROAD_USERS = (
     "message_board_trailer",
     "traffic_light_trailer",
 )
+_SCENARIO = re.compile(r"scenario_(?P<name>.+)\.parquet", re.IGNORECASE)
 _ANNOTATIONS, _POSES = "annotations.feather", "city_SE3_egovehicle.feather"
 
 
@@ -84,17 +85,23 @@ def argoverse_units(
         paths = [
             path
             for path in files_below(directory)
-            if path.name == _ANNOTATIONS or fnmatch(path.name, "scenario_*.parquet")
+            if path.name.lower() == _ANNOTATIONS or _SCENARIO.fullmatch(path.name)
         ]
-    units = {}
+    units: dict[str, Unit] = {}
     for path in paths:
         files: tuple[Path, ...] = (path,)
-        if path.name == _ANNOTATIONS:
-            name, files = path.resolve().parent.name, (path, path.with_name(_POSES))
-            read = functools.partial(_read_log, name, path, classes)
+        if path.name.lower() == _ANNOTATIONS:
+            name, files = path.resolve().parent.name, (path, _poses_beside(path))
+            read = functools.partial(_read_log, name, files[0], files[1], classes)
         else:
-            name = path.stem.removeprefix("scenario_")
+            match = _SCENARIO.fullmatch(path.name)
+            name = match["name"] if match else path.stem
             read = functools.partial(_read_scenario, name, path, classes)
+        if name in units:
+            raise RecordingError(
+                f"{directory} has two recordings {name!r}, {units[name].files[0]} and {path}, "
+                "expected one"
+            )
         units[name] = Unit(name, "argoverse2", files, read)
     if not units:
         raise RecordingError(
@@ -134,8 +141,14 @@ def _read_scenario(name: str, path: Path, classes: ClassMap) -> Iterator[Recordi
     yield _recording(table, name, (path,), classes, location)
 
 
-def _read_log(name: str, path: Path, classes: ClassMap) -> Iterator[Recording]:
-    poses_path = path.with_name(_POSES)
+def _poses_beside(path: Path) -> Path:
+    """Return the file with the poses of the recording vehicle beside that of the boxes."""
+    exact = path.with_name(_POSES)
+    alike = (one for one in path.parent.iterdir() if one.name.lower() == _POSES.lower())
+    return exact if exact.is_file() else next(alike, exact)
+
+
+def _read_log(name: str, path: Path, poses_path: Path, classes: ClassMap) -> Iterator[Recording]:
     if not poses_path.is_file():
         raise RecordingError(f"{poses_path} is missing, it belongs to {path.name}")
     boxes = _feather(path, ("length_m", "width_m"), ("track_uuid", "category"))

@@ -11,6 +11,7 @@ track with the number of ``sdc_track_index``.
 from __future__ import annotations
 
 import functools
+import logging
 import re
 import struct
 from collections.abc import Iterator, Sequence
@@ -29,6 +30,8 @@ from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.tables.track_rows import TableSource, recording_of_rows, with_ego
 from mtpgo_training.data.recording import Recording
+
+_log = logging.getLogger("mtpgo")
 
 _FILES = re.compile(r"(?P<name>.*tfrecord.*)", re.IGNORECASE)
 
@@ -108,6 +111,7 @@ def _read(name: str, path: Path, classes: ClassMap) -> Iterator[Recording]:
     from google.protobuf.message import DecodeError
 
     sha256 = sha256_of([path])
+    seen: set[str] = set()
     for number, content in enumerate(_records(path), start=1):
         scenario = scenario_message()()
         where = f"{path}, record {number}"
@@ -133,11 +137,20 @@ def _read(name: str, path: Path, classes: ClassMap) -> Iterator[Recording]:
             location=identity,
             unit="state",
         )
-        recording = recording_of_rows(_rows(scenario, where), source)
+        table = _rows(scenario, where)
+        if not len(table):
+            _log.warning("mtpgo: %s: no state of the scenario %s is valid", where, identity)
+            continue
+        if identity in seen:
+            raise RecordingError(f"{where}: the scenario {identity} is there a second time")
+        seen.add(identity)
+        recording = recording_of_rows(table, source)
         ego = scenario.sdc_track_index
         if scenario.HasField("sdc_track_index") and 0 <= ego < len(scenario.tracks):
             recording = with_ego(recording, str(scenario.tracks[ego].id))
         yield recording
+    if not seen:
+        raise RecordingError(f"{path} has no scenario with a valid state")
 
 
 def _rows(scenario: Any, where: str) -> pd.DataFrame:

@@ -28,7 +28,8 @@ FOOT_M = 0.3048
 """An international foot (m)."""
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".txt.gz")
-"""File names of which the first takes precedence where a recording is there in several forms."""
+"""Endings of file names, in lower case, of which the first takes precedence where a recording is
+there in several forms."""
 
 _BEGIN = (
     "vehicle_id",

@@ -86,8 +86,9 @@ def ngsim_units(
     else:
         existing_directory(directory)
         by_name = {}
+        paths = visible_files(directory.iterdir(), directory)
         for suffix in SUFFIXES:
-            for path in visible_files(directory.glob(f"*{suffix}"), directory):
+            for path in (path for path in paths if path.name.lower().endswith(suffix)):
                 if not suffix.startswith(".txt") or may_be_ngsim(path):
                     by_name.setdefault(_stem(path), path)
         by_name = dict(sorted(by_name.items()))
@@ -104,7 +105,7 @@ def ngsim_units(
 
 
 def _stem(path: Path) -> str:
-    return re.sub(r"\.(csv|txt)(\.gz)?$", "", path.name)
+    return re.sub(r"\.(csv|txt)(\.gz)?$", "", path.name, flags=re.IGNORECASE)
 
 
 def _read_file(name: str, path: Path, classes: ClassMap | None) -> Iterator[Recording]:

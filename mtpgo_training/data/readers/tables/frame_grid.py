@@ -21,6 +21,10 @@ _ROUND_RATES = 1e-3
 milliseconds and that of 29.97 Hz from 30 Hz."""
 
 
+_VIDEO_RATES = (24 / 1.001, 30 / 1.001, 60 / 1.001, 120 / 1.001)
+"""Frames per second of videos (Hz; SMPTE) that a short recording does not tell precisely."""
+
+
 def frames_of_times(time_s: Float64Array) -> tuple[Int64Array, float]:
     """Return [rows] frame numbers from 0, and their rate (Hz): that of the times if it is steady.
 
@@ -32,13 +36,21 @@ def frames_of_times(time_s: Float64Array) -> tuple[Int64Array, float]:
     steps_s = np.diff(distinct)
     # Where many times are missing, the rate follows from the shortest step, not the median.
     for step_s in (np.median(steps_s), steps_s.min()) if len(steps_s) else ():
-        rate = _rate(steps_s, float(step_s))
-        if abs(rate - round(rate, 1)) < _ROUND_RATES * rate / 2 and rate > 0.1:
-            rate = round(rate, 1)
-        number = np.round(distinct * rate)
-        if (np.abs(number / rate - distinct) <= TOLERANCE_S).all() and (np.diff(number) > 0).all():
-            return np.round(elapsed_s * rate).astype(np.int64), rate
+        for rate in _candidates(_rate(steps_s, float(step_s))):
+            number = np.round(distinct * rate)
+            fits = np.abs(number / rate - distinct) <= TOLERANCE_S
+            if fits.all() and (np.diff(number) > 0).all():
+                return np.round(elapsed_s * rate).astype(np.int64), rate
     return np.round(elapsed_s * FREE_RATE).astype(np.int64), FREE_RATE if len(steps_s) else 10.0
+
+
+def _candidates(measured: float) -> list[float]:
+    """Return the rates (Hz) that a measured one may stand for, the most usual first.
+
+    A rate such as 1000 / 15 Hz is near a round one, which many frames tell apart.
+    """
+    usual = (round(measured, 1), measured, round(measured, 2), *_VIDEO_RATES)
+    return [rate for rate in usual if rate > 0 and abs(rate - measured) < _ROUND_RATES * rate / 2]
 
 
 def _rate(steps_s: Float64Array, step_s: float) -> float:

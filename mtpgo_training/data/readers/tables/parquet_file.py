@@ -54,7 +54,9 @@ def read_parquet(path: Path, columns: Sequence[str]) -> pd.DataFrame:
             else compute.struct_field(table[before], name.split(".")[1:])
             for name, before in zip(columns, outer, strict=True)
         }
-        frame = pyarrow.table(found).to_pandas(use_threads=False, ignore_metadata=True)
+        wanted = pyarrow.table(found)
+        wanted.validate(full=True)  # texts that are no Unicode fail only where they are used
+        frame = wanted.to_pandas(use_threads=False, ignore_metadata=True)
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise RecordingError(_cannot_be_read(path, "Parquet", error)) from error
     for name in columns:
@@ -92,7 +94,9 @@ def read_feather(path: Path) -> pd.DataFrame:
     from pyarrow import feather
 
     try:
-        return feather.read_table(path, use_threads=False).to_pandas(use_threads=False)
+        table = feather.read_table(path, use_threads=False)
+        table.validate(full=True)
+        return table.to_pandas(use_threads=False, ignore_metadata=True)
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise RecordingError(_cannot_be_read(path, "Feather", error)) from error
 

@@ -14,8 +14,13 @@ import pandas as pd
 
 from mtpgo_core.class_map import OWN_NAMES, ClassMap
 from mtpgo_core.errors import ConfigurationError, RecordingError
-from mtpgo_core.schema import AgentClass
-from mtpgo_training.data.readers.csv_table import check_columns, read_table, require_columns
+from mtpgo_core.schema import AgentClass, Float64Array
+from mtpgo_training.data.readers.csv_table import (
+    check_columns,
+    observed_rows,
+    read_table,
+    require_columns,
+)
 from mtpgo_training.data.readers.drone_files import (
     existing_directory,
     select_names,
@@ -98,7 +103,7 @@ def table_units(
 
 
 def _read(name: str, path: Path, columns: TableColumns, classes: ClassMap) -> Iterator[Recording]:
-    table = _rows(path, columns)
+    table, unobserved = _rows(path, columns)
     parquet = path.suffix.lower() in (".parquet", ".pq")
     sha256 = sha256_of([path])
     groups = [("", table)]
@@ -117,13 +122,17 @@ def _read(name: str, path: Path, columns: TableColumns, classes: ClassMap) -> It
                 location=columns.location,
                 frame_rate=columns.frame_rate,
                 unit="row" if parquet else "line",
+                unobserved=unobserved,
             ),
         )
 
 
-def _rows(path: Path, columns: TableColumns) -> pd.DataFrame:
-    """Return the rows of a file in the internal frame, under the names of ``track_rows``."""
-    table = _checked(path, columns)
+def _rows(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Array]:
+    """Return the rows of a file in the internal frame, under the names of ``track_rows``.
+
+    With them those of :func:`_checked`.
+    """
+    table, unobserved = _checked(path, columns)
     if not len(table):
         raise RecordingError(f"{path} has no rows, expected at least one")
     flip = -1.0 if columns.y_axis == "down" else 1.0
@@ -145,38 +154,45 @@ def _rows(path: Path, columns: TableColumns) -> pd.DataFrame:
         table = table.rename(columns={"agent_class": "class"})
     elif AgentClass.from_name(columns.agent_class) != AgentClass.UNKNOWN:
         table["class"] = columns.agent_class
-    return table
+    return table, unobserved
 
 
-def _checked(path: Path, columns: TableColumns) -> pd.DataFrame:
-    """Return the columns under their meanings, as numbers and texts, and the line of each row."""
+def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Array]:
+    """Return the columns under their meanings, as numbers and texts, and the line of each row.
+
+    With them the times (s) or frame numbers of the rows without a position, which are left out.
+    """
     given = columns.columns.given()
     dates = columns.time_unit == "date"
-    kinds = {
-        "integers": [given[name] for name in ("frame",) if name in given],
-        "numbers": [
-            given[name]
-            for name in ("x", "y", "time")
-            if name in given and not (dates and name == "time")
-        ],
-        "unknown_allowed": [given[name] for name in _NUMBERS if name in given],
-    }
-    texts = [given[n] for n in ("track", "agent_class", "recording", "time") if n in given]
-    texts = [name for name in texts if name not in kinds["numbers"]]
+    wanted = list(given.values())
     unit, first_line = "line", columns.form.first_line
     if path.suffix.lower() in (".parquet", ".pq"):
         unit, first_line = "row", 1
-        wanted = list(given.values())
         require_columns(path, parquet_columns(path), wanted, wanted)
         table = read_parquet(path, wanted)
-        if "time" in given and pd.api.types.is_datetime64_any_dtype(table[given["time"]]):
-            dates = True  # whatever unit numbers would have
-            kinds["numbers"] = [given["x"], given["y"]]
-        check_columns(table, path, first_line=1, unit="row", **kinds)
+        # Dates are dates, whatever unit numbers would have.
+        dates |= "time" in given and pd.api.types.is_datetime64_any_dtype(table[given["time"]])
     else:
-        table = read_table(path, texts=texts, form=columns.form, **kinds)
+        texts = [given[name] for name in ("track", "agent_class", "recording") if name in given]
+        texts += [given["time"]] if "time" in given and dates else []
+        numbers = [name for name in wanted if name not in texts]
+        table = read_table(path, texts=texts, unchecked=numbers, form=columns.form)
+    instants = table[given["time"] if "time" in given else given["frame"]]
+    position = [given["x"], given["y"]]
+    table = observed_rows(table, path, position, first_line=first_line, unit=unit)
+    check_columns(
+        table,
+        path,
+        integers=[given["frame"]] if "frame" in given else [],
+        numbers=[given["time"]] if "time" in given and not dates else [],
+        unknown_allowed=[given[name] for name in _NUMBERS if name in given],
+        first_line=first_line,
+        unit=unit,
+    )
+    instants = instants.drop(table.index)
     table = table.rename(columns={column: name for name, column in given.items()})
-    table["line"] = np.arange(len(table)) + first_line
+    table["line"] = table.index.to_numpy() + first_line
+    table = table.reset_index(drop=True)
     source = TableSource(path.name, "table", (path,), "", OWN_NAMES, unit=unit)
     if "recording" in table:
         table["recording"] = table["recording"].astype("string").fillna("").str.strip()
@@ -187,12 +203,31 @@ def _checked(path: Path, columns: TableColumns) -> pd.DataFrame:
     if "time" in table:
         factor = TIMES_S[columns.time_unit]
         table["time_s"] = _dates(table, source) if dates else table["time"] * factor
-    return table
+        if dates:
+            return table, _seconds(_times_of(instants).dropna()).to_numpy(np.float64)
+        return table, _known_numbers(instants) * factor
+    return table, _known_numbers(instants)
+
+
+def _known_numbers(column: pd.Series) -> Float64Array:
+    """Return the numbers in a column that was not checked."""
+    numbers = pd.to_numeric(column.astype("string"), errors="coerce")
+    values = numbers.to_numpy(np.float64, na_value=np.nan)
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _times_of(column: pd.Series) -> pd.Series:
+    return pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
+
+
+def _seconds(times: pd.Series) -> pd.Series:
+    """Return the seconds since 1970 of times."""
+    return times.dt.tz_localize(None).astype("datetime64[ns]").astype(np.int64) / 1e9
 
 
 def _dates(table: pd.DataFrame, source: TableSource) -> pd.Series:
     """Return the seconds since 1970 of the dates in the column ``time``."""
-    times = pd.to_datetime(table["time"], errors="coerce", utc=True, format="ISO8601")
+    times = _times_of(table["time"])
     bad = times.isna().to_numpy(bool)
     if bad.any():
         row = int(np.argmax(bad))
@@ -202,4 +237,4 @@ def _dates(table: pd.DataFrame, source: TableSource) -> pd.Series:
             f"{source.place_of(table, row)}: the time {given}, expected a date and time such as "
             "2024-05-01T12:00:00.1"
         )
-    return times.dt.tz_localize(None).astype("datetime64[ns]").astype(np.int64) / 1e9
+    return _seconds(times)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +49,8 @@ class TableSource:
         location: the site.
         frame_rate: frames per second (Hz) of rows with a column ``frame``.
         unit: what a row is in the files, for errors.
+        unobserved: times (s) or frame numbers at which the files have rows that are no
+            observations; they belong to the same frames.
     """
 
     name: str
@@ -59,6 +61,7 @@ class TableSource:
     location: str = ""
     frame_rate: float | None = None
     unit: str = "line"
+    unobserved: Float64Array = field(default_factory=lambda: np.empty(0))
 
     def place_of(self, table: pd.DataFrame, row: int) -> str:
         """Return the file and the place in it that a row comes from.
@@ -154,15 +157,25 @@ def _times(table: pd.DataFrame, source: TableSource) -> tuple[Int64Array, float,
                 f"{source.files[0]}: the times begin at {begin_s:.6g} s, expected less than "
                 f"{LAST_S:.6g} s; is their unit another one?"
             )
-        frame, rate = frames_of_times(time_s)
+        frame, rate = frames_of_times(_with(time_s, source.unobserved))
+        frame = frame[: len(time_s)]
         return frame, rate, round(begin_s * 1e9) if begin_s >= EPOCH_S else DEFAULT_START_NS
     assert source.frame_rate is not None, "rows with frames need a frame rate"
     frame = table["frame"].to_numpy(np.int64)
     _check_span(table, source, (frame.astype(np.float64) - float(frame[0])) / source.frame_rate)
-    frame, rate = without_common_step(frame, source.frame_rate)
+    more = source.unobserved
+    more = more[(more % 1 == 0) & (np.abs(more) < 2**53)].astype(np.int64)
+    among, rate = without_common_step(_with(frame, more), source.frame_rate)
+    frame = among[: len(frame)]
     # Stamps must stay within the time that a message can carry.
     begin = int(frame.min())
     return frame - (begin if begin < 0 or begin / rate > LONGEST_S else 0), rate, DEFAULT_START_NS
+
+
+def _with(instants: np.ndarray, unobserved: np.ndarray) -> np.ndarray:
+    """Return the instants of rows, and those between them at which nothing was observed."""
+    between = (unobserved > instants.min()) & (unobserved < instants.max())
+    return np.concatenate([instants, unobserved[between]])
 
 
 def _check_span(table: pd.DataFrame, source: TableSource, elapsed_s: Float64Array) -> None:

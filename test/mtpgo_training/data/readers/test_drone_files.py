@@ -112,3 +112,15 @@ def test_hidden_files_are_no_recordings(tmp_path):
     (copies / "a.csv").write_text("")
     assert visible_files([copies / "a.csv", tmp_path / "b.csv"], tmp_path) == [tmp_path / "b.csv"]
     assert visible_files([copies / "a.csv"], copies) == [copies / "a.csv"]
+
+
+def test_names_in_capitals_are_found(tmp_path):
+    write_ind(tmp_path, "01")
+    pack(tmp_path / "01_tracks.csv")
+    for path in list(tmp_path.iterdir()):
+        path.rename(path.with_name(path.name.upper()))
+    (files,) = find_drone_files(tmp_path)
+    assert files.name == "01"
+    names = ["01_TRACKS.CSV.GZ", "01_TRACKSMETA.CSV", "01_RECORDINGMETA.CSV"]
+    assert [path.name for path in files.all] == names
+    assert detect_layout(files.tracks) == "ind"

@@ -406,3 +406,47 @@ def test_messages_without_any_time_are_told_apart(tmp_path):
     messages = [(-EPOCH_NS / S_NS, unstamped(states)) for _, states in steady(1.0)]
     with pytest.raises(RecordingError, match=r"has a stamp or a time at which it was recorded$"):
         read(tmp_path, messages, LOG)
+
+
+def text_of(data):
+    make, kind = TypestoreTypes(bag_typestore()).make, "std_msgs/msg/String"
+    return bytes(bag_typestore().serialize_cdr(make(kind, data=data), kind))
+
+
+@pytest.mark.parametrize(("robot", "ego"), [("/r1", 1), ("/r2", 3)])
+def test_the_ego_of_another_robot_is_not_taken(tmp_path, robot, ego):
+    with OddBag(tmp_path / "a.mcap") as bag:
+        channels = {name: bag.objects(f"{name}/tracks/objects") for name in ("/r1", "/r2")}
+        for name, number in (("/r1", 1), ("/r2", 3)):
+            channel = bag.channel(f"{name}/ego_id", "std_msgs/msg/String")
+            bag.add(channel, text_of(str(number)), 0.0)
+        for step in range(5):
+            for channel in channels.values():
+                bag.add(channel, bytes_of(states_at(step / 10)), step / 10)
+    options = ReadingOptions(bags=BagOptions(topic=f"{robot}/tracks/objects"))
+    (recording,) = load_recordings(tmp_path, "bag", None, options)
+    assert recording.ego_id == ego
+
+
+def test_which_of_two_egos_is_read_is_said_where_both_are_as_near(tmp_path, caplog):
+    with OddBag(tmp_path / "a.mcap") as bag:
+        objects = bag.objects()
+        for name, number in (("/r2", 3), ("/r1", 1)):
+            channel = bag.channel(f"{name}/ego_id", "std_msgs/msg/String")
+            bag.add(channel, text_of(str(number)), 0.0)
+        bag.add(objects, bytes_of(states_at(0.0)), 0.0)
+    (recording,) = load_recordings(tmp_path, "bag")
+    assert recording.ego_id == 1
+    assert "/r1/ego_id is read with the objects, and not /r2/ego_id" in caplog.text
+
+
+def test_stamps_in_another_unit_are_refused(tmp_path):
+    # Milliseconds taken for seconds: 100 s from one message to the next.
+    messages = [(i / 10, states_at(100.0 * i)) for i in range(30)]
+    with pytest.raises(
+        RecordingError, match="its stamps advance 1e\\+03 times as fast as the time"
+    ):
+        read(tmp_path, messages)
+    # A simulation that runs twenty times as fast as time is none of these.
+    (recording,) = read(tmp_path, [(i / 200, states_at(i / 10)) for i in range(300)])
+    assert (recording.frame_rate, len(recording)) == (10.0, 900)

@@ -87,3 +87,52 @@ def test_poses_of_a_frame_in_itself_are_ignored(tmp_path):
     poses = poses_of(tmp_path / "a.mcap", [(0.0, pose, {"child_frame_id": "odom"})])
     states = seen(0.0, "odom")
     assert poses.lift(states) is states
+
+
+def two_robots(path, kind):
+    """Objects of the second robot, and poses of both in frames of the same names."""
+    message = {"odom": "nav_msgs/msg/Odometry", "tf": "tf2_msgs/msg/TFMessage"}[kind]
+    with McapWriter(path) as bag:
+        for name, x in (("/r1", 1000.0), ("/r2", -1000.0)):
+            bag.add_topic(f"{name}/{kind}", message)
+            for step in range(3):
+                stamp_ns = EPOCH_NS + step * S_NS
+                pose = odometry_message(stamp_ns, Pose2(x=x, y=0.0, yaw=0.0))
+                if kind == "tf":
+                    place, turn = pose.pose.pose.position, pose.pose.pose.orientation
+                    make = bag.types.make
+                    shift = make("geometry_msgs/msg/Vector3", x=place.x, y=place.y, z=0.0)
+                    transform = make(
+                        "geometry_msgs/msg/TransformStamped",
+                        header=pose.header,
+                        child_frame_id="base_link",
+                        transform=make(
+                            "geometry_msgs/msg/Transform", translation=shift, rotation=turn
+                        ),
+                    )
+                    pose = make(message, transforms=[transform])
+                bag.write(f"{name}/{kind}", stamp_ns, pose)
+    return DecodingBagReader(path)
+
+
+@pytest.mark.parametrize("kind", ["odom", "tf"])
+def test_the_poses_of_another_robot_are_not_taken(tmp_path, kind):
+    reader = two_robots(tmp_path / "a.mcap", kind)
+    for robot, x in (("/r1", 1002.0), ("/r2", -998.0)):
+        lifted = BagPoses(reader, f"{robot}/tracks/objects").lift(seen(1.0))
+        np.testing.assert_allclose(lifted.position, [[x, 1.0]])
+
+
+@pytest.mark.parametrize("kind", ["odom", "tf"])
+def test_messages_of_poses_that_cannot_be_used_are_left_out(tmp_path, kind, caplog):
+    reader = two_robots(tmp_path / "a.mcap", kind)
+    messages = reader.messages
+
+    def damaged(connections):
+        for place, (connection, time_ns, message) in enumerate(messages(connections)):
+            yield connection, time_ns, object() if place == 0 else message
+
+    reader.messages = damaged
+    lifted = BagPoses(reader, "/r2/objects").lift(seen(1.0))
+    np.testing.assert_allclose(lifted.position, [[-998.0, 1.0]])
+    assert "a message is left out: message of object cannot be read as" in caplog.text

@@ -18,7 +18,11 @@ from msg_adapters.types import TypestoreTypes
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
-from mtpgo_training.data.readers.bags.bag_topics import objects_topic
+from mtpgo_training.data.readers.bags.bag_topics import (
+    nearest_first,
+    objects_topic,
+    shared_namespaces,
+)
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 
 STATES = next(braking_cars(tracks=2, seconds=1.0).states())
@@ -197,3 +201,21 @@ def test_a_topic_recorded_without_its_slash_can_be_chosen(tmp_path):
     for topic in ("", "objects", "/objects"):
         (recording,) = read(tmp_path / "bag.mcap", topic=topic)
         assert len(recording) == 15
+
+
+def test_what_belongs_to_a_topic_is_in_its_namespace():
+    names = ["/b/odom", "/a/loc/odom", "/odom", "/a/tracks/odom"]
+    assert nearest_first(names, "/a/tracks/objects") == [
+        "/a/tracks/odom",
+        "/a/loc/odom",
+        "/odom",
+        "/b/odom",
+    ]
+    assert [shared_namespaces(name, "/a/tracks/objects") for name in names] == [0, 1, 0, 2]
+
+
+def test_a_bag_without_a_message_is_called_so(tmp_path):
+    with OddBag(tmp_path / "a.mcap") as bag:
+        bag.objects()
+    with pytest.raises(RecordingError, match=r"a\.mcap has no message, it has /objects \(sensor"):
+        load_recordings(tmp_path, "bag")

@@ -40,10 +40,11 @@ def transform(parent, child, time_s, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
 
 
 def tree(*transforms, static=()):
-    return TransformTree(
-        [(True, SimpleNamespace(transforms=list(static)))]
-        + [(False, SimpleNamespace(transforms=[item])) for item in transforms]
-    )
+    found = TransformTree()
+    found.add(True, SimpleNamespace(transforms=list(static)))
+    for item in transforms:
+        found.add(False, SimpleNamespace(transforms=[item]))
+    return found
 
 
 def at(poses, time_s):

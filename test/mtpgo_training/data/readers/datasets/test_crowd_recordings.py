@@ -40,3 +40,20 @@ def test_defects(tmp_path):
     (tmp_path / "a_traj_ped_filtered.csv").write_text(PEDESTRIANS + "0,6,ped,2,11,1,1\n")
     with pytest.raises(RecordingError, match="line 4: track p0 has a second row for frame 6"):
         load_recordings(tmp_path, "citr")
+
+
+@pytest.mark.parametrize(
+    ("kind", "head"),
+    [
+        ("ped", ",id,x,y,frame,label,x_est,y_est,vx_est,vy_est\n0,0,528,113,"),
+        ("veh", ",id,x_c,y_c,frame,label,x_est,y_est,vx_est,vy_est\n0,0,528,113,"),
+    ],
+)
+def test_the_first_edition_in_pixels_is_refused(tmp_path, kind, head):
+    path = tmp_path / f"roundabout_03_traj_{kind}_filtered.csv"
+    path.write_text(f"{head}1,{kind},528,113,14,80\n")
+    sentence = (
+        r"first edition, whose positions are pixels \(it has the column 'x(_c)?'\), expected"
+    )
+    with pytest.raises(RecordingError, match=sentence):
+        load_recordings(tmp_path, "dut")

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """ETH and UCY in their forms, made up: eight columns or four, any step of frames."""
 
+import gzip
+
 import numpy as np
 import pytest
 
@@ -45,3 +47,20 @@ def test_defects(tmp_path):
     (tmp_path / "a.txt").write_text("0 1 5 6\n10 1 5.4 ?\n")
     with pytest.raises(RecordingError, match=r"a\.txt, line 2, column 'y': '\?', expected a numb"):
         load_recordings(tmp_path, "eth_ucy")
+
+
+def test_positions_in_the_image_are_not_taken_for_metres(tmp_path):
+    (tmp_path / "obsmat.txt").write_text("780 1 8.5 0 3 1 0 0\n")
+    for name in ("obsmat_px.txt", "obsmat_px1.txt", "zara_pixels.txt"):
+        (tmp_path / name).write_text("780 1 320 0 240 1 0 0\n")
+    (recording,) = load_recordings(tmp_path, "eth_ucy")
+    np.testing.assert_allclose(recording.position, [[8.5, 3.0]])
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
+    for part in ("train", "val"):
+        (tmp_path / "eth" / part).mkdir(parents=True)
+        (tmp_path / "eth" / part / "HOTEL.TXT").write_text("0 1 5 6\n10 1 5.4 6\n")
+    (tmp_path / "eth" / "train" / "zara.txt.gz").write_bytes(gzip.compress(b"0 1 5 6\n"))
+    names = [recording.name for recording in load_recordings(tmp_path, "eth_ucy")]
+    assert names == ["eth-train-HOTEL", "eth-val-HOTEL", "eth-zara"]

@@ -91,7 +91,7 @@ def test_sind(tmp_path):
     )
     (folder / "Veh_tracks_meta.csv").write_text("trackId\n1\n")
     (recording,) = load_recordings(tmp_path, "sind")
-    assert (recording.name, recording.location) == ("8_2_1", "8_2_1")
+    assert (recording.name, recording.location) == ("8_2_1", "")  # one junction
     assert recording.frame_rate == pytest.approx(9.99)
     assert sorted(recording.agent_class.tolist()) == [
         AgentClass.TRUCK,
@@ -151,3 +151,51 @@ def test_folders_behind_symbolic_links_are_looked_into(interaction, tmp_path_fac
     (folder / "all").symlink_to(interaction)
     names = [r.name for r in load_recordings(folder, "interaction")]
     assert len(names) == 3
+
+
+@pytest.mark.parametrize("number", ["10", "2.0"])
+def test_numbers_of_pedestrians_and_vehicles_are_told_apart(interaction, number):
+    path = interaction / "recorded_trackfiles/DR_A/pedestrian_tracks_000.csv"
+    path.write_text(PEDESTRIANS + f"{number},1,100,person,8,9,1,0.5\n")
+    (both,) = load_recordings(interaction, "interaction", ["DR_A-000"])
+    assert sorted(both.agent_class.tolist()) == [
+        AgentClass.CAR,
+        AgentClass.CAR,
+        AgentClass.PEDESTRIAN,
+    ]
+
+
+def test_persons_belong_to_the_vehicles_of_the_same_number(tmp_path):
+    (tmp_path / "vehicle_tracks_000.CSV").write_text(VEHICLES + vehicle(1, 1, 1))
+    (tmp_path / "person_tracks_000.csv").write_text(PEDESTRIANS + "P1,1,100,person,8,9,1,0\n")
+    (recording,) = load_recordings(tmp_path, "interaction")
+    assert (recording.name, len(recording)) == ("000", 2)
+
+
+def test_cases_with_large_numbers_and_their_sites(tmp_path):
+    for part, site in (("train", "DR_A"), ("train", "DR_B"), ("val", "DR_A")):
+        (tmp_path / part).mkdir(exist_ok=True)
+        rows = "".join(f"{case}.0,{vehicle(1, 1, 1)}" for case in (1234567, 1234568))
+        (tmp_path / part / f"{site}_{part}.csv").write_text("case_id," + VEHICLES + rows)
+    recordings = load_recordings(tmp_path, "interaction")
+    assert [r.name for r in recordings[:2]] == ["DR_A_train-1234567", "DR_A_train-1234568"]
+    assert [r.location for r in recordings[::2]] == ["DR_A", "DR_A", "DR_B"]
+
+
+def test_the_tables_of_another_data_set_are_not_taken(tmp_path):
+    (tmp_path / "Veh_tracks_meta.csv").write_text("trackId\n1\n")
+    with pytest.raises(RecordingError, match=r"has no recordings.*; it has Veh_tracks_meta\.csv$"):
+        load_recordings(tmp_path, "interaction")
+
+
+def test_the_cities_of_sind_are_its_sites(tmp_path):
+    head = "track_id,frame_id,timestamp_ms,agent_type,x,y\n"
+    for city, name in (("Changchun", "a"), ("Changchun", "b"), ("Xi'an", "c")):
+        folder = tmp_path / "Data" / city / name
+        folder.mkdir(parents=True)
+        (folder / "Veh_smoothed_tracks.csv").write_text(head + "1,0,0,cars,1,2\n")
+        (folder / "Ped_smoothed_tracks.csv").write_text(head + "1,9,900,pedestrian,8,9\n")
+    recordings = load_recordings(tmp_path, "sind")
+    assert [r.location for r in recordings] == ["Changchun", "Changchun", "Xi'an"]
+    for recording in recordings:
+        assert sorted(recording.agent_class) == [AgentClass.CAR, AgentClass.PEDESTRIAN]

@@ -52,3 +52,10 @@ def test_defects(tmp_path):
     path.write_text(FACTS.replace("ACC,1\n", "ACC,1\n\n\n") + ROWS.replace("10.3", "east"))
     with pytest.raises(RecordingError, match="line 10, column 'E1': 'east', expected a number"):
         load_recordings(tmp_path, "openacc")
+
+
+def test_rows_without_any_position_are_called_so(tmp_path):
+    path = tmp_path / "A.CSV"
+    path.write_text(FACTS + "Time,E1,N1\n0.0,,\n0.1,,\n")
+    with pytest.raises(RecordingError, match="has no position of a car in its 2 rows, expected v"):
+        load_recordings(tmp_path, "openacc")

@@ -107,3 +107,12 @@ def test_defects(tmp_path):
     path.write_bytes(b"PAR1")
     with pytest.raises(RecordingError, match=r"scenario_s\.parquet cannot be read as Parquet"):
         load_recordings(tmp_path, "argoverse2")
+
+
+def test_names_in_capitals_and_the_same_scenario_twice(tmp_path):
+    scenario(tmp_path / "train" / "s" / "SCENARIO_s.PARQUET")
+    (recording,) = load_recordings(tmp_path, "argoverse2")
+    assert recording.name == "s"
+    scenario(tmp_path / "val" / "s" / "scenario_s.parquet")
+    with pytest.raises(RecordingError, match=r"has two recordings 's', .*SCENARIO_s\.PARQUET and"):
+        load_recordings(tmp_path, "argoverse2")

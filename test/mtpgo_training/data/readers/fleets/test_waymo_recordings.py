@@ -85,3 +85,23 @@ def test_the_name_of_a_scenario_is_no_path(tmp_path):
 def test_no_file_is_named(tmp_path):
     with pytest.raises(RecordingError, match=r"has no recordings, expected Waymo's \.tfrecord"):
         load_recordings(tmp_path, "waymo")
+
+
+def test_a_scenario_without_a_valid_state_is_left_out(tmp_path, caplog):
+    content = scenario_message()(scenario_id="empty", timestamps_seconds=[0.0])
+    content.tracks.add(id=7, object_type=1).states.add(valid=False)
+    empty = record(content.SerializeToString())
+    path = tmp_path / "a.tfrecord"
+    path.write_bytes(empty + record(scenario("b")))
+    (recording,) = load_recordings(tmp_path, "waymo")
+    assert recording.name == "a.tfrecord-b"
+    assert "record 1: no state of the scenario empty is valid" in caplog.text
+    path.write_bytes(empty)
+    with pytest.raises(RecordingError, match=r"a\.tfrecord has no scenario with a valid state"):
+        load_recordings(tmp_path, "waymo")
+
+
+def test_a_scenario_that_is_there_twice_is_refused(tmp_path):
+    (tmp_path / "a.tfrecord").write_bytes(record(scenario("a")) * 2)
+    with pytest.raises(RecordingError, match="record 2: the scenario a is there a second time"):
+        load_recordings(tmp_path, "waymo")

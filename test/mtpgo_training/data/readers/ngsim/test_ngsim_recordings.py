@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import gzip
 import math
 from pathlib import Path
 
@@ -209,3 +210,14 @@ def test_defects(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace(",", ";"))
     with pytest.raises(RecordingError, match=r"separates its columns by semicolons, expected com"):
         load_recordings(path, "ngsim")
+
+
+@pytest.mark.parametrize("name", ["A.CSV", "A.TXT", "A.CSV.GZ"])
+def test_names_in_capitals_are_found(tmp_path: Path, name: str) -> None:
+    text = "\n".join([HEADER, row(7, 0, 10.0, 100.0)]) + "\n"
+    if name.endswith(".TXT"):
+        text = row(7, 0, 10.0, 100.0).replace(",", " ") + "\n"
+    data = text.encode()
+    (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith(".GZ") else data)
+    (recording,) = load_recordings(tmp_path, "ngsim")
+    assert (recording.name, len(recording)) == ("A", 1)

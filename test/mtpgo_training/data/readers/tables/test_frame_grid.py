@@ -41,3 +41,11 @@ def test_frames_are_counted_in_their_common_step():
     assert (frame.tolist(), rate) == ([0, 1, 3, 0], 2.5)
     frame, rate = without_common_step(np.array([4, 5, 9]), 25.0)
     assert (frame.tolist(), rate) == ([4, 5, 9], 25.0)
+
+
+@pytest.mark.parametrize("rate", [12.5, 15.0, 7.0, 23.976, 59.94, 119.88, 1000 / 15, 1000 / 7])
+def test_a_rate_near_a_round_one_is_kept(rate):
+    number = np.arange(2000)
+    frame, found = frames_of_times(np.round(number / rate, 4))
+    np.testing.assert_array_equal(frame, number)
+    assert found == pytest.approx(rate, rel=1e-5)

@@ -213,7 +213,7 @@ TABLES = {
     "missing column": (ROWS.replace("f,id", "f,name"), "a.csv has no column 'id', expected the c"),
     "separator": (ROWS.replace(",", ";"), "separates its columns by semicolons, expected commas"),
     "cell": (ROWS.replace("1,2,21,-2", "1,2,east,-2"), "line 3, column 'x': 'east', expected a n"),
-    "empty cell": (ROWS.replace("1,2,21,-2", "1,2,,-2"), "line 3, column 'x': an empty cell"),
+    "empty cell": (ROWS.replace("1,2,21,-2", ",2,21,-2"), "line 3, column 'f': an empty cell"),
     "no track": (ROWS.replace("1,2,21", "1,,21"), "line 3: the road user has no name"),
     "half a frame": (
         ROWS.replace("1,2,21", "1.5,2,21"),
@@ -319,3 +319,65 @@ def test_the_name_of_a_recording_in_a_column_is_no_path(read):
     text = "f,id,x,y,r\n1,1,0,0,/../../b\n1,1,0,0,c\n"
     columns = {"columns": {**POSITIONS["columns"], "recording": "r"}, "frame_rate": 10}
     assert [recording.name for recording in read(text, columns)] == ["a-_.._.._b", "a-c"]
+
+
+def test_rows_without_a_position_are_no_observations(read, caplog):
+    text = "f,id,x,y\n0,1,0,0\n1,1,,5\n2,1,nan,\n,,,\n4,1,4,0\n"
+    (recording,) = read(text, POSITIONS)
+    assert recording.frame.tolist() == [0, 4]
+    (sentence,) = [record.getMessage() for record in caplog.records]
+    assert "a.csv: 3 row(s) without a position ('x' or 'y')" in sentence
+    assert sentence.endswith("the first is line 3")
+
+
+def test_rows_without_a_position_tell_the_rate(read):
+    columns = {"track": "id", "time": "t", "x": "x", "y": "y"}
+    (by_frame,) = read("f,id,x,y\n0,1,0,0\n1,1,,\n2,1,2,0\n", POSITIONS)
+    (by_time,) = read("t,id,x,y\n5.0,1,0,0\n5.1,1,,\n5.2,1,2,0\n", {"columns": columns})
+    for recording in (by_frame, by_time):
+        assert (recording.frame.tolist(), recording.frame_rate) == ([0, 2], 10.0)
+
+
+def test_errors_behind_rows_without_a_position_name_their_line(read):
+    text = "f,id,x,y\n0,1,0,0\n1,1,,\n"
+    with pytest.raises(RecordingError, match=r"a\.csv, line 4, column 'f': '2\.5', expected a wh"):
+        read(f"{text}2.5,1,2,2\n", POSITIONS)
+    with pytest.raises(RecordingError, match=r"a\.csv, line 5: track 1 has a second row for"):
+        read(f"{text}2,1,2,2\n2,1,2,3\n", POSITIONS)
+    with pytest.raises(RecordingError, match=r"a\.csv, line 4, column 'y': 'inf', expected a fin"):
+        read(f"{text}2,1,2,inf\n", POSITIONS)
+
+
+def test_a_table_without_any_position_is_refused(read):
+    sentence = r"a\.csv has no position: the columns 'x' or 'y' are empty in all of its 2 rows"
+    with pytest.raises(RecordingError, match=sentence):
+        read("f,id,x,y\n0,1,,\n1,1,2,\n", POSITIONS)
+
+
+def test_parquet_and_names_in_capitals(read, tmp_path, caplog):
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    (tmp_path / "data").mkdir()
+    table = pandas.DataFrame(
+        {"f": pandas.array([0, None, 2], dtype="Int64"), "id": 1, "x": [0.0, None, 2.0], "y": 1.0}
+    )
+    table.to_parquet(tmp_path / "data" / "B.PARQUET")
+    packed, plain = read(gzip.compress(ROWS.encode()), POSITIONS, "A.CSV.GZ")
+    assert (packed.name, len(packed)) == ("A", 10)
+    assert (plain.name, plain.frame.tolist()) == ("B", [0, 1])
+    assert "B.PARQUET: 1 row(s) without a position ('x' or 'y')" in caplog.text
+    assert "the first is row 2" in caplog.text
+
+
+def test_a_text_of_parquet_that_is_no_unicode_is_one_sentence(read, tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    (tmp_path / "data").mkdir()
+    places = np.array([0, 1, 2], dtype=np.int32)
+    odd = pyarrow.Array.from_buffers(
+        pyarrow.string(), 2, [None, pyarrow.py_buffer(places), pyarrow.py_buffer(b"a\xa2")]
+    )
+    table = pyarrow.table({"id": odd, "f": [0, 1], "x": [0.0, 1.0], "y": [0.0, 1.0]})
+    parquet.write_table(table, tmp_path / "data" / "b.parquet")
+    with pytest.raises(RecordingError, match=r"b\.parquet cannot be read as Parquet: .*UTF8"):
+        read(ROWS, POSITIONS)
