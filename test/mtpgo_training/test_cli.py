@@ -139,13 +139,20 @@ def test_an_option_with_several_values_may_be_repeated(words: list[str], attribu
 
 CLI = [sys.executable, "-m", "mtpgo_training.cli"]
 
+BUFFERED = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
+"""Without a buffer argparse drops what cannot be written."""
+
 
 def test_help_into_a_closed_output_is_no_error() -> None:
     reader, writer = os.pipe()
     os.close(reader)
     try:
         done = subprocess.run(
-            [*CLI, "train", "--help"], stdout=writer, stderr=subprocess.PIPE, check=False
+            [*CLI, "layouts", "--help"],
+            stdout=writer,
+            stderr=subprocess.PIPE,
+            env=BUFFERED,
+            check=False,
         )
     finally:
         os.close(writer)
@@ -157,6 +164,7 @@ def test_a_full_disk_behind_the_output_is_one_line() -> None:
         done = subprocess.run(
             [*CLI, "layouts", "--help"],
             stdout=full,
+            env=BUFFERED,
             stderr=subprocess.PIPE,
             text=True,
             check=False,

@@ -80,7 +80,7 @@ def test_no_log_is_one_sentence(tmp_path, rows, sentence):
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
-        ("1,NLL", "has None in the column all_ade, expected a number"),
+        ("1,NLL,60,1.0,0.5,1.0", "has None in the column ca_all_ade, expected a number"),
         ("1,NLL,60,abc,0.5,1.0,1.2", "has 'abc' in the column all_ade, expected a number"),
         ("1,NLL,,1.0,0.5,1.0,1.2", "has '' in the column total_seconds, expected a number"),
         ("1,NLL,60,1.0,0.5,1.0,x", "has 'x' in the column ca_all_ade, expected a number"),
