@@ -17,12 +17,13 @@ from mtpgo_core.options import (
     LARGEST_THREADS,
     check_options,
     from_dict,
+    listed,
     option,
     require,
 )
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_core.yaml_file import dump_yaml, parse_yaml
-from mtpgo_training.data.data_config import DataConfig, with_preset
+from mtpgo_training.data.data_config import CLASSES, DataConfig, with_preset
 from mtpgo_training.training.losses.schedules import LEARNING_RATE_SCHEDULES, WARM_UP_SHARE
 
 ACCELERATORS = ("auto", "cpu", "gpu", "mps")
@@ -234,6 +235,9 @@ class TrainingConfig:
 
     def __post_init__(self) -> None:
         check_options(self)
+        classes = self.scene.classes
+        known = set(classes) <= set(CLASSES) and len(set(classes)) == len(classes)
+        require("scene.classes", list(classes), known, f"each once of {listed(CLASSES)}")
 
 
 def load_config(path: Path, settings: Sequence[str] = ()) -> TrainingConfig:

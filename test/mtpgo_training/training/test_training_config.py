@@ -75,6 +75,8 @@ def test_there_are_shipped_configurations():
             "data: {rotation_std_rad: -1}",
             r"rotation_std_rad is -1.0, expected at least 0 and finite",
         ),
+        ("scene: {classes: [car, ufo]}", r"classes is .*'ufo'.*, expected each once of 'unknown'"),
+        ("scene: {classes: [car, car]}", r"classes is .'car', 'car'., expected each once of"),
         ("data: {scale_std: 9}", r"scale_std is 9.0, expected 0 to 1"),
         ("data: {min_future_s: .nan}", r"min_future_s is nan, expected at least 0 and finite"),
         ("data: {stride_s: .inf}", r"stride_s is inf, expected more than 0 and finite"),
