@@ -41,7 +41,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     Raises:
         ConfigurationError: it cannot be made, or ``path`` exists and is not an empty folder.
     """
-    path = path.resolve()  # a link to an empty folder stays one
+    path = Path(os.path.realpath(path))  # a link to an empty folder stays one
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))

@@ -108,3 +108,12 @@ def test_json_is_read_back(tmp_path):
     write_text(tmp_path / "b.json", "[1]")
     with pytest.raises(ConfigurationError, match="it holds no object"):
         read_json(tmp_path / "b.json", "scores")
+
+
+def test_a_link_to_itself_is_one_sentence(tmp_path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with (
+        pytest.raises(ConfigurationError, match="loop cannot be written"),
+        new_folder(tmp_path / "loop"),
+    ):
+        pass
