@@ -45,10 +45,10 @@ class NetworkConfig:
     feature_size: int = option(BASE_FEATURES, low=LEAST_FEATURES)
     static_size: int = option(8, low=0)
     history_steps: int = option(16, low=1)
-    horizon_steps: int = option(25, low=1)
+    horizon_steps: int = option(25, low=1, high=1000)  # as a model file may have
     dt_s: float = option(0.2, above=0.0, below=math.inf)
-    modes: int = option(8, low=1)
-    hidden: int = option(64, low=1)
+    modes: int = option(8, low=1, high=64)  # the same
+    hidden: int = option(64, low=1, high=8192)  # chosen: hundreds of millions of parameters
     observation_std_m: float = option(0.0, low=0.0, below=math.inf)
     covariance_scale: float = option(1.0, above=0.0, below=math.inf)
     static_features: bool = False

@@ -31,3 +31,10 @@ class RecordingError(MtpgoError):
 
 class ConfigurationError(MtpgoError):
     """A parameter or configuration value that is not allowed."""
+
+
+def reason_of(error: BaseException) -> str:
+    """Return what an exception of the system or a library says, or at least its kind."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return " ".join(str(error).split()).rstrip(".") or type(error).__name__

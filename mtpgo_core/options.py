@@ -21,6 +21,13 @@ from mtpgo_core.errors import ConfigurationError
 
 T = typing.TypeVar("T")
 
+LARGEST_SEED = 10**9
+"""Largest seed; chosen: random numbers of an epoch and batch follow from its product with primes,
+which has to fit into 64 bits, and SUMO's own seed has 32."""
+
+LARGEST_THREADS = 1024
+"""Most threads of torch; chosen, above the cores of any machine: each is started at once."""
+
 
 @dataclass(frozen=True)
 class Limits:

@@ -5,14 +5,16 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.errors import ConfigurationError, reason_of
 from mtpgo_core.whole_file import whole_file
 
 
@@ -21,15 +23,15 @@ def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path that replaces ``path`` if the block ends without an exception.
 
     Raises:
-        ConfigurationError: the directory cannot be created or written.
+        ConfigurationError: the directory cannot be created, or the file not be written, as on a
+            full disk.
     """
-    with ExitStack() as stack:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            temporary = stack.enter_context(whole_file(path, 0o666 & ~_umask()))
-        except OSError as error:
-            raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
-        yield temporary
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path, 0o666 & ~_umask()) as temporary:
+            yield temporary
+    except OSError as error:
+        raise ConfigurationError(f"{path} cannot be written: {reason_of(error)}") from error
 
 
 @contextmanager
@@ -39,18 +41,18 @@ def new_folder(path: Path) -> Iterator[Path]:
     Raises:
         ConfigurationError: it cannot be made, or ``path`` exists and is not an empty folder.
     """
-    path = path.resolve()  # a link to an empty folder stays one
+    path = Path(os.path.realpath(path))  # a link to an empty folder stays one
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     except OSError as error:
-        raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
+        raise ConfigurationError(f"{path} cannot be written: {reason_of(error)}") from error
     try:
         yield temporary
         temporary.chmod(0o777 & ~_umask())
         os.rename(temporary, path)
     except OSError as error:
-        raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
+        raise ConfigurationError(f"{path} cannot be written: {reason_of(error)}") from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -71,7 +73,7 @@ def require_writable(path: Path) -> None:
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
-        raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
+        raise ConfigurationError(f"{path} cannot be written: {reason_of(error)}") from error
     if path.is_dir():
         raise ConfigurationError(f"{path} is a directory, expected a file to write")
 
@@ -115,3 +117,27 @@ def only_writer(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
+
+
+def read_json(path: Path, kind: str, keys: Collection[str] = ()) -> dict[str, Any]:
+    """Return the object in a JSON file that this package wrote.
+
+    Args:
+        path: the file.
+        kind: what it holds, for the error.
+        keys: what the object has at least.
+
+    Raises:
+        ConfigurationError: it cannot be read or holds something else.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(f"{path} cannot be read: {reason_of(error)}") from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path} is damaged, expected {kind}: {error}") from error
+    lacking = [key for key in keys if not isinstance(content, dict) or key not in content]
+    if lacking or not isinstance(content, dict):
+        what = f"has no {lacking[0]!r}" if lacking else "holds no object"
+        raise ConfigurationError(f"{path} is damaged, expected {kind}: it {what}")
+    return content

@@ -6,14 +6,18 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import io
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from types import FrameType
 
 from mtpgo_core.completion import complete, words_so_far
-from mtpgo_core.errors import MtpgoError
+from mtpgo_core.errors import MtpgoError, reason_of
 from mtpgo_core.versions import add_version
 
 COMMANDS = {
@@ -86,27 +90,37 @@ def build_parser(command: str | None = None) -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line and return the exit status.
 
-    The status is 2 and one line on stderr for bad input, 130 after an interrupt, and 141 without a
-    message if the reader of the output closed it, as for a process ended by SIGPIPE.
+    The status is 2 and one line on stderr for bad input and for what the system refuses, such as
+    a write to a full disk; 130 after an interrupt, 128 and the number of any other signal that
+    ended it, and 141 without a message if the reader of the output closed it, as for a process
+    ended by SIGPIPE.
 
     Args:
         argv: arguments, by default those of the process.
     """
     complete(lambda: build_parser(_command_in(words_so_far())))
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # As on stderr: names of files need not be text that the terminal can show.
-        sys.stdout.reconfigure(errors="backslashreplace")
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by who started the program, as cron may do
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            # Names of files need not be text that the terminal can show.
+            stream.reconfigure(errors="backslashreplace")
     command = _command_in(arguments)
     try:
-        args = build_parser(command).parse_args(arguments)
-        args.words = arguments
-        status = int(args.run(args) or 0)
-        sys.stdout.flush()  # here, so that a closed output is caught below
-        return status
+        with ended_by_signals():
+            try:
+                args = build_parser(command).parse_args(arguments)
+                args.words = arguments
+                status = int(args.run(args) or 0)
+            except SystemExit:  # argparse has printed its help, or an action its list
+                sys.stdout.flush()
+                raise
+            sys.stdout.flush()  # here, so that a closed output is caught below
+            return status
     except BrokenPipeError:
-        # Python flushes again at exit, which would report the closed output a second time.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return 141
     except MtpgoError as error:
         print(f"mtpgo: {error}", file=sys.stderr)
@@ -114,9 +128,49 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         print(f"mtpgo: {missing_module(error, command)}", file=sys.stderr)
         return 2
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        print(f"mtpgo: {where}{reason_of(error)}", file=sys.stderr)
+        _drop_output()
+        return 2
     except KeyboardInterrupt:
         print("mtpgo: interrupted", file=sys.stderr)
         return 130
+
+
+def _drop_output() -> None:
+    """Let what is left of the output go nowhere, if it cannot be written.
+
+    Python flushes again at exit, which would report it a second time.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextlib.contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Let a request to terminate and a closed terminal end the block as Ctrl-C does.
+
+    By default they end the process at once, which leaves temporary files and child processes. A
+    signal that is ignored (``nohup``) or that has a handler is left alone.
+    """
+
+    def end(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    numbers = [signal.SIGTERM, signal.SIGHUP]
+    if threading.current_thread() is not threading.main_thread():  # others cannot set handlers
+        numbers = []
+    set_here = [number for number in numbers if signal.getsignal(number) == signal.SIG_DFL]
+    for number in set_here:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in set_here:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _command_in(words: Sequence[str]) -> str | None:

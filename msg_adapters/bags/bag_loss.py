@@ -11,17 +11,12 @@ from typing import Protocol
 
 from rosbags.interfaces import Connection
 
+from mtpgo_core.errors import reason_of
+
 
 def counted(messages: int) -> str:
     """Return a number of messages in words."""
     return f"{messages} message{'' if messages == 1 else 's'}"
-
-
-def reason_of(error: BaseException) -> str:
-    """Return what an exception of the system or a library says, or at least its kind."""
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
-    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
 @dataclass(frozen=True)

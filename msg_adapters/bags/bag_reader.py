@@ -23,7 +23,7 @@ from msg_adapters.bags.bag_definitions import (
     obstacle,
     qos_and_encoding,
 )
-from msg_adapters.bags.bag_loss import counted, reason_of
+from msg_adapters.bags.bag_loss import counted
 from msg_adapters.bags.stored_bag import (
     METADATA,
     SUFFIXES,
@@ -32,7 +32,7 @@ from msg_adapters.bags.stored_bag import (
     is_unfinished_bag,
     tell_once,
 )
-from mtpgo_core.errors import MessageError, RecordingError
+from mtpgo_core.errors import MessageError, RecordingError, reason_of
 
 _LATCHED_BY_NAME = frozenset({"tf_static", "robot_description", "map"})
 """Topics latched by convention, in any namespace, for bags whose writer left the QoS out."""

@@ -27,11 +27,10 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from msg_adapters.bags.bag_loss import reason_of
 from msg_adapters.bags.bag_reader import METADATA, is_bag
 from msg_adapters.bags.bag_types import bag_typestore, require_type
 from msg_adapters.types import TypestoreTypes
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import RecordingError, reason_of
 
 INFINITE = QosTime(9223372036, 854775807)
 """A duration without an end: RMW_DURATION_INFINITE of rmw/types.h, the largest int64 in

@@ -33,8 +33,9 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag1 import Reader, ReaderError
 
-from msg_adapters.bags.bag_loss import BagLoss, LibraryFile, reason_of
+from msg_adapters.bags.bag_loss import BagLoss, LibraryFile
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
+from mtpgo_core.errors import reason_of
 
 MAGIC_ROS1 = b"#ROSBAG V"
 """First bytes of a bag of ROS 1."""

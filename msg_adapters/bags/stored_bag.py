@@ -30,7 +30,7 @@ from rosbags.interfaces import (
     Qos,
 )
 
-from msg_adapters.bags.bag_loss import BagLoss, LibraryFile, reason_of
+from msg_adapters.bags.bag_loss import BagLoss, LibraryFile
 from msg_adapters.bags.bag_metadata import METADATA, BagMetadata, qos_of, read_metadata
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
@@ -42,7 +42,7 @@ from msg_adapters.bags.ros1_file import (
     open_ros1,
 )
 from msg_adapters.bags.sqlite_file import SqliteFile, files_left_beside, recovered_copy
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import RecordingError, reason_of
 
 SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag", ".bag.active")
 """How the names of a bag's files end, in small letters or capitals."""

@@ -123,6 +123,7 @@ class EgoOdometry:
         with reading(message, ODOMETRY):
             stamp_ns = stamp_to_ns(message.header.stamp)
             pose = pose_of(message)
+            frames = (str(message.header.frame_id), str(message.child_frame_id))
         if stamp_ns <= 0:
             raise MessageError("odometry of the ego has no stamp, expected the pose's time")
         if not (math.isfinite(pose.yaw) and is_place(pose.x, pose.y)):
@@ -136,7 +137,6 @@ class EgoOdometry:
             self._twist_filled = False
         elif any(twist):
             self._twist_filled = True
-        frames = (str(message.header.frame_id), str(message.child_frame_id))
         for frame_id in frames:
             check_frame(frame_id)
         late_ns = 0 if self._newest_ns is None else self._newest_ns - stamp_ns

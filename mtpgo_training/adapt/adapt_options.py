@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from mtpgo_core.options import check_options, option
+from mtpgo_core.options import LARGEST_SEED, LARGEST_THREADS, check_options, option
 
 FEWEST_AGENTS = 50
 """Fewest moving agents, each at one instant, by whose errors two models are compared (chosen)."""
@@ -30,10 +31,10 @@ class AdaptOptions:
     minutes: float = option(10.0, above=0)
     epochs: int = option(8, above=0)
     epoch_scenes: int = option(1000, above=0)
-    learning_rate: float = option(2e-3, above=0)
+    learning_rate: float = option(2e-3, above=0, below=math.inf)
     validation_fraction: float = option(0.25, above=0.0, below=1.0)
-    seed: int = 1
-    num_threads: int = option(2, low=0)
+    seed: int = option(1, low=0, high=LARGEST_SEED)
+    num_threads: int = option(2, low=0, high=LARGEST_THREADS)
 
     def __post_init__(self) -> None:
         check_options(self, "adapt.")

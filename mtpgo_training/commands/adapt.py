@@ -22,6 +22,9 @@ from mtpgo_training.commands.arguments.data_arguments import (
     data_sources,
 )
 from mtpgo_training.commands.arguments.early_checks import (
+    files_of_recordings,
+    files_of_run,
+    require_apart,
     require_different,
     require_sources,
     require_training_modules,
@@ -77,10 +80,14 @@ def run(args: argparse.Namespace) -> int:
     base_path = find_checkpoint(args.model)
     sources = data_sources(args.data_options)
     cache = cache_from(args)
-    require_sources(sources)
+    jobs = require_sources(sources)
     require_training_modules()
     outputs = (("-o", args.output), ("--checkpoint", args.checkpoint))
     require_different(outputs)
+    read = [*files_of_run(base_path), *files_of_recordings(jobs)]
+    if base_path.suffix == CHECKPOINT_SUFFIX:
+        read.append(base_path.with_suffix(".pt"))  # its model file
+    require_apart(outputs, read)
     for _, path in outputs:
         if path is not None:
             require_writable(path)

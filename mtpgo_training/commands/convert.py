@@ -11,7 +11,11 @@ from pathlib import Path
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.data_arguments import add_data_arguments, data_sources
-from mtpgo_training.commands.arguments.early_checks import require_makeable, require_sources
+from mtpgo_training.commands.arguments.early_checks import (
+    files_of_recordings,
+    require_makeable,
+    require_sources,
+)
 from mtpgo_training.data.bag_conversion import JOIN_GAP_S, convert, copy_bag, selected
 from mtpgo_training.data.data_sources import named_recordings
 from mtpgo_training.data.recording_bag import DEFAULT_KIND
@@ -76,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     sources = data_sources(args.data_options)
     require_makeable(args.output)
     jobs = require_sources(sources)
-    files = [Path(file) for one in jobs for unit in one.job.units for file in unit.files]
+    files = files_of_recordings(jobs)
     named = named_recordings(sources)
     recordings = selected(
         (recording for _, recording in named),

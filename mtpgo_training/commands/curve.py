@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import require_writable
+from mtpgo_training.commands.arguments.early_checks import files_of_run, require_apart
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -27,6 +28,7 @@ def run(args: argparse.Namespace) -> int:
     # Imported here, because matplotlib takes a second and a parser does not need it.
     from mtpgo_training.reports.learning_curve import draw_learning_curves
 
+    require_apart([("-o", args.output)], [file for run in args.runs for file in files_of_run(run)])
     require_writable(args.output)
     draw_learning_curves(args.runs, args.output)
     print(f"written to {args.output}")

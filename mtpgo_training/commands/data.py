@@ -20,7 +20,13 @@ from mtpgo_training.commands.arguments.data_arguments import (
     cache_from,
     data_sources,
 )
-from mtpgo_training.commands.arguments.early_checks import require_modules, require_sources
+from mtpgo_training.commands.arguments.early_checks import (
+    files_of_recordings,
+    require_apart,
+    require_different,
+    require_modules,
+    require_sources,
+)
 from mtpgo_training.commands.arguments.pool_arguments import (
     add_pool_arguments,
     failures_text,
@@ -63,14 +69,18 @@ def run(args: argparse.Namespace) -> int:
     sources = data_sources(args.data_options)
     if not sources:
         raise ConfigurationError("no directory is given, expected mtpgo data DIR --layout LAYOUT")
-    for path in (args.picture, Path(args.json) if args.json not in (None, "-") else None):
-        if path is not None:
-            require_writable(path)
     pool = pool_from(args)
     if args.picture is not None:
         require_modules("matplotlib")
-    describing = Describing(cache_from(args), args.resume, args.picture is not None)
     items = require_sources(sources)
+    json_file = Path(args.json) if args.json not in (None, "-") else None
+    outputs = (("--json", json_file), ("--picture", args.picture))
+    require_different(outputs)
+    require_apart(outputs, files_of_recordings(items))
+    for _, path in outputs:
+        if path is not None:
+            require_writable(path)
+    describing = Describing(cache_from(args), args.resume, args.picture is not None)
     picture: Any = None
     summaries: list[RecordingSummary] = []
     failures: list[Failure] = []

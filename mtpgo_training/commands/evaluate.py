@@ -31,6 +31,9 @@ from mtpgo_training.commands.arguments.data_arguments import (
     data_sources,
 )
 from mtpgo_training.commands.arguments.early_checks import (
+    files_of_bag,
+    files_of_recordings,
+    require_apart,
     require_bags,
     require_models,
     require_modules,
@@ -41,7 +44,7 @@ from mtpgo_training.commands.arguments.pool_arguments import (
     failures_text,
     pool_from,
 )
-from mtpgo_training.data.data_sources import named_recordings
+from mtpgo_training.data.data_sources import SourceJob, named_recordings
 from mtpgo_training.data.readers.reading_options import AS_USUAL
 from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS, RECORDED, SIMULATED
 
@@ -152,8 +155,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo evaluate``."""
     if args.results:
-        if args.model or args.predictions or args.data_options:
-            raise ConfigurationError("--results is given with --model, --data or --predictions")
+        if args.model or args.predictions or args.data_options or args.json or args.report:
+            raise ConfigurationError(
+                "--results is given with --model, --data, --predictions, --json or --report"
+            )
         from mtpgo_training.reports.markdown import markdown_table, read_results
 
         print(markdown_table([(path.stem, read_results(path)) for path in args.results]))
@@ -161,11 +166,13 @@ def run(args: argparse.Namespace) -> int:
     topic = _predictions_topic(args)
     _check(args)
     pool = pool_from(args)
-    jobs = []
+    jobs: list[SourceJob] = []
     if _with_data(args) or not args.predictions:
         jobs = require_sources(data_sources(args.data_options))
     require_bags(args.predictions)
-    require_models(args.model)
+    models = require_models(args.model)
+    bags = [file for bag in args.predictions for file in files_of_bag(bag)]
+    require_apart([("--json", args.json)], [*models, *bags, *files_of_recordings(jobs)])
     if args.report is not None:
         require_modules("matplotlib", "jinja2")
         # Only here: pictures need matplotlib and jinja2, and the folder must be writable.

@@ -10,7 +10,11 @@ from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import require_writable
-from mtpgo_training.commands.arguments.early_checks import require_different
+from mtpgo_training.commands.arguments.early_checks import (
+    files_of_run,
+    require_apart,
+    require_different,
+)
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -72,11 +76,13 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
     from mtpgo_training.table_format import to_text
 
-    for path in (*args.checkpoint, *(args.calibration or ())):
+    given = (*args.checkpoint, *(args.calibration or ()))
+    for path in given:
         if not path.exists():
             raise ConfigurationError(f"{path} does not exist, expected the result of a training")
     outputs = (("-o", args.output), ("--checkpoint", args.shipped_checkpoint))
     require_different(outputs)
+    require_apart(outputs, [file for path in given for file in files_of_run(path)])
     for _, path in outputs:
         if path is not None:
             require_writable(path)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import write_text
+from mtpgo_training.atomic_files import read_json, write_text
 from mtpgo_training.calibration.calibration_report import calibration_table, leave_one_site_out
 from mtpgo_training.calibration.calibration_samples import (
     SAMPLES_FILE,
@@ -71,6 +71,11 @@ class CrossvalFolder:
         self.result = path / "result.json"
         self.markdown = path / "result.md"
 
+    @property
+    def holds_one(self) -> bool:
+        """Whether a cross-validation was started here."""
+        return self._facts.is_file()
+
     def fold(self, name: str) -> FoldFolder:
         """Return the files of a fold."""
         return FoldFolder(self.path / "folds" / re.sub(r"[^\w.-]+", "_", name))
@@ -85,7 +90,7 @@ class CrossvalFolder:
             ConfigurationError: a fold is not here, is not trained, or was trained with a recording
                 that is to be left out.
         """
-        facts = self._stored_facts() if self._facts.is_file() else {"folds": {}, "sites": {}}
+        facts = self._stored_facts() if self.holds_one else {"folds": {}, "sites": {}}
         found = {}
         for fold in folds:
             files = self.fold(fold.name)
@@ -113,7 +118,7 @@ class CrossvalFolder:
         Raises:
             ConfigurationError: there is something else in it.
         """
-        if not self._facts.is_file():
+        if not self.holds_one:
             require_new_folder(self.path, "cross-validation")
 
     def start(
@@ -151,7 +156,7 @@ class CrossvalFolder:
             "sites": {s.name: list(s.recordings) for fold in folds for s in fold.sites},
             "recordings": {item.name: item.recording.sha256 for item in recordings},
         }
-        if self._facts.is_file():
+        if self.holds_one:
             self._check_same(config, facts)
             return
         require_new_folder(self.path, "cross-validation")
@@ -177,7 +182,7 @@ class CrossvalFolder:
         Raises:
             ConfigurationError: an earlier version wrote it.
         """
-        facts = _read(self._facts)
+        facts = read_json(self._facts, "what determines the results of a cross-validation")
         if "folds" not in facts:
             raise ConfigurationError(
                 f"{self.path} is of an earlier version, which has no scores by site, expected a "
@@ -195,7 +200,12 @@ class CrossvalFolder:
             ConfigurationError: an earlier version wrote the folder.
         """
         facts = self._stored_facts()
-        folds = [_read(f.scores) for f in map(self.fold, facts["folds"]) if f.done]
+        keys = ("fold", "sites", "training")
+        folds = [
+            read_json(fold.scores, "the scores of a fold", keys)
+            for fold in map(self.fold, facts["folds"])
+            if fold.done
+        ]
         sites = [site["scores"] for fold in folds for site in fold["sites"].values()]
         return {
             "budget": facts["budget"],
@@ -248,12 +258,14 @@ def read_results(path: Path) -> Json:
     Raises:
         ConfigurationError: it holds none, an earlier version wrote it, or no fold of it is done.
     """
-    folder = CrossvalFolder(path)
+    folder, none = CrossvalFolder(path), f"{path} holds no cross-validation"
+    if not folder.holds_one:
+        raise ConfigurationError(f"{none}, expected a folder written by mtpgo crossval")
     try:
         content = folder.results()
-    except (OSError, ValueError, KeyError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ConfigurationError(
-            f"{path} holds no cross-validation, expected a folder written by mtpgo crossval"
+            f"{none} that can be read, expected a folder written by mtpgo crossval"
         ) from error
     if not content["folds"]:
         raise ConfigurationError(f"no fold of {path} is done, expected at least one")
@@ -262,8 +274,3 @@ def read_results(path: Path) -> Json:
 
 def _json(content: Json) -> str:
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
-
-
-def _read(path: Path) -> Json:
-    content: Json = json.loads(path.read_text(encoding="utf-8"))
-    return content

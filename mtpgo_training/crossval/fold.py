@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_training.atomic_files import write_text
+from mtpgo_training.atomic_files import read_json, write_text
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.crossval.crossval_folder import FoldFolder
 from mtpgo_training.crossval.fold_samples import SampledEvaluation
@@ -101,7 +101,7 @@ def run_fold(job: FoldJob) -> bool:
         merge_samples(samples).save(files.samples)
     content: Json = {
         "fold": job.fold.name,
-        "training": json.loads(files.training.read_text(encoding="utf-8")),
+        "training": read_json(files.training, "how a fold was trained"),
         "scoring_seconds": round(time.monotonic() - start, 1),
         "sites": scores,
     }

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import is_new, write_text
+from mtpgo_training.atomic_files import is_new, read_json, write_text
 from mtpgo_training.crossval.fold_plan import plan_fold
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
@@ -150,12 +150,7 @@ def keep_facts(path: Path, facts: Json, kind: str, long: Collection[str]) -> Non
         require_new_folder(path.parent, kind)
         write_text(path, json.dumps({**facts, "versions": versions()}, indent=2) + "\n")
         return
-    try:
-        before = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(before, dict):
-            raise ValueError("expected an object")
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {error}") from error
+    before = read_json(path, f"what determines the results of a {kind}")
     require_same_facts(before, facts, path, long)
 
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -112,27 +113,27 @@ class DataConfig:
 
     preset: str = ""
     split: str = option("recording", choices=SPLITS)
-    block_s: float = option(60.0, above=0.0)
+    block_s: float = option(60.0, above=0.0, below=math.inf)
     validation: tuple[str, ...] = ()
     test: tuple[str, ...] = ()
     train: tuple[str, ...] = ()
     validation_fraction: float = option(0.1, low=0.0, high=1.0)
     test_fraction: float = option(0.0, low=0.0, high=1.0)
-    stride_s: float = option(0.2, above=0.0)
-    validation_stride_s: float = option(1.0, above=0.0)
+    stride_s: float = option(0.2, above=0.0, below=math.inf)
+    validation_stride_s: float = option(1.0, above=0.0, below=math.inf)
     restart_probability: float = option(0.15, low=0.0, high=1.0)
-    restart_within_s: float = option(1.2, above=0.0)
+    restart_within_s: float = option(1.2, above=0.0, below=math.inf)
     tracker_share: float = option(0.0, low=0.0, high=1.0)
     tracker_variants: int = option(3, low=1)
     unknown_class_share: float = option(0.0, low=0.0, high=1.0)
     validation_tracker: bool = False
     mirror_probability: float = option(0.0, low=0.0, high=1.0)
-    rotation_std_rad: float = 0.0
-    scale_std: float = 0.0
-    velocity_smoothing_s: float = 0.0
+    rotation_std_rad: float = option(0.0, low=0.0, below=math.inf)
+    scale_std: float = option(0.0, low=0.0, high=1.0)
+    velocity_smoothing_s: float = option(0.0, low=0.0, below=math.inf)
     standing_weight: float = option(1.0, low=0.0, high=1.0)
     standing_chance: float = option(1.0, low=0.0, high=1.0)
-    min_future_s: float = 0.0
+    min_future_s: float = option(0.0, low=0.0, below=math.inf)
     centre_classes: tuple[str, ...] = option((), choices=CLASSES)
     lane_change_share: float = option(0.0, low=0.0, below=1.0)
     lane_change_copies: float = option(1.0, above=0.0)
@@ -146,7 +147,10 @@ class DataConfig:
         if self.preset:
             _check_preset(self.preset)
         for name, weight in self.source_weight.items():
-            require(f"data.source_weight.{name}", weight, weight >= 0.0, "at least 0")
+            require("a name in data.source_weight", name, isinstance(name, str), "text")
+            number = isinstance(weight, int | float) and not isinstance(weight, bool)
+            allowed = number and 0.0 <= weight < math.inf
+            require(f"data.source_weight.{name}", weight, allowed, "at least 0 and finite")
         shares = self.trails_none_probability + self.trails_partial_probability
         require(
             "data.trails_none_probability + data.trails_partial_probability",

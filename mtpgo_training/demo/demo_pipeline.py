@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,6 +57,12 @@ minute has a few MB."""
 REPORT = "report"
 """Folder of the report in the output folder."""
 
+_FOLDERS = ("bags", "predictions", "logs")
+"""Folders of bags, of the recorded bag and of logs in the output folder."""
+
+_MARK = Path("logs") / "predictor.log"
+"""File in the output folder of every demo, by which its results are known as such."""
+
 PANELS = 3
 """Most scenes in the picture."""
 
@@ -88,10 +95,11 @@ def run_demo(options: DemoOptions) -> None:
         MtpgoError: bad input, or one of the processes failed.
     """
     require_ros()
+    output = Path(os.path.realpath(options.output))
+    _require_replaceable(output, options.sources)
     model = find_model(options.model)
     task = load_task(model)
     plan = make_plan(_read(options.sources), task.training, play_all=options.play_all)
-    output = options.output.resolve()
     bags, predictions, logs = _make_folders(output)
     _print_plan(plan, task, model)
 
@@ -195,22 +203,46 @@ def _read(sources: Sequence[DataSource]) -> list[Recording]:
     ]
 
 
+def _require_replaceable(output: Path, sources: Sequence[DataSource]) -> None:
+    """Check that nothing but the results of an earlier demo will be deleted.
+
+    Raises:
+        ConfigurationError: other files have the names of results, or recordings are among them.
+    """
+    names = (*_FOLDERS, REPORT, "summary.json", PICTURE, PAGE)
+    found = [name for name in names if (output / name).exists()]
+    if found and not (output / _MARK).is_file():
+        raise ConfigurationError(
+            f"the output folder {output} has {found[0]!r}, which is of no earlier demo and would "
+            "be replaced, expected another folder"
+        )
+    replaced = {Path(os.path.realpath(output / name)) for name in found}
+    for source in sources:
+        place = Path(os.path.realpath(source.directory))
+        if replaced & {place, *place.parents}:
+            raise ConfigurationError(
+                f"{source.directory} is among the results of an earlier demo in the output folder "
+                f"{output}, which are replaced, expected another folder"
+            )
+
+
 def _make_folders(output: Path) -> tuple[Path, Path, Path]:
     """Return folders for the bags, the recorded bag and the logs; delete an earlier run's results.
 
     Raises:
         ConfigurationError: the output folder cannot be written.
     """
-    bags, recorded, logs = output / "bags", output / "predictions", output / "logs"
+    bags, recorded, logs = (output / name for name in _FOLDERS)
     try:
         output.mkdir(parents=True, exist_ok=True)
-        for folder in (bags, recorded, logs, output / REPORT):
-            if folder.exists():
-                shutil.rmtree(folder)
         for name in ("summary.json", PICTURE, PAGE):
             (output / name).unlink(missing_ok=True)
-        bags.mkdir()
+        for folder in (bags, recorded, output / REPORT, logs):  # the mark is in the last one
+            if folder.exists():
+                shutil.rmtree(folder)
         logs.mkdir()
+        (output / _MARK).touch()
+        bags.mkdir()
     except OSError as error:
         raise ConfigurationError(
             f"the output folder {output} cannot be written: {error.strerror}"

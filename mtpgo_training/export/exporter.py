@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -165,11 +166,11 @@ def export_model(model: TrajectoryPredictor, task: TaskDescription, path: Path) 
     )
     with torchscript(), replacing(path) as temporary:
         frozen = torch.jit.freeze(torch.jit.script(NETWORKS[name].deployed(model)))
-        torch.jit.save(frozen, str(temporary), _extra_files={TASK_FILE: task.to_json()})
+        _save(frozen, task, temporary)
         # The hash of the content is known once it has been written.
         content = content_sha256(read_model(temporary).archive.records())
         task = dataclasses.replace(task, content_sha256=content)
-        torch.jit.save(frozen, str(temporary), _extra_files={TASK_FILE: task.to_json()})
+        _save(frozen, task, temporary)
         _check(model, temporary)
     return task
 
@@ -302,3 +303,9 @@ def _version() -> str:
         return metadata.version("mtpgo_ros")
     except metadata.PackageNotFoundError:
         return ""
+
+
+def _save(frozen: torch.jit.ScriptModule, task: TaskDescription, path: Path) -> None:
+    buffer = io.BytesIO()  # torch tells of a full disk in errors of its own
+    torch.jit.save(frozen, buffer, _extra_files={TASK_FILE: task.to_json()})
+    path.write_bytes(buffer.getbuffer())

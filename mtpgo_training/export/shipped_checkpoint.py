@@ -7,11 +7,8 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-import torch
-
 from mtpgo_core.task.task_description import TaskDescription
-from mtpgo_training.atomic_files import replacing
-from mtpgo_training.training.run_folder import CHECKPOINT_FORMAT, Checkpoint
+from mtpgo_training.training.run_folder import Checkpoint, write_checkpoint
 
 KEYS = ("config", "network", "model_config", "epoch", "step", "splits", "adapted_from")
 """What the file takes over from a checkpoint, as far as it is there."""
@@ -36,7 +33,6 @@ def write_shipped_checkpoint(checkpoint: Checkpoint, task: TaskDescription, path
         for name, value in checkpoint["average"].items()
     }
     content = {
-        "format": CHECKPOINT_FORMAT,
         **{key: checkpoint[key] for key in KEYS if key in checkpoint},
         "config": {**checkpoint["config"], "name": task.name},
         "average": weights,
@@ -44,5 +40,4 @@ def write_shipped_checkpoint(checkpoint: Checkpoint, task: TaskDescription, path
         "calibration": dataclasses.asdict(task.calibration),
         "metrics": task.metrics.get("validation", {}),
     }
-    with replacing(path) as temporary:
-        torch.save(content, temporary)
+    write_checkpoint(path, content)

@@ -47,7 +47,25 @@ def read_log(folder: Path) -> list[dict[str, str]]:
     validated = [row for row in rows if row["all_ade"]]
     if not validated:
         raise ConfigurationError(f"{path} has no validated epoch yet, expected at least one")
+    for row in validated:
+        for column in wanted:
+            if column != "objective":
+                _number(path, column, row[column])
     return validated
+
+
+def _number(path: Path, column: str, text: str | None) -> float:
+    """Return a value of a log.
+
+    Raises:
+        ConfigurationError: it is none, as in a line that is cut off.
+    """
+    try:
+        return float(text or "")
+    except ValueError as error:
+        raise ConfigurationError(
+            f"{path} has {text!r} in the column {column}, expected a number"
+        ) from error
 
 
 def draw_learning_curves(folders: Sequence[Path], path: Path) -> None:

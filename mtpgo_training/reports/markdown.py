@@ -27,12 +27,19 @@ def read_results(path: Path) -> Json:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RecordingError(f"{path} is no JSON: {error}") from error
     if not isinstance(content, dict) or not {"models", "intervals", "recordings"} <= set(content):
         raise RecordingError(
             f"{path} holds no results, expected a file of 'mtpgo evaluate --json'"
         )
+    try:
+        markdown_table([("", content)])
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise RecordingError(
+            f"{path} holds no results that can be shown, expected a file of 'mtpgo evaluate "
+            "--json' of this version"
+        ) from error
     return content
 
 

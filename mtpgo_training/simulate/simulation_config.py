@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mtpgo_core.options import check_options
+from mtpgo_core.options import LARGEST_SEED, check_options, option
 
 SITE_NAMES = (
     *("highway", "roundabout", "street", "curves", "ramps"),
@@ -36,7 +36,7 @@ class SimulationConfig:
     """
 
     seconds: float = 60.0
-    seed: int = 1
+    seed: int = option(1, low=0, high=LARGEST_SEED)
     frame_rate: float = 25.0
     vehicles_per_hour: float | None = None
     lanes: int | None = None

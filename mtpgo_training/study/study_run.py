@@ -15,7 +15,7 @@ from typing import Any
 
 from mtpgo_core.errors import MtpgoError
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_training.atomic_files import write_text
+from mtpgo_training.atomic_files import read_json, write_text
 from mtpgo_training.crossval.planned_training import (
     PlannedFiles,
     train_planned,
@@ -59,13 +59,15 @@ class RunFiles(PlannedFiles):
 
     def result(self) -> Json | None:
         """Return the scores, None if the run is not done."""
-        return json.loads(self.scores.read_text(encoding="utf-8")) if self.done else None
+        if not self.done:
+            return None
+        return read_json(self.scores, "the scores of a run", ("seed", "training", "values"))
 
     def error(self) -> str | None:
         """Return why the run failed, None if it did not."""
         if self.done or not self.failure.is_file():
             return None
-        return str(json.loads(self.failure.read_text(encoding="utf-8"))["error"])
+        return str(read_json(self.failure, "why a run failed").get("error", ""))
 
     def write_error(self, error: Exception) -> None:
         """Note why the run failed."""
@@ -152,7 +154,7 @@ class StudyRun:
         content: Json = {
             "row": self.row.name,
             "seed": self.seed,
-            "training": json.loads(files.training.read_text(encoding="utf-8")),
+            "training": read_json(files.training, "how a run was trained"),
             **score(files.model, data.splits.test, self.study, self.row, self.stride_s),
         }
         if self.extrapolate_s is not None:

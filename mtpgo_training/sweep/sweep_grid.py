@@ -9,11 +9,9 @@ import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import yaml
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.yaml_file import dump_yaml, parse_yaml
 
 SEED = "seed"
 """Key over which the table has means."""
@@ -107,23 +105,17 @@ def swept_keys(words: Sequence[str]) -> list[str]:
 def _values(text: str) -> list[str]:
     """Return the values of a list as YAML texts, empty if it is none."""
     try:
-        items = yaml.safe_load(f"[{text}]")
+        items = parse_yaml(f"[{text}]")
     except Exception:  # a value that is not of its tag fails PyYAML in many ways
         return []
     found: list[str] = []
     for item in items:
         match = _RANGE.fullmatch(item) if isinstance(item, str) else None
         if match is None:
-            found.append(_yaml(item))
+            found.append(dump_yaml(item, one_line=True))
             continue
         first, last, step = int(match[1]), int(match[2]), int(match[3] or 1)
         if step < 1 or (last - first) / step > MOST_RUNS:
             return []
         found += [str(value) for value in range(first, last + 1, step)]
     return found
-
-
-def _yaml(value: Any) -> str:
-    """Return a value as YAML on one line, without the mark of the document's end."""
-    text = yaml.safe_dump(value, default_flow_style=True, width=10**6).strip()
-    return text.removesuffix("...").strip()

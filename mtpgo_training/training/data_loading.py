@@ -60,7 +60,7 @@ def prepare_scenes(
         progress: show a bar.
 
     Raises:
-        ConfigurationError: the recordings of a split hold no agent.
+        ConfigurationError: the recordings of a split hold no agent, or none with a future.
     """
 
     def prepared(named: Sequence[NamedRecording], training: bool) -> list[PreparedRecording]:
@@ -91,6 +91,11 @@ def prepare_scenes(
         raise ConfigurationError("no agent is present in any recording of data.train")
     if not validation:
         raise ConfigurationError("no agent is present in any recording of data.validation")
+    if not any((scene.weight > 0.0)[scene.primary].any() for scene in validation):
+        raise ConfigurationError(
+            "no agent of data.validation is observed at any step after it was predicted "
+            f"(history.dt_s is {config.history.dt_s:g} s), expected longer recordings"
+        )
     return Scenes(dataset, validation)
 
 

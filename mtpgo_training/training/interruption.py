@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Requests to end a run early: Ctrl-C, a request to terminate."""
+"""Requests to end a run early: Ctrl-C, a request to terminate, a closed terminal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager
 from types import FrameType
 from typing import Any
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interruption(AbstractContextManager["Interruption"]):
@@ -29,7 +29,12 @@ class Interruption(AbstractContextManager["Interruption"]):
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():  # others cannot set handlers
-            self._handlers = {number: signal.signal(number, self._receive) for number in SIGNALS}
+            self._handlers = {
+                number: signal.signal(number, self._receive)
+                for number in SIGNALS
+                # Of nohup: the terminal may be closed.
+                if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
+            }
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -163,15 +163,11 @@ class RunFolder:
         """
         if best:
             self.save_best(checkpoint)
-        self._write(self.last, {**checkpoint, **(resumption or {})})
+        write_checkpoint(self.last, {**checkpoint, **(resumption or {})})
 
     def save_best(self, checkpoint: Checkpoint) -> None:
         """Write ``best.pt`` alone."""
-        self._write(self.best, checkpoint)
-
-    def _write(self, path: Path, checkpoint: Checkpoint) -> None:
-        with replacing(path) as temporary:
-            torch.save({"format": CHECKPOINT_FORMAT, **checkpoint}, temporary)
+        write_checkpoint(self.best, checkpoint)
 
     def write_log(self, rows: list[dict[str, Any]]) -> None:
         """Write the whole log, one line per epoch."""
@@ -181,6 +177,18 @@ class RunFolder:
         writer.writeheader()
         writer.writerows(rows)
         write_text(self._log, text.getvalue())
+
+
+def write_checkpoint(path: Path, content: Checkpoint) -> None:
+    """Write a checkpoint, atomically.
+
+    Raises:
+        ConfigurationError: it cannot be written.
+    """
+    buffer = io.BytesIO()  # torch tells of a full disk in errors of its own
+    torch.save({"format": CHECKPOINT_FORMAT, **content}, buffer)
+    with replacing(path) as temporary:
+        temporary.write_bytes(buffer.getbuffer())
 
 
 def load_checkpoint(path: Path) -> Checkpoint:

@@ -5,16 +5,25 @@
 from __future__ import annotations
 
 import dataclasses
-import re
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.options import check_options, from_dict, option, require
+from mtpgo_core.options import (
+    LARGEST_SEED,
+    LARGEST_THREADS,
+    check_options,
+    from_dict,
+    listed,
+    option,
+    require,
+)
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
-from mtpgo_training.data.data_config import DataConfig, with_preset
+from mtpgo_core.yaml_file import dump_yaml, parse_yaml
+from mtpgo_training.data.data_config import CLASSES, DataConfig, with_preset
 from mtpgo_training.training.losses.schedules import LEARNING_RATE_SCHEDULES, WARM_UP_SHARE
 
 ACCELERATORS = ("auto", "cpu", "gpu", "mps")
@@ -85,22 +94,22 @@ class OptimisationConfig:
     epochs: int = option(40, above=0)
     warm_up_share: float = option(WARM_UP_SHARE, low=0.0, high=1.0)
     batch_scenes: int = option(128, above=0)
-    learning_rate: float = option(2e-3, above=0)
+    learning_rate: float = option(2e-3, above=0, below=math.inf)
     learning_rate_schedule: str = option("cosine", choices=LEARNING_RATE_SCHEDULES)
-    warmup_steps: int = 20
-    learning_rate_floor: float = 0.02
-    weight_decay: float = 0.0
+    warmup_steps: int = option(20, low=0)
+    learning_rate_floor: float = option(0.02, low=0.0, high=1.0)
+    weight_decay: float = option(0.0, low=0.0, below=math.inf)
     clip_norm: float = option(1.0, above=0)
-    huber_delta: float = option(1.0, above=0)
-    mean_weight: float = 0.0
-    heaviest_weight: float = option(0.0, low=0.0)
+    huber_delta: float = option(1.0, above=0, below=math.inf)
+    mean_weight: float = option(0.0, low=0.0, below=math.inf)
+    heaviest_weight: float = option(0.0, low=0.0, below=math.inf)
     likelihood: str = option("step", choices=LIKELIHOODS)
     correlated_steps: float = option(5.0, low=1.0)
     reduction: str = option("mean", choices=REDUCTIONS)
     calibrated: bool = True
     train_only: tuple[str, ...] = ()
     calibration_epochs: int = option(0, low=0)
-    calibration_learning_rate: float = option(3e-3, above=0)
+    calibration_learning_rate: float = option(3e-3, above=0, below=math.inf)
     teacher_forcing: float = option(0.0, low=0.0, high=1.0)
     teacher_forcing_schedule: str = option("warm_up", choices=TEACHER_FORCING_SCHEDULES)
     average_decay: float = option(0.0, low=0.0, high=1.0)
@@ -212,8 +221,8 @@ class TrainingConfig:
 
     name: str = "model"
     network: str = "mtp-go"
-    seed: int = 1
-    num_threads: int = 2
+    seed: int = option(1, low=0, high=LARGEST_SEED)
+    num_threads: int = option(2, low=0, high=LARGEST_THREADS)
     data: DataConfig = field(default_factory=DataConfig)
     history: HistoryConfig = field(default_factory=HistoryConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
@@ -223,6 +232,12 @@ class TrainingConfig:
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     licence: str = ""
     attribution: str = ""
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        classes = self.scene.classes
+        known = set(classes) <= set(CLASSES) and len(set(classes)) == len(classes)
+        require("scene.classes", list(classes), known, f"each once of {listed(CLASSES)}")
 
 
 def load_config(path: Path, settings: Sequence[str] = ()) -> TrainingConfig:
@@ -252,14 +267,14 @@ def _read(path: Path, inside: tuple[Path, ...] = ()) -> Any:
     Raises:
         ConfigurationError: a file cannot be read, or is its own base.
     """
-    import yaml  # here and below, so that `mtpgo train --help` works without the extra `training`
-
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = parse_yaml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigurationError(
             f"the configuration {path} cannot be read: {error.strerror}"
         ) from error
+    except ModuleNotFoundError:  # PyYAML
+        raise
     except Exception as error:  # a value that is not of its tag fails PyYAML in many ways
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"the configuration {path} is no YAML: {reason}") from error
@@ -292,17 +307,15 @@ def _with_setting(data: Any, setting: str) -> Any:
         ConfigurationError: it is not such a pair or not YAML, or a part of its key is not a
             mapping.
     """
-    import yaml
-
     key, equals, text = setting.partition("=")
     try:
-        value = yaml.safe_load(text)
+        value = parse_yaml(text)
+    except ModuleNotFoundError:
+        raise
     except Exception:  # as above
         equals = ""
     if not (key and equals):
         raise ConfigurationError(f"--set is given {setting!r}, expected KEY=VALUE in YAML")
-    if isinstance(value, str) and re.fullmatch(r"[-+]?[\d.]+e[-+]?\d+", value):
-        value = float(value)  # YAML 1.1 reads 1e-3 as text
 
     def placed(inside: Any, path: list[str]) -> Any:
         if not path:
@@ -318,9 +331,7 @@ def _with_setting(data: Any, setting: str) -> Any:
 
 def dump_config(config: TrainingConfig) -> str:
     """Return YAML text from which :func:`load_config` reads the same configuration."""
-    import yaml
-
-    return yaml.safe_dump(_plain(dataclasses.asdict(config)), sort_keys=False)
+    return dump_yaml(_plain(dataclasses.asdict(config)))
 
 
 def _plain(value: Any) -> Any:

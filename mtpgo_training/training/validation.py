@@ -15,6 +15,7 @@ from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 
 from models.trajectory_predictor import TrajectoryPredictor
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.calibrated_prediction import calibrated_covariances, calibrated_weights
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_training.calibration.calibration_fit import fit_calibration
@@ -127,11 +128,19 @@ def validate_epoch(
 
     Returns:
         The validation's columns of the log, and whether the epoch is the best so far.
+
+    Raises:
+        ConfigurationError: the training has diverged.
     """
     state = run.state
     averages, samples = _validate_together(run, scenes, rank, processes)
     criterion = averages["model"]["all"]["ade"]
-    assert criterion is not None, "no agent of the validation scenes was observed"
+    if criterion is None:
+        rate = run.config.optimisation.learning_rate
+        raise ConfigurationError(
+            f"the predictions are not finite after epoch {state.epoch + 1}, the training has "
+            f"diverged, expected a learning rate below {rate:g} (optimisation.learning_rate)"
+        )
     if run.loss_weights().ewta > 0.0:
         criterion += EWTA_PENALTY_M
     keep_last = run.config.optimisation.keep == "last" or run.calibrates

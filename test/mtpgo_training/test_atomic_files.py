@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Atomic writing of files."""
 
+import errno
+import os
+
 import pytest
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import (
     new_folder,
     only_writer,
+    read_json,
     replacing,
     require_writable,
     write_text,
@@ -67,3 +71,49 @@ def test_a_folder_has_one_writer_at_a_time(tmp_path):
         pass
     with only_writer(tmp_path):
         assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("write", [replacing, new_folder])
+def test_a_full_disk_is_one_sentence_and_the_old_file_stays(tmp_path, write):
+    if write is replacing:
+        write_text(tmp_path / "a", "old")
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    sentence = pytest.raises(ConfigurationError, match="a cannot be written: No space left on dev")
+    with sentence, write(tmp_path / "a"):
+        raise full
+    assert [path.name for path in tmp_path.iterdir()] == (["a"] if write is replacing else [])
+    assert write is new_folder or (tmp_path / "a").read_text() == "old"
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (None, "a.json cannot be read: No such file"),
+        ("", "a.json is damaged, expected scores: Expecting value"),
+        ("[1]", "a.json is damaged, expected scores: it has no 'seed'"),
+        ('{"values": 1}', "a.json is damaged, expected scores: it has no 'seed'"),
+        ("[" * 100_000, "a.json is damaged, expected scores: "),
+    ],
+)
+def test_a_damaged_json_file_is_named(tmp_path, text, reason):
+    if text is not None:
+        (tmp_path / "a.json").write_text(text)
+    with pytest.raises(ConfigurationError, match=reason):
+        read_json(tmp_path / "a.json", "scores", ("seed",))
+
+
+def test_json_is_read_back(tmp_path):
+    write_text(tmp_path / "a.json", '{"seed": 3}')
+    assert read_json(tmp_path / "a.json", "scores", ("seed",)) == {"seed": 3}
+    write_text(tmp_path / "b.json", "[1]")
+    with pytest.raises(ConfigurationError, match="it holds no object"):
+        read_json(tmp_path / "b.json", "scores")
+
+
+def test_a_link_to_itself_is_one_sentence(tmp_path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with (
+        pytest.raises(ConfigurationError, match="loop cannot be written"),
+        new_folder(tmp_path / "loop"),
+    ):
+        pass

@@ -4,7 +4,10 @@
 
 from __future__ import annotations
 
+import errno
+import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from mtpgo_training import cli
+from mtpgo_training.atomic_files import replacing
 from mtpgo_training.data.readers import load_recordings
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -131,3 +135,110 @@ def test_an_option_with_several_values_may_be_repeated(words: list[str], attribu
     """None of the values is dropped in silence."""
     given = cli.build_parser(words[0]).parse_args(words)
     assert [str(value) for value in getattr(given, attribute)] == ["a", "b"]
+
+
+CLI = [sys.executable, "-m", "mtpgo_training.cli"]
+
+BUFFERED = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
+"""Without a buffer argparse drops what cannot be written."""
+
+
+def test_help_into_a_closed_output_is_no_error() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = subprocess.run(
+            [*CLI, "layouts", "--help"],
+            stdout=writer,
+            stderr=subprocess.PIPE,
+            env=BUFFERED,
+            check=False,
+        )
+    finally:
+        os.close(writer)
+    assert (done.returncode, done.stderr) == (141, b"")
+
+
+def test_a_full_disk_behind_the_output_is_one_line() -> None:
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        done = subprocess.run(
+            [*CLI, "layouts", "--help"],
+            stdout=full,
+            env=BUFFERED,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (2, "mtpgo: No space left on device\n")
+
+
+def test_streams_that_are_closed_are_no_error(tmp_path: Path) -> None:
+    """As cron and service managers may start it; the file is written all the same."""
+    source = drone_files.write_highd(tmp_path / "highd")
+    words = ["data", str(source), "--layout", "highd", "--no-cache"]
+    line = 'exec "$@" <&- >&- 2>&-'
+    done = subprocess.run(
+        ["sh", "-c", line, "sh", *CLI, *words, "--json", str(tmp_path / "out.json")], check=False
+    )
+    assert done.returncode == 0
+    assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "mtpgo: No space left on device\n"),
+        (FileNotFoundError(errno.ENOENT, "Gone", "a.csv"), "mtpgo: a.csv: Gone\n"),
+        (OSError("cannot do that"), "mtpgo: cannot do that\n"),
+    ],
+)
+def test_what_the_system_refuses_is_one_line(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    error: OSError,
+    sentence: str,
+) -> None:
+    import mtpgo_training.commands.layouts.layouts_command as layouts
+
+    def refused(args: object) -> int:
+        raise error
+
+    monkeypatch.setattr(layouts, "run", refused)
+    assert cli.main(["layouts"]) == 2
+    assert capsys.readouterr().err == sentence
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_ends_the_command_leaves_nothing_behind(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, number: signal.Signals
+) -> None:
+    import mtpgo_training.commands.layouts.layouts_command as layouts
+
+    def ended(args: object) -> int:
+        with replacing(tmp_path / "a") as temporary:
+            temporary.write_text("half")
+            signal.raise_signal(number)
+        raise AssertionError("it went on")
+
+    monkeypatch.setattr(layouts, "run", ended)
+    before = signal.getsignal(number)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["layouts"])
+    assert stopped.value.code == 128 + number
+    assert list(tmp_path.iterdir()) == []
+    assert signal.getsignal(number) == before
+
+
+def test_nohup_is_respected(monkeypatch: pytest.MonkeyPatch) -> None:
+    import mtpgo_training.commands.layouts.layouts_command as layouts
+
+    def lives(args: object) -> int:
+        signal.raise_signal(signal.SIGHUP)
+        return 0
+
+    monkeypatch.setattr(layouts, "run", lives)
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        assert cli.main(["layouts"]) == 0
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
@@ -18,6 +18,12 @@ MODULES_OF_LAYOUT = {"argoverse2": "pyarrow", "waymo": "google.protobuf"}
 
 MODULES_OF_SUFFIX = {".parquet": "pyarrow", ".pq": "pyarrow", ".feather": "pyarrow"}
 """Suffix of a file of any layout -> module that reads it and comes with an extra."""
+
+RUN_FILES = (
+    *("config.yaml", "run.json", "plan.json", "log.csv", "learning_rate_test.csv"),
+    *("best.pt", "last.pt", "validation.npz"),
+)
+"""Files in the folder of a run, see :mod:`mtpgo_training.training.run_folder`."""
 
 
 def require_modules(*names: str) -> None:
@@ -80,8 +86,8 @@ def require_sources(sources: Sequence[DataSource]) -> list[SourceJob]:
     for source in sources:
         if source.layout in MODULES_OF_LAYOUT:
             require_modules(MODULES_OF_LAYOUT[source.layout])
-    files = (file for one in jobs for unit in one.job.units for file in unit.files)
-    for suffix in {Path(file).suffix.lower() for file in files} & MODULES_OF_SUFFIX.keys():
+    suffixes = {file.suffix.lower() for file in files_of_recordings(jobs)}
+    for suffix in suffixes & MODULES_OF_SUFFIX.keys():
         require_modules(MODULES_OF_SUFFIX[suffix])
     return jobs
 
@@ -132,13 +138,55 @@ def require_different(outputs: Sequence[tuple[str, Path | None]]) -> None:
     Raises:
         ConfigurationError: two are.
     """
-    seen: dict[Path, str] = {}
+    seen: dict[str, str] = {}
     for option, path in outputs:
         if path is None:
             continue
-        place = path.resolve()
+        place = os.path.realpath(path)
         if place in seen:
             raise ConfigurationError(
                 f"{seen[place]} and {option} are both {path}, expected different files"
             )
         seen[place] = option
+
+
+def require_apart(
+    outputs: Sequence[tuple[str, Path | None]], inputs: Iterable[str | Path]
+) -> None:
+    """Check that no output takes the place of a file that is read, which would be lost.
+
+    Args:
+        outputs: option and path of each, None where none is wanted.
+        inputs: the files that are read.
+
+    Raises:
+        ConfigurationError: one does.
+    """
+    read = {os.path.realpath(path) for path in inputs}
+    for option, path in outputs:
+        if path is not None and path.exists() and os.path.realpath(path) in read:
+            raise ConfigurationError(
+                f"{option} is {path}, which is read and would be lost, expected another file"
+            )
+
+
+def files_of_recordings(jobs: Iterable[SourceJob]) -> list[Path]:
+    """Return the files that recordings are read from."""
+    return [Path(file) for one in jobs for unit in one.job.units for file in unit.files]
+
+
+def files_of_bag(bag: Path) -> list[Path]:
+    """Return a bag, and the files in it if it is a folder."""
+    return [bag, *bag.iterdir()] if bag.is_dir() else [bag]
+
+
+def files_of_run(checkpoint: Path) -> list[Path]:
+    """Return the files of the run that a checkpoint belongs to, or the checkpoint alone.
+
+    Args:
+        checkpoint: run folder, or a file, in a run folder or not.
+    """
+    folder = checkpoint if checkpoint.is_dir() else checkpoint.parent
+    if not (folder / "run.json").is_file():
+        return [checkpoint]
+    return [checkpoint, *(folder / name for name in RUN_FILES)]

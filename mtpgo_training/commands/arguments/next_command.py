@@ -35,4 +35,7 @@ def same_command(args: argparse.Namespace, *more: str, without: Sequence[str] = 
             skip = not equals
             continue
         kept.append(word)
-    return command_text("mtpgo", *kept, *(word for word in more if word not in kept))
+    ends = kept.index("--") if "--" in kept else len(kept)
+    added = [word for word in more if word not in kept]
+    # Behind a lone -- there are no options.
+    return command_text("mtpgo", *kept[:ends], *added, *kept[ends:])

@@ -11,6 +11,13 @@ from typing import Any
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.argument_types import positive_number
 from mtpgo_training.commands.arguments.data_arguments import add_data_arguments, data_sources
+from mtpgo_training.commands.arguments.early_checks import (
+    files_of_recordings,
+    require_apart,
+    require_different,
+    require_models,
+    require_sources,
+)
 
 DESCRIPTION = (
     "Show road users and their predictions over time, of a bag, a recording (--layout) or a live "
@@ -83,6 +90,10 @@ def run(args: argparse.Namespace) -> int:
             f"--seconds is given with {source.directory}, expected a live topic: a name with a "
             "leading slash, such as /objects"
         )
+    files = [(f"--{name}", path) for name, path in outputs.items() if path != Path()]
+    require_different(files)
+    models = require_models([] if args.model is None else [args.model])
+    require_apart(files, [*models, *files_of_recordings(require_sources([source]))])
     prepare_outputs(outputs)
     scene = load_scene(source, options)
     for sentence in write_outputs(scene, outputs or {"html": Path(f"{scene.name}.html")}):
@@ -93,9 +104,12 @@ def run(args: argparse.Namespace) -> int:
 def live_topic(given: list[tuple[str, Any]]) -> str | None:
     """Return the topic that is given in place of a bag, None if it is a file or folder.
 
-    A topic has a leading slash, no ending, and is no path that exists.
+    A topic has a leading slash, no ending, and is no path that exists; nor is one in a folder that
+    does: a bag is looked for there.
     """
     path = next(value for name, value in given if name == "data")
     layout = any(name == "layout" for name, _ in given)
-    is_topic = path.is_absolute() and not path.suffix and not path.exists() and not layout
+    in_folder = len(path.parts) > 2 and path.parent.is_dir()
+    is_topic = path.is_absolute() and not path.suffix and not (path.exists() or in_folder)
+    is_topic = is_topic and not layout
     return str(path) if is_topic else None

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.resources import find_resource
+from mtpgo_core.whole_file import user_path
 
 PARTS = "parts"
 """Folder of the files that configurations are made of (``base``), which have no name."""
@@ -61,7 +62,7 @@ def find_config(given: str | Path) -> Path:
     Raises:
         ConfigurationError: it is neither.
     """
-    path = Path(given).expanduser()
+    path = user_path(given)
     if path.is_file():
         return path
     configs = named_configs()

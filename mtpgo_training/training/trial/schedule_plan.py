@@ -17,7 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mtpgo_training.atomic_files import write_text
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import from_dict
+from mtpgo_training.atomic_files import read_json, write_text
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.training.training_config import TrainingConfig
 from mtpgo_training.training.trial.epoch_cost import EpochCost
@@ -90,8 +92,16 @@ class SchedulePlan:
 
     @classmethod
     def load(cls, path: Path) -> SchedulePlan:
-        """Read a file of :meth:`to_json`."""
-        return cls(**json.loads(path.read_text(encoding="utf-8")))
+        """Read a file of :meth:`to_json`.
+
+        Raises:
+            ConfigurationError: it cannot be read or holds no schedule.
+        """
+        content = read_json(path, "the schedule of a training", ("epochs",))
+        plan = from_dict(cls, content, str(path))
+        if plan.epochs < 1 or plan.validate_every_epochs < 1 or not 0.0 <= plan.share <= 1.0:
+            raise ConfigurationError(f"{path} is damaged, expected the schedule of a training")
+        return plan
 
 
 def fit_schedule(

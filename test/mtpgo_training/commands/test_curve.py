@@ -75,3 +75,20 @@ def test_no_log_is_one_sentence(tmp_path, rows, sentence):
     with pytest.raises(ConfigurationError, match=sentence) as caught:
         read_log(tmp_path / "r")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("1,NLL,60,1.0,0.5,1.0", "has None in the column ca_all_ade, expected a number"),
+        ("1,NLL,60,abc,0.5,1.0,1.2", "has 'abc' in the column all_ade, expected a number"),
+        ("1,NLL,,1.0,0.5,1.0,1.2", "has '' in the column total_seconds, expected a number"),
+        ("1,NLL,60,1.0,0.5,1.0,x", "has 'x' in the column ca_all_ade, expected a number"),
+    ],
+)
+def test_a_damaged_line_is_named(run, line, sentence):
+    path = run / "log.csv"
+    heads = "epoch,objective,total_seconds,all_ade,all_min_ade,cv_all_ade,ca_all_ade"
+    path.write_text(f"{heads}\n{line}\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=sentence):
+        read_log(run)

@@ -109,3 +109,23 @@ def test_the_runs_of_folds_are_those_that_left_out_the_same(tmp_path):
     more = Fold("a", (A, B))
     with pytest.raises(ConfigurationError, match="fold 'a' was trained with b/01, expected one"):
         folder.runs([more])
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "sentence"),
+    [
+        ("scores.json", "", "scores.json is damaged, expected the scores of a fold"),
+        ("scores.json", "{}", "it has no 'fold'"),
+        ("scores.json", '{"fold": 1, "sites": 2, "training": 3}', "none that can be read"),
+        ("../../crossval.json", "null", "crossval.json is damaged"),
+        ("../../crossval.json", '{"folds": {}}', "holds no cross-validation that can be read"),
+    ],
+)
+def test_damaged_results_are_named(tmp_path, file, text, sentence):
+    folder = start(tmp_path / "out")
+    fold = folder.fold("a")
+    fold.path.mkdir(parents=True)
+    (fold.path / file).write_text(text)
+    sentence = sentence.replace("none that", "holds no cross-validation that")
+    with pytest.raises(ConfigurationError, match=sentence):
+        read_results(tmp_path / "out")

@@ -28,8 +28,28 @@ def test_results_of_an_earlier_run_are_deleted_and_other_files_kept(tmp_path):
         (output / name).write_text("")
     assert demo_pipeline._make_folders(output) == (bags, predictions, logs)
     assert {path.name for path in output.iterdir()} == {"bags", "logs", "notes.txt"}
-    assert not any((*bags.iterdir(), *logs.iterdir()))
+    assert not any(bags.iterdir())
+    assert [path.read_bytes() for path in logs.iterdir()] == [b""], "the mark of a demo"
     assert not predictions.exists()  # the recorder creates it
+
+
+@pytest.mark.parametrize("name", ["bags", "logs", "report", "summary.json", "prediction.png"])
+def test_files_of_others_are_not_replaced(tmp_path, name):
+    """A folder of one's own may well be called bags or logs."""
+    (tmp_path / name).mkdir()
+    with pytest.raises(ConfigurationError, match=f"has '{name}', which is of no earlier demo"):
+        demo_pipeline._require_replaceable(tmp_path, [])
+    assert (tmp_path / name).exists()
+
+
+def test_results_are_replaced_unless_they_are_what_is_played(tmp_path):
+    (tmp_path / "notes.txt").write_text("")
+    demo_pipeline._require_replaceable(tmp_path, [])
+    bags, *_ = demo_pipeline._make_folders(tmp_path)
+    demo_pipeline._require_replaceable(tmp_path, [DataSource(tmp_path, "bag")])
+    for place in (bags, bags / "a.mcap"):
+        with pytest.raises(ConfigurationError, match="among the results of an earlier demo"):
+            demo_pipeline._require_replaceable(tmp_path, [DataSource(place, "bag")])
 
 
 def test_an_output_folder_that_cannot_be_made_is_an_error(tmp_path):

@@ -45,3 +45,19 @@ def test_what_has_no_interval_is_a_value_alone(content):
     single = {**content, "intervals": {}, "warnings": []}
     cells = markdown_table([("", single)]).splitlines()[2].split(" | ")
     assert cells[:3] == ["| all", "x-seed1", "1.25"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"models": [], "intervals": 0, "recordings": 0}',
+        '{"models": {"a": 3}, "intervals": {}, "recordings": {}}',
+        '{"models": {"a": {"all": {}}}, "intervals": {}, "recordings": {}}',
+        '{"models": {"a": {"all": {"ade": "x"}}}, "intervals": {}, "recordings": {}}',
+    ],
+)
+def test_results_of_another_form_are_refused(tmp_path, text):
+    path = tmp_path / "a.json"
+    path.write_text(text)
+    with pytest.raises(RecordingError, match=r"a\.json holds no results that can be shown"):
+        read_results(path)

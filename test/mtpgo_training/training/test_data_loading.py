@@ -91,3 +91,11 @@ def test_a_recording_without_road_users_is_reported():
     splits = Splits(train=named, validation=named, test=())
     with pytest.raises(ConfigurationError, match="no agent is present in any recording of data"):
         prepare_scenes(TrainingConfig(), splits, 10, progress=False)
+
+
+def test_a_validation_without_a_future_is_refused():
+    """It would have no scores after an epoch of training."""
+    train = (NamedRecording("cars", braking_cars("01", tracks=4, seconds=4.0)),)
+    short = (NamedRecording("cars", braking_cars("02", tracks=4, seconds=4.0).between(3.9, None)),)
+    with pytest.raises(ConfigurationError, match="is observed at any step after it was predicted"):
+        prepare_scenes(CONFIG, Splits(train, short, ()), 5, progress=False)

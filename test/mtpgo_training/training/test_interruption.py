@@ -56,3 +56,13 @@ def test_another_thread_has_no_signals():
     thread.start()
     thread.join(timeout=10.0)
     assert found == [before, None]
+
+
+def test_a_terminal_may_be_closed_under_nohup():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with Interruption() as interruption:
+            signal.raise_signal(signal.SIGHUP)
+            assert not interruption.requested()
+    finally:
+        signal.signal(signal.SIGHUP, before)

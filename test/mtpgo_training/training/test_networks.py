@@ -11,10 +11,11 @@ import pytest
 import torch
 from traffic import braking_cars
 
+from models.network_config import NetworkConfig
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.model_runner import ModelRunner, load_task
 from mtpgo_core.scene.trails.trail_branches import BRANCHES
-from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
+from mtpgo_core.task.task_description import HistoryConfig, SceneConfig, TaskDescription
 from mtpgo_training import cli
 from mtpgo_training.commands import info as info_command
 from mtpgo_training.data.splits import NamedRecording
@@ -195,3 +196,14 @@ def test_every_network_has_covariances_to_train_alone(name):
 
 def test_without_its_filter_mtp_go_has_the_noise_to_train_alone():
     assert calibrated_parts(build("mtp-go", ekf=False)) == ["noise"]
+
+
+@pytest.mark.parametrize("name", ["modes", "horizon_steps"])
+def test_a_network_has_no_more_than_a_model_file_may_have(name):
+    """It would be trained first, and refused by the export."""
+    limits = [
+        {field.name: field for field in dataclasses.fields(kind)}[name].metadata["limits"]
+        for kind in (NetworkConfig, TaskDescription)
+    ]
+    assert limits[0].high == limits[1].high
+    assert limits[0].low == limits[1].low

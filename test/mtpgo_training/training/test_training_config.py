@@ -25,6 +25,7 @@ def written(tmp_path, text):
 
 def test_a_configuration_survives_the_file(tmp_path):
     config = TrainingConfig(
+        name="1e3",
         seed=5,
         data=DataConfig(validation=("a/01",), source_weight={"a": 0.5}),
         model={"hidden": 8},
@@ -55,6 +56,32 @@ def test_there_are_shipped_configurations():
         ("optimisation: {learning_rate_schedule: x}", r"'x', expected one of 'cosine'"),
         ("[1, 2]", r"expected a mapping"),
         ("a: [", r"c.yaml is no YAML"),
+        ("seed: 1\nseed: 2", r"c.yaml is no YAML: the key .seed. is given a second time"),
+        ("seed: -1", r"seed is -1, expected 0 to 1e\+09"),
+        ("seed: 2000000000", r"seed is 2000000000, expected 0 to 1e\+09"),
+        ("num_threads: -1", r"num_threads is -1, expected 0 to 1024"),
+        ("optimisation: {warmup_steps: -5}", r"warmup_steps is -5, expected at least 0"),
+        (
+            "optimisation: {weight_decay: -1}",
+            r"weight_decay is -1.0, expected at least 0 and finite",
+        ),
+        (
+            "optimisation: {mean_weight: .nan}",
+            r"mean_weight is nan, expected at least 0 and finite",
+        ),
+        ("optimisation: {learning_rate: .inf}", r"learning_rate is inf, expected more than 0"),
+        ("optimisation: {learning_rate_floor: 2}", r"learning_rate_floor is 2.0, expected 0 to 1"),
+        (
+            "data: {rotation_std_rad: -1}",
+            r"rotation_std_rad is -1.0, expected at least 0 and finite",
+        ),
+        ("scene: {classes: [car, ufo]}", r"classes is .*'ufo'.*, expected each once of 'unknown'"),
+        ("scene: {classes: [car, car]}", r"classes is .'car', 'car'., expected each once of"),
+        ("data: {scale_std: 9}", r"scale_std is 9.0, expected 0 to 1"),
+        ("data: {min_future_s: .nan}", r"min_future_s is nan, expected at least 0 and finite"),
+        ("data: {stride_s: .inf}", r"stride_s is inf, expected more than 0 and finite"),
+        ("data: {source_weight: {a: .inf}}", r"source_weight.a is inf, expected at least 0 and"),
+        ("data: {source_weight: {a: x}}", r"source_weight.a is .x., expected at least 0 and"),
     ],
 )
 def test_a_bad_file_is_answered_with_the_place(tmp_path, text, sentence):
@@ -73,6 +100,11 @@ def test_settings_count_as_if_the_file_said_so(tmp_path):
         load_config(path, ["optimisation.learning_rate=1e-3"]).optimisation.learning_rate == 1e-3
     )
     assert load_config(path, ["data.validation=[a/01]"]).data.validation == ("a/01",)
+    assert (
+        load_config(path, ["optimisation.learning_rate=2E-3"]).optimisation.learning_rate == 2e-3
+    )
+    same = written(tmp_path, "optimisation: {learning_rate: 1e-3}\nname: 1e3x")
+    assert load_config(same).optimisation.learning_rate == 1e-3
 
 
 @pytest.mark.parametrize(

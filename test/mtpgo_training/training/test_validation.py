@@ -11,6 +11,7 @@ import torch
 from tiny_run import CONFIG, new_run, with_options
 from traffic import braking_cars
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import from_dict
 from mtpgo_core.task.calibration import GROUPS, Calibration, GroupCalibration
 from mtpgo_training.calibration.calibration_fit import fit_calibration
@@ -133,3 +134,13 @@ def test_an_epoch_with_an_ewta_loss_is_the_best_only_until_one_without(scenes, k
     stored = from_dict(Calibration, run.state.calibration, "calibration")
     assert stored == fit_calibration(run.samples)
     assert run.samples.sites == ("cars/test",)
+
+
+def test_a_training_that_has_diverged_says_so():
+    named = (NamedRecording("cars", braking_cars("01", tracks=3, seconds=4.0)),)
+    scenes = prepare_scenes(CONFIG, Splits(named, named, ()), 5, progress=False)
+    run = new_run()
+    for value in run.average.parameters():
+        value.detach().fill_(math.nan)
+    with pytest.raises(ConfigurationError, match="not finite after epoch 1, the training has div"):
+        validate_epoch(run, scenes.validation, 0, 1)

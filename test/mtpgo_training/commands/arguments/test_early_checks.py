@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is checked before a command works: nothing is read, made or loaded for it."""
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -9,8 +10,11 @@ import drone_files
 import pytest
 
 from mtpgo_core.errors import ConfigurationError, ModelFileError, RecordingError
+from mtpgo_core.task.model_file import find_model
 from mtpgo_training import cli
 from mtpgo_training.commands.arguments.early_checks import (
+    files_of_run,
+    require_apart,
     require_bags,
     require_different,
     require_folder,
@@ -141,3 +145,45 @@ def test_every_command_checks_its_paths_first(tmp_path, capsys, monkeypatch, wor
     assert status == 2
     assert sentence in said.err
     assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "evaluate --model {d}/m.pt --data {d}/cars --layout highd --json {d}/m.pt",
+        "evaluate --model {d}/m.pt --data {d}/cars --layout highd --json {d}/cars/01_tracks.csv",
+        "evaluate --predictions {d}/bag --json {d}/bag/bag.mcap",
+        "data {d}/cars --layout highd --json {d}/cars/01_tracks.csv",
+        "data {d}/cars --layout highd --picture {d}/link.csv",
+        "view {d}/cars --layout highd --html {d}/cars/01_tracksMeta.csv",
+        "view {d}/cars --layout highd --model {d}/m.pt --gif {d}/m.pt",
+        "adapt {d}/run --data {d}/cars --layout highd -o {d}/run/best.pt",
+        "adapt {d}/run --data {d}/cars --layout highd -o {d}/n.pt --checkpoint {d}/run/log.csv",
+        "adapt {d}/m.pt --data {d}/cars --layout highd -o {d}/m.pt",
+        "adapt {d}/m.ckpt --data {d}/cars --layout highd -o {d}/n.pt --checkpoint {d}/m.ckpt",
+        "export {d}/run -o {d}/run/last.pt",
+        "export {d}/run/best.pt -o {d}/n.pt --checkpoint {d}/run/run.json",
+        "curve {d}/run -o {d}/run/log.csv",
+    ],
+)
+def test_no_command_writes_over_what_it_reads(tmp_path, capsys, words):
+    drone_files.write_highd(tmp_path / "cars")
+    (tmp_path / "link.csv").symlink_to(tmp_path / "cars" / "01_tracks.csv")
+    shutil.copy(find_model("default"), tmp_path / "m.pt")
+    for name in ("m.ckpt", "run/run.json", "run/best.pt", "run/last.pt", "run/log.csv"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("precious", encoding="utf-8")
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "bag.mcap").write_text("precious", encoding="utf-8")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert cli.main([*words.format(d=tmp_path).split()]) == 2
+    assert "which is read and would be lost, expected another file\n" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_a_run_folder_may_hold_further_outputs(tmp_path):
+    """A model may be exported into the folder of its run, again and again."""
+    for name in ("run.json", "model.pt"):
+        (tmp_path / name).write_text("", encoding="utf-8")
+    require_apart([("-o", tmp_path / "model.pt"), ("--json", None)], files_of_run(tmp_path))
+    require_apart([("-o", tmp_path / "new.pt")], [tmp_path / "new.pt"])

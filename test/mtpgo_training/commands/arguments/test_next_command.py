@@ -28,3 +28,8 @@ def test_options_are_left_out_however_they_are_written():
     for given in (["--init-from", "x"], ["--init-from=x"], ["--init", "x"]):
         words = ["train", "c", *given, "--seed", "3"]
         assert same_command(args(*words), without=["--init-from"]) == "mtpgo train c --seed 3"
+
+
+def test_options_are_added_before_a_lone_double_dash():
+    given = args("train", "--out", "run", "--", "-c.yaml")
+    assert same_command(given, "--resume") == "mtpgo train --out run --resume -- -c.yaml"

@@ -69,6 +69,7 @@ def test_a_file_that_is_missing_is_no_topic(tmp_path, capsys):
         ("objects", None, None),
         ("/drive.mcap", None, None),
         ("/tmp", None, None),
+        ("/tmp/no_such_bag", None, None),
         ("/nowhere", "ind", None),
     ],
 )

@@ -78,3 +78,7 @@ def test_a_file_stands_on_others(tmp_path):
     (tmp_path / "b.yaml").write_text("base: a", encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"base in .* expected a list of files"):
         load_config(tmp_path / "b.yaml")
+
+
+def test_a_home_folder_that_nobody_has_is_a_path_like_any_other():
+    assert str(find_config("~no_such_user/c.yaml")) == "~no_such_user/c.yaml"

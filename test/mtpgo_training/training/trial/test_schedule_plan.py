@@ -8,6 +8,7 @@ import pytest
 from tiny_run import CONFIG, with_options
 from traffic import braking_cars
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.training.trial.epoch_cost import EpochCost
@@ -74,3 +75,19 @@ def test_a_plan_is_read_as_it_was_written(tmp_path):
     plan = SchedulePlan(5, 0.25, 3, 7.5)
     plan.save(tmp_path / "plan.json")
     assert SchedulePlan.load(tmp_path / "plan.json") == plan
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "is damaged, expected the schedule of a training"),
+        ("{}", "it has no 'epochs'"),
+        ('{"epochs": 0}', "is damaged, expected the schedule of a training"),
+        ('{"epochs": "x"}', "epochs is 'x', expected int"),
+        ('{"epochs": 3, "hours": 1}', "has the unknown field 'hours'"),
+    ],
+)
+def test_a_damaged_plan_is_named(tmp_path, text, sentence):
+    (tmp_path / "plan.json").write_text(text)
+    with pytest.raises(ConfigurationError, match=sentence):
+        SchedulePlan.load(tmp_path / "plan.json")
