@@ -40,7 +40,14 @@ CURRENT = [page for page in PAGES if page.name != "CHANGELOG.md"]
 def test_files_named_in_the_pages_exist(page):
     """Every path in backticks that starts with a folder of the repository."""
     for path in PATH.findall(page.read_text(encoding="utf-8")):
-        if path.split("/")[0] in FOLDERS - {"build", "dist", "install", "log", "runs"}:
+        if path.split("/")[0] in FOLDERS - {
+            "build",
+            "demo_output",
+            "dist",
+            "install",
+            "log",
+            "runs",
+        }:
             assert (ROOT / path).exists(), f"{page.name} names {path}"
 
 
