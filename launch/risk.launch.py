@@ -29,7 +29,7 @@ PARAMETERS = {
     "ego_id": (str, "identity of the ego among the predicted road users"),
     "ego_length": (float, "length of the ego (m)"),
     "ego_width": (float, "width of the ego (m)"),
-    "ego_center_offset": (float, "how far its middle is ahead of the plan's point (m)"),
+    "ego_offset": (float, "how far its middle is ahead of the plan's point (m)"),
     "use_sim_time": (bool, "use the time of /clock"),
     "autostart": (bool, "false: a lifecycle manager configures and activates the node"),
 }

@@ -74,7 +74,7 @@ class RiskParameters:
     ego_width: float = parameter_field(
         EgoFootprint.width, "Width of the ego (m).", above=0.0, high=100.0
     )
-    ego_center_offset: float = parameter_field(
+    ego_offset: float = parameter_field(
         EgoFootprint.center_offset,
         "How far the middle of the ego is ahead of the point that plan or odometry move, often the"
         " middle of the rear axle (m).",
@@ -117,7 +117,7 @@ class RiskParameters:
     def footprint(self) -> EgoFootprint:
         """The box of the ego."""
         return EgoFootprint(
-            self.ego_length, self.ego_width, self.ego_center_offset, self.ego_margin
+            self.ego_length, self.ego_width, self.ego_offset, self.ego_margin
         )
 
     @property
