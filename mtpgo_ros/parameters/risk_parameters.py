@@ -116,9 +116,7 @@ class RiskParameters:
     @property
     def footprint(self) -> EgoFootprint:
         """The box of the ego."""
-        return EgoFootprint(
-            self.ego_length, self.ego_width, self.ego_offset, self.ego_margin
-        )
+        return EgoFootprint(self.ego_length, self.ego_width, self.ego_offset, self.ego_margin)
 
     @property
     def grid(self) -> GridShape:

@@ -221,12 +221,15 @@ def test_a_signal_that_ends_the_command_leaves_nothing_behind(
         raise AssertionError("it went on")
 
     monkeypatch.setattr(layouts, "run", ended)
-    before = signal.getsignal(number)
-    with pytest.raises(SystemExit) as stopped:
-        cli.main(["layouts"])
+    before = signal.signal(number, signal.SIG_DFL)  # nohup ignores SIGHUP
+    try:
+        with pytest.raises(SystemExit) as stopped:
+            cli.main(["layouts"])
+        assert signal.getsignal(number) == signal.SIG_DFL
+    finally:
+        signal.signal(number, before)
     assert stopped.value.code == 128 + number
     assert list(tmp_path.iterdir()) == []
-    assert signal.getsignal(number) == before
 
 
 def test_nohup_is_respected(monkeypatch: pytest.MonkeyPatch) -> None:

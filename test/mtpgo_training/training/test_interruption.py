@@ -11,11 +11,15 @@ from mtpgo_training.training.interruption import SIGNALS, Interruption
 
 
 @pytest.fixture(autouse=True)
-def _usual_interrupt():
-    """Python's own handler: a shell starts background jobs with SIGINT ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+def _usual_handlers():
+    """As in a terminal: a shell starts background jobs with SIGINT ignored, nohup with SIGHUP."""
+    before = [
+        (signal.SIGINT, signal.signal(signal.SIGINT, signal.default_int_handler)),
+        (signal.SIGHUP, signal.signal(signal.SIGHUP, signal.SIG_DFL)),
+    ]
     yield
-    signal.signal(signal.SIGINT, before)
+    for number, handler in before:
+        signal.signal(number, handler)
 
 
 def test_nothing_is_requested_without_a_signal():
