@@ -192,7 +192,7 @@ def _as_written(path: Path) -> tuple[dict[str, str], list[str]]:
     A column may be called ``no``, ``on`` or ``01``, which YAML takes for a truth value and 1.
 
     Raises:
-        ConfigurationError: a meaning is given twice, or its column is no single name.
+        ConfigurationError: a column is no single name.
     """
     columns: dict[str, str] = {}
     names: list[str] = []
@@ -202,8 +202,6 @@ def _as_written(path: Path) -> tuple[dict[str, str], list[str]]:
                 where = f"{path}, line {meaning.start_mark.line + 1}: columns.{meaning.value}"
                 if column.id != "scalar":
                     raise ConfigurationError(f"{where} is a list or mapping, expected one column")
-                if meaning.value in columns:
-                    raise ConfigurationError(f"{where} is given a second time, expected once")
                 empty = column.tag.endswith(":null")
                 columns[str(meaning.value)] = "" if empty else str(column.value)
         elif key.value == "names" and node.id == "sequence":

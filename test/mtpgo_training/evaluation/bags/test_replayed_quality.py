@@ -80,7 +80,7 @@ def test_the_rows_of_json_and_their_table(bag):
     assert len(rows) == 3 * 3 * len({row["group"] for row in rows})
     assert all(row["ade"] is None or row["ade"] >= 0.0 for row in rows)
     text = to_text(live_table(rows))
-    assert "vehicle moving, 5 s" in text
+    assert "moving vehicle, 5 s" in text
     assert live_table([]) is None
 
 

@@ -67,7 +67,10 @@ def test_names_of_columns_are_read_as_they_are_written(tmp_path):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("columns:\n  x: a\n  x: b\n", "line 3: columns.x is given a second time"),
+        (
+            "columns:\n  x: a\n  x: b\n",
+            "line 3 cannot be read as YAML: the key 'x' is given a second time",
+        ),
         ("columns:\n  x: [a, b]\n", "line 2: columns.x is a list or mapping, expected one col"),
         (
             "columns: {track: i, time: t, x: x, y: y}\nnames: [i, t, x, y, x]\n",
