@@ -169,17 +169,19 @@ def _fitted_velocity(
         for offset in range(-reach, reach + 1):
             wanted = index[mine] + offset
             other = np.clip(wanted, 0, rows - 1)
-            step = (frame[other] - frame[mine]) / rate
-            close = np.abs(step) <= 2.0 * sigma_s + 1e-9
+            time_s = (frame[other] - frame[mine]) / rate
+            close = np.abs(time_s) <= 2.0 * sigma_s + 1e-9
             close &= (track[other] == track[mine]) & (other == wanted)
-            weight = np.where(close, np.exp(-0.5 * (step / sigma_s) ** 2), 0.0)
+            # In units of sigma, for powers of a time of any size are no numbers to compute with.
+            step = np.where(close, time_s / sigma_s, 0.0)
+            weight = np.where(close, np.exp(-0.5 * step**2), 0.0)
             basis = np.stack([np.ones(n), step, step**2], axis=-1)
             weighted = weight[:, None] * basis
             matrix += weighted[:, :, None] * basis[:, None, :]
             right += weighted[:, :, None] * (position[other] - position[mine])[:, None, :]
         # With the ridge, a fit through two points is a line, and through one has slope zero.
-        matrix += np.diag([1e-9, 1e-9, 1e-5])
-        out[mine] = np.linalg.solve(matrix, right)[:, 1]
+        matrix += np.diag([1e-9, max(1e-9 / sigma_s**2, 1e-12), max(1e-5 / sigma_s**4, 1e-5)])
+        out[mine] = np.linalg.solve(matrix, right)[:, 1] / sigma_s
     return out
 
 

@@ -95,6 +95,14 @@ def test_unknown_velocities_are_filled_from_the_positions():
     np.testing.assert_allclose(future.velocity[0, :, 0], 5.0, atol=1e-3)
 
 
+def test_velocities_of_a_recording_with_years_between_its_rows():
+    two = recording(parabola(np.arange(2), 0, 0.0, 5.0, 0.0), parabola(np.arange(1), 1, 9, 0, 0))
+    slow = dataclasses.replace(two, frame_rate=1.1e-8, velocity=np.full((3, 2), np.nan))
+    table = FutureTable(slow, max_gap_s=1e9)
+    future = table.at(np.array([0]), slow.stamp_ns(0), 1, 1.0 / slow.frame_rate)
+    np.testing.assert_allclose(future.velocity[0, 0, 0], 0.5 * slow.frame_rate, rtol=1e-3)
+
+
 @pytest.mark.parametrize("smoothing_s", [0.0, 0.3])
 def test_a_row_without_a_finite_position_is_no_observation(smoothing_s):
     clean = recording(parabola(np.arange(30), 0, 0.0, 5.0, 0.0))
