@@ -19,7 +19,7 @@ def refuse_own_topics(node: Node, awaited: Iterable[str] = ()) -> None:
     Args:
         node: with its publishers and subscriptions.
         awaited: resolved names of topics that it will subscribe to. Where their types differ, the
-            middleware would refuse that in words that help nobody.
+            middleware would refuse that without naming the cause.
 
     Raises:
         ConfigurationError: there is such a topic.

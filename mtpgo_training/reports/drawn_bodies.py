@@ -1,12 +1,26 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What drawings of road users share: sizes where none is known, and which modes are drawn."""
+"""What drawings of road users share: colours, sizes where none is known, which modes are drawn."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from mtpgo_core.schema import AgentClass, BoolArray, ClassArray, Float64Array
+
+CLASS_COLOURS = {
+    AgentClass.CAR: "#1f6fd1",
+    AgentClass.VAN: "#56b4e9",
+    AgentClass.TRUCK: "#d9730d",
+    AgentClass.BUS: "#4b1f82",
+    AgentClass.TRAILER: "#6b3a12",
+    AgentClass.MOTORCYCLE: "#00695c",
+    AgentClass.BICYCLE: "#8cc81e",
+    AgentClass.PEDESTRIAN: "#e0246b",
+    AgentClass.ANIMAL: "#b8a04a",
+    AgentClass.UNKNOWN: "#2f353b",
+}
+"""Colour of each class in pictures, animations and rerun: that of the page in its light form."""
 
 SHOWN_WEIGHT = 0.05
 """Modes below this weight are not drawn; chosen."""

@@ -17,9 +17,9 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.quality.metrics import average
 from mtpgo_core.schema import AgentClass, Float64Array, Prediction, Source, TrackedStates
 from mtpgo_training.atomic_files import replacing
-from mtpgo_training.reports.drawn_bodies import drawn_sizes, shown_modes
+from mtpgo_training.reports.drawn_bodies import CLASS_COLOURS, drawn_sizes, shown_modes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
-from mtpgo_training.view.view_colours import CLASS_COLOURS, FALLBACK_COLOUR, colour_bytes
+from mtpgo_training.view.view_colours import FALLBACK_COLOUR, colour_bytes
 from mtpgo_training.view.view_scene import TrackWays, ViewScene, ellipse_indices, identity_texts
 
 APPLICATION = "mtpgo view"

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from mtpgo_core.frames import rotate
 from mtpgo_core.quality.metrics import average
 from mtpgo_core.schema import AgentClass, Float64Array, Source
-from mtpgo_training.reports.drawn_bodies import drawn_sizes, shown_modes
+from mtpgo_training.reports.drawn_bodies import CLASS_COLOURS, drawn_sizes, shown_modes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
-from mtpgo_training.view.view_colours import CLASS_COLOURS, FALLBACK_COLOUR
+from mtpgo_training.view.view_colours import FALLBACK_COLOUR
 from mtpgo_training.view.view_scene import (
     SeenPrediction,
     TrackWays,

@@ -19,22 +19,9 @@ from mtpgo_training.atomic_files import replacing
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.summary.data_summary import DataSummary
 from mtpgo_training.data.summary.track_steps import TrackSteps
+from mtpgo_training.reports.drawn_bodies import CLASS_COLOURS
 from mtpgo_training.reports.figure_style import STYLE
 from mtpgo_training.reports.series import draw_line
-
-CLASS_COLOURS = {
-    AgentClass.UNKNOWN: "#2f353b",
-    AgentClass.CAR: "#1f6fd1",
-    AgentClass.TRUCK: "#d9730d",
-    AgentClass.BUS: "#4b1f82",
-    AgentClass.TRAILER: "#6b3a12",
-    AgentClass.MOTORCYCLE: "#00695c",
-    AgentClass.BICYCLE: "#8cc81e",
-    AgentClass.PEDESTRIAN: "#e0246b",
-    AgentClass.ANIMAL: "#b8a04a",
-    AgentClass.VAN: "#56b4e9",
-}
-"""Colour of the tracks of each class: those of the viewer."""
 
 MOST_SEGMENTS = 40_000
 """Segments of tracks in the map; chosen, so that the picture is drawn in seconds."""

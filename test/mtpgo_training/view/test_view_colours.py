@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mtpgo_training.reports.drawn_bodies import CLASS_COLOURS
 from mtpgo_training.view import view_colours
-from mtpgo_training.view.view_colours import CLASS_COLOURS, colour_bytes
+from mtpgo_training.view.view_colours import colour_bytes
 
 PAINTER = Path(view_colours.__file__).parent / "page" / "painter.js"
 
