@@ -11,6 +11,8 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 
+from mtpgo_core.errors import reason_of
+
 
 def answer_every_request(node: Node) -> None:
     """Make the services that set parameters answer every request.
@@ -52,7 +54,6 @@ def _together(node: Node, callback: Callable[[Any, Any], Any]) -> Callable[[Any,
 
 
 def _refused(node: Node, names: str, error: Exception) -> SetParametersResult:
-    text = " ".join(str(error).split()) or type(error).__name__
-    reason = f"parameter {names:.200} was not set: {text:.500}"
+    reason = f"parameter {names:.200} was not set: {reason_of(error):.500}"
     node.get_logger().error(reason)
     return SetParametersResult(successful=False, reason=reason)
