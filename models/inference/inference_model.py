@@ -16,7 +16,7 @@ from models.inference.packed_attention import make_scratch
 from models.mtp_go import MTPGO
 from models.mtp_go_config import ModelConfig
 from models.own_frame.agent_frames import Start, motion_share
-from models.own_frame.covariance_frames import initial_in_own_frame, rotate_blocks
+from models.own_frame.covariance_frames import initial_in_own_frame
 from models.temporal_attention import presence_bias
 
 
@@ -49,7 +49,6 @@ class FastMTPGO(nn.Module):
     static_everywhere: Final[bool]
     hold_standing: Final[bool]
     sees_trails: Final[bool]
-    observation: Tensor
     time: Tensor
 
     def __init__(self, model: MTPGO):
@@ -57,8 +56,6 @@ class FastMTPGO(nn.Module):
         self.config = model.config
         self.modes = model.modes
         self.horizon_steps = model.horizon_steps
-        self.covariance_scale = model.covariance_scale
-        self.floor = model.floor
         self.condition = model.condition
         self.mixture = model.mixture
         self.noise = model.noise
@@ -66,9 +63,10 @@ class FastMTPGO(nn.Module):
         self.encoder = FastEncoder(model.encoder)
         self.decoder = FastDecoder(model.decoder, model.condition, model.modes)
         self.motion = FastMotion(model.motion, model.modes)
-        self.covariance = FastCovariance(model.filter)
+        self.covariance = FastCovariance(
+            model.filter, model.observation, model.covariance_scale, model.floor
+        )
         self.control = model.control
-        self.register_buffer("observation", model.observation)
         time = model.config.dt_s * torch.arange(1, self.horizon_steps + 1, dtype=torch.float64)
         self.register_buffer("time", time.view(1, 1, -1, 1))
         self.static_everywhere = model.static_everywhere
@@ -132,9 +130,8 @@ class FastMTPGO(nn.Module):
         if initial_covariance is not None:
             first = initial_in_own_frame(initial_covariance, first, start.direction)
         of_q, of_position = self.motion.jacobian(torch.cat(units))
-        blocks = self.covariance(first, of_q, of_position, noise)
-        spread = rotate_blocks(blocks, start.direction, self.floor) + self.observation
-        return log_weight, mean, self.covariance_scale * spread
+        spread = self.covariance(first, of_q, of_position, noise, start.direction)
+        return log_weight, mean, spread
 
     def to_scene(self, deviations: Tensor, start: Start) -> Tensor:
         """Return [B, N, M, H, S] states in the scene frame from [H, B N M, S] deviations."""

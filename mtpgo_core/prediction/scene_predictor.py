@@ -183,18 +183,17 @@ class ScenePredictor:
         begun_s = time.perf_counter()
         trails = self._observe_trails(window)
         present = window.select(window.valid[:, -1])
-        constant = self._constant(present)
         n, modes = len(present), self._kept_modes(len(present))
         if self._runner is None or n == 0:
             self.last_report = PredictionReport(agents=n, modes=modes)
-            return constant
+            return self._constant(present)
         options, state = self.options, self._graph_state(present.stamp_ns)
         wanted = min(n, options.max_agents)
         most = wanted if self._limit.agents is None else min(wanted, self._limit.agents)
         selected = self._select_agents(present, most, ego_key, state)
         if not selected.any():
             self.last_report = PredictionReport(agents=n, over_limit=n, modes=modes)
-            return constant
+            return self._constant(present)
         here = window.valid[:, -1]
         seen, served = present, selected
         if self.task.scene.departed_agents:
@@ -231,7 +230,7 @@ class ScenePredictor:
         modelled = with_strongest_modes(modelled, modes)
         if len(predicted) == n and usable.all():
             return modelled
-        return replace_rows(constant, predicted[usable], select(modelled, usable))
+        return replace_rows(self._constant(present), predicted[usable], select(modelled, usable))
 
     def observe(self, window: HistoryWindow) -> None:
         """Remember where the road users of a window went, without a prediction.
@@ -273,13 +272,15 @@ class ScenePredictor:
     def _scene(self, options: PredictorOptions) -> SceneConfig:
         """Return the task's scene configuration with the options applied."""
         scene = self.task.scene
+        policy = options.policy or scene.policy
+        radius_m = options.radius_m or scene.radius_m
+        neighbours = options.max_neighbours
+        if neighbours is None:
+            neighbours = scene.max_neighbours
+        if (policy, neighbours, radius_m) == (scene.policy, scene.max_neighbours, scene.radius_m):
+            return scene  # making a configuration checks all of its options
         return dataclasses.replace(
-            scene,
-            policy=options.policy or scene.policy,
-            max_neighbours=(
-                scene.max_neighbours if options.max_neighbours is None else options.max_neighbours
-            ),
-            radius_m=options.radius_m or scene.radius_m,
+            scene, policy=policy, max_neighbours=neighbours, radius_m=radius_m
         )
 
     def _constant(self, present: HistoryWindow) -> Prediction:
