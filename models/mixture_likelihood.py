@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Likelihood of the Gaussian mixture (eq. 26 and 27), in closed form."""
+"""The Gaussian mixture of the output (eq. 26): its likelihood (eq. 27) and its local mean."""
 
 import math
 
@@ -90,3 +90,41 @@ def position_nll(
 ) -> Tensor:
     """Return [B, N, H] :func:`mixture_nll` of the position alone (nats, densities per m^2)."""
     return mixture_nll(log_weight, mean[..., :2], covariance[..., :2, :2], target[..., :2], mask)
+
+
+def heaviest_at_local_mean(
+    log_weight: Tensor, mean: Tensor, covariance: Tensor, share: Tensor, kernel: Tensor
+) -> Tensor:
+    """Return the means with each agent's heaviest mode moved to the mean of the modes around it.
+
+    The modes are weighted by pi_j exp(-d_j^2 / (2 kernel^2)), with d_j their distance from the
+    heaviest mode at the end of the horizon in standard deviations of that mode. This is one step
+    of the mean shift (Comaniciu and Meer, 2002), from a component's mean towards the mode of the
+    mixture's density. Where the modes err in different directions, their mean errs less than any.
+
+    Args:
+        log_weight: [B, N, M] log mixture weights.
+        mean: [B, N, M, H, S], x and y first.
+        covariance: [B, N, M, H, S', S'] of x and y first.
+        share: [B, N] of the way that is moved, 0 to 1.
+        kernel: [B, N] in standard deviations, 0 where the mode stays where it is.
+    """
+    scenes, agents, modes = log_weight.size(0), log_weight.size(1), log_weight.size(2)
+    heaviest = torch.argmax(log_weight, dim=2, keepdim=True)  # [B, N, 1]
+    row = torch.arange(scenes * agents, device=mean.device) * modes + heaviest.flatten()
+    places = mean[:, :, :, -1, :2]  # [B, N, M, 2]
+    middle = places.flatten(0, 2)[row].view(scenes, agents, 1, 2)
+    spread = covariance[:, :, :, -1, :2, :2].flatten(0, 2)[row].view(scenes, agents, 1, 2, 2)
+    xx, xy, yy = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    x, y = (places - middle).unbind(-1)  # [B, N, M]
+    squared = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
+    moves = kernel > 0.0
+    width = torch.where(moves, kernel, torch.ones_like(kernel)).unsqueeze(-1)
+    near = torch.softmax(log_weight - squared / (2.0 * width * width), dim=2)
+    paths = mean.flatten(3)  # [B, N, M, H S]
+    # No matrix product, which autocast would narrow to where places have a grid of half a metre.
+    local = (near.unsqueeze(-1) * paths).sum(dim=2, keepdim=True)  # [B, N, 1, H S]
+    first = paths.flatten(0, 2)[row].view(scenes, agents, 1, -1)
+    moved = first + (share * moves)[..., None, None] * (local - first)
+    chosen = torch.arange(modes, device=mean.device) == heaviest  # [B, N, M]
+    return torch.where(chosen.unsqueeze(-1), moved, paths).view_as(mean)

@@ -13,11 +13,13 @@ from models.decoder import Decoder
 from models.ekf import EkfCovariance
 from models.encoder import Encoder
 from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead
+from models.mixture_likelihood import heaviest_at_local_mean
 from models.mtp_go_config import ModelConfig
 from models.neural_ode import NeuralODE
 from models.own_frame.agent_frames import (
     Start,
     hold_first_mode,
+    motion_share,
     states_to_own,
     states_to_scene,
 )
@@ -44,6 +46,8 @@ class MTPGO(TrajectoryPredictor):
     static_everywhere: Final[bool]
     hold_standing: Final[bool]
     sees_trails: Final[bool]
+    moves_heaviest: Final[bool]
+    heaviest_kernels: Tensor
     if TYPE_CHECKING:  # TorchScript would compile an annotation that it can see
         config: ModelConfig
 
@@ -55,6 +59,10 @@ class MTPGO(TrajectoryPredictor):
         self.static_everywhere = config.static_features and config.static_inputs == "all"
         self.hold_standing = config.hold_standing
         self.sees_trails = config.trail_branches > 0
+        self.moves_heaviest = any(config.heaviest_kernels)
+        kernels = torch.zeros(config.static_size)
+        kernels[: len(config.heaviest_kernels)] = torch.tensor(config.heaviest_kernels)
+        self.register_buffer("heaviest_kernels", kernels, persistent=False)
         self.floor = FLOOR if config.covariance_inflation > 0.0 else 0.0
         static_size = config.static_size if self.static_everywhere else 0
         self.encoder = Encoder(config, self.condition.input_size + static_size)
@@ -78,6 +86,25 @@ class MTPGO(TrajectoryPredictor):
         self.mixture = MixtureHead(config.hidden, config.modes, usual)
         if self.sees_trails:
             self.trail = TrailInput(config, config.trail_branches)
+
+    def forward(
+        self,
+        features: Tensor,
+        valid: Tensor,
+        static: Tensor,
+        initial_covariance: Tensor | None = None,
+        trails: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """See :meth:`models.trajectory_predictor.TrajectoryPredictor.forward`."""
+        log_weight, mean, covariance = self.roll_out(
+            features, valid, static, initial_covariance, True, None, None, trails
+        )
+        if self.moves_heaviest:
+            known = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
+            share = motion_share(self.condition.start(known, valid).velocity)
+            kernel = torch.mv(static.flatten(0, 1), self.heaviest_kernels).view(share.shape)
+            mean = heaviest_at_local_mean(log_weight, mean, covariance, share, kernel)
+        return log_weight, mean, covariance
 
     def roll_out(
         self,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from models.network_config import NetworkConfig
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.options import option
+from mtpgo_core.options import option, require
 
 LAYERS = ("graphconv", "gcn", "gat", "gat+")
 ORDERS = (1, 2)
@@ -75,6 +75,10 @@ class ModelConfig(NetworkConfig):
             nothing but the paper's layers; see docs/training.md for what that costs.
         hold_standing: the first mode of a standing agent is uniform motion (not in the paper), so
             that an agent that stays where it is can be predicted exactly.
+        heaviest_kernels: one for each of the first static features, which are classes: outside of
+            the losses, the heaviest mode of a moving agent of that class is the mean of the modes
+            around it, see :func:`models.mixture_likelihood.heaviest_at_local_mean`. Standard
+            deviations of the kernel; 0 leaves the mode as it is, as in the paper.
     """
 
     layer: str = option("gat+", choices=LAYERS)
@@ -103,6 +107,7 @@ class ModelConfig(NetworkConfig):
     trail_branches: int = option(0, low=0)
     conditioned: bool = True
     hold_standing: bool = False
+    heaviest_kernels: tuple[float, ...] = option((), low=0.0, below=math.inf)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -110,6 +115,12 @@ class ModelConfig(NetworkConfig):
             raise ConfigurationError(
                 "model.ekf is True and ode False, expected ekf=False without a motion model"
             )
+        require(
+            "model.heaviest_kernels",
+            list(self.heaviest_kernels),
+            len(self.heaviest_kernels) <= self.static_size,
+            f"at most one for each of the {self.static_size} static features",
+        )
 
     @property
     def state_size(self) -> int:

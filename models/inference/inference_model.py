@@ -13,6 +13,7 @@ from models.inference.inference_decoder import FastDecoder
 from models.inference.inference_encoder import FastEncoder
 from models.inference.inference_motion import FastMotion
 from models.inference.packed_attention import make_scratch
+from models.mixture_likelihood import heaviest_at_local_mean
 from models.mtp_go import MTPGO
 from models.mtp_go_config import ModelConfig
 from models.own_frame.agent_frames import Start, motion_share
@@ -49,6 +50,8 @@ class FastMTPGO(nn.Module):
     static_everywhere: Final[bool]
     hold_standing: Final[bool]
     sees_trails: Final[bool]
+    moves_heaviest: Final[bool]
+    heaviest_kernels: Tensor
     time: Tensor
 
     def __init__(self, model: MTPGO):
@@ -72,6 +75,8 @@ class FastMTPGO(nn.Module):
         self.static_everywhere = model.static_everywhere
         self.hold_standing = model.hold_standing
         self.sees_trails = model.sees_trails
+        self.moves_heaviest = model.moves_heaviest
+        self.register_buffer("heaviest_kernels", model.heaviest_kernels)
         if self.sees_trails:
             self.trail = model.trail
         self.to(model.control.out.weight.dtype)
@@ -131,6 +136,10 @@ class FastMTPGO(nn.Module):
             first = initial_in_own_frame(initial_covariance, first, start.direction)
         of_q, of_position = self.motion.jacobian(torch.cat(units))
         spread = self.covariance(first, of_q, of_position, noise, start.direction)
+        if self.moves_heaviest:
+            share = motion_share(start.velocity)
+            kernel = torch.mv(static.flatten(0, 1), self.heaviest_kernels).view(share.shape)
+            mean = heaviest_at_local_mean(log_weight, mean, spread, share, kernel)
         return log_weight, mean, spread
 
     def to_scene(self, deviations: Tensor, start: Start) -> Tensor:

@@ -243,7 +243,12 @@ class ReferenceMTPGO(nn.Module):
             None if teacher is None else teacher.flatten(0, 1),
             None if trails is None else trails.flatten(0, 1),
         )
-        log_weight, mean, covariance = (x.unflatten(0, (batch, agents)) for x in results)
+        log_weight, mean, covariance = results
+        speed = self.frames(features.flatten(0, 1), valid.flatten(0, 1))[3].norm(dim=-1)
+        mean = self.with_local_mean(log_weight, mean, covariance, speed, static.flatten(0, 1))
+        log_weight, mean, covariance = (
+            x.unflatten(0, (batch, agents)) for x in (log_weight, mean, covariance)
+        )
         return log_weight, mean, covariance
 
     def roll_out(
@@ -443,6 +448,29 @@ class ReferenceMTPGO(nn.Module):
         return each, self.linear("trail.out", elu(self.linear("trail.body", some)))
 
     # Motion and covariance.
+
+    def with_local_mean(
+        self, log_weight: Tensor, mean: Tensor, covariance: Tensor, speed: Tensor, static: Tensor
+    ) -> Tensor:
+        """Return [N, M, H, S] means, the heaviest of moving agents moved among its neighbours.
+
+        Not in the paper. The neighbours are weighted by a Gaussian at the end of the horizon.
+        """
+        moved = mean.clone()
+        for n, heaviest in enumerate(log_weight.argmax(dim=-1).tolist()):
+            kernel = sum(
+                k * float(x) for k, x in zip(self.config.heaviest_kernels, static[n], strict=False)
+            )
+            if kernel == 0.0:
+                continue
+            offset = mean[n, :, -1, :2] - mean[n, heaviest, -1, :2]
+            inverse = torch.linalg.inv(covariance[n, heaviest, -1, :2, :2])
+            squared = torch.einsum("mi,ij,mj->m", offset, inverse, offset)
+            near = log_weight[n].exp() * torch.exp(-0.5 * squared / kernel**2)
+            local = torch.einsum("m,mhs->hs", near / near.sum(), mean[n])
+            share = ((speed[n] - 0.3) / 0.2).clamp(0.0, 1.0)
+            moved[n, heaviest] = share * local + (1.0 - share) * mean[n, heaviest]
+        return moved
 
     def held(self, path: Tensor, start: Tensor, velocity: Tensor) -> Tensor:
         """Return [N, M, H, S] paths, the first of standing agents in uniform motion.

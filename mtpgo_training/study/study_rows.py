@@ -19,11 +19,17 @@ class StudyError(MtpgoError):
     """A study without any result."""
 
 
+_NO_CLASSES = ("model.static_features=false", "model.heaviest_kernels=[]")
+_CLASSES = (
+    "model.static_features=true",
+    "model.static_inputs=motion",
+    "model.heaviest_kernels=[]",
+)
 RECIPES = {
-    "mtp-go1": ("model.order=1", "model.static_features=false"),
-    "mtp-go1-s": ("model.order=1", "model.static_features=true", "model.static_inputs=motion"),
-    "mtp-go2": ("model.order=2", "model.static_features=false"),
-    "mtp-go2-s": ("model.order=2", "model.static_features=true", "model.static_inputs=motion"),
+    "mtp-go1": ("model.order=1", *_NO_CLASSES),
+    "mtp-go1-s": ("model.order=1", *_CLASSES),
+    "mtp-go2": ("model.order=2", *_NO_CLASSES),
+    "mtp-go2-s": ("model.order=2", *_CLASSES),
 }
 """The paper's methods by name. With the data set appended they are the names of the paper's own
 configurations; the values make them of any other one."""

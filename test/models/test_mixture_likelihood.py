@@ -8,7 +8,12 @@ import pytest
 import torch
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
-from models.mixture_likelihood import gaussian_log_prob, mixture_nll, position_nll
+from models.mixture_likelihood import (
+    gaussian_log_prob,
+    heaviest_at_local_mean,
+    mixture_nll,
+    position_nll,
+)
 
 B, N, M, H = 2, 3, 4, 5
 
@@ -92,3 +97,68 @@ def test_far_from_all_modes_stays_finite():
     nll = mixture_nll(log_weight, mean, covariance, target + 1e3, torch.ones(B, N, H).bool())
     assert torch.isfinite(nll).all()
     assert (nll > 1e3).all()
+
+
+def modes_ending_at(*ends, steps=2):
+    """Return means [1, 1, M, steps, 2] from the origin to the ends, in equal steps."""
+    end = torch.tensor(ends).double()
+    part = torch.arange(1, steps + 1).double() / steps
+    return (end[:, None] * part[:, None]).view(1, 1, len(ends), steps, 2)
+
+
+def covariances(modes, *diagonal, steps=2):
+    return torch.diag(torch.tensor(diagonal).double()).expand(1, 1, modes, steps, 2, 2)
+
+
+def local_mean(weight, mean, covariance, share=1.0, kernel=1.0):
+    log_weight = torch.tensor([[weight]], dtype=torch.float64).log()
+    moving, kernels = (torch.tensor([[x]]).double() for x in (share, kernel))
+    return heaviest_at_local_mean(log_weight, mean, covariance, moving, kernels)
+
+
+def test_the_heaviest_mode_moves_to_the_mean_of_those_around_it():
+    """The second is heaviest; the first ends 2 deviations of 3 m ahead: its weight is
+    0.4 exp(-2) = 0.0541 against 0.5, so the end moves by 6 m * 0.0977; the third is far away."""
+    mean = modes_ending_at([16.0, 0.0], [10.0, 0.0], [10.0, 300.0])
+    moved = local_mean([0.4, 0.5, 0.1], mean, covariances(3, 9.0, 1.0))
+    near = 0.4 * math.exp(-2.0)
+    end = 10.0 + 6.0 * near / (near + 0.5)
+    torch.testing.assert_close(moved[0, 0, 1], torch.tensor([[end / 2, 0.0], [end, 0.0]]).double())
+    torch.testing.assert_close(moved[0, 0, [0, 2]], mean[0, 0, [0, 2]], rtol=0.0, atol=0.0)
+
+
+def test_a_wider_kernel_sees_more_modes():
+    """With a kernel of 2 the mode 2 deviations away counts exp(-1/2)."""
+    mean = modes_ending_at([0.0, 4.0], [0.0, 0.0])
+    moved = local_mean([0.4, 0.6], mean, covariances(2, 1.0, 4.0), kernel=2.0)
+    near = 0.4 * math.exp(-0.5)
+    assert moved[0, 0, 1, -1, 1].item() == pytest.approx(4.0 * near / (near + 0.6), rel=1e-12)
+
+
+def test_distances_follow_a_correlated_covariance():
+    """Along the diagonal the deviation is sqrt(1.9), across it sqrt(0.1)."""
+    mean = modes_ending_at([0.0, 0.0], [1.0, 1.0])
+    spread = torch.tensor([[1.0, 0.9], [0.9, 1.0]], dtype=torch.float64).expand(1, 1, 2, 2, 2, 2)
+    moved = local_mean([0.6, 0.4], mean, spread)
+    near = 0.4 * math.exp(-0.5 * 2.0 / 1.9)
+    assert moved[0, 0, 0, -1].tolist() == pytest.approx([near / (near + 0.6)] * 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_the_share_says_how_far_it_moves(share):
+    mean = modes_ending_at([16.0, 0.0], [10.0, 0.0])
+    given = ([0.4, 0.6], mean, covariances(2, 9.0, 1.0))
+    whole = local_mean(*given)
+    torch.testing.assert_close(local_mean(*given, share), mean + share * (whole - mean))
+
+
+def test_without_a_kernel_nothing_moves():
+    mean = modes_ending_at([16.0, 0.0], [10.0, 0.0])
+    moved = local_mean([0.4, 0.6], mean, covariances(2, 9.0, 1.0), kernel=0.0)
+    torch.testing.assert_close(moved, mean, rtol=0.0, atol=0.0)
+
+
+def test_all_states_of_a_path_move_alike():
+    mean = torch.cat((modes_ending_at([2.0, 0.0], [0.0, 0.0]),) * 2, dim=-1)
+    moved = local_mean([0.4, 0.6], mean, covariances(2, 1.0, 1.0))
+    torch.testing.assert_close(moved[..., 2:], moved[..., :2])
