@@ -12,8 +12,8 @@ from models.ablations.direct_states import DirectStates
 from models.decoder import Decoder
 from models.ekf import EkfCovariance
 from models.encoder import Encoder
+from models.gaussian_mixture import heaviest_at_local_mean
 from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead
-from models.mixture_likelihood import heaviest_at_local_mean
 from models.mtp_go_config import ModelConfig
 from models.neural_ode import NeuralODE
 from models.own_frame.agent_frames import (

@@ -77,7 +77,7 @@ class ModelConfig(NetworkConfig):
             that an agent that stays where it is can be predicted exactly.
         heaviest_kernels: one for each of the first static features, which are classes: outside of
             the losses, the heaviest mode of a moving agent of that class is the mean of the modes
-            around it, see :func:`models.mixture_likelihood.heaviest_at_local_mean`. Standard
+            around it, see :func:`models.gaussian_mixture.heaviest_at_local_mean`. Standard
             deviations of the kernel; 0 leaves the mode as it is, as in the paper.
     """
 

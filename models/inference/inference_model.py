@@ -7,13 +7,13 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
+from models.gaussian_mixture import heaviest_at_local_mean
 from models.gnn_layers.interaction_graph import complete_graph, squared_distances
 from models.inference.inference_covariance import FastCovariance
 from models.inference.inference_decoder import FastDecoder
 from models.inference.inference_encoder import FastEncoder
 from models.inference.inference_motion import FastMotion
 from models.inference.packed_attention import make_scratch
-from models.mixture_likelihood import heaviest_at_local_mean
 from models.mtp_go import MTPGO
 from models.mtp_go_config import ModelConfig
 from models.own_frame.agent_frames import Start, motion_share

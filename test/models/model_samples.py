@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from models import MTPGO, ModelConfig
+from models.gaussian_mixture import mixture_nll
 from models.inference import deployable
-from models.mixture_likelihood import mixture_nll
 from models.trajectory_predictor import TrajectoryPredictor
 
 BEYOND_PAPER = {

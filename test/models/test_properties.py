@@ -13,7 +13,7 @@ from model_samples import (
     make_scene,
 )
 
-from models.mixture_likelihood import mixture_nll, position_nll
+from models.gaussian_mixture import mixture_nll, position_nll
 
 ORDERS = pytest.mark.parametrize("order", [1, 2])
 LAYERS = pytest.mark.parametrize("layer", ["graphconv", "gcn", "gat", "gat+"])

@@ -12,7 +12,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from models.mixture_likelihood import mixture_nll, mode_log_prob
+from models.gaussian_mixture import mixture_nll, mode_log_prob
 from mtpgo_training.training.losses.ewta_loss import huber_per_mode, mean_distance, observed_agents
 
 NEAREST_SCALE_M = 0.2

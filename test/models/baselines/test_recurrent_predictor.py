@@ -9,7 +9,7 @@ import torch
 from baseline_samples import ALL, close, make_baseline
 from model_samples import check_mixed_precision, constant_velocity, make_scene, save_and_load
 
-from models.mixture_likelihood import mixture_nll
+from models.gaussian_mixture import mixture_nll
 
 
 @ALL

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The likelihood against torch.distributions."""
+"""The likelihood against torch.distributions, and the local mean by hand."""
 
 import math
 
@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
-from models.mixture_likelihood import (
+from models.gaussian_mixture import (
     gaussian_log_prob,
     heaviest_at_local_mean,
     mixture_nll,
