@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.identity import key_to_text
-from mtpgo_core.prediction.output_assembly import delay_ns, time_grid
 from mtpgo_core.quality.metrics import ade, fde, is_inside, nees
 from mtpgo_core.schema import MOVING_MPS, Float64Array, KeyArray, Prediction
 from mtpgo_training.data.ground_truth import FutureTable
@@ -132,8 +131,10 @@ def _seen(
     prediction: Prediction, recording: Recording, shown: Recording, future: FutureTable
 ) -> SeenPrediction:
     """Return a prediction with its scores."""
-    steps, (_, dt_s) = len(prediction.time_s), time_grid(prediction.time_s)
-    start_ns = prediction.stamp_ns + delay_ns(prediction)
+    steps = len(prediction.time_s)
+    dt_s = float(np.median(np.diff(prediction.time_s, prepend=0.0)[-max(1, steps - 1) :]))
+    delay_s = float(prediction.time_s[0]) - dt_s  # where the predictor compensates its delay
+    start_ns = prediction.stamp_ns + round(1e9 * delay_s)
     truth = future.at(recording.find_tracks(prediction.key), start_ns, steps, dt_s)
     mean = prediction.mean[..., :2]
     with np.errstate(invalid="ignore"):
