@@ -119,13 +119,17 @@ def only_writer(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def read_json(path: Path, kind: str, keys: Collection[str] = ()) -> dict[str, Any]:
+def read_json(
+    path: Path, kind: str, keys: Collection[str] = (), *, otherwise: str = "is damaged"
+) -> dict[str, Any]:
     """Return the object in a JSON file that this package wrote.
 
     Args:
         path: the file.
         kind: what it holds, for the error.
         keys: what the object has at least.
+        otherwise: what the error says of a file with another content; one that the user names may
+            be any.
 
     Raises:
         ConfigurationError: it cannot be read or holds something else.
@@ -135,9 +139,9 @@ def read_json(path: Path, kind: str, keys: Collection[str] = ()) -> dict[str, An
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be read: {reason_of(error)}") from error
     except (ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path} is damaged, expected {kind}: {error}") from error
+        raise ConfigurationError(f"{path} {otherwise}, expected {kind}: {error}") from error
     lacking = [key for key in keys if not isinstance(content, dict) or key not in content]
     if lacking or not isinstance(content, dict):
         what = f"has no {lacking[0]!r}" if lacking else "holds no object"
-        raise ConfigurationError(f"{path} is damaged, expected {kind}: it {what}")
+        raise ConfigurationError(f"{path} {otherwise}, expected {kind}: it {what}")
     return content

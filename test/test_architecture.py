@@ -135,6 +135,7 @@ ROOMS = {
     ),
     "mtpgo_training": (
         "atomic_files",
+        "run_files",
         "table_format",
         "processes",
         "data",

@@ -235,6 +235,37 @@ def with_time_origin(prediction: Prediction, stamp_ns: int) -> Prediction:
     return dataclasses.replace(prediction, stamp_ns=stamp_ns, time_s=prediction.time_s + shift_s)
 
 
+def time_grid(time_s: Float64Array) -> tuple[float, float]:
+    """Return when the horizon of a prediction begins after its stamp, and its step (s).
+
+    It begins later than the stamp where the node compensated its delay: the first step is then
+    the delay and one step after it. Of a horizon of one step, this cannot be told.
+
+    Args:
+        time_s: [H] as in a prediction (s); float32 if it comes from a message, NaN where all
+            points of a step are missing.
+    """
+    known = np.flatnonzero(np.isfinite(time_s))
+    if not len(known):
+        return 0.0, float("nan")
+    first, last = int(known[0]), int(known[-1])
+    if first == last:
+        return 0.0, float(time_s[first]) / (first + 1)
+    # Rounded below what float32 resolves.
+    step_s = round(float(time_s[last] - time_s[first]) / (last - first), 9)
+    return max(0.0, round(float(time_s[first]) - (first + 1) * step_s, 6)), step_s
+
+
+def delay_ns(prediction: Prediction) -> int:
+    """Return how long after its stamp the horizon of a prediction begins (ns)."""
+    return round(1e9 * time_grid(prediction.time_s)[0])
+
+
+def from_horizon_start(prediction: Prediction) -> Prediction:
+    """Return the same prediction stamped with the time at which its horizon begins."""
+    return with_time_origin(prediction, prediction.stamp_ns + delay_ns(prediction))
+
+
 def _differences(position: Float64Array, initial: Float64Array, dt_s: float) -> Float64Array:
     """Return velocities [p, M, H, 2] of a first-order model, which predicts positions only."""
     start = np.broadcast_to(initial[:, None, None], (*position.shape[:2], 1, 2))

@@ -15,6 +15,7 @@ from mtpgo_training.atomic_files import is_new, read_json, write_text
 from mtpgo_training.crossval.fold_plan import plan_fold
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.run_files import FACTS_FILE, PLAN_FILE
 from mtpgo_training.training.run_folder import RunFolder, versions
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.trainer import train
@@ -39,7 +40,7 @@ class PlannedFiles:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.plan = path / "plan.json"
+        self.plan = path / PLAN_FILE
         self.run = path / "run"
         self.training = path / "training.json"
         self.model = path / "model.pt"
@@ -82,7 +83,7 @@ def train_planned(
         plan = plan_fold(config, recordings, budget, cache)
         plan.save(files.plan)
     print(f"plan       {plan}", flush=True)
-    resume = (files.run / "run.json").is_file()
+    resume = (files.run / FACTS_FILE).is_file()
     run = train(
         plan.applied(config, recordings),
         recordings,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtpgo_core.prediction.output_assembly import delay_ns, time_grid
 from mtpgo_core.schema import Float64Array, Prediction, Source
 from mtpgo_training.data.ground_truth import FutureTable
 from mtpgo_training.data.recording import Recording
@@ -108,13 +109,15 @@ def _best_moments(
         if not len(prediction):
             continue
         track = recording.find_tracks(prediction.key)
-        horizon, dt_s = len(prediction.time_s), float(prediction.time_s[0])
-        truth = future.at(track, prediction.stamp_ns, horizon, dt_s)
+        delay_s, dt_s = time_grid(prediction.time_s)
+        ahead_s = delay_s + len(prediction.time_s) * dt_s
+        start_ns = prediction.stamp_ns + delay_ns(prediction)
+        truth = future.at(track, start_ns, len(prediction.time_s), dt_s)
         before = _state_at(recording, prediction.stamp_ns - round(BEGUN_S * 1e9), track)
         now_frame = (prediction.stamp_ns - recording.start_time_ns) * 1e-9 * recording.frame_rate
         by_model = prediction.source == Source.MODEL
         old = by_model & (track >= 0) & (frame[track] <= now_frame - past_s * recording.frame_rate)
-        departure = _interest(before, truth.position[:, -1], BEGUN_S + horizon * dt_s)
+        departure = _interest(before, truth.position[:, -1], BEGUN_S + ahead_s)
         interest = np.where(old & truth.known[:, -1], departure, -1.0)
         agent = int(np.nanargmax(interest)) if np.isfinite(interest).any() else 0
         if interest[agent] > 0.0:

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.prediction.output_assembly import delay_ns, from_horizon_start, time_grid
 from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, KeyArray, Prediction
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.ground_truth import FutureTable
@@ -157,9 +158,12 @@ class Scorer:
         return GroundTruth(agents, path.position[:, 1:], path.known[:, 1:])
 
     def score(self, prediction: Prediction) -> ScoredPrediction:
-        """Score the agents of a prediction that were observed for long enough afterwards."""
-        horizon = len(prediction.time_s)
-        dt_s = float(prediction.time_s[0]) if horizon else float("nan")
+        """Score the agents of a prediction that were observed for long enough afterwards.
+
+        The instant that counts is the one at which its horizon begins.
+        """
+        prediction = from_horizon_start(prediction)
+        horizon, (_, dt_s) = len(prediction.time_s), time_grid(prediction.time_s)
         truth = self.ground_truth(prediction.key, prediction.stamp_ns, horizon, dt_s)
         least = max(1, round(min(self._min_future_s / dt_s, horizon)))
         rows = truth.mask.sum(axis=1) >= least
@@ -218,7 +222,9 @@ def add_scores(
     """
     scorer = Scorer(recording, max_gap_s=history.max_gap_s, min_future_s=min_future_s)
     ordered = sorted(predictions, key=lambda p: p.stamp_ns)
-    windows = replay(recording, history, [p.stamp_ns for p in ordered])
+    windows = replay(
+        recording, history, [p.stamp_ns for p in ordered], ahead_ns=map(delay_ns, ordered)
+    )
     for prediction, window in zip(ordered, windows, strict=True):
         if len(prediction):
             found = scorer.score(prediction)

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import replacing
 from mtpgo_training.reports.series import MODEL_COLOURS, draw_line
+from mtpgo_training.run_files import LOG_FILE
 
 LINES = (("all_ade", "ADE", "-"), ("all_min_ade", "minADE", "--"))
 """Column of the log, name and line style of each curve of a run."""
@@ -32,7 +33,7 @@ def read_log(folder: Path) -> list[dict[str, str]]:
     Raises:
         ConfigurationError: there is no log of `mtpgo train`, or it has no validated epoch.
     """
-    path = folder / "log.csv"
+    path = folder / LOG_FILE
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))

@@ -4,12 +4,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.atomic_files import read_json
 from mtpgo_training.evaluation.scores.score_summary import TITLES
 from mtpgo_training.reports.tables import HEADINGS, INTERVAL_KEYS, score_cells
 from mtpgo_training.table_format import Row, Table, to_markdown
@@ -21,24 +21,15 @@ def read_results(path: Path) -> Json:
     """Return what ``mtpgo evaluate --json`` wrote.
 
     Raises:
-        RecordingError: the file cannot be read or holds something else.
+        ConfigurationError: the file cannot be read or holds something else.
     """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise RecordingError(f"{path} is no JSON: {error}") from error
-    if not isinstance(content, dict) or not {"models", "intervals", "recordings"} <= set(content):
-        raise RecordingError(
-            f"{path} holds no results, expected a file of 'mtpgo evaluate --json'"
-        )
+    kind, keys = "a file of 'mtpgo evaluate --json'", ("models", "intervals", "recordings")
+    content = read_json(path, kind, keys, otherwise="holds no results")
     try:
         markdown_table([("", content)])
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise RecordingError(
-            f"{path} holds no results that can be shown, expected a file of 'mtpgo evaluate "
-            "--json' of this version"
+        raise ConfigurationError(
+            f"{path} holds no results that can be shown, expected {kind} of this version"
         ) from error
     return content
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator
 
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
@@ -17,6 +18,7 @@ def replay(
     config: HistoryConfig,
     stamps_ns: Iterable[int],
     *,
+    ahead_ns: Iterable[int] = itertools.repeat(0),
     one_sample: bool = False,
     on_frame: Callable[[], object] = lambda: None,
     on_update: Callable[[TrackHistory, UpdateReport], object] = lambda history, report: None,
@@ -27,6 +29,8 @@ def replay(
         recording: every frame up to the last stamp is observed.
         config: grid and estimators of the history.
         stamps_ns: ascending times (ns).
+        ahead_ns: how much later than its stamp the time of each window is (ns), as in a node that
+            compensates its delay.
         one_sample: forget the past before each frame, as if every agent were seen for the first
             time.
         on_frame: called after each observed frame.
@@ -35,11 +39,11 @@ def replay(
     history = TrackHistory(config)
     states = recording.states()
     upcoming = next(states, None)
-    for stamp_ns in stamps_ns:
+    for stamp_ns, ahead in zip(stamps_ns, ahead_ns, strict=False):
         while upcoming is not None and upcoming.stamp_ns <= stamp_ns:
             if one_sample:
                 history.clear()
             on_update(history, history.update(upcoming))
             on_frame()
             upcoming = next(states, None)
-        yield history.window(stamp_ns)
+        yield history.window(stamp_ns + ahead)

@@ -1,20 +1,32 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The progress of a study: a bar, lines, and an estimate of the time left."""
+"""The runs of a study, and their progress: a bar, lines, and an estimate of the time left."""
 
 from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from tqdm import tqdm
 
+from mtpgo_core.errors import MtpgoError
+from mtpgo_training.crossval.fold_processes import Job, run_folds
 from mtpgo_training.study.study_run import RunFiles
+from mtpgo_training.training.interruption import Interruption
 
 Json = dict[str, Any]
+
+
+class NamedJob(Job, Protocol):
+    """A run that has a name."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
 
 
 class StudyProgress(AbstractContextManager["StudyProgress"]):
@@ -94,3 +106,44 @@ class StudyProgress(AbstractContextManager["StudyProgress"]):
         if not self._quiet:
             tqdm.write(text)
             sys.stdout.flush()
+
+
+def run_all(
+    jobs: Sequence[NamedJob],
+    processes: int,
+    progress: StudyProgress,
+    write: Callable[[], object],
+) -> tuple[int | None, list[str]]:
+    """Run trainings in processes of their own; one that fails does not end the others.
+
+    Args:
+        jobs: those that are not done.
+        processes: largest number at the same time.
+        progress: is told of each.
+        write: writes the results so far; called after each.
+
+    Returns:
+        The signal that ended it, None if none did, and the names of those that failed.
+    """
+    failures: list[str] = []
+
+    def finished(job: NamedJob) -> None:
+        write()
+        progress.finished(job.name, RunFiles(job.folder).result() or {})
+
+    def failed(job: NamedJob, error: MtpgoError) -> None:
+        RunFiles(job.folder).write_error(error)
+        failures.append(job.name)
+        write()
+        progress.failed(job.name, str(error))
+
+    with progress, Interruption() as interruption:
+        run_folds(
+            jobs,
+            processes,
+            interruption,
+            started=lambda job: progress.started(job.name, job.folder),
+            finished=finished,
+            failed=failed,
+        )
+    return interruption.received_signal, failures

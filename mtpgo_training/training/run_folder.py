@@ -2,12 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The folder of a training run: its configuration, log and checkpoints.
 
-``config.yaml`` and ``run.json`` (data hashes, splits, versions, seed) are written at the start;
-``plan.json`` is the schedule that was made for ``--minutes``;
-``log.csv`` gets a line per epoch, ``tensorboard/`` the same and the loss by step; an interrupted
-run is resumed from ``last.pt``; ``best.pt`` is the best epoch by validation, and
-``validation.npz`` has the samples of its validation, to which a calibration is fitted. Checkpoints
-hold plain data only, so they load with ``weights_only``.
+:mod:`mtpgo_training.run_files` names its files. Checkpoints hold plain data only, so they
+load with ``weights_only``.
 """
 
 from __future__ import annotations
@@ -28,13 +24,18 @@ import torch
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.checked_archive import read_archive
-from mtpgo_training.atomic_files import is_new, new_folder, replacing, write_text
+from mtpgo_training.atomic_files import is_new, new_folder, read_json, replacing, write_text
+from mtpgo_training.run_files import (
+    BEST_FILE,
+    CONFIG_FILE,
+    FACTS_FILE,
+    LAST_FILE,
+    LOG_FILE,
+    SAMPLES_FILE,
+)
 from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
 
 CHECKPOINT_FORMAT = 1
-
-VALIDATION_SAMPLES = "validation.npz"
-"""Name of the samples for a calibration, of the validation of ``best.pt``."""
 
 Checkpoint = dict[str, Any]
 
@@ -48,14 +49,25 @@ _PICKLED = {
 
 
 class RunFolder:
-    """The files of a training run."""
+    """The files of a training run.
+
+    Args:
+        path: the folder.
+
+    Attributes:
+        path: as above.
+        best, last, samples, config_file: some of its files, see
+            :mod:`mtpgo_training.run_files`.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.best = path / "best.pt"
-        self.last = path / "last.pt"
-        self.samples = path / VALIDATION_SAMPLES
-        self._log = path / "log.csv"
+        self.best = path / BEST_FILE
+        self.last = path / LAST_FILE
+        self.samples = path / SAMPLES_FILE
+        self.config_file = path / CONFIG_FILE
+        self._facts = path / FACTS_FILE
+        self._log = path / LOG_FILE
 
     def require_new(self) -> None:
         """Check that the folder is new.
@@ -74,7 +86,7 @@ class RunFolder:
         Raises:
             ConfigurationError: it does not.
         """
-        missing = [n for n in ("config.yaml", "run.json") if not (self.path / n).is_file()]
+        missing = [file.name for file in (self.config_file, self._facts) if not file.is_file()]
         if missing:
             raise ConfigurationError(
                 f"the run folder {self.path} holds no run to resume: it has no {missing[0]}"
@@ -108,8 +120,8 @@ class RunFolder:
         }
         # All at once: a run that is killed in between could be neither started nor resumed.
         with new_folder(self.path) as folder:
-            write_text(folder / "config.yaml", dump_config(config))
-            write_text(folder / "run.json", json.dumps(facts, indent=2) + "\n")
+            write_text(folder / CONFIG_FILE, dump_config(config))
+            write_text(folder / FACTS_FILE, json.dumps(facts, indent=2) + "\n")
             for name, text in (more or {}).items():
                 write_text(folder / name, text)
 
@@ -122,9 +134,9 @@ class RunFolder:
             ConfigurationError: the folder holds no run, or the configuration or the data differ.
         """
         try:
-            stored = load_config(self.path / "config.yaml")
-            facts = json.loads((self.path / "run.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError, ConfigurationError) as error:
+            stored = load_config(self.config_file)
+            facts = read_json(self._facts, "what a run was started with")
+        except ConfigurationError as error:
             raise ConfigurationError(
                 f"the run folder {self.path} holds no run to resume ({error})"
             ) from error
@@ -136,7 +148,7 @@ class RunFolder:
         )
         if stored != config:
             raise ConfigurationError(
-                f"the configuration differs from {self.path / 'config.yaml'} in "
+                f"the configuration differs from {self.config_file} in "
                 f"{first_difference(stored, config)}, expected the same to resume"
             )
         if facts.get("initial_weights_sha256") and not self.last.exists():
@@ -147,8 +159,7 @@ class RunFolder:
             )
         if facts.get("splits") != splits:
             raise ConfigurationError(
-                f"the recordings differ from those in {self.path / 'run.json'}, expected the same "
-                "to resume"
+                f"the recordings differ from those in {self._facts}, expected the same to resume"
             )
 
     def save(
@@ -198,7 +209,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         ConfigurationError: it cannot be read or is not a checkpoint of this format.
     """
     if path.is_dir():
-        path = path / "best.pt"
+        path = path / BEST_FILE
     if not path.is_file():
         raise ConfigurationError(f"the checkpoint {path} does not exist")
     archive = read_archive(

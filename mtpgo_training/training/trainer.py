@@ -21,6 +21,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import only_writer
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, split, window_s
+from mtpgo_training.run_files import PLAN_FILE, RANGE_TEST_FILE
 from mtpgo_training.scenes.scene_dataset import dense
 from mtpgo_training.training.checkpointing import all_recordings, resume_from, start_from
 from mtpgo_training.training.console import setting_text
@@ -48,12 +49,6 @@ from mtpgo_training.training.trial.learning_rate_range import (
 )
 from mtpgo_training.training.trial.schedule_plan import SchedulePlan
 from mtpgo_training.training.trial.time_limit import TimeLimit, plan_for_time, plan_text
-
-RANGE_TEST_FILE = "learning_rate_test.csv"
-"""Points of the range test, in the run folder."""
-
-PLAN_FILE = "plan.json"
-"""Schedule that was made for a time limit, in the run folder."""
 
 STATISTICS_SCENES = 512
 """Scenes from which the scales of the network's inputs are taken (chosen)."""
@@ -107,8 +102,8 @@ def train(
     plan_file = folder.path / PLAN_FILE
     if resume and plan_file.is_file():
         config = SchedulePlan.load(plan_file).applied(config, recordings)
-    if find_rate and resume and (folder.path / "config.yaml").is_file():
-        stored = load_config(folder.path / "config.yaml")
+    if find_rate and resume and folder.config_file.is_file():
+        stored = load_config(folder.config_file)
         config = _with_rate(config, stored.optimisation.learning_rate)
     config = with_site_origins(config, recordings)
     torch.manual_seed(config.seed)

@@ -165,18 +165,24 @@ def _validate_together(
     processes: int,
     calibration: Calibration = Calibration(),  # noqa: B008  frozen
 ) -> tuple[Averages, CalibrationSamples]:
-    """Return what all processes find together, each with its share of the scenes."""
+    """Return what all processes find together, each with its share of the scenes.
+
+    There may be fewer scenes than processes.
+    """
     sites = sorted({scene.site for scene in scenes})
-    batches = scene_batches(scenes[rank::processes], sites)
-    scores, samples = validate(run.average.eval(), batches, calibration, sites=sites)
+    mine, share = scenes[rank::processes], None
+    if mine:
+        batches = scene_batches(mine, sites)
+        share = validate(run.average.eval(), batches, calibration, sites=sites)
+    shares: list[Any] = [share]
     if processes > 1:
-        shares: list[Any] = [None] * processes
-        torch.distributed.all_gather_object(shares, (scores, samples))
-        scores = ScoreTable()
-        for other_scores, _ in shares:
-            scores.merge(other_scores)
-        samples = merge_samples([other for _, other in shares])
-    return scores.averages(), samples
+        shares = [None] * processes
+        torch.distributed.all_gather_object(shares, share)
+    given = [one for one in shares if one is not None]
+    scores = ScoreTable()
+    for other, _ in given:
+        scores.merge(other)
+    return scores.averages(), merge_samples([samples for _, samples in given])
 
 
 def scene_batches(scenes: Sequence[Data], sites: Sequence[str]) -> Iterator[Fields]:

@@ -9,6 +9,7 @@ from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.predictions import prediction_to_pointcloud2
 from msg_adapters.registry import input_adapter
 from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.prediction.output_assembly import with_time_origin
 from mtpgo_core.prediction.scene_predictor import ScenePredictor
 from mtpgo_training.data.recording_bag import OBJECTS_TOPIC
 
@@ -16,8 +17,11 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 TOPIC = "/predictor/predictions"
 
 
-def play(recording, runner, path, *, shift_ns=0, every=2, observations=True):
-    """Run the node's steps in one process; every message is serialised as CDR and read back."""
+def play(recording, runner, path, *, shift_ns=0, every=2, observations=True, delay_ns=0):
+    """Run the node's steps in one process; every message is serialised as CDR and read back.
+
+    The node compensates a delay of ``delay_ns``.
+    """
     adapter, store = input_adapter("pointcloud2"), bag_typestore()
     predictor, history = ScenePredictor(runner), TrackHistory(runner.task.history)
     with McapWriter(path) as bag:
@@ -35,6 +39,7 @@ def play(recording, runner, path, *, shift_ns=0, every=2, observations=True):
             if observations:
                 bag.write(OBJECTS_TOPIC, stamp_ns, received)
             if i % every == 0:
-                prediction = predictor.predict(history.window(stamp_ns))
+                prediction = predictor.predict(history.window(stamp_ns + delay_ns))
+                prediction = with_time_origin(prediction, stamp_ns)
                 bag.write(TOPIC, stamp_ns, prediction_to_pointcloud2(prediction, bag.types))
     return path

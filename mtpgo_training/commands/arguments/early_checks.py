@@ -12,18 +12,13 @@ from pathlib import Path
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.task.model_file import find_model, read_model
 from mtpgo_training.data.data_sources import DataSource, SourceJob, source_jobs
+from mtpgo_training.run_files import FACTS_FILE, RUN_FILES
 
 MODULES_OF_LAYOUT = {"argoverse2": "pyarrow", "waymo": "google.protobuf"}
 """Layout -> module that reads its files and comes with an extra."""
 
 MODULES_OF_SUFFIX = {".parquet": "pyarrow", ".pq": "pyarrow", ".feather": "pyarrow"}
 """Suffix of a file of any layout -> module that reads it and comes with an extra."""
-
-RUN_FILES = (
-    *("config.yaml", "run.json", "plan.json", "log.csv", "learning_rate_test.csv"),
-    *("best.pt", "last.pt", "validation.npz"),
-)
-"""Files in the folder of a run, see :mod:`mtpgo_training.training.run_folder`."""
 
 
 def require_modules(*names: str) -> None:
@@ -187,6 +182,6 @@ def files_of_run(checkpoint: Path) -> list[Path]:
         checkpoint: run folder, or a file, in a run folder or not.
     """
     folder = checkpoint if checkpoint.is_dir() else checkpoint.parent
-    if not (folder / "run.json").is_file():
+    if not (folder / FACTS_FILE).is_file():
         return [checkpoint]
     return [checkpoint, *(folder / name for name in RUN_FILES)]

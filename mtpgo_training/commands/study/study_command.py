@@ -5,12 +5,11 @@
 from __future__ import annotations
 
 import argparse
-import signal
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mtpgo_core.errors import ConfigurationError, MtpgoError
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.argument_types import (
     positive_integer,
     positive_number,
@@ -147,19 +146,17 @@ def run(args: argparse.Namespace) -> int:
     part = _check(args)
     require_training_modules()
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
-    from mtpgo_training.crossval.fold_processes import run_folds
     from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.study.output.study_output import write_results
     from mtpgo_training.study.output.study_page import write_page
     from mtpgo_training.study.output.study_tables import gaps, main_table
     from mtpgo_training.study.study_data import study_data
     from mtpgo_training.study.study_folder import StudyFolder
-    from mtpgo_training.study.study_progress import StudyProgress
+    from mtpgo_training.study.study_progress import StudyProgress, run_all
     from mtpgo_training.study.study_results import results
     from mtpgo_training.study.study_rows import StudyError, find_study
-    from mtpgo_training.study.study_run import RunFiles, StudyRun
+    from mtpgo_training.study.study_run import StudyRun
     from mtpgo_training.table_format import to_text
-    from mtpgo_training.training.interruption import Interruption
     from mtpgo_training.training.trial.schedule_plan import Budget
 
     study = find_study(args.study)
@@ -218,26 +215,9 @@ def run(args: argparse.Namespace) -> int:
 
     progress = StudyProgress(len(mine), len(mine) - len(jobs), args.jobs, quiet=args.quiet)
 
-    def finished(job: StudyRun) -> None:
-        write()
-        progress.finished(job.name, RunFiles(job.folder).result() or {})
-
-    def failed(job: StudyRun, error: MtpgoError) -> None:
-        RunFiles(job.folder).write_error(error)
-        write()
-        progress.failed(job.name, str(error))
-
     for name, text in refused.items():
         progress.failed(name, text, count=False)
-    with progress, Interruption() as interruption:
-        run_folds(
-            jobs,
-            args.jobs,
-            interruption,
-            started=lambda job: progress.started(job.name, job.folder),
-            finished=finished,
-            failed=failed,
-        )
+    received_signal, _ = run_all(jobs, args.jobs, progress, write)
     content = write()
     page = write_page(folder, content)
     print(f"\n{to_text(main_table(content))}\n")
@@ -245,10 +225,10 @@ def run(args: argparse.Namespace) -> int:
         print(f"gap: {text}")
     if not args.quiet:
         print(f"written to {folder.path}: result.md, .tex, .csv, .json, and {page.name}")
-    if interruption.received_signal is not None:
+    if received_signal is not None:
         if not args.quiet:
             print(f"interrupted; to continue: {same_command(args)}")
-        return 128 + signal.Signals(interruption.received_signal)
+        return 128 + received_signal
     if jobs and not any(row["seeds"] for row in content["rows"]):
         raise StudyError(f"no run of the study is done: {progress.last_error}")
     return 0

@@ -6,20 +6,18 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mtpgo_core.errors import ConfigurationError, MtpgoError
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.early_checks import require_folder
 from mtpgo_training.commands.arguments.next_command import command_text, same_command
-from mtpgo_training.crossval.fold_processes import FoldError, run_folds
+from mtpgo_training.crossval.fold_processes import FoldError
 from mtpgo_training.data.data_sources import DataSource, read_all
 from mtpgo_training.data.recording_cache import RecordingCache
-from mtpgo_training.study.study_progress import StudyProgress
-from mtpgo_training.study.study_run import RunFiles
+from mtpgo_training.study.study_progress import StudyProgress, run_all
 from mtpgo_training.sweep.sweep_folder import SweepFolder
 from mtpgo_training.sweep.sweep_grid import GridPoint, grid_points, swept_keys
 from mtpgo_training.sweep.sweep_results import (
@@ -37,7 +35,6 @@ from mtpgo_training.sweep.sweep_run import (
 )
 from mtpgo_training.table_format import to_text
 from mtpgo_training.training.checkpointing import start_from
-from mtpgo_training.training.interruption import Interruption
 from mtpgo_training.training.networks import build_network, options_for
 from mtpgo_training.training.recipes.named_configs import find_config
 from mtpgo_training.training.run_folder import load_checkpoint
@@ -111,28 +108,8 @@ def run_sweep(
         write_results(folder, content)
         return content
 
-    failures: list[str] = []
     progress = StudyProgress(len(points), len(points) - len(waiting), jobs, quiet=args.quiet)
-
-    def finished(job: SweepRun) -> None:
-        write()
-        progress.finished(job.name, RunFiles(job.folder).result() or {})
-
-    def failed(job: SweepRun, error: MtpgoError) -> None:
-        RunFiles(job.folder).write_error(error)
-        failures.append(job.name)
-        write()
-        progress.failed(job.name, str(error))
-
-    with progress, Interruption() as interruption:
-        run_folds(
-            waiting,
-            jobs,
-            interruption,
-            started=lambda job: progress.started(job.name, job.folder),
-            finished=finished,
-            failed=failed,
-        )
+    received_signal, failures = run_all(waiting, jobs, progress, write)
     content = write()
     print(f"\n{to_text(results_table(content))}\n\n{remark(content)}")
     for text in gaps(content):
@@ -142,10 +119,10 @@ def run_sweep(
         if content["best"] is not None:
             best = folder.run(content["best"]).run
             print(f"next: {command_text('mtpgo', 'export', best, '-o', f'{base.name}.pt')}")
-    if interruption.received_signal is not None:
+    if received_signal is not None:
         if not args.quiet:
             print(f"interrupted; to continue: {same_command(args)}")
-        return 128 + signal.Signals(interruption.received_signal)
+        return 128 + received_signal
     if failures:
         sys.stdout.flush()
         raise FoldError(

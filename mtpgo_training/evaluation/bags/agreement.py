@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -86,16 +86,19 @@ class Agreement:
 
 
 def replay_offline(
-    runner: ModelRunner, recording: Recording, stamps: Sequence[int]
+    runner: ModelRunner, recording: Recording, stamps: Sequence[int], ahead_ns: Iterable[int]
 ) -> Iterator[tuple[Prediction, Prediction]]:
     """Yield the model's predictions at ascending stamps (ns), from all observations up to each.
+
+    Their horizons begin ``ahead_ns`` later (ns), see
+    :func:`~mtpgo_training.scenes.history_replay.replay`.
 
     Each comes with the calibration in the model's file and with the online one. The graphs depend
     on those of the cycle before, so only the same sequence of instants gives the same scenes.
     """
     history, predictor = runner.task.history, make_predictor(runner, recording)
     live = LiveCalibration(LiveOptions(), history, runner.task.horizon_steps)
-    for window in replay(recording, history, stamps, on_update=live.observe):
+    for window in replay(recording, history, stamps, ahead_ns=ahead_ns, on_update=live.observe):
         prediction = predictor.predict(window)
         yield prediction, live.serve(prediction, window)
 

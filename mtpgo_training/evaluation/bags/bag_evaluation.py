@@ -16,6 +16,7 @@ from msg_adapters.predictions import predictions_in_bag
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.live_calibration.live_options import ONLINE
 from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.prediction.output_assembly import delay_ns, from_horizon_start
 from mtpgo_core.schema import CalibrationStage, Prediction
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers import load_recordings
@@ -208,7 +209,8 @@ class _RecordingEvaluation:
         history = _history(self.runners)
         scorer = self._scorer(history)
         stamps = [p.stamp_ns for p in predictions]
-        windows = replay(self.recording, history, stamps)
+        ahead_ns = map(delay_ns, predictions)
+        windows = replay(self.recording, history, stamps, ahead_ns=ahead_ns)
         for prediction, window in zip(predictions, windows, strict=True):
             evaluation.add(bag, PROTOCOL, scorer, prediction, window, baselines=baselines)
 
@@ -221,9 +223,10 @@ class _RecordingEvaluation:
         for model, runner in self.runners.items():
             agreement = result.agreements.setdefault(bag, {}).setdefault(model, Agreement())
             scorer = self._scorer(runner.task.history)
-            own_all = replay_offline(runner, self.recording, stamps)
+            ahead_ns = map(delay_ns, predictions)
+            own_all = replay_offline(runner, self.recording, stamps, ahead_ns)
             for recorded, (own, online) in zip(predictions, own_all, strict=True):
-                agreement.add(recorded, own, self.recording, self.name)
+                agreement.add(from_horizon_start(recorded), own, self.recording, self.name)
                 if not (first and len(own)):
                     continue
                 result.evaluation.add(model, PROTOCOL, scorer, own)

@@ -13,6 +13,7 @@ import numpy as np
 
 from msg_adapters.bags.bag_reader import DecodingBagReader, bag_name
 from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.prediction.output_assembly import delay_ns
 from mtpgo_core.quality.outcome_matcher import OutcomeMatcher
 from mtpgo_core.quality.quality_report import SCORES, QualityLimits, QualityReport
 from mtpgo_core.quality.rolling_scores import RollingScores
@@ -67,9 +68,7 @@ def replayed_quality(
             scores.update(matcher.update(history, history.update(states)))
             prediction = (waiting or {}).pop(states.stamp_ns, None)
             if prediction is not None and len(prediction):
-                # With delay compensation the horizon starts later than the observation.
-                delay_s = float(prediction.time_s[0]) - config.dt_s
-                start_ns = states.stamp_ns + 1000 * round(1e6 * delay_s)
+                start_ns = states.stamp_ns + delay_ns(prediction)
                 matcher.add(prediction, history.window(start_ns))
     return scores.report(matcher.unknown)
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the output in scene frames to the published prediction, by hand-worked numbers."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from core_helpers import window_of
@@ -9,8 +11,11 @@ from core_helpers import window_of
 from mtpgo_core.prediction.output_assembly import (
     ModelOutput,
     assemble,
+    delay_ns,
+    from_horizon_start,
     replace_rows,
     select,
+    time_grid,
     with_time_origin,
     without_agent,
 )
@@ -169,3 +174,30 @@ def test_another_time_origin_moves_the_stamp_and_not_the_instants():
     assert moved.time_s == pytest.approx([0.8])
     assert moved.mean is prediction.mean
     assert with_time_origin(prediction, prediction.stamp_ns) is prediction
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("delay_s", [0.0, 0.0471])
+@pytest.mark.parametrize("step_s", [0.2, 1.0 / 30.0])
+def test_the_time_grid_is_that_of_the_model_whatever_the_delay(kind, delay_s, step_s):
+    time_s = (delay_s + step_s * np.arange(1, 26)).astype(kind).astype(np.float64)
+    assert time_grid(time_s) == pytest.approx((delay_s, step_s), abs=1e-6)
+    assert time_grid(time_s)[1] == pytest.approx(step_s, abs=1e-8)
+    time_s[[0, 7, 24]] = np.nan  # steps whose points are missing
+    assert time_grid(time_s) == pytest.approx((delay_s, step_s), abs=1e-6)
+
+
+def test_the_time_grid_of_one_step_or_none():
+    assert time_grid(np.array([0.2])) == (0.0, 0.2)
+    assert time_grid(np.array([np.nan, 0.4])) == (0.0, 0.2)
+    delay_s, step_s = time_grid(np.array([np.nan]))
+    assert delay_s == 0.0
+    assert np.isnan(step_s)
+
+
+def test_a_compensated_delay_is_taken_off_the_times():
+    prediction = dataclasses.replace(simple_prediction(0.0), time_s=np.array([0.25, 0.45]))
+    started = from_horizon_start(prediction)
+    assert started.stamp_ns == prediction.stamp_ns + 50_000_000 == delay_ns(prediction)
+    assert started.time_s == pytest.approx([0.2, 0.4])
+    assert from_horizon_start(started) is started

@@ -10,11 +10,13 @@ from traffic import braking_cars, cut_windows
 
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
+from mtpgo_core.prediction.output_assembly import with_time_origin
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.ground_truth import FutureTable
 from mtpgo_training.evaluation.scorer import Scorer, add_scores
 from mtpgo_training.evaluation.scores.agent_scores import KEYS
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
+from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import predict_baselines
 
 H, DT = 10, 0.2
@@ -123,6 +125,25 @@ def test_baselines_are_scored_for_the_agents_in_the_window():
     np.testing.assert_array_equal(some.rows, np.isin(found.truth.agents.track, first))
     np.testing.assert_array_equal(some.cv_ade[some.rows], whole.cv_ade[some.rows])
     assert np.isnan(some.cv_ade[~some.rows]).all()
+
+
+def test_with_a_compensated_delay_truth_and_baselines_begin_later():
+    """A node that starts its horizon at the present publishes the delay and one step first."""
+    recording = braking_cars(tracks=6)
+    delay_ns = 50_000_000  # between two frames
+    history, delayed = HistoryConfig(), []
+    stamps = [w.window.stamp_ns for w in windows(recording)]
+    for window in replay(recording, history, stamps, ahead_ns=[delay_ns] * len(stamps)):
+        constant = predict_constant_velocity(
+            window.select(window.valid[:, -1]), horizon_steps=H, dt_s=DT
+        )
+        delayed.append(with_time_origin(constant, window.stamp_ns - delay_ns))
+    assert [one.stamp_ns for one in delayed] == stamps
+    scores = score(delayed, recording)
+    for key in KEYS:
+        assert scores["model"][key] == pytest.approx(scores["cv"][key], abs=1e-9)
+    plain = score(predictions(recording), recording)["cv"]
+    assert scores["cv"]["ade"] == pytest.approx(plain["ade"], rel=0.1)
 
 
 def test_no_predictions_give_an_empty_table():

@@ -7,7 +7,7 @@ import copy
 import pytest
 from known_scores import json_content
 
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.reports.markdown import markdown_table, read_results
 
 
@@ -27,7 +27,8 @@ def test_markdown_has_values_intervals_and_warnings(content):
 def test_a_file_without_results_is_refused(tmp_path):
     path = tmp_path / "a.json"
     path.write_text("[1]")
-    with pytest.raises(RecordingError, match="holds no results"):
+    expected = "holds no results, expected a file of 'mtpgo evaluate --json': it has no 'models'"
+    with pytest.raises(ConfigurationError, match=expected):
         read_results(path)
 
 
@@ -59,5 +60,5 @@ def test_what_has_no_interval_is_a_value_alone(content):
 def test_results_of_another_form_are_refused(tmp_path, text):
     path = tmp_path / "a.json"
     path.write_text(text)
-    with pytest.raises(RecordingError, match=r"a\.json holds no results that can be shown"):
+    with pytest.raises(ConfigurationError, match=r"a\.json holds no results that can be shown"):
         read_results(path)

@@ -68,6 +68,13 @@ def test_a_run_is_resumed_with_the_same_configuration_and_data_only(folder):
         folder.check_same(CONFIG, [{**SPLITS[0], "sha256": "cd"}])
 
 
+@pytest.mark.parametrize("text", ["null", "[1]", "", "{"])
+def test_a_damaged_origin_is_one_sentence(folder, text):
+    (folder.path / "run.json").write_text(text)
+    with pytest.raises(ConfigurationError, match=r"holds no run to resume .*run\.json is damaged"):
+        folder.check_same(CONFIG, SPLITS)
+
+
 def test_a_run_from_other_weights_is_not_resumed_without_a_checkpoint(tmp_path):
     folder = RunFolder(tmp_path / "run")
     folder.start(CONFIG, SPLITS, "ab" * 32)

@@ -136,6 +136,24 @@ def test_an_epoch_with_an_ewta_loss_is_the_best_only_until_one_without(scenes, k
     assert run.samples.sites == ("cars/test",)
 
 
+def test_a_process_without_a_validation_scene_has_the_scores_of_the_others(scenes, monkeypatch):
+    """One scene and two processes: the second has nothing to validate, but takes part."""
+    sent = []
+
+    def gather_in_the_first(shares, own):
+        sent.append(own)
+        shares[:] = [own, None]
+
+    def gather_in_the_second(shares, own):
+        shares[:] = [sent.pop(0), own]
+
+    monkeypatch.setattr(torch.distributed, "all_gather_object", gather_in_the_first)
+    expected = validate_epoch(new_run(), scenes[:1], 0, 2)
+    monkeypatch.setattr(torch.distributed, "all_gather_object", gather_in_the_second)
+    assert str(validate_epoch(new_run(), scenes[:1], 1, 2)) == str(expected)
+    assert not sent
+
+
 def test_a_training_that_has_diverged_says_so():
     named = (NamedRecording("cars", braking_cars("01", tracks=3, seconds=4.0)),)
     scenes = prepare_scenes(CONFIG, Splits(named, named, ()), 5, progress=False)

@@ -79,7 +79,7 @@ def in_this_process(monkeypatch):
             finished(job)
 
     with monkeypatch.context() as patch:
-        patch.setattr("mtpgo_training.crossval.fold_processes.run_folds", run_here)
+        patch.setattr("mtpgo_training.study.study_progress.run_folds", run_here)
         patch.setattr("mtpgo_training.training.trainer.Interruption", Interrupting)
         yield patch
     signal.signal(signal.SIGINT, before)

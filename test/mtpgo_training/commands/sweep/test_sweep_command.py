@@ -12,7 +12,6 @@ from traffic import braking_cars
 
 from mtpgo_core.errors import MtpgoError
 from mtpgo_training import cli
-from mtpgo_training.commands.sweep import sweep_command
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.sweep import sweep_run
 from mtpgo_training.training.run_folder import load_checkpoint
@@ -66,7 +65,7 @@ def inline(monkeypatch):
                 assert done
                 finished(job)
 
-    monkeypatch.setattr(sweep_command, "run_folds", run_here)
+    monkeypatch.setattr("mtpgo_training.study.study_progress.run_folds", run_here)
     return names
 
 

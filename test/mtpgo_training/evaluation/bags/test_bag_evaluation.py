@@ -8,6 +8,7 @@ import shutil
 
 import numpy as np
 import pytest
+from recorded_bags import play
 
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.mcap_writer import McapWriter
@@ -42,6 +43,20 @@ def test_online_and_offline_agree_to_a_millimetre(bag, recording, runner, from_b
     assert effect_of_bags(result, result.evaluation.scores.averages()) == {}
     # The baselines are scored once.
     assert result.evaluation.scores.averages()["cv"]["all"]["n"] == online["n"]
+
+
+def test_a_node_that_compensates_its_delay_is_scored_at_the_times_it_predicted(
+    recording, runner, tmp_path
+):
+    """Online and offline agree only if both begin their horizons where the node did."""
+    short = recording.between(None, 4.0)
+    bag = play(short, runner, tmp_path / "delayed", every=10, delay_ns=70_000_000)
+    result = evaluate_bags([bag], observed_recordings([bag]), {"default": runner})
+    online, offline = scores(result, "delayed"), scores(result, "default")
+    assert online["n"] == offline["n"] > 20
+    for key in ("ade", "fde", "min_ade"):
+        assert online[key] == pytest.approx(offline[key], abs=1e-3)
+    assert max(result.agreements["delayed"]["default"].differences_m) < 1e-3
 
 
 def test_bags_with_the_online_calibration_show_what_it_changes(bag, runner, tmp_path):
