@@ -19,6 +19,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.data.readers.checks.reading_remarks import (
+    keeping,
+    packed_remarks,
+    say_again,
+)
 from mtpgo_training.data.recording import Columns
 from mtpgo_training.data.recording_cache import RecordingCache
 
@@ -56,10 +61,19 @@ def kept_or_made(
     if folder is None:
         return make()
 
+    said: list[str] = []
+
     def columns() -> Columns:
-        return {"result": np.frombuffer(pickle.dumps(make(), protocol=5), dtype=np.uint8)}
+        with keeping(said):
+            result = make()
+        return {
+            "result": np.frombuffer(pickle.dumps(result, protocol=5), dtype=np.uint8),
+            "remarks": packed_remarks(said, ()),
+        }
 
     stored = RecordingCache(folder).entry(facts, columns, code=code)
+    with keeping(said):
+        say_again(stored["remarks"], ())
     result: R = _Reader(stored["result"].tobytes(), classes).load()
     return result
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 import warnings
 import zlib
@@ -17,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_lines import (
     SEPARATORS,
     first_longer_row,
@@ -26,8 +26,6 @@ from mtpgo_training.data.readers.csv_lines import (
     open_file,
     separator_of,
 )
-
-_log = logging.getLogger("mtpgo")
 
 _ROWS_AT_ONCE = 100_000
 """Rows parsed together; chosen, bounds the memory."""
@@ -244,14 +242,9 @@ def observed_rows(
         )
     number = int(np.argmin(known.to_numpy(bool))) + first_line
     number = line_in_file(path, number) if unit == "line" else number
-    _log.warning(
-        "mtpgo: %s: %d row(s) without a position (%s) are no observations and left out, the"
-        " first is %s %d",
-        path,
-        lost,
-        columns,
-        unit,
-        number,
+    remark(
+        f"{path}: {lost} row(s) without a position ({columns}) are no observations and left out,"
+        f" the first is {unit} {number}"
     )
     return table[known].copy()
 

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import dataclasses
-import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -13,15 +12,21 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.history.odd_input import described
+from mtpgo_training.data.readers.checks.reading_remarks import (
+    keeping,
+    keeping_all,
+    packed_remarks,
+    remark,
+    say_again,
+)
+from mtpgo_training.data.readers.checks.unit_clues import unit_clue
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts
 from mtpgo_training.data.recorded_lanes import with_lanes
-from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording import Columns, Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.recording_columns import pack, unpack
-
-_log = logging.getLogger("mtpgo")
 
 
 @dataclass(frozen=True)
@@ -80,20 +85,33 @@ def _read_unit(
 ) -> Iterator[Recording]:
     """Yield the recordings of a unit, from the cache if they are there; say what was odd."""
     counts: Counter[str] = Counter()
+    clue = ""
     for recording in _recordings_of(unit, options, cache):
         counts.update(recording.counts)
+        if not clue:  # one of many is enough
+            clue = unit_clue(recording)
+            if clue:
+                remark(f"{unit.layout} {unit.name}, recording {recording.name}: {clue}")
         yield recording if options.lanes is None else with_lanes(recording, options.lanes)
     if described(counts):
-        _log.warning("mtpgo: %s %s: %s", unit.layout, unit.name, described(counts))
+        remark(f"{unit.layout} {unit.name}: {described(counts)}")
 
 
 def _recordings_of(
     unit: Unit, options: ReadingOptions, cache: RecordingCache | None
 ) -> Iterable[Recording]:
+    said: list[str] = []
     if cache is None:
-        return unit.read()
+        return keeping_all(unit.read(), said)
+
+    def made() -> Columns:
+        columns = pack(keeping_all(unit.read(), said))
+        return {**columns, "remarks": packed_remarks(said, unit.files)}
+
     facts = {"what": "recordings", **_facts(unit, options)}
-    columns = cache.entry(facts, lambda: pack(unit.read()), code=(unit.read, pack))
+    columns = cache.entry(facts, made, code=(unit.read, pack, packed_remarks))
+    with keeping(said):
+        say_again(columns["remarks"], unit.files)
     return unpack(columns)
 
 

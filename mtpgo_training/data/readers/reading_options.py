@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,11 +17,10 @@ from mtpgo_core.maps.lane_lines import LaneLines
 from mtpgo_core.options import listed
 from mtpgo_core.schema import ClassArray
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 
 MOST_NAMES = 5
 """Names of classes listed in a warning; chosen."""
-
-_log = logging.getLogger("mtpgo")
 
 
 @dataclass(frozen=True)
@@ -84,10 +82,8 @@ def classes_of(names: Sequence[Any], classes: ClassMap, path: Path) -> ClassArra
     odd = classes.not_known(set(names))
     if odd:
         more = f" and {len(odd) - MOST_NAMES} more" if len(odd) > MOST_NAMES else ""
-        _log.warning(
-            "mtpgo: %s: no class is known by the name %s%s, --class-map can give one",
-            path,
-            listed(odd[:MOST_NAMES]),
-            more,
+        remark(
+            f"{path}: no class is known by the name {listed(odd[:MOST_NAMES])}{more}, --class-map"
+            " can give one"
         )
     return classes.find_all(names)

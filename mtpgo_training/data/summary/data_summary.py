@@ -17,6 +17,9 @@ from mtpgo_training.table_format import Row, Table, to_text
 MOST_LINES = 5
 """Places of each kind of defect in the text; chosen, the JSON has more."""
 
+MOST_DIGITS = 1e6
+"""A number from here on is written with an exponent; chosen, it is a defect."""
+
 MOST_RECORDINGS = 40
 """Recordings in the text's table; chosen, the JSON has all."""
 
@@ -178,4 +181,6 @@ def _duration(seconds: float) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"
+    if value is None:
+        return "-"
+    return f"{value:.1f}" if value < MOST_DIGITS else f"{value:.3g}"

@@ -14,11 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.frames import wrap
-from mtpgo_core.schema import AgentClass, BoolArray, Float64Array
+from mtpgo_core.history.resampling import TOLERANCE_NS
+from mtpgo_core.schema import LARGEST_SIZE_M, AgentClass, BoolArray, Float64Array
 from mtpgo_core.task.task_description import HistoryConfig
+from mtpgo_training.data.readers.checks.unit_clues import unit_clue
 from mtpgo_training.data.readers.tables.frame_grid import FREE_RATE
 from mtpgo_training.data.recording import Int64Array, Recording
-from mtpgo_training.data.summary.track_steps import TrackSteps
+from mtpgo_training.data.summary.track_steps import TrackSteps, lengths
 
 MOST_PLACES = 100
 """Places kept of each kind and recording; chosen."""
@@ -26,6 +28,9 @@ MOST_PLACES = 100
 JUMP_M, JUMP_MPSS = 2.0, 20.0
 """A position farther than this from where the last step led (m), besides what this acceleration
 does in the time (m/s^2), is a jump; chosen above tracking noise and twice what tyres hold."""
+
+BRIDGED_S = HistoryConfig().max_gap_s + TOLERANCE_NS * 1e-9
+"""Longest time between two rows of a road user that the history bridges (s)."""
 
 CONTINUED_S = 1.0
 """After a longer step (s) nothing is said of where the road user should be; chosen."""
@@ -41,6 +46,10 @@ WRONG_RAD = np.radians(60.0)
 """A heading that differs from the movement by more than this (rad) is wrong; chosen above the
 side slip of any road user that drives forward."""
 
+SHORTEST_M, WIDEST_M = 0.5, 4.0
+"""No vehicle is shorter or wider (m); chosen: below a bicycle, above abnormal loads on most roads.
+Another unit, or length and width in each other's place, is beyond."""
+
 SHORT_S = 1.0
 """A track observed for less than this has no future to be predicted (s); chosen."""
 
@@ -49,6 +58,7 @@ EMPTY_S = 1.0
 
 KINDS = {
     "unreadable": "files that cannot be read",
+    "unit": "recordings whose times or positions seem to be in another unit",
     "gap": "road users not observed for longer than the history bridges",
     "jump": "positions far from where the movement led",
     "too fast": "moves that the history rejects as faster than any road user",
@@ -60,6 +70,7 @@ KINDS = {
     "no rate": "recordings without a steady frame rate",
     "no class": "road users without a class",
     "no size": "vehicles without a size",
+    "size": "vehicles that are wider than long, or of a size that none has",
 }
 """Kinds of defects and what they are."""
 
@@ -122,9 +133,12 @@ class _Finder:
     def all(self) -> Iterator[DefectList]:
         """Yield the defects of every kind."""
         steps, history = self.steps, self.history
+        clue = unit_clue(self.recording)
+        first = (Defect("unit", f"recording {self.recording.name}", clue),) if clue else ()
+        yield DefectList("unit", len(first), first)
         yield self._steps(
             "gap",
-            steps.dt_s > history.max_gap_s + 0.5 / self.recording.frame_rate,
+            steps.dt_s > BRIDGED_S,
             lambda i: f"not observed for {steps.dt_s[i]:.2f} s",
         )
         fast = steps.speed_mps > history.max_speed_mps
@@ -141,8 +155,13 @@ class _Finder:
             self.recording.agent_class,
             (AgentClass.PEDESTRIAN, AgentClass.BICYCLE, AgentClass.ANIMAL, AgentClass.UNKNOWN),
         )
-        unknown = ~np.isfinite(self.recording.size).all(axis=1)
-        yield self._tracks("no size", vehicle & unknown)
+        length, width = self.recording.size.T
+        yield self._tracks("no size", vehicle & ~np.isfinite(length + width))
+        odd = (length < np.maximum(width, SHORTEST_M)) | (width > WIDEST_M)  # false for NaN
+        odd |= length > LARGEST_SIZE_M
+        yield self._tracks(
+            "size", vehicle & odd, lambda t: f"{length[t]:.3g} m long, {width[t]:.3g} m wide"
+        )
         yield self._empty_times()
         step_s = float(np.median(steps.dt_s)) if len(steps.dt_s) else 0.0
         if self.recording.frame_rate == FREE_RATE and step_s > 2.0 / FREE_RATE:
@@ -198,7 +217,7 @@ class _Finder:
         follows = (steps.before[1:] == steps.after[:-1]) & (steps.track[1:] == steps.track[:-1])
         follows &= (steps.dt_s[1:] <= CONTINUED_S) & (steps.dt_s[:-1] <= CONTINUED_S)
         led = steps.move[:-1] * (steps.dt_s[1:] / steps.dt_s[:-1])[:, None]
-        distance = np.linalg.norm(steps.move[1:] - led, axis=1)
+        distance = lengths(steps.move[1:] - led)
         between_s = (steps.dt_s[1:] + steps.dt_s[:-1]) / 2
         allowed = JUMP_M + JUMP_MPSS * steps.dt_s[1:] * between_s
         off[1:] = np.where(follows & (distance > allowed), distance, 0.0)
@@ -210,7 +229,7 @@ class _Finder:
 
     def _frozen(self) -> DefectList:
         steps = self.steps
-        speed = np.linalg.norm(steps.velocity, axis=1)
+        speed = lengths(steps.velocity)
         bad = (steps.distance_m == 0.0) & (speed > MOVING_MPS)
         return self._steps(
             "repeated position", bad, lambda i: f"the velocity says {speed[i]:.1f} m/s"
@@ -220,10 +239,10 @@ class _Finder:
         """Road users whose velocity is wrong in most of the steps in which it can be compared."""
         steps = self.steps
         moved = steps.move / steps.dt_s[:, None]
-        wrong = np.linalg.norm(moved - steps.velocity, axis=1)
-        speed = np.linalg.norm(moved, axis=1)
+        wrong = lengths(moved - steps.velocity)
+        speed = lengths(moved)
         usable = np.isfinite(wrong) & (steps.dt_s <= CONTINUED_S)
-        usable &= (speed > MOVING_MPS) | (np.linalg.norm(steps.velocity, axis=1) > MOVING_MPS)
+        usable &= (speed > MOVING_MPS) | (lengths(steps.velocity) > MOVING_MPS)
         bad = usable & (wrong > np.maximum(WRONG_MPS, WRONG_SHARE * speed))
         share = self._share(bad, usable)
         return self._tracks(

@@ -13,9 +13,9 @@ import numpy as np
 from mtpgo_core.schema import MOVING_MPS, AgentClass, Float64Array
 from mtpgo_training.data.ground_truth import FutureTable
 from mtpgo_training.data.manoeuvres import MANOEUVRES, label, members
-from mtpgo_training.data.recording import Recording
-from mtpgo_training.data.summary.recording_defects import DefectList, find_defects
-from mtpgo_training.data.summary.track_steps import TrackSteps
+from mtpgo_training.data.recording import Int64Array, Recording
+from mtpgo_training.data.summary.recording_defects import BRIDGED_S, DefectList, find_defects
+from mtpgo_training.data.summary.track_steps import TrackSteps, lengths
 
 HORIZON_S, STEP_S = 5.0, 0.2
 """Time over which a manoeuvre is looked for, and its steps (s): those of the default task."""
@@ -47,7 +47,8 @@ class RecordingSummary:
         rows: rows.
         tracks: road users.
         classes: road users by class.
-        agents_mean, agents_most: road users at a time.
+        agents_mean, agents_most: road users at a time, those between two rows of theirs included
+            if the history bridges the time between them.
         agents_over_time: [bins, 2] time since the first frame (s), and mean number of road users
             per frame that has any.
         speed: by class and for ``all``: ``rows``, ``moving`` (share above 0.5 m/s), and of the
@@ -102,7 +103,8 @@ def summarise(recording: Recording) -> RecordingSummary:
     Args:
         recording: the recording, with at least one row.
     """
-    frames, count = np.unique(recording.frame, return_counts=True)
+    frames = recording.frames
+    count = _present(recording)
     names = np.array([member.name.lower() for member in AgentClass])
     numbers = np.bincount(recording.agent_class, minlength=len(names))
     shares, manoeuvre_count = _manoeuvres(recording)
@@ -127,6 +129,21 @@ def summarise(recording: Recording) -> RecordingSummary:
         extent_m=(float(extent[0]), float(extent[1])),
         defects=tuple(find_defects(recording)),
     )
+
+
+def _present(recording: Recording) -> Int64Array:
+    """Return [frames] the number of road users there.
+
+    Where sensors take turns, each frame has the rows of few of the road users that are there.
+    """
+    steps = TrackSteps.of(recording)
+    away = steps.dt_s > BRIDGED_S
+    starts, ends = np.ones((2, len(recording)), dtype=np.bool_)
+    starts[steps.after[~away]] = False
+    ends[steps.before[~away]] = False
+    begun = np.searchsorted(recording.frame[starts], recording.frames, side="right")
+    gone = np.searchsorted(recording.frame[ends], recording.frames, side="left")
+    return np.asarray(begun - gone, dtype=np.int64)
 
 
 def _over_time(time_s: Float64Array, count: np.ndarray) -> Float64Array:
@@ -155,7 +172,7 @@ def _known(recording: Recording) -> dict[str, float]:
 
 def _speeds(recording: Recording, names: np.ndarray) -> dict[str, dict[str, float]]:
     """Return the speeds by class: the recorded ones, else those of the movement."""
-    speed = np.linalg.norm(recording.velocity, axis=1)
+    speed = lengths(recording.velocity)
     steps = TrackSteps.of(recording)
     moved = np.full(len(recording), np.nan)
     moved[steps.after] = steps.speed_mps

@@ -51,9 +51,14 @@ class TrackSteps:
     @cached_property
     def distance_m(self) -> Float64Array:
         """[steps] distance (m)."""
-        return np.asarray(np.linalg.norm(self.move, axis=1))
+        return lengths(self.move)
 
     @cached_property
     def speed_mps(self) -> Float64Array:
         """[steps] distance over duration (m/s)."""
         return np.asarray(self.distance_m / self.dt_s)
+
+
+def lengths(vectors: Float64Array) -> Float64Array:
+    """Return [n] lengths of [n, 2] vectors, also where a square would overflow."""
+    return np.asarray(np.hypot(vectors[:, 0], vectors[:, 1]))

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -27,6 +26,7 @@ from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
 from mtpgo_training.data.readers.bags.bag_pieces import BagPiece, PieceReader
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.drone_files import (
     existing_directory,
     select_names,
@@ -37,8 +37,6 @@ from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.tables.frame_grid import FREE_RATE
 from mtpgo_training.data.recording import Int64Array, Recording
-
-_log = logging.getLogger("mtpgo")
 
 _FASTEST_PACE = 10.0
 """Stamps that advance faster than the time at which they were recorded by more than this factor
@@ -122,19 +120,19 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
         skipped = reader.skipped()
         if skipped:
             listed = "; ".join(f"{topic}: {reason}" for topic, reason in skipped.items())
-            _warn(f"{path}: topics that cannot be read are skipped: {listed}")
+            remark(f"{path}: topics that cannot be read are skipped: {listed}")
         topic = objects_topic(reader, options.bags.topic_of(name))
         if topic.others:
-            _warn(
+            remark(
                 f"{path}: the objects are read from {topic.name}, and not from"
                 f" {', '.join(topic.others)}; --topic chooses another one"
             )
         if topic.remark:
-            _warn(f"{path}, topic {topic.name}: {topic.remark}")
+            remark(f"{path}, topic {topic.name}: {topic.remark}")
         piece_reader = PieceReader(reader, topic, options)
         found = [_recording(name, piece) for piece in piece_reader.pieces()]
-    for remark in piece_reader.remarks:
-        _warn(remark)
+    for sentence in piece_reader.remarks:
+        remark(sentence)
     recordings = [recording for recording in found if len(recording)]
     counts = Counter(piece_reader.rest)
     for recording in found if not recordings else ():
@@ -162,10 +160,6 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
     for number, recording in enumerate(recordings, start=1):
         part = f"{name}-{number}"
         yield dataclasses.replace(recording, name=part, sha256=f"{sha256}#{number}")
-
-
-def _warn(sentence: str) -> None:
-    _log.warning("mtpgo: %s", sentence)
 
 
 def _sources(path: Path) -> list[Path]:

@@ -11,7 +11,6 @@ track with the number of ``sdc_track_index``.
 from __future__ import annotations
 
 import functools
-import logging
 import re
 import struct
 from collections.abc import Iterator, Sequence
@@ -23,6 +22,7 @@ import pandas as pd
 
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.drone_files import select_names
 from mtpgo_training.data.readers.file_groups import grouped_files
 from mtpgo_training.data.readers.file_hash import sha256_of
@@ -30,8 +30,6 @@ from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.tables.track_rows import TableSource, recording_of_rows, with_ego
 from mtpgo_training.data.recording import Recording
-
-_log = logging.getLogger("mtpgo")
 
 _FILES = re.compile(r"(?P<name>.*tfrecord.*)", re.IGNORECASE)
 
@@ -139,7 +137,7 @@ def _read(name: str, path: Path, classes: ClassMap) -> Iterator[Recording]:
         )
         table = _rows(scenario, where)
         if not len(table):
-            _log.warning("mtpgo: %s: no state of the scenario %s is valid", where, identity)
+            remark(f"{where}: no state of the scenario {identity} is valid")
             continue
         if identity in seen:
             raise RecordingError(f"{where}: the scenario {identity} is there a second time")

@@ -20,7 +20,11 @@ from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.schema import ClassArray, Float64Array, KeyArray
 from mtpgo_training.data.readers.csv_lines import line_in_file
 from mtpgo_training.data.readers.reading_options import classes_of
-from mtpgo_training.data.readers.tables.frame_grid import frames_of_times, without_common_step
+from mtpgo_training.data.readers.tables.frame_grid import (
+    TOLERANCE_S,
+    frames_of_times,
+    without_common_step,
+)
 from mtpgo_training.data.recording import DEFAULT_START_NS, Int64Array, Recording
 
 EPOCH_S = 1e8
@@ -96,13 +100,17 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
     order = np.lexsort((track, frame))
     again = (np.diff(frame[order]) == 0) & (np.diff(track[order]) == 0)
     if again.any():
-        row = int(order[int(np.argmax(again)) + 1])
+        before, row = order[int(np.argmax(again)) :][:2].tolist()
         name = "time_s" if "time_s" in table else "frame"
-        value = table[name].iloc[row]
+        value, other = table[name].iloc[row], table[name].iloc[before]
         time = f"time {value:.10g} s" if name == "time_s" else f"frame {int(value)}"
-        raise RecordingError(
-            f"{source.place_of(table, row)}: track {names[track[row]]} has a second row for {time}"
-        )
+        what = f"{source.place_of(table, row)}: track {names[track[row]]} has"
+        if value != other:
+            raise RecordingError(
+                f"{what} rows {abs(value - other):.3g} s apart, expected at least {TOLERANCE_S:g} "
+                "s; is the unit of the times another one?"
+            )
+        raise RecordingError(f"{what} a second row for {time}")
     numbers, key = _identities(names)
     yaw = table["yaw"].to_numpy(np.float64) if "yaw" in table else np.full(len(table), np.nan)
     return Recording(

@@ -46,3 +46,9 @@ def test_long_lists_are_cut_in_the_text_only():
     assert f"... and {50 - MOST_RECORDINGS} more" in many.to_text()
     assert len(many.to_json()["recordings"]) == 50
     assert "No defects found." in many.to_text()
+
+
+def test_a_defect_of_a_speed_does_not_fill_the_line():
+    recording = braking_cars("01", tracks=1)
+    recording.velocity[0] = [1e300, 0.0]
+    assert " 1e+300 " in DataSummary([summarise(recording)]).to_text()

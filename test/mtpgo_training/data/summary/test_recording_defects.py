@@ -70,12 +70,23 @@ def no_size(values, rows):
     values[TRACK] = np.nan
 
 
+def sideways(values, rows):
+    values[TRACK] = values[TRACK][::-1]
+
+
+def in_milliseconds():
+    """The good recording with times in milliseconds that were taken for seconds."""
+    recording = good()
+    return dataclasses.replace(recording, frame_rate=recording.frame_rate / 1000)
+
+
 def at_odd_times(recording):
     frame = np.round(recording.frame * 100.0 + 7 * (recording.frame % 3)).astype(np.int64)
     return dataclasses.replace(recording, frame=frame, frame_rate=1000.0)
 
 
 CASES = {
+    "unit": (in_milliseconds, "recording 01: a row of a road user every 100 s, so that no"),
     "gap": (
         lambda: without(lambda rows: rows[10:17]),
         "recording 01, track 101, 0.90 s (frame 24): not observed for 0.80 s",
@@ -96,6 +107,7 @@ CASES = {
     "no rate": (lambda: at_odd_times(good()), "a row every 0.1"),
     "no class": (lambda: changed(agent_class=no_class), "recording 01, track 101"),
     "no size": (lambda: changed(size=no_size), "recording 01, track 101"),
+    "size": (lambda: changed(size=sideways), "recording 01, track 101: 1.9 m long, 4.5 m wide"),
 }
 
 
@@ -117,4 +129,24 @@ def test_a_defect_is_found_with_its_place(kind):
     if kind not in ("empty time",):
         assert found[kind].count <= 2
     others = set(found) - {kind}
-    assert others <= {"too fast": {"jump"}, "empty time": {"gap"}}.get(kind, set())
+    follow = {"too fast": {"jump"}, "empty time": {"gap"}, "unit": {"gap", "empty time"}}
+    assert others <= follow.get(kind, set())
+
+
+def test_what_the_history_does_not_bridge_is_a_gap_at_any_rate():
+    recording = dataclasses.replace(good(), frame_rate=1.5)
+    gaps = {item.kind: item.count for item in find_defects(recording)}["gap"]
+    assert gaps == len(recording) - len(recording.track_id)
+    assert "gap" not in {
+        item.kind for item in find_defects(dataclasses.replace(good(), frame_rate=2.0))
+    }
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_whose_square_overflows_are_too_fast():
+    def far(values, rows):
+        values[rows[20]] = 1e300
+
+    for name in ("position", "velocity"):
+        kinds = {item.kind for item in find_defects(changed(**{name: far}))}
+        assert kinds == ({"too fast", "jump"} if name == "position" else set())

@@ -58,6 +58,20 @@ def test_the_numbers_of_a_recording():
     assert summary.known["class"] == 1.0
 
 
+def test_road_users_are_counted_where_their_sensors_take_turns():
+    by_turns = traffic()
+    by_turns = by_turns.select_rows((by_turns.frame + by_turns.track) % 2 == 0)
+    summary = summarise(by_turns)
+    assert summary.agents_most == 4
+    assert summary.agents_mean == pytest.approx(353 / 101, abs=0.05)
+    away = traffic().select_rows(~np.isin(traffic().frame, range(10, 20)) | (traffic().track > 0))
+    assert summarise(away).agents_mean == pytest.approx(343 / 101)
+    bridged = traffic().select_rows(
+        ~np.isin(traffic().frame, range(10, 14)) | (traffic().track > 0)
+    )
+    assert summarise(bridged).agents_mean == pytest.approx(353 / 101)
+
+
 def test_manoeuvres_are_counted_every_second():
     summary = summarise(traffic())
     # Three road users at 0, 1, ..., 5 s. Only from 3 s on do the next 5 s have the whole change,

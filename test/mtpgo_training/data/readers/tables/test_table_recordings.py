@@ -381,3 +381,11 @@ def test_a_text_of_parquet_that_is_no_unicode_is_one_sentence(read, tmp_path):
     parquet.write_table(table, tmp_path / "data" / "b.parquet")
     with pytest.raises(RecordingError, match=r"b\.parquet cannot be read as Parquet: .*UTF8"):
         read(ROWS, POSITIONS)
+
+
+def test_rows_closer_than_any_frame_are_called_so(read):
+    columns = {"columns": BY_TIME["columns"], "time_unit": "ns"}
+    text = "t,id,x,y\n" + "".join(f"{100 * i},1,{i},0\n" for i in range(5))
+    sentence = r"line 3: track 1 has rows 1e-07 s apart, expected at least 0\.001 s; is the unit"
+    with pytest.raises(RecordingError, match=sentence):
+        read(text, columns)

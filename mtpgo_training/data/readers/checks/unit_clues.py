@@ -1,0 +1,61 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Clues that times or positions of a recording are in another unit than they were read in."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtpgo_core.task.task_description import HistoryConfig
+from mtpgo_training.data.recording import Recording
+
+LONGEST_STEP_S, SHORTEST_STEP_S = 2.0, 5e-4
+"""Usual times between two rows of a road user (s) beyond which no movement can be followed;
+chosen: four times what the history bridges, and twice as often as any sensor measures."""
+
+FEWEST_USERS, SMALLEST_M = 2, 0.5
+"""So many road users at a time are not all in a square of this size (m); chosen: those of a site
+in degrees or kilometres are."""
+
+
+def unit_clue(recording: Recording) -> str:
+    """Return why times or positions seem to be in another unit, empty if they do not.
+
+    Only what holds for most road users counts: single ones may have defects.
+
+    Args:
+        recording: the recording.
+    """
+    if not len(recording):
+        return ""
+    frame, track, position = recording.frame, recording.track, recording.position
+    row = np.arange(len(recording))
+    # Rows are in the order of time: of several assignments the last one stays.
+    first, last = np.zeros((2, len(recording.track_id)), dtype=np.int64)
+    first[track[::-1]], last[track] = row[::-1], row
+    rows = np.bincount(track, minlength=len(recording.track_id))
+    several = rows > 1
+    if several.any():
+        first, last, rows = first[several], last[several], rows[several]
+        seconds = (frame[last] - frame[first]) / recording.frame_rate
+        step_s = float(np.median(seconds / (rows - 1)))
+        if not SHORTEST_STEP_S <= step_s <= LONGEST_STEP_S:
+            return (
+                f"a row of a road user every {step_s:.3g} s, so that no movement can be followed; "
+                "is the unit of the times another one?"
+            )
+        moved = position[last] - position[first]
+        speed_mps = float(np.nanmedian(np.hypot(moved[:, 0], moved[:, 1]) / seconds))
+        if speed_mps > HistoryConfig().max_speed_mps:
+            return (
+                f"the road users move at {speed_mps:.3g} m/s, so that the history rejects most "
+                "rows; is the unit of the positions or of the times another one?"
+            )
+    size_m = float(np.nan_to_num(np.ptp(position, axis=0)).max())
+    _, together = np.unique(frame, return_counts=True)
+    if together.max() >= FEWEST_USERS and size_m < SMALLEST_M:
+        return (
+            f"{together.max()} road users at a time are within {size_m:.2g} m; is the unit of the "
+            "positions another one, such as degrees or kilometres?"
+        )
+    return ""
