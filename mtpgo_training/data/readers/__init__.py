@@ -4,10 +4,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_training.data.readers.checks.layout_clues import what_is_there
+from mtpgo_training.data.readers.drone_files import NoRecordingsError, select_names
 from mtpgo_training.data.readers.reading_job import ReadingJob
 from mtpgo_training.data.readers.reading_layouts import finder_of
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
@@ -88,4 +91,30 @@ def _find(
         )
     parts = parts_in(names or ())
     whole = [name for name in names or () if name not in {part.name for part in parts}]
-    return (find(directory, whole, options) if whole or not parts else []), parts
+    try:
+        if parts and not whole:
+            return [], parts
+        try:
+            return find(directory, whole, options), parts
+        except NoRecordingsError:
+            raise
+        except RecordingError:
+            # Several recordings may be in one file, as a table's, or the cases of INTERACTION.
+            there = [unit.name for unit in find(directory, None, options)]
+            inner = [name for name in whole if not _has(there, name)]
+            if not all(any(name.startswith(f"{unit}-") for unit in there) for name in inner):
+                raise
+            whole = [name for name in whole if name not in inner]
+            parts = parts + [RecordingPart(name, name, 0.0, math.inf) for name in inner]
+            return (find(directory, whole, options) if whole else []), parts
+    except NoRecordingsError as error:
+        there_is = what_is_there(directory, layout)
+        raise NoRecordingsError(f"{error}; {there_is}" if there_is else str(error)) from error
+
+
+def _has(units: Sequence[str], name: str) -> bool:
+    """Return whether the files of a directory include those with a name."""
+    try:
+        return bool(select_names(units, [name], Path()))
+    except RecordingError:
+        return False

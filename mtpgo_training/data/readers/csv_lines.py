@@ -22,6 +22,13 @@ _KINDS = {
     b"version https://git-lfs": "a pointer of Git LFS, expected the file that 'git lfs pull' gets",
     b"<!DOCTYPE": "a web page, expected CSV",
     b"<html": "a web page, expected CSV",
+    b"<?xml": "XML, expected CSV",
+    b"BZh": "compressed by bzip2, expected CSV, or CSV compressed by gzip",
+    b"\xfd7zXZ": "compressed by xz, expected CSV, or CSV compressed by gzip",
+    b"\x28\xb5\x2f\xfd": "compressed by Zstandard, expected CSV, or CSV compressed by gzip",
+    b"SQLite format 3": "an SQLite file, expected CSV",
+    b'{"': "JSON, expected CSV",
+    b'[{"': "JSON, expected CSV",
     b"PAR1": "a Parquet file, expected a name that ends in .parquet",
     b"\xff\xfe": "encoded in UTF-16, expected UTF-8",
     b"\xfe\xff": "encoded in UTF-16, expected UTF-8",
@@ -60,7 +67,7 @@ def kind_of_other_file(path: Path) -> str:
     if is_packed(path):
         return ""
     for bytes_of, kind in _KINDS.items():
-        if begin.startswith(bytes_of):
+        if begin[: len(bytes_of)].lower() == bytes_of.lower():
             return kind
     # Every second byte of English text in UTF-16 is zero.
     if b"\0" in begin.rstrip(b"\0"):

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 import warnings
 import zlib
 from collections.abc import Collection, Sequence
@@ -107,7 +108,15 @@ def read_header(path: Path, form: CsvForm = STANDARD_FORM) -> list[str]:
         raise RecordingError(f"{path} is empty, expected a CSV file with a header line") from None
     except _UNREADABLE as error:
         raise RecordingError(_cannot_be_read(path, error)) from error
-    return [str(name).strip() for name in first.iloc[0]]
+    return [column_name(name) for name in first.iloc[0]]
+
+
+def column_name(name: object) -> str:
+    """Return the name of a column without blanks around it, in the usual form of Unicode.
+
+    An umlaut is one character or two, which look the same; macOS writes two.
+    """
+    return unicodedata.normalize("NFC", str(name).strip())
 
 
 def _require_text(path: Path) -> None:
@@ -127,7 +136,7 @@ def _plain_header(path: Path, form: CsvForm) -> list[str] | None:
         return None
     try:
         first, _rest = _LINE_END.split(_begin_of(path), maxsplit=1)
-        names = [name.strip() for name in first.decode("utf-8-sig").split(form.separator)]
+        names = [column_name(name) for name in first.decode("utf-8-sig").split(form.separator)]
     except (*_UNREADABLE, ValueError):
         return None
     odd = b'"' in first or b"\0" in first or "" in names or len(set(names)) < len(names)
@@ -194,7 +203,7 @@ def read_table(
     wanted = [*unchecked, *integers, *numbers, *unknown_allowed, *texts]
     require_columns(path, header, [name for name in wanted if name not in optional], wanted, form)
     present = [name for name in wanted if name in header]
-    _require_once(path, header, present)
+    require_once(path, header, present)
     kinds: dict[str, Any] = {name: str for name in texts if name in present}
     table = _parse(path, present, kinds, form, len(header))
     check_columns(
@@ -204,6 +213,7 @@ def read_table(
         numbers=numbers,
         unknown_allowed=unknown_allowed,
         first_line=form.first_line,
+        form=form,
     )
     return table
 
@@ -215,6 +225,7 @@ def observed_rows(
     *,
     first_line: int,
     unit: str = "line",
+    form: CsvForm = STANDARD_FORM,
 ) -> pd.DataFrame:
     """Return the rows that have a position, as float64; the others are counted in a warning.
 
@@ -226,11 +237,14 @@ def observed_rows(
         position: the columns of the position.
         first_line: number of the line that row 0 comes from.
         unit: what a row is in the file.
+        form: how the file writes its cells.
 
     Raises:
         RecordingError: no row has a position, or a cell is neither a finite number nor empty.
     """
-    check_columns(table, path, unknown_allowed=position, first_line=first_line, unit=unit)
+    check_columns(
+        table, path, unknown_allowed=position, first_line=first_line, unit=unit, form=form
+    )
     known = table[list(position)].notna().all(axis=1)
     lost = len(table) - int(known.sum())
     if not lost:
@@ -249,8 +263,12 @@ def observed_rows(
     return table[known].copy()
 
 
-def _require_once(path: Path, header: Sequence[str], names: Sequence[str]) -> None:
-    """Check that no column is there twice, for which of them is meant cannot be told."""
+def require_once(path: Path, header: Sequence[str], names: Sequence[str]) -> None:
+    """Check that no column is there twice, for which of them is meant cannot be told.
+
+    Raises:
+        RecordingError: one is.
+    """
     for name in names:
         if header.count(name) > 1:
             raise RecordingError(f"{path} has {header.count(name)} columns {name!r}, expected one")
@@ -307,7 +325,7 @@ def _listed(header: Sequence[str]) -> str:
     ]
     shown = [name if name.isprintable() and name else repr(name) for name in names[:_MOST_COLUMNS]]
     more = f" and {len(names) - _MOST_COLUMNS} more" if len(names) > _MOST_COLUMNS else ""
-    return ", ".join(shown) + more
+    return ", ".join(shown) + more or "none"
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -324,6 +342,7 @@ def check_columns(
     unknown_allowed: Sequence[str] = (),
     first_line: int = 2,
     unit: str = "line",
+    form: CsvForm = STANDARD_FORM,
 ) -> None:
     """Turn the columns of a table into int64 and float64 in place, as :func:`read_table` says.
 
@@ -335,6 +354,7 @@ def check_columns(
         unknown_allowed: columns of numbers that may be unknown.
         first_line: number of the line that the row with index 0 comes from.
         unit: what a row is in the file.
+        form: how the file writes its cells, for those that were read as text.
 
     Raises:
         RecordingError: a cell is not as it should be.
@@ -342,7 +362,8 @@ def check_columns(
     place = _Place(path, unit, first_line)
     for name in (*integers, *numbers, *unknown_allowed):
         if name in table:
-            _replace(table, name, _numbers(table[name], place, unknown=name in unknown_allowed))
+            unknown = name in unknown_allowed
+            _replace(table, name, _numbers(table[name], place, form, unknown=unknown))
     for name in integers:
         if name in table:
             _replace(table, name, _whole(table[name], place))
@@ -377,7 +398,7 @@ def _parse(
             )
             with stream:
                 for chunk in stream:
-                    chunk.columns = [str(name).strip() for name in chunk.columns]
+                    chunk.columns = [column_name(name) for name in chunk.columns]
                     rows += len(chunk)
                     width = chunk.shape[1]
                     ends_short = bool(len(chunk)) and bool(pd.isna(chunk.iloc[-1, -1]))
@@ -470,10 +491,16 @@ class _Place:
         )
 
 
-def _numbers(column: pd.Series, place: _Place, *, unknown: bool) -> pd.Series:
+def _numbers(column: pd.Series, place: _Place, form: CsvForm, *, unknown: bool) -> pd.Series:
     values = column
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
-        values = pd.to_numeric(column.astype("string"), errors="coerce")
+        texts = column.astype("string")
+        # Of a column with a cell that is no number, pandas leaves all as they are written.
+        if form.thousands is not None:
+            texts = texts.str.replace(form.thousands, "", regex=False)
+        if form.decimal != ".":
+            texts = texts.str.replace(form.decimal, ".", regex=False)
+        values = pd.to_numeric(texts, errors="coerce")
         place.refuse(column, (values.isna() & column.notna()).to_numpy(bool), "a number")
     if unknown:
         values = values.astype(np.float64)

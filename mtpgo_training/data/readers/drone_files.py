@@ -12,6 +12,9 @@ from pathlib import Path
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.csv_table import read_header
 
+_HIDDEN = (".", "~$")
+"""Begin of the names of hidden files and folders."""
+
 _SUFFIXES = (".csv", ".csv.gz")
 """Endings of the files' names, which may be in capitals."""
 
@@ -41,6 +44,10 @@ class DroneFiles:
         return files if self.lanes is None else (*files, self.lanes)
 
 
+class NoRecordingsError(RecordingError):
+    """A directory has no recordings of the layout."""
+
+
 def existing_directory(directory: Path) -> Path:
     """Return ``directory`` if it is a directory.
 
@@ -57,12 +64,12 @@ def visible_files(paths: Iterable[Path], directory: Path) -> list[Path]:
     """Return the paths below a directory in order, without those that are hidden there.
 
     Archives from macOS have a ``._01_tracks.csv`` beside each file, editors keep copies in folders
-    such as ``.ipynb_checkpoints``.
+    such as ``.ipynb_checkpoints``, and spreadsheets a ``~$a.csv`` beside an open file.
     """
     return sorted(
         path
         for path in paths
-        if not any(part.startswith(".") for part in path.relative_to(directory).parts)
+        if not any(part.startswith(_HIDDEN) for part in path.relative_to(directory).parts)
     )
 
 
@@ -79,8 +86,8 @@ def files_below(directory: Path) -> list[Path]:
             folders.clear()
             continue
         seen.add(place)
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        found += [Path(folder, name) for name in names if not name.startswith(".")]
+        folders[:] = sorted(name for name in folders if not name.startswith(_HIDDEN))
+        found += [Path(folder, name) for name in names if not name.startswith(_HIDDEN)]
     return sorted(path for path in found if path.is_file())
 
 
@@ -120,7 +127,7 @@ def find_drone_files(directory: Path, names: Sequence[str] | None = None) -> lis
         if tracks:
             break
     else:
-        raise RecordingError(
+        raise NoRecordingsError(
             f"{directory} has no recordings, expected files such as 01_tracks.csv or "
             "01_tracks.csv.gz"
         )

@@ -21,6 +21,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.maps.lane_file import read_lane_file
 from mtpgo_core.maps.lane_file_options import LOCAL, LaneFileOptions
 from mtpgo_core.schema import Float64Array
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_lines import line_in_file
 from mtpgo_training.data.readers.csv_table import read_header, read_table
 from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
@@ -36,6 +37,12 @@ chosen: the lateral noise of slower vehicles would turn them."""
 
 _MOTION = ("xVelocity", "yVelocity", "xAcceleration", "yAcceleration")
 """Columns of the motion; recordings of positions alone have none of them."""
+
+_WHOSE = ("recordingId",)
+"""Column with the number of the recording, which some files have."""
+
+_SPAN = ("initialFrame", "finalFrame")
+"""Columns of tracksMeta with the first and last frame of a track."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,8 @@ def read_ind(files: DroneFiles, classes: ClassMap = OWN_NAMES, layout: str = "in
         integers=("trackId", "frame"),
         numbers=("xCenter", "yCenter"),
         unknown_allowed=("heading", *_MOTION, "length", "width"),
-        optional=("length", "width", *(("heading", *_MOTION) if positions_only else ())),
+        unchecked=_WHOSE,
+        optional=("length", "width", *_WHOSE, *(("heading", *_MOTION) if positions_only else ())),
     )
     table = _with_unknown(table, ("heading", *_MOTION))
     meta = _tracks_meta(files.tracks_meta, "trackId", ("width", "length"))
@@ -82,6 +90,7 @@ def read_ind(files: DroneFiles, classes: ClassMap = OWN_NAMES, layout: str = "in
     )
     size = _sizes(table, meta)
     general, frame_rate = _recording_meta(files.recording_meta)
+    _check_one_recording(files, (table, meta, general.to_frame().T))
     lanes: tuple[Float64Array, ...] = ()
     if files.lanes is not None:
         lanes = read_lane_file(files.lanes, LaneFileOptions(LOCAL)).lines
@@ -181,13 +190,76 @@ def _driving_heading(velocity: Float64Array, direction: np.ndarray) -> Float64Ar
 def _tracks_meta(path: Path, id_name: str, sizes: Sequence[str], *integers: str) -> pd.DataFrame:
     """Read the tracksMeta table; its id column is named ``id`` and has each id once."""
     table = read_table(
-        path, integers=(id_name, *integers), unknown_allowed=sizes, texts=("class",)
+        path,
+        integers=(id_name, *integers),
+        unknown_allowed=sizes,
+        texts=("class",),
+        unchecked=(*_WHOSE, *_SPAN),
+        optional=(*_WHOSE, *_SPAN),
     ).rename(columns={id_name: "id"})
     doubled = table["id"].duplicated().to_numpy(bool)
     if doubled.any():
         row = int(np.argmax(doubled))
         raise RecordingError(f"{_place(path, row)}: track {table['id'].iloc[row]} comes twice")
     return table
+
+
+def _check_one_recording(files: DroneFiles, tables: Sequence[pd.DataFrame]) -> None:
+    """Check that the three files say that they are of the same recording, where they say it.
+
+    Raises:
+        RecordingError: they say another thing.
+    """
+    paths = (files.tracks, files.tracks_meta, files.recording_meta)
+    said = [
+        (path, number)
+        for path, table in zip(paths, tables, strict=True)
+        for name in _WHOSE
+        if name in table
+        for number in pd.to_numeric(table[name], errors="coerce").dropna().unique()
+    ]
+    for path, number in said[1:]:
+        first, other = said[0]
+        if number != other:
+            raise RecordingError(
+                f"{first} is of recording {other:g}, and {path.name} of recording {number:g}, "
+                "expected files of the same one"
+                if path != first
+                else f"{first} has rows of the recordings {other:g} and {number:g}, expected one"
+            )
+
+
+def _remark_on_lost(
+    files: DroneFiles,
+    meta: pd.DataFrame,
+    present: np.ndarray,
+    frame: np.ndarray,
+    track: np.ndarray,
+) -> None:
+    """Say which tracks the tracks file has not as far as tracksMeta lists them.
+
+    Args:
+        files: the files.
+        meta: tracksMeta.
+        present: [tracks] numbers of the tracks in the tracks file.
+        frame: [rows] ascending frame numbers.
+        track: [rows] index of the track.
+    """
+    if not set(_SPAN) <= set(meta.columns):
+        return
+    begin, end = (pd.to_numeric(meta[name], errors="coerce").to_numpy() for name in _SPAN)
+    # Rows are in the order of time: of several assignments the last one stays.
+    first, last = np.zeros((2, len(present)), dtype=np.int64)
+    first[track[::-1]], last[track] = frame[::-1], frame
+    place = pd.Index(present).get_indexer(meta["id"])
+    lost = (place < 0) | (first[place] > begin) | (last[place] < end)
+    if lost.any():
+        which = meta["id"].to_numpy()[lost]
+        remark(
+            f"{files.tracks} has not all rows of {len(which)} of the {len(meta)} tracks in "
+            f"{files.tracks_meta.name}, the first is track {which[0]}: it may be cut, or the two "
+            "are of different recordings"
+        )
 
 
 def _check_directions(path: Path, meta: pd.DataFrame) -> None:
@@ -212,7 +284,13 @@ def _check_known(files: DroneFiles, track_id: np.ndarray, known: np.ndarray) -> 
 
 def _recording_meta(path: Path, *texts: str) -> tuple[pd.Series, float]:
     """Return the one row of a recordingMeta file, and its frame rate (Hz)."""
-    table = read_table(path, numbers=("frameRate",), texts=("locationId", *texts))
+    table = read_table(
+        path,
+        numbers=("frameRate",),
+        texts=("locationId", *texts),
+        unchecked=_WHOSE,
+        optional=_WHOSE,
+    )
     if len(table) != 1:
         raise RecordingError(f"{path} has {len(table)} rows, expected exactly one recording")
     frame_rate = float(table["frameRate"].iloc[0])
@@ -275,6 +353,7 @@ def _assemble(
             f"{_place(files.tracks, row)}: track {rows.track_id[row]} has a second row for "
             f"frame {rows.frame[row]}"
         )
+    _remark_on_lost(files, meta, present, frame, track)
     classes = meta["class"].fillna("").iloc[meta_row]
     size = size[meta_row]
     return Recording(

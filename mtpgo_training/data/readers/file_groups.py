@@ -10,13 +10,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers.drone_files import existing_directory, files_below
+from mtpgo_training.data.readers.drone_files import (
+    NoRecordingsError,
+    existing_directory,
+    files_below,
+)
 
 GENERIC = {"data", "recorded_trackfiles", "trajectories_filtered", "train", "val", "test"}
 """Folders of the data sets' archives that say nothing of a recording."""
-
-_MOST_NAMES = 3
-"""Other files that a sentence lists; chosen."""
 
 
 def grouped_files(
@@ -43,11 +44,9 @@ def grouped_files(
         existing_directory(directory)
         paths, root = files_below(directory), directory
     named: list[tuple[str, str, str, Path]] = []
-    others: list[str] = []
     for path in paths:
         match = pattern.fullmatch(path.name)
         if match is None or not accept(path):
-            others.append(path.name)
             continue
         groups = match.groupdict()
         folders = path.parent.relative_to(root).parts
@@ -70,9 +69,7 @@ def grouped_files(
             )
         files[kind] = path
     if not found:
-        more = f" and {len(others) - _MOST_NAMES} more" if len(others) > _MOST_NAMES else ""
-        there = f"; it has {', '.join(others[:_MOST_NAMES])}{more}" if others else ""
-        raise RecordingError(f"{directory} has no recordings, expected {expected}{there}")
+        raise NoRecordingsError(f"{directory} has no recordings, expected {expected}")
     return dict(sorted(found.items()))
 
 

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.odd_input import described
+from mtpgo_training.data.readers.checks.layout_clues import is_of_another
 from mtpgo_training.data.readers.checks.reading_remarks import (
     keeping,
     keeping_all,
@@ -102,10 +104,10 @@ def _recordings_of(
 ) -> Iterable[Recording]:
     said: list[str] = []
     if cache is None:
-        return keeping_all(unit.read(), said)
+        return keeping_all(_read(unit), said)
 
     def made() -> Columns:
-        columns = pack(keeping_all(unit.read(), said))
+        columns = pack(keeping_all(_read(unit), said))
         return {**columns, "remarks": packed_remarks(said, unit.files)}
 
     facts = {"what": "recordings", **_facts(unit, options)}
@@ -113,6 +115,22 @@ def _recordings_of(
     with keeping(said):
         say_again(columns["remarks"], unit.files)
     return unpack(columns)
+
+
+def _read(unit: Unit) -> Iterator[Recording]:
+    """Yield the recordings of a unit.
+
+    Raises:
+        RecordingError: a defect of a file; a file of another layout is called so.
+    """
+    try:
+        yield from unit.read()
+    except RecordingError as error:
+        # A plain table may describe the columns of any layout.
+        other = "" if unit.layout == "table" else is_of_another(unit.files[0], unit.layout)
+        if not other or repr(other) in str(error):
+            raise
+        raise RecordingError(f"{error}; it is of the layout {other!r}") from error
 
 
 def _facts(unit: Unit, options: ReadingOptions) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from mtpgo_training.data.readers.bags.bag_pieces import BagPiece, PieceReader
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.drone_files import (
+    NoRecordingsError,
     existing_directory,
     select_names,
     visible_files,
@@ -69,7 +70,7 @@ def bag_units(
         existing_directory(directory)
         bags = [path for path in visible_files(directory.iterdir(), directory) if is_bag(path)]
         if not bags:
-            raise RecordingError(
+            raise NoRecordingsError(
                 f"{directory} has no bags, expected .mcap files (or .db3, .bag) or rosbag2"
                 " directories"
             )

@@ -20,6 +20,7 @@ import pandas as pd
 
 from mtpgo_core.class_map import OWN_NAMES
 from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.checks.foreign_files import without_foreign
 from mtpgo_training.data.readers.csv_table import CsvForm, first_lines_of, read_header, read_table
 from mtpgo_training.data.readers.drone_files import select_names
 from mtpgo_training.data.readers.file_groups import grouped_files
@@ -48,24 +49,32 @@ def openacc_units(
     Raises:
         RecordingError: there are none.
     """
-    found = grouped_files(directory, _FILES, "OpenACC's .csv files")
+    groups = grouped_files(directory, _FILES, "OpenACC's .csv files")
+    found = {name: path for name, files in groups.items() for path in files.values()}
+    if not names:
+        found = without_foreign(found, lambda path: _names_line(path) is not None)
     return [
-        Unit(name, "openacc", (path,), functools.partial(_read, name, path))
+        Unit(name, "openacc", (found[name],), functools.partial(_read, name, found[name]))
         for name in select_names(list(found), names, directory)
-        for path in found[name].values()
     ]
 
 
-def _read(name: str, path: Path) -> Iterator[Recording]:
+def _names_line(path: Path) -> int | None:
+    """Return the index of the line with the column names, None if there is none."""
     lines = first_lines_of(path, _MOST_FACTS, blank=True)
     heads = [i for i, line in enumerate(lines) if line.split(",")[0].strip().strip('"') == "Time"]
-    if not heads:
+    return heads[0] if heads else None
+
+
+def _read(name: str, path: Path) -> Iterator[Recording]:
+    head = _names_line(path)
+    if head is None:
         raise RecordingError(
             f"{path} has no line of column names that begins with 'Time' among its first "
             f"{_MOST_FACTS}, expected a file of OpenACC"
         )
-    blank = sum(1 for line in lines[: heads[0]] if not line.strip())
-    form = CsvForm(skipped=heads[0], blank=blank)
+    blank = sum(1 for line in first_lines_of(path, head, blank=True) if not line.strip())
+    form = CsvForm(skipped=head, blank=blank)
     header = read_header(path, form)
     cars = [c[1:] for c in header if re.fullmatch(r"E\d+", c) and f"N{c[1:]}" in header]
     if not cars:

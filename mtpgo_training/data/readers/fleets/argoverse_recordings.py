@@ -23,6 +23,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import rotate
 from mtpgo_training.data.readers.csv_table import check_columns, require_columns
 from mtpgo_training.data.readers.drone_files import (
+    NoRecordingsError,
     existing_directory,
     files_below,
     select_names,
@@ -104,7 +105,7 @@ def argoverse_units(
             )
         units[name] = Unit(name, "argoverse2", files, read)
     if not units:
-        raise RecordingError(
+        raise NoRecordingsError(
             f"{directory} has no recordings, expected Argoverse 2's scenario_*.parquet or logs "
             f"with {_ANNOTATIONS}"
         )

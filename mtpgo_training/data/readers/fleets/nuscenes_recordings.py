@@ -23,7 +23,7 @@ import pandas as pd
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.options import is_unicode
-from mtpgo_training.data.readers.drone_files import existing_directory
+from mtpgo_training.data.readers.drone_files import NoRecordingsError, existing_directory
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
@@ -68,7 +68,7 @@ def nuscenes_units(
         if (folder / "sample_annotation.json").is_file()
     ]
     if not versions:
-        raise RecordingError(
+        raise NoRecordingsError(
             f"{directory} has no recordings, expected nuScenes' folder v1.0-... with "
             "sample_annotation.json"
         )

@@ -117,12 +117,12 @@ def find_form(path: Path) -> NgsimForm:
 
 
 def may_be_ngsim(path: Path) -> bool:
-    """Return whether a text file may have trajectories: others lie beside them in the archives."""
+    """Return whether a file may have trajectories: others lie beside them in the archives."""
     lines = first_lines_of(path, 1)
     if not lines:
         return False
     cells = lines[0].replace(",", " ").split()
-    return "local_x" in lines[0].lower() or (
+    return "local_x" in lines[0].lower().replace(" ", "_") or (
         len(cells) >= min(_WITHOUT_HEADER) - 4 and all(_is_number(cell) for cell in cells)
     )
 

@@ -22,9 +22,11 @@ import pandas as pd
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass, ClassArray, Float64Array
+from mtpgo_training.data.readers.checks.foreign_files import without_foreign
 from mtpgo_training.data.readers.csv_lines import line_in_file
 from mtpgo_training.data.readers.csv_table import read_table
 from mtpgo_training.data.readers.drone_files import (
+    NoRecordingsError,
     check_layout,
     existing_directory,
     select_names,
@@ -93,9 +95,11 @@ def ngsim_units(
                     by_name.setdefault(_stem(path), path)
         by_name = dict(sorted(by_name.items()))
         if not by_name:
-            raise RecordingError(
+            raise NoRecordingsError(
                 f"{directory} has no recordings, expected NGSIM's .csv files or .txt files"
             )
+        if not names:
+            by_name = without_foreign(by_name, may_be_ngsim)
     classes = options.classes if options.class_map else None
     read = functools.partial(_read_file, classes=classes)
     return [

@@ -12,6 +12,9 @@ import pandas as pd
 
 from mtpgo_core.errors import RecordingError
 
+_LONGEST_TYPE = 40
+"""Characters of a type that a sentence shows; chosen."""
+
 
 def parquet_columns(path: Path) -> list[str]:
     """Return the column names of a Parquet file, also of those within another: ``pose.x``.
@@ -54,15 +57,40 @@ def read_parquet(path: Path, columns: Sequence[str]) -> pd.DataFrame:
             else compute.struct_field(table[before], name.split(".")[1:])
             for name, before in zip(columns, outer, strict=True)
         }
+        for name, column in found.items():
+            _check_type(path, name, column.type)
         wanted = pyarrow.table(found)
         wanted.validate(full=True)  # texts that are no Unicode fail only where they are used
         frame = wanted.to_pandas(use_threads=False, ignore_metadata=True)
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise RecordingError(_cannot_be_read(path, "Parquet", error)) from error
-    for name in columns:
-        if any(isinstance(value, bytes) for value in frame[name][:1]):
+    for name, column in found.items():
+        if _is_bytes(column.type):
             frame[name] = _texts_of_bytes(frame[name])
     return frame
+
+
+def _is_bytes(kind: Any) -> bool:
+    from pyarrow import types
+
+    kind = kind.value_type if types.is_dictionary(kind) else kind
+    tests = (types.is_binary, types.is_large_binary, types.is_fixed_size_binary)
+    return any(test(kind) for test in tests) or str(kind) == "binary_view"
+
+
+def _check_type(path: Path, name: str, kind: Any) -> None:
+    """Check that the cells of a column are single values.
+
+    Raises:
+        RecordingError: they are lists or the like.
+    """
+    from pyarrow.types import is_nested
+
+    if is_nested(kind):
+        raise RecordingError(
+            f"{path}, column {name!r}: {str(kind)[:_LONGEST_TYPE]}, expected one number, date or "
+            "text in each row"
+        )
 
 
 def _names(fields: Iterable[Any], before: str = "") -> list[str]:
@@ -78,10 +106,12 @@ def _names(fields: Iterable[Any], before: str = "") -> list[str]:
 
 
 def _texts_of_bytes(column: pd.Series) -> pd.Series:
-    try:
-        return column.map(bytes.decode, na_action="ignore")
-    except UnicodeDecodeError:
-        return column.map(bytes.hex, na_action="ignore")
+    texts = {
+        value: value.decode(errors="replace") for value in column.unique() if not pd.isna(value)
+    }
+    if all("\ufffd" not in text and text.isprintable() for text in texts.values()):
+        return column.map(texts, na_action="ignore")
+    return column.map(bytes.hex, na_action="ignore")
 
 
 def read_feather(path: Path) -> pd.DataFrame:

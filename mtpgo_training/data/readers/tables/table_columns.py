@@ -12,7 +12,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import check_options, from_dict, option, require
 from mtpgo_core.schema import AgentClass
 from mtpgo_core.yaml_file import read_yaml
-from mtpgo_training.data.readers.csv_table import CsvForm
+from mtpgo_training.data.readers.csv_table import CsvForm, column_name
 
 LENGTHS_M = {"m": 1.0, "km": 1000.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "yd": 0.9144}
 """Units of lengths (m); foot and yard are the international ones."""
@@ -203,7 +203,7 @@ def _as_written(path: Path) -> tuple[dict[str, str], list[str]]:
                 if column.id != "scalar":
                     raise ConfigurationError(f"{where} is a list or mapping, expected one column")
                 empty = column.tag.endswith(":null")
-                columns[str(meaning.value)] = "" if empty else str(column.value)
+                columns[str(meaning.value)] = "" if empty else column_name(column.value)
         elif key.value == "names" and node.id == "sequence":
-            names = [str(name.value) for name in node.value]
+            names = [column_name(name.value) for name in node.value]
     return columns, names

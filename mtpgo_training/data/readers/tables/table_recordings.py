@@ -15,13 +15,19 @@ import pandas as pd
 from mtpgo_core.class_map import OWN_NAMES, ClassMap
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.schema import AgentClass, Float64Array
+from mtpgo_training.data.readers.checks.foreign_files import without_foreign
 from mtpgo_training.data.readers.csv_table import (
+    STANDARD_FORM,
     check_columns,
+    column_name,
     observed_rows,
+    read_header,
     read_table,
     require_columns,
+    require_once,
 )
 from mtpgo_training.data.readers.drone_files import (
+    NoRecordingsError,
     existing_directory,
     select_names,
     visible_files,
@@ -40,6 +46,7 @@ from mtpgo_training.data.readers.tables.table_columns import (
 )
 from mtpgo_training.data.readers.tables.track_rows import (
     TableSource,
+    as_file_name,
     recording_of_rows,
     velocity_from_speed,
 )
@@ -77,7 +84,7 @@ def table_units(
         paths = visible_files(directory.iterdir(), directory)
         paths = [path for path in paths if _SUFFIXES.search(path.name)]
         if not paths:
-            raise RecordingError(
+            raise NoRecordingsError(
                 f"{directory} has no tables, expected .csv, .tsv, .txt or .parquet files"
             )
     by_name: dict[str, Path] = {}
@@ -89,6 +96,8 @@ def table_units(
                 f"{path.name}, expected one"
             )
         by_name[name] = path
+    if not names:
+        by_name = without_foreign(by_name, functools.partial(_is_table, columns))
     settings = {"columns": repr(columns)}
     return [
         Unit(
@@ -102,6 +111,16 @@ def table_units(
     ]
 
 
+def _is_table(columns: TableColumns, path: Path) -> bool:
+    """Return whether a file has one of the columns, or may have them."""
+    parquet = path.suffix.lower() in (".parquet", ".pq")
+    if not parquet and columns.names:
+        return True
+    header = parquet_columns(path) if parquet else read_header(path, columns.form)
+    wanted = columns.columns.given().values()
+    return not set(wanted).isdisjoint(map(column_name, header))
+
+
 def _read(name: str, path: Path, columns: TableColumns, classes: ClassMap) -> Iterator[Recording]:
     table, unobserved = _rows(path, columns)
     parquet = path.suffix.lower() in (".parquet", ".pq")
@@ -109,6 +128,7 @@ def _read(name: str, path: Path, columns: TableColumns, classes: ClassMap) -> It
     groups = [("", table)]
     if columns.columns.recording:
         groups = [(str(key), rows) for key, rows in table.groupby("recording", sort=True)]
+        _check_names(path, [key for key, _ in groups])
     for part, rows in groups:
         one = len(groups) == 1
         yield recording_of_rows(
@@ -125,6 +145,22 @@ def _read(name: str, path: Path, columns: TableColumns, classes: ClassMap) -> It
                 unobserved=unobserved,
             ),
         )
+
+
+def _check_names(path: Path, names: Sequence[str]) -> None:
+    """Check that recordings have different names also where these are names of files.
+
+    Raises:
+        RecordingError: two have the same one.
+    """
+    taken: dict[str, str] = {}
+    for name in names:
+        other = taken.setdefault(as_file_name(name), name)
+        if other != name:
+            raise RecordingError(
+                f"{path} has the recordings {other!r} and {name!r}, expected names that differ "
+                "in more than '/' or '_'"
+            )
 
 
 def _rows(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Array]:
@@ -168,8 +204,12 @@ def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Ar
     unit, first_line = "line", columns.form.first_line
     if path.suffix.lower() in (".parquet", ".pq"):
         unit, first_line = "row", 1
-        require_columns(path, parquet_columns(path), wanted, wanted)
-        table = read_parquet(path, wanted)
+        written = parquet_columns(path)
+        header = [column_name(name) for name in written]
+        require_columns(path, header, wanted, wanted)
+        require_once(path, header, wanted)
+        table = read_parquet(path, [written[header.index(name)] for name in wanted])
+        table.columns = pd.Index(wanted)
         # Dates are dates, whatever unit numbers would have.
         dates |= "time" in given and pd.api.types.is_datetime64_any_dtype(table[given["time"]])
     else:
@@ -179,7 +219,8 @@ def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Ar
         table = read_table(path, texts=texts, unchecked=numbers, form=columns.form)
     instants = table[given["time"] if "time" in given else given["frame"]]
     position = [given["x"], given["y"]]
-    table = observed_rows(table, path, position, first_line=first_line, unit=unit)
+    form = STANDARD_FORM if unit == "row" else columns.form
+    table = observed_rows(table, path, position, first_line=first_line, unit=unit, form=form)
     check_columns(
         table,
         path,
@@ -188,6 +229,7 @@ def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Ar
         unknown_allowed=[given[name] for name in _NUMBERS if name in given],
         first_line=first_line,
         unit=unit,
+        form=form,
     )
     instants = instants.drop(table.index)
     table = table.rename(columns={column: name for name, column in given.items()})

@@ -114,7 +114,7 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
     numbers, key = _identities(names)
     yaw = table["yaw"].to_numpy(np.float64) if "yaw" in table else np.full(len(table), np.nan)
     return Recording(
-        name=_as_file_name(source.name),
+        name=as_file_name(source.name),
         layout=source.layout,
         location=source.location,
         frame_rate=frame_rate,
@@ -133,7 +133,7 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
     )
 
 
-def _as_file_name(name: str) -> str:
+def as_file_name(name: str) -> str:
     """Return the name of a recording, part of which is data, as one that a file may have.
 
     Recordings are written to files of their names: ``a/../../b`` must not be another folder.
@@ -234,8 +234,12 @@ def _classes(table: pd.DataFrame, track: Int64Array, source: TableSource) -> Cla
     out = np.zeros(int(track.max()) + 1, dtype=np.uint8)
     if "class" not in table:
         return out
-    names = table["class"].astype("string").fillna("").tolist()
-    found = classes_of(names, source.classes, source.files[0])
+    names = table["class"].astype("string").fillna("")
+    found = np.zeros(len(table), dtype=np.uint8)
+    file = table["file"].to_numpy(np.int64) if "file" in table else np.zeros_like(track)
+    for number in np.unique(file).tolist():
+        rows = file == number
+        found[rows] = classes_of(names[rows].tolist(), source.classes, source.files[number])
     known = found > 0
     out[track[known]] = found[known]
     return out

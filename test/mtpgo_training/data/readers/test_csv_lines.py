@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a text file is, and the lines at which its rows are."""
 
+import bz2
 import gzip
+import lzma
 
 import pytest
 
@@ -55,6 +57,14 @@ def test_the_first_row_with_too_many_cells(tmp_path):
         ("v,w\n1,2\n".encode("utf-16-le"), "no text, expected CSV in UTF-8"),
         (b"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS, expected the"),
         (b"<!DOCTYPE html>\n<html>", "a web page, expected CSV"),
+        (b"<!doctype html><html>", "a web page, expected CSV"),
+        (b"<?xml version='1.0'?>", "XML, expected CSV"),
+        (bz2.compress(b"v,w\n"), "compressed by bzip2, expected CSV, or CSV compressed by gzip"),
+        (lzma.compress(b"v,w\n"), "compressed by xz, expected CSV, or CSV compressed by gzip"),
+        (b"\x28\xb5\x2f\xfd\x04", "compressed by Zstandard, expected CSV, or CSV compressed by"),
+        (b"SQLite format 3\0", "an SQLite file, expected CSV"),
+        (b'{"v": 1}\n{"v": 2}\n', "JSON, expected CSV"),
+        (b'[{"v": 1}]', "JSON, expected CSV"),
         (b"v,w\n1,2\n\0\0\0", ""),
         ("\ufeffStra\u00dfe\n".encode(), ""),
         (b"", ""),

@@ -306,3 +306,38 @@ def test_damaged_file_is_named(tmp_path: Path, damage: str) -> None:
         path.write_text("")
     with pytest.raises(RecordingError, match=r"07_tracks\.csv.*(cannot be read|is empty)"):
         load_recordings(tmp_path, "ind")
+
+
+def test_files_of_different_recordings_are_refused(tmp_path):
+    drone_files.write_ind(tmp_path)
+    tracks, meta = tmp_path / "07_tracks.csv", tmp_path / "07_recordingMeta.csv"
+    text = meta.read_text()
+    head, row = text.splitlines()[:2]
+    place = head.split(",").index("recordingId")
+    cells = row.split(",")
+    cells[place] = "9"
+    meta.write_text("\n".join([head, ",".join(cells)]) + "\n")
+    sentence = r"07_tracks\.csv is of recording \d+, and 07_recordingMeta\.csv of recording 9, exp"
+    with pytest.raises(RecordingError, match=sentence):
+        load_recordings(tmp_path, "ind")
+    meta.write_text(text)
+    lines = tracks.read_text().splitlines()
+    other = lines[-1].split(",")
+    other[0], other[2] = "8", str(int(other[2]) + 1)
+    tracks.write_text("\n".join([*lines, ",".join(other)]) + "\n")
+    with pytest.raises(RecordingError, match=r"has rows of the recordings \d+ and 8, exp"):
+        load_recordings(tmp_path, "ind")
+
+
+@pytest.mark.parametrize("write", [drone_files.write_highd, drone_files.write_ind])
+def test_rows_that_tracks_meta_lists_and_tracks_lacks_are_counted(tmp_path, caplog, write):
+    layout = write.__name__.removeprefix("write_")
+    write(tmp_path)
+    load_recordings(tmp_path, layout)
+    assert not caplog.records
+    (tracks,) = tmp_path.glob("*_tracks.csv")
+    lines = tracks.read_text().splitlines()
+    tracks.write_text("\n".join(lines[:-1]) + "\n")
+    load_recordings(tmp_path, layout)
+    assert "_tracks.csv has not all rows of 1 of the " in caplog.text
+    assert "_tracksMeta.csv, the first is track " in caplog.text

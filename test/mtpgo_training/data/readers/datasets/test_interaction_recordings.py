@@ -31,9 +31,11 @@ def interaction(tmp_path):
     return tmp_path
 
 
-def test_interaction(interaction):
+def test_interaction(interaction, caplog):
     recordings = load_recordings(interaction, "interaction")
     assert [r.name for r in recordings] == ["DR_A-000", "DR_A-001", "DR_B-000"]
+    (sentence,) = [record.getMessage() for record in caplog.records]
+    assert "DR_A/pedestrian_tracks_000.csv: no class is known by the name 'pedestrian" in sentence
     both, alone, _ = recordings
     assert (both.frame_rate, both.location, alone.track_id.tolist()) == (10.0, "DR_A", [2, 10])
     assert alone.frame.tolist() == [0, 0, 1, 2]
@@ -71,6 +73,8 @@ def test_the_cases_of_the_later_edition_are_recordings(tmp_path):
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     recordings = load_recordings(tmp_path, "interaction")
     assert [(r.name, len(r)) for r in recordings] == [("DR_C_train-1", 3), ("DR_C_train-2", 1)]
+    (recording,) = load_recordings(tmp_path, "interaction", ["DR_C_train-2"])
+    assert (recording.name, len(recording)) == ("DR_C_train-2", 1)
 
 
 def test_sind(tmp_path):

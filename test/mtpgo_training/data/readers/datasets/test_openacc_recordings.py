@@ -59,3 +59,10 @@ def test_rows_without_any_position_are_called_so(tmp_path):
     path.write_text(FACTS + "Time,E1,N1\n0.0,,\n0.1,,\n")
     with pytest.raises(RecordingError, match="has no position of a car in its 2 rows, expected v"):
         load_recordings(tmp_path, "openacc")
+
+
+def test_other_tables_beside_the_campaigns_are_passed_over(tmp_path, caplog):
+    (tmp_path / "part1.csv").write_text(FACTS + ROWS)
+    (tmp_path / "readme.csv").write_text("a,b\n1,2\n")
+    assert [r.name for r in load_recordings(tmp_path, "openacc")] == ["part1"]
+    assert "readme.csv is passed over" in caplog.text

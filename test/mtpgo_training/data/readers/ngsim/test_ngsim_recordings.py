@@ -221,3 +221,11 @@ def test_names_in_capitals_are_found(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith(".GZ") else data)
     (recording,) = load_recordings(tmp_path, "ngsim")
     assert (recording.name, len(recording)) == ("A", 1)
+
+
+def test_other_tables_beside_the_trajectories_are_passed_over(tmp_path, caplog):
+    write(tmp_path / "a.csv", [row(1, 0, 10.0, 0.0)])
+    write(tmp_path / "b.csv", [row(1, 0, 10.0, 0.0)], HEADER.replace("_", " "))
+    (tmp_path / "detector.csv").write_text("Station,Lane,Volume\n1,2,3\n")
+    assert [r.name for r in load_recordings(tmp_path, "ngsim")] == ["a", "b"]
+    assert "detector.csv is passed over" in caplog.text

@@ -389,3 +389,85 @@ def test_rows_closer_than_any_frame_are_called_so(read):
     sentence = r"line 3: track 1 has rows 1e-07 s apart, expected at least 0\.001 s; is the unit"
     with pytest.raises(RecordingError, match=sentence):
         read(text, columns)
+
+
+def test_the_recordings_of_a_file_are_found_by_their_names(read, tmp_path):
+    text = "t,id,x,y,run\n0,1,0,0,p\n1,1,1,0,p\n0,1,5,0,q\n1,1,6,0,q\n"
+    read(text, RUNS)
+    options = ReadingOptions(columns=tmp_path / "columns.yaml")
+    for names in (["a-q"], ["a-p", "a-q"], ["a-q", "a-p@0-1s"]):
+        found = load_recordings(tmp_path / "data", "table", names, options)
+        assert sorted(r.name for r in found) == sorted(names)
+        assert [len(r) for r in found] == [2] * len(names)
+    with pytest.raises(RecordingError, match="has no recording 'a-z', it has a-p, a-q"):
+        load_recordings(tmp_path / "data", "table", ["a-z"], options)
+    with pytest.raises(RecordingError, match="has no recording 'b-q', it has a"):
+        load_recordings(tmp_path / "data", "table", ["b-q"], options)
+
+
+def test_recordings_that_would_have_one_name_are_refused(read):
+    text = "t,id,x,y,run\n0,1,0,0,p/q\n1,1,1,0,p_q\n"
+    with pytest.raises(RecordingError, match="has the recordings 'p/q' and 'p_q', expected"):
+        read(text, RUNS)
+
+
+def test_tables_of_another_kind_beside_them_are_passed_over(read, tmp_path, caplog):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "readme.txt").write_text("Hello\n")
+    (tmp_path / "data" / "~$a.csv").write_text("x")
+    assert [r.name for r in read(ROWS, POSITIONS)] == ["a"]
+    assert "readme.txt is passed over" in caplog.text
+    with pytest.raises(RecordingError, match=r"readme\.txt has no column 'x'"):
+        load_recordings(
+            tmp_path / "data", "table", ["readme"], ReadingOptions(tmp_path / "columns.yaml")
+        )
+
+
+COMMAS = POSITIONS | {"separator": ";", "decimal": ",", "thousands": "."}
+WITH_COMMAS = ROWS.replace(",", ";").replace(";-2\n", ";-1.002,5\n")
+
+
+def test_the_cell_that_is_no_number_is_named_among_decimal_commas(read):
+    with pytest.raises(RecordingError, match="line 4, column 'y': 'lost', expected a number"):
+        read(WITH_COMMAS.replace("2;2;22;-1.002,5", "2;2;22;lost"), COMMAS)
+    (recording,) = read(WITH_COMMAS + "Total;x;;\n", COMMAS)  # leaves all columns as text
+    assert recording.position[0].tolist() == [20.0, -1002.5]
+
+
+def test_umlauts_of_one_character_and_of_two_are_the_same(read, parquet):
+    one, two = "Z\N{LATIN SMALL LETTER A WITH DIAERESIS}hler", "Za\N{COMBINING DIAERESIS}hler"
+    for name, column in ((one, two), (two, one)):
+        description = {"columns": POSITIONS["columns"] | {"track": name}, "frame_rate": 10}
+        (recording,) = read(ROWS.replace("f,id", f"f,{column}"), description)
+        assert recording.track_id.tolist() == [2, 10]
+    for name, column in ((one, two), (two, one)):
+        read.__closure__[0].cell_contents.joinpath("data", "a.csv").unlink(missing_ok=True)
+        assert parquet({"columns": BY_TIME["columns"] | {"track": name}}, **{column: 3})
+
+
+def test_a_column_of_lists_is_one_sentence(parquet):
+    sentence = r"b\.parquet, column 'x': list<element: double>, expected one number, date or text"
+    with pytest.raises(RecordingError, match=sentence):
+        parquet(BY_TIME, x=[[1.0, 2.0]] * 6)
+
+
+def test_identities_of_unprintable_bytes_are_digits(parquet):
+    (recording,) = parquet(BY_TIME, id=[b"\n" * 16] * 6)
+    np.testing.assert_array_equal(recording.key, keys_from_texts(["0a" * 16]))
+    with pytest.raises(RecordingError, match="row 1: the road user has no name"):
+        parquet(BY_TIME, id=[None, *[b"\xff\xfe"] * 5])
+
+
+def test_a_column_that_is_twice_in_a_parquet_file_is_refused(read, tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    arrays = [pyarrow.array([0.0, 1.0])] * 5
+    (tmp_path / "data").mkdir()
+    table = pyarrow.Table.from_arrays(arrays, names=["f", "id", "x", "x", "y"])
+    parquet.write_table(table, tmp_path / "data" / "b.parquet")
+    with pytest.raises(RecordingError, match=r"b\.parquet has 2 columns 'x', expected one"):
+        read(ROWS, POSITIONS)
+    parquet.write_table(pyarrow.table({}), tmp_path / "data" / "b.parquet")
+    options = ReadingOptions(columns=tmp_path / "columns.yaml")
+    with pytest.raises(RecordingError, match=r"no column 'id', .*; it has none$"):
+        load_recordings(tmp_path / "data", "table", ["b"], options)
