@@ -44,6 +44,11 @@ _FASTEST_PACE = 10.0
 are in another unit, if no two messages are near each other; chosen."""
 
 
+_SLOWEST_PACE = 0.01
+"""Stamps that advance slower than the time at which they were recorded by more than this factor
+seem to be in another unit; chosen below any simulation, and above milliseconds for seconds."""
+
+
 def bag_units(
     directory: Path, names: Sequence[str] | None = None, options: ReadingOptions = AS_USUAL
 ) -> list[Unit]:
@@ -151,6 +156,12 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
             f"{path}, topic {topic.name}: its stamps advance {piece_reader.pace:.3g} times as "
             "fast as the time at which they were recorded, so that no two messages belong "
             "together; expected the time of the observation in seconds and nanoseconds"
+        )
+    if piece_reader.pace < _SLOWEST_PACE:  # false for NaN
+        remark(
+            f"{path}, topic {topic.name}: its stamps advance {piece_reader.pace:.3g} times as fast"
+            " as the time at which they were recorded; expected the time of the observation in"
+            " seconds and nanoseconds"
         )
     last = recordings[-1]
     recordings[-1] = dataclasses.replace(last, counts=dict(Counter(last.counts) + counts))

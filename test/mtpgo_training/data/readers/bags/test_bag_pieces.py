@@ -450,3 +450,11 @@ def test_stamps_in_another_unit_are_refused(tmp_path):
     # A simulation that runs twenty times as fast as time is none of these.
     (recording,) = read(tmp_path, [(i / 200, states_at(i / 10)) for i in range(300)])
     assert (recording.frame_rate, len(recording)) == (10.0, 900)
+
+
+def test_stamps_that_hardly_advance_are_remarked_on(tmp_path, caplog):
+    # Milliseconds taken for nanoseconds: 100 ns from one message to the next.
+    (recording,) = read(tmp_path, [(i / 10, states_at(i / 1e7)) for i in range(30)])
+    assert len(recording) == 90
+    assert "its stamps advance 1e-06 times as fast as the time at which they were" in caplog.text
+    assert "a row of a road user every 1e-07 s, so that no movement" in caplog.text
