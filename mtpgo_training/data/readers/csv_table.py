@@ -78,7 +78,8 @@ class CsvForm:
             **header,
             "sep": r"\s+" if self.separator == " " else self.separator,
             "decimal": self.decimal,
-            "thousands": self.thousands,
+            # Others, as the narrow blank of some languages, are taken out by check_columns.
+            "thousands": self.thousands if (self.thousands or "").isascii() else None,
             "names": None if self.names is None else list(self.names),
             "skiprows": self.skipped,
         }
@@ -201,7 +202,8 @@ def read_table(
     """
     header = read_header(path, form)
     wanted = [*unchecked, *integers, *numbers, *unknown_allowed, *texts]
-    require_columns(path, header, [name for name in wanted if name not in optional], wanted, form)
+    needed = [name for name in wanted if name not in optional]
+    require_columns(path, header, needed, needed, form)
     present = [name for name in wanted if name in header]
     require_once(path, header, present)
     kinds: dict[str, Any] = {name: str for name in texts if name in present}

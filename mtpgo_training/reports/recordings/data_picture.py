@@ -131,7 +131,11 @@ def _bars(
     axes: Any, title: str, values: Mapping[str, float], colours: Sequence[str] = (_BAR,)
 ) -> None:
     names: Sequence[str] = list(values)
+    axes.set(title=title)
+    if not names:
+        axes.text(0.0, 0.9, "none", transform=axes.transAxes)
+        axes.set_axis_off()
+        return
     axes.barh(names, [values[name] for name in names], color=colours)
     # From the top; few bars are not wider than many.
     axes.set_ylim(max(len(names), _LEAST_ROWS) - 0.5, -0.5)
-    axes.set(title=title)

@@ -48,7 +48,7 @@ def unit_clue(recording: Recording) -> str:
         speed_mps = float(np.nanmedian(np.hypot(moved[:, 0], moved[:, 1]) / seconds))
         if speed_mps > HistoryConfig().max_speed_mps:
             return (
-                f"the road users move at {speed_mps:.3g} m/s, so that the history rejects most "
+                f"the road users move at {speed_mps:.5g} m/s, so that the history rejects most "
                 "rows; is the unit of the positions or of the times another one?"
             )
     size_m = float(np.nan_to_num(np.ptp(position, axis=0)).max())

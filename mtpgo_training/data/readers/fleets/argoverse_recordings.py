@@ -210,7 +210,13 @@ def _recording(
         frame_rate=FRAME_RATE,
         unit="row",
     )
-    return with_ego(recording_of_rows(table[~kind.isin(_NO_ROAD_USERS)], source), "AV")
+    users = table[~kind.isin(_NO_ROAD_USERS)]
+    if len(table) and not len(users):
+        raise RecordingError(
+            f"{files[0]} has no road user: all of its {len(table)} rows are objects that never"
+            " move"
+        )
+    return with_ego(recording_of_rows(users, source), "AV")
 
 
 def _feather(path: Path, numbers: Sequence[str], texts: Sequence[str]) -> pd.DataFrame:

@@ -44,6 +44,9 @@ _BETWEEN = re.compile(r"[\s,]*")
 _LONGEST_RECORD = 1 << 24
 """Characters of the longest record that is read; chosen far above those of the data set."""
 
+_MOST_SCENES = 5
+"""Scenes that a sentence lists; chosen."""
+
 _AT_ONCE = 1 << 20
 """Characters of a table read at a time; chosen, as the tables are larger than the memory."""
 
@@ -74,12 +77,14 @@ def nuscenes_units(
         )
     classes = options.classes_or("nuscenes")
     units, left = [], set(names or ())
+    there: list[str] = []
     for folder in versions:
         for table in _TABLES:
             if not (folder / f"{table}.json").is_file():
                 raise RecordingError(f"{folder / table}.json is missing, it belongs to nuScenes")
         version = folder.resolve().name
         scenes = [str(row.get("name")) for row in _objects(folder / "scene.json")]
+        there += scenes
         wanted = [s for s in scenes if {s, version, f"{version}-{s}"} & set(names or (s,))]
         left -= {version, *wanted, *(f"{version}-{s}" for s in wanted)}
         if wanted:
@@ -93,7 +98,11 @@ def nuscenes_units(
                 )
             )
     if left:
-        raise RecordingError(f"{directory} has no scene {sorted(left)[0]!r}")
+        more = f" and {len(there) - _MOST_SCENES} more" if len(there) > _MOST_SCENES else ""
+        raise RecordingError(
+            f"{directory} has no scene {sorted(left)[0]!r}, it has "
+            f"{', '.join(there[:_MOST_SCENES])}{more}"
+        )
     return units
 
 

@@ -23,6 +23,9 @@ TIMES_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "date": 1.
 SPEEDS_MPS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704, "ft/s": 0.3048, "kn": 1852 / 3600}
 """Units of speeds (m/s)."""
 
+_NO_MARKS = '+-"\r\n\0'
+"""Marks that stand in numbers, or around and between cells in any file."""
+
 EXAMPLE = "columns: {track: id, time: t, x: x, y: y}"
 
 
@@ -127,15 +130,22 @@ class TableColumns:
                 + ("beside columns.vx" if "vx" in given else "without columns.heading")
                 + ", expected vx and vy, or speed and heading"
             )
-        for name in ("separator", "thousands"):
+        for name, least in (("separator", 1), ("thousands", 0)):
             value = getattr(self, name)
-            fits = len(value) == 1 or (name == "thousands" and not value)
             require(
                 name,
                 value,
-                fits and value != self.decimal,
+                least <= len(value) <= 1 and value != self.decimal,
                 "one character that differs from the decimal mark",
             )
+            # A mark that numbers have would be taken out of them.
+            require(
+                name,
+                value,
+                not value or not (value.isalnum() or value in _NO_MARKS),
+                "a mark that is no letter, digit, sign, quote or line break",
+            )
+        require("separator", self.separator, self.separator.isascii(), "a character of ASCII")
         for name in self.names:
             if self.names.count(name) > 1:
                 raise ConfigurationError(f"names has {name!r} more than once, expected it once")

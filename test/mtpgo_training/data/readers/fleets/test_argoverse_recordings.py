@@ -116,3 +116,11 @@ def test_names_in_capitals_and_the_same_scenario_twice(tmp_path):
     scenario(tmp_path / "val" / "s" / "scenario_s.parquet")
     with pytest.raises(RecordingError, match=r"has two recordings 's', .*SCENARIO_s\.PARQUET and"):
         load_recordings(tmp_path, "argoverse2")
+
+
+def test_a_scenario_without_road_users_is_called_so(tmp_path):
+    scenario(tmp_path / "scenario_s.parquet", object_type="static")
+    with pytest.raises(
+        RecordingError, match="has no road user: all of its 12 rows are objects th"
+    ):
+        load_recordings(tmp_path, "argoverse2")

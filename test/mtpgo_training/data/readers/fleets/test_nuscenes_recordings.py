@@ -87,7 +87,7 @@ def test_scenes_by_name_and_tables_larger_than_a_portion(folder, monkeypatch):
     (part,) = load_recordings(folder, "nuscenes", ["v1.0-mini-scene-0001@0-0.6s"])
     assert len(part) == 6
     assert len(load_recordings(folder / "v1.0-mini", "nuscenes", ["v1.0-mini"])) == 2
-    with pytest.raises(RecordingError, match="has no scene 'scene-0009'"):
+    with pytest.raises(RecordingError, match="has no scene 'scene-0009', it has scene-0000, sc"):
         load_recordings(folder, "nuscenes", ["scene-0009"])
 
 

@@ -194,6 +194,16 @@ DESCRIPTIONS = {
         "columns.y is 'x', which is columns.x already",
     ),
     "separator": (POSITIONS | {"separator": ";;"}, "separator is ';;', expected one character"),
+    "sign": (
+        POSITIONS | {"thousands": "-"},
+        "thousands is '-', expected a mark that is no letter",
+    ),
+    "digit": (POSITIONS | {"separator": "2"}, "separator is '2', expected a mark that is no let"),
+    "quote": (POSITIONS | {"separator": '"'}, "expected a mark that is no letter, digit, sign, q"),
+    "no ASCII": (
+        POSITIONS | {"separator": "\N{SECTION SIGN}"},
+        "expected a character of ASCII",
+    ),
     "rate": (POSITIONS | {"frame_rate": 0}, "frame_rate is 0.0, expected more than 0"),
     "yaml": ("columns: {", "cannot be read as YAML: "),
 }
@@ -471,3 +481,10 @@ def test_a_column_that_is_twice_in_a_parquet_file_is_refused(read, tmp_path):
     options = ReadingOptions(columns=tmp_path / "columns.yaml")
     with pytest.raises(RecordingError, match=r"no column 'id', .*; it has none$"):
         load_recordings(tmp_path / "data", "table", ["b"], options)
+
+
+@pytest.mark.parametrize("mark", ["'", " ", "\N{NARROW NO-BREAK SPACE}"])
+def test_groups_of_digits_have_the_marks_of_any_language(read, mark):
+    text = ROWS.replace(",-2\n", f",-1{mark}002.5\n")
+    (recording,) = read(text, POSITIONS | {"thousands": mark})
+    assert recording.position[0].tolist() == [20.0, -1002.5]
