@@ -88,6 +88,8 @@ def _read_unit(
     """Yield the recordings of a unit, from the cache if they are there; say what was odd."""
     counts: Counter[str] = Counter()
     clue = ""
+    for sentence in unit.remarks:
+        remark(sentence)
     for recording in _recordings_of(unit, options, cache):
         counts.update(recording.counts)
         if not clue:  # one of many is enough

@@ -25,6 +25,7 @@ class Unit:
         files: the files, in the order in which they are hashed.
         read: reads the recordings, one after the other.
         settings: what else determines the recordings, as JSON can write it.
+        remarks: what is to be said whenever they are read, of files that are not among them.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Unit:
     files: Sequence[Path]
     read: Callable[[], Iterator[Recording]]
     settings: Mapping[str, Any] = field(default_factory=dict)
+    remarks: Sequence[str] = ()
 
     @cached_property
     def sha256(self) -> str:

@@ -4,33 +4,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import dataclasses
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers.checks.reading_remarks import remark
+from mtpgo_training.data.readers.reading_unit import Unit
 
 
-def without_foreign(
-    by_name: Mapping[str, Path], is_one: Callable[[Path], bool]
-) -> dict[str, Path]:
-    """Return the files without those of another kind, which are named in a remark.
+def without_foreign(units: Sequence[Unit], is_one: Callable[[Path], bool]) -> list[Unit]:
+    """Return the files without those of another kind, which the first one names in a remark.
 
     Where none is of the kind asked for, all are returned: what is wrong with them is said where
     they are read. So it is of files that cannot be read.
 
     Args:
-        by_name: files by the names of their recordings.
+        units: the files of a directory, one in each.
         is_one: whether a file is of the kind asked for, or a RecordingError.
     """
-    if len(by_name) < 2:
-        return dict(by_name)
-    foreign = {name for name, path in by_name.items() if not _may_be(path, is_one)}
-    if len(foreign) == len(by_name):
-        return dict(by_name)
-    for name in sorted(foreign):
-        remark(f"{by_name[name]} is passed over: it has none of the columns of the other files")
-    return {name: path for name, path in by_name.items() if name not in foreign}
+    if len(units) < 2:
+        return list(units)
+    kept, remarks = [], []
+    for unit in units:
+        if _may_be(unit.files[0], is_one):
+            kept.append(unit)
+        else:
+            remarks.append(
+                f"{unit.files[0]} is passed over: it has none of the columns of the other files"
+            )
+    if not kept:
+        return list(units)
+    return [dataclasses.replace(kept[0], remarks=remarks), *kept[1:]]
 
 
 def _may_be(path: Path, is_one: Callable[[Path], bool]) -> bool:

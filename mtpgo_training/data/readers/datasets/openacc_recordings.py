@@ -49,14 +49,13 @@ def openacc_units(
     Raises:
         RecordingError: there are none.
     """
-    groups = grouped_files(directory, _FILES, "OpenACC's .csv files")
-    found = {name: path for name, files in groups.items() for path in files.values()}
-    if not names:
-        found = without_foreign(found, lambda path: _names_line(path) is not None)
-    return [
-        Unit(name, "openacc", (found[name],), functools.partial(_read, name, found[name]))
+    found = grouped_files(directory, _FILES, "OpenACC's .csv files")
+    units = [
+        Unit(name, "openacc", (path,), functools.partial(_read, name, path))
         for name in select_names(list(found), names, directory)
+        for path in found[name].values()
     ]
+    return units if names else without_foreign(units, lambda path: _names_line(path) is not None)
 
 
 def _names_line(path: Path) -> int | None:

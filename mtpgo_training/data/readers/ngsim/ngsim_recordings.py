@@ -98,14 +98,13 @@ def ngsim_units(
             raise NoRecordingsError(
                 f"{directory} has no recordings, expected NGSIM's .csv files or .txt files"
             )
-        if not names:
-            by_name = without_foreign(by_name, may_be_ngsim)
     classes = options.classes if options.class_map else None
     read = functools.partial(_read_file, classes=classes)
-    return [
+    units = [
         Unit(name, "ngsim", (by_name[name],), functools.partial(read, name, by_name[name]))
         for name in select_names(list(by_name), names, directory)
     ]
+    return units if names else without_foreign(units, may_be_ngsim)
 
 
 def _stem(path: Path) -> str:

@@ -96,10 +96,8 @@ def table_units(
                 f"{path.name}, expected one"
             )
         by_name[name] = path
-    if not names:
-        by_name = without_foreign(by_name, functools.partial(_is_table, columns))
     settings = {"columns": repr(columns)}
-    return [
+    units = [
         Unit(
             name,
             "table",
@@ -109,6 +107,7 @@ def table_units(
         )
         for name in select_names(list(by_name), names, directory)
     ]
+    return units if names else without_foreign(units, functools.partial(_is_table, columns))
 
 
 def _is_table(columns: TableColumns, path: Path) -> bool:

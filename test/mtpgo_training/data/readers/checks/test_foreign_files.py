@@ -4,23 +4,33 @@
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.checks.foreign_files import without_foreign
+from mtpgo_training.data.readers.reading_job import ReadingJob
+from mtpgo_training.data.readers.reading_options import ReadingOptions
+from mtpgo_training.data.readers.reading_unit import Unit
 
 
-def test_files_of_another_kind_are_named_and_left_out(tmp_path, caplog):
-    files = {name: tmp_path / name for name in ("a", "b", "notes", "damaged")}
+def units_of(folder, *names):
+    return [Unit(name, "table", (folder / name,), lambda: iter(())) for name in names]
 
+
+def test_files_of_another_kind_are_left_out_and_named_whenever_the_others_are_read(
+    tmp_path, caplog
+):
     def is_one(path):
         if path.name == "damaged":
             raise RecordingError("damaged")
         return path.name != "notes"
 
-    assert list(without_foreign(files, is_one)) == ["a", "b", "damaged"]
-    (sentence,) = [record.getMessage() for record in caplog.records]
-    assert f"{tmp_path / 'notes'} is passed over: it has none of the columns" in sentence
+    found = without_foreign(units_of(tmp_path, "a", "b", "notes", "damaged"), is_one)
+    assert [unit.name for unit in found] == ["a", "b", "damaged"]
+    for _ in range(2):
+        assert not caplog.records
+        assert list(ReadingJob(tuple(found), ReadingOptions(), tmp_path).read()) == []
+        (sentence,) = [record.getMessage() for record in caplog.records]
+        assert f"{tmp_path / 'notes'} is passed over: it has none of the columns" in sentence
+        caplog.clear()
 
 
-def test_where_none_is_of_the_kind_all_are_read(tmp_path, caplog):
-    files = {name: tmp_path / name for name in ("a", "b")}
-    assert without_foreign(files, lambda path: False) == files
-    assert without_foreign({"a": files["a"]}, lambda path: False) == {"a": files["a"]}
-    assert not caplog.records
+def test_where_none_is_of_the_kind_all_are_read(tmp_path):
+    for units in (units_of(tmp_path, "a", "b"), units_of(tmp_path, "a")):
+        assert without_foreign(units, lambda path: False) == units
