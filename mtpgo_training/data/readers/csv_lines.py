@@ -20,10 +20,10 @@ _KINDS = {
     b"\xd0\xcf\x11\xe0": "a spreadsheet, expected CSV",
     b"\x1f\x8b": "compressed by gzip, expected a name that ends in .gz",
     b"version https://git-lfs": "a pointer of Git LFS, expected the file that 'git lfs pull' gets",
-    b"<!DOCTYPE": "a web page, expected CSV",
+    b"<!doctype": "a web page, expected CSV",
     b"<html": "a web page, expected CSV",
     b"<?xml": "XML, expected CSV",
-    b"BZh": "compressed by bzip2, expected CSV, or CSV compressed by gzip",
+    b"BZh9": "compressed by bzip2, expected CSV, or CSV compressed by gzip",
     b"\xfd7zXZ": "compressed by xz, expected CSV, or CSV compressed by gzip",
     b"\x28\xb5\x2f\xfd": "compressed by Zstandard, expected CSV, or CSV compressed by gzip",
     b"SQLite format 3": "an SQLite file, expected CSV",
@@ -67,7 +67,8 @@ def kind_of_other_file(path: Path) -> str:
     if is_packed(path):
         return ""
     for bytes_of, kind in _KINDS.items():
-        if begin[: len(bytes_of)].lower() == bytes_of.lower():
+        tag = bytes_of.startswith(b"<")  # may be in any case, the others are codes
+        if (begin.lower() if tag else begin).startswith(bytes_of):
             return kind
     # Every second byte of English text in UTF-16 is zero.
     if b"\0" in begin.rstrip(b"\0"):

@@ -47,9 +47,12 @@ def what_is_there(directory: Path, layout: str) -> str:
     """Return what a directory has in place of recordings of a layout, empty if it is empty.
 
     Args:
-        directory: the directory.
+        directory: the directory, or a single file.
         layout: the layout that was asked for.
     """
+    if directory.is_file():
+        other = is_of_another(directory, layout)
+        return f"it is of the layout {other!r}" if other else ""
     asked = _ALIKE.get(layout, layout)
     headers = 0
     names: list[str] = []

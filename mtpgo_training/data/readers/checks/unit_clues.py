@@ -26,8 +26,15 @@ def unit_clue(recording: Recording) -> str:
     Args:
         recording: the recording.
     """
-    if not len(recording):
-        return ""
+    finite = np.isfinite(recording.position).all(axis=1)
+    if not finite.all():
+        recording = recording.select_rows(finite)
+    with np.errstate(over="ignore"):  # of positions that are defects
+        return _clue(recording) if len(recording) else ""
+
+
+def _clue(recording: Recording) -> str:
+    """Return the clue in a recording with rows and finite positions."""
     frame, track, position = recording.frame, recording.track, recording.position
     row = np.arange(len(recording))
     # Rows are in the order of time: of several assignments the last one stays.
@@ -45,13 +52,13 @@ def unit_clue(recording: Recording) -> str:
                 "is the unit of the times another one?"
             )
         moved = position[last] - position[first]
-        speed_mps = float(np.nanmedian(np.hypot(moved[:, 0], moved[:, 1]) / seconds))
+        speed_mps = float(np.median(np.hypot(moved[:, 0], moved[:, 1]) / seconds))
         if speed_mps > HistoryConfig().max_speed_mps:
             return (
                 f"the road users move at {speed_mps:.5g} m/s, so that the history rejects most "
                 "rows; is the unit of the positions or of the times another one?"
             )
-    size_m = float(np.nan_to_num(np.ptp(position, axis=0)).max())
+    size_m = float(np.ptp(position, axis=0).max())
     _, together = np.unique(frame, return_counts=True)
     if together.max() >= FEWEST_USERS and size_m < SMALLEST_M:
         return (

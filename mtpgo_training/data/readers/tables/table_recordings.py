@@ -111,13 +111,11 @@ def table_units(
 
 
 def _is_table(columns: TableColumns, path: Path) -> bool:
-    """Return whether a file has one of the columns, or may have them."""
-    parquet = path.suffix.lower() in (".parquet", ".pq")
-    if not parquet and columns.names:
+    """Return whether a text file has one of the columns; any Parquet file may have them."""
+    if columns.names or path.suffix.lower() in (".parquet", ".pq"):
         return True
-    header = parquet_columns(path) if parquet else read_header(path, columns.form)
     wanted = columns.columns.given().values()
-    return not set(wanted).isdisjoint(map(column_name, header))
+    return not set(wanted).isdisjoint(read_header(path, columns.form))
 
 
 def _read(name: str, path: Path, columns: TableColumns, classes: ClassMap) -> Iterator[Recording]:

@@ -68,6 +68,7 @@ def test_the_first_row_with_too_many_cells(tmp_path):
         (b"v,w\n1,2\n\0\0\0", ""),
         ("\ufeffStra\u00dfe\n".encode(), ""),
         (b"", ""),
+        (b"par1,par2\n", ""),
     ],
 )
 def test_other_files_are_told_by_their_first_bytes(tmp_path, content, kind):

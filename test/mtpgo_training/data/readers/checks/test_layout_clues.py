@@ -74,3 +74,11 @@ def test_alike_layouts_are_no_others(tmp_path):
     assert is_of_another(tmp_path / "07_tracks.csv", "unid") == ""
     assert is_of_another(tmp_path / "07_tracks.csv", "openacc") == "ind"
     assert is_of_another(tmp_path / "none.csv", "openacc") == ""
+
+
+def test_a_single_file_of_another_layout_is_called_so(tmp_path):
+    (tmp_path / "vehicle_tracks_000.csv").write_text(VEHICLES)
+    with pytest.raises(
+        RecordingError, match=r"000\.csv has no recordings, .*; it is of the layout 'i"
+    ):
+        load_recordings(tmp_path / "vehicle_tracks_000.csv", "sind")

@@ -35,6 +35,7 @@ def test_another_unit_is_found(length, time, clue):
     assert clue in unit_clue(scaled(length, time))
 
 
+@pytest.mark.filterwarnings("error")
 def test_other_recordings_have_no_clue():
     one = CARS.select_rows(CARS.frame == CARS.frame[0])
     sparse = CARS.select_rows((CARS.track > 0) | (CARS.frame % 59 == 0))  # one lost for long
@@ -42,8 +43,24 @@ def test_other_recordings_have_no_clue():
     lost = CARS.position.copy()
     lost[5] = 1e7
     far = dataclasses.replace(CARS, position=lost)
+    lost = lost.copy()
+    lost[7], lost[8] = 1.7e308, [np.nan, -1.7e308]
+    beyond = dataclasses.replace(CARS, position=lost)
+    unknown = dataclasses.replace(CARS, position=np.full_like(lost, np.nan))
     none = CARS.select_rows(np.zeros(len(CARS), dtype=bool))
     found = [
-        unit_clue(r) for r in (CARS, one, sparse, still, far, none, scaled(3.28), scaled(1, 10))
+        unit_clue(r)
+        for r in (
+            CARS,
+            one,
+            sparse,
+            still,
+            far,
+            beyond,
+            unknown,
+            none,
+            scaled(3.28),
+            scaled(1, 10),
+        )
     ]
-    assert found == [""] * 8
+    assert found == [""] * 10
