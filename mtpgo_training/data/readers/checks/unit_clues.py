@@ -26,7 +26,7 @@ def unit_clue(recording: Recording) -> str:
     Args:
         recording: the recording.
     """
-    finite = np.isfinite(recording.position).all(axis=1)
+    finite = np.asarray(np.isfinite(recording.position).all(axis=1))
     if not finite.all():
         recording = recording.select_rows(finite)
     with np.errstate(over="ignore"):  # of positions that are defects
