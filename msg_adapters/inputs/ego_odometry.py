@@ -20,6 +20,7 @@ import numpy as np
 from msg_adapters.conversions import planar_block, reading, stamp_to_ns, state_covariance
 from msg_adapters.inputs.odometry import ODOMETRY, pose_of
 from msg_adapters.wire.input_limits import check_frame
+from mtpgo_core.class_size import CLASS_SIZE_M
 from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, PoseBuffer, is_place, rotate
 from mtpgo_core.options import check_options, option
@@ -56,8 +57,8 @@ class EgoOptions:
         overlap: an object whose centre lies in the ego's box is the ego and is left out.
     """
 
-    length_m: float = option(4.5, low=0.1, high=100.0)
-    width_m: float = option(1.8, low=0.1, high=20.0)
+    length_m: float = option(CLASS_SIZE_M[AgentClass.CAR][0], low=0.1, high=100.0)
+    width_m: float = option(CLASS_SIZE_M[AgentClass.CAR][1], low=0.1, high=20.0)
     class_name: str = option("car", choices=EGO_CLASSES)
     offset_m: float = option(0.0, low=-50.0, high=50.0)
     overlap: bool = True

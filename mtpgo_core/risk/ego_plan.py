@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.class_size import CLASS_SIZE_M
 from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, wrap
 from mtpgo_core.options import check_options, option
-from mtpgo_core.schema import FARTHEST_M, Float64Array
+from mtpgo_core.schema import FARTHEST_M, AgentClass, Float64Array
 
 BEFORE_S = 0.5
 """A plan is extended backwards by this much at the velocity of its beginning (s). Chosen: a plan
@@ -44,8 +45,8 @@ class EgoFootprint:
         margin: kept free around the box (m); it counts as part of the box.
     """
 
-    length: float = option(4.8, above=0.0, high=100.0)
-    width: float = option(1.9, above=0.0, high=100.0)
+    length: float = option(CLASS_SIZE_M[AgentClass.CAR][0], above=0.0, high=100.0)
+    width: float = option(CLASS_SIZE_M[AgentClass.CAR][1], above=0.0, high=100.0)
     center_offset: float = option(0.0, low=-50.0, high=50.0)
     margin: float = option(0.0, low=0.0, high=20.0)
 

@@ -82,6 +82,10 @@ class InputWatch:
             if changed and not (simulated_ns and self._simulated_ns):
                 # Another clock, or its first time: it cannot be compared with what was before.
                 self._marked_ns = simulated_ns
+            elif simulated_ns and self._simulated_ns and self._marked_ns is not None:
+                # A clock that is set back takes the mark along: the age goes on from where it is,
+                # and does not wait until the clock shows that time again.
+                self._marked_ns -= max(0, self._simulated_ns - simulated_ns)
             if changed or simulated_ns is None:
                 self._moved_s = self._machine_clock()
             self._simulated_ns = simulated_ns

@@ -32,7 +32,7 @@ def run_lifecycle(node: Any, stopped: Callable[[], bool], notifier: ServiceNotif
         node.starting = True
         for trigger in (node.trigger_configure, node.trigger_activate):
             if stopped():
-                break
+                return
             if trigger() != TransitionCallbackReturn.SUCCESS and not stopped():
                 raise MtpgoError(node.failure or "the node could not be started")
         node.starting = False

@@ -9,7 +9,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from mtpgo_core.errors import MtpgoError
-from mtpgo_ros.runtime.executable import ArgumentParser, answered, fail, leave
+from mtpgo_ros.runtime.executable import (
+    ArgumentParser,
+    Interrupted,
+    answered,
+    fail,
+    interruptible,
+    leave,
+)
 from mtpgo_ros.runtime.supervision import ServiceNotifier, end_with_parent
 
 
@@ -48,10 +55,14 @@ def run_executable(
     arguments = list(sys.argv[1:] if argv is None else argv)
     if answered(name, arguments, parser):
         return 0
-    import rclpy
+    try:
+        with interruptible():
+            import rclpy
 
-    from mtpgo_ros.runtime.dds_transport import avoid_shared_memory
-    from mtpgo_ros.runtime.ros_start import node_errors, own_arguments, start
+            from mtpgo_ros.runtime.dds_transport import avoid_shared_memory
+            from mtpgo_ros.runtime.ros_start import node_errors, own_arguments, start
+    except Interrupted:
+        return 0
 
     status, node = 0, None
     notifier = ServiceNotifier.from_environment()
@@ -60,13 +71,17 @@ def run_executable(
             end_with_parent()
         avoid_shared_memory(rclpy.get_rmw_implementation_identifier())
         start(arguments)
-        from mtpgo_ros.lifecycle.lifecycle_run import run_lifecycle
+        with interruptible():
+            from mtpgo_ros.lifecycle.lifecycle_run import run_lifecycle
 
+            make = node_class()
         with node_errors():
-            node = node_class()(arguments=arguments)
+            node = make(arguments=arguments)
         run_lifecycle(node, stopped, notifier)
     except MtpgoError as error:
         status = fail(name, error)
+    except Interrupted:
+        pass  # It was asked to stop before there was anything to do.
     notifier.stopping()
     if node is not None:
         if not node.stop():

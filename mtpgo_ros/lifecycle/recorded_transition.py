@@ -11,6 +11,7 @@ from typing import Any, Protocol, TypeVar
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from mtpgo_core.errors import MtpgoError
+from mtpgo_ros.runtime.executable import Interrupted
 
 
 class StartedNode(Protocol):
@@ -40,6 +41,9 @@ def record_failure(transition: Transition[AnyNode]) -> Transition[AnyNode]:
         try:
             node.failure = ""
             return transition(node, state)
+        except Interrupted:
+            node.failure = "a signal interrupted it"
+            return TransitionCallbackReturn.FAILURE
         except MtpgoError as error:
             node.failure = str(error)
             result = TransitionCallbackReturn.FAILURE

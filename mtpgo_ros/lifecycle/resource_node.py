@@ -11,13 +11,11 @@ from typing import Any, cast
 from rclpy.clock import ROSClock
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from mtpgo_core.errors import ConfigurationError
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.diagnostics.health import Verdict
 from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions
 from mtpgo_ros.lifecycle.manager_bond import ManagerBond, NoBond, form_bond
-from mtpgo_ros.lifecycle.own_topics import refuse_own_topics
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
 
 
@@ -65,16 +63,7 @@ class ResourceNode(LifecycleNode):
         """Release what exists since the configuration."""
 
     def _activated(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Activate the publishers and form the bond; called at the end of ``on_activate``.
-
-        Raises:
-            ConfigurationError: the node would hear what it publishes itself.
-        """
-        try:
-            refuse_own_topics(self)
-        except ConfigurationError:
-            self._close()
-            raise
+        """Activate the publishers and form the bond; called at the end of ``on_activate``."""
         done = super().on_activate(state)
         self._bond = form_bond(self)
         return done

@@ -109,10 +109,14 @@ class _LaneMarkings:
     ) -> None:
         self._node, self._events = node, events
         self._on_lanes, self._on_refused = on_lanes, on_refused
-        self._queue = WorkQueue(self._read, 1, "lane markings")
         self._subscription = _AnyPublisher(
-            node, MarkerArray, "lane_markings", self._queue.submit, events, raw=True
+            node, MarkerArray, "lane_markings", self._submit, events, raw=True
         )
+        # After what may fail: nothing would end its thread. Messages come on this thread, later.
+        self._queue = WorkQueue(self._read, 1, "lane markings")
+
+    def _submit(self, data: bytes) -> None:
+        self._queue.submit(data)
 
     def _read(self, data: bytes) -> None:
         try:

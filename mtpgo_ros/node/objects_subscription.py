@@ -89,7 +89,6 @@ class ObjectsSubscription:
         self.limits = limits
         self._lost = LostMessages()
         self._clock = ReceiptClock()
-        self._queue = WorkQueue(self._decode, _DEPTH, "objects", self._on_overrun)
         self._subscription: Subscription | None = None
         self._adapter: InputAdapter | None = None
         self.topic = node.resolve_topic_name(TOPIC)
@@ -102,6 +101,8 @@ class ObjectsSubscription:
         self._sent_ns: deque[int] = deque(maxlen=2 * _DEPTH)
         if not self._follows_type:
             self._subscribe(input_adapter(input_type))
+        # After what may fail: nothing would end its thread. Messages come on this thread, later.
+        self._queue = WorkQueue(self._decode, _DEPTH, "objects", self._on_overrun)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(_POLL_S, self._check_publishers, clock=steady)
 

@@ -107,17 +107,20 @@ class PredictionPipeline:
         self.history = HistoryInput(self._tracks, model, events, parameters)
         self.quality = LiveQuality(model.predictor.task.history)
         self._load = LoadControl()
-        self.objects = ObjectsSubscription(
-            node, parameters.input_type, self._on_objects, events, parameters.input_limits
-        )
         self.transform: FrameTransform = NoTransform()
         if parameters.fixed_frame:
             self.transform = FixedFrameTransform(node, parameters.fixed_frame)
         self.ego = ego_source(node, parameters, events)
         self._context = ContextSubscriptions(node, self._on_ego, None, events)
         self._lane_transform = LaneTransform(node)
-        self._use_lanes()
         self._quality_publisher = QualityPublisher(node, self.quality, parameters, status)
+        with contextlib.ExitStack() as threads:  # which what fails after them has to end
+            threads.callback(self._context.close)
+            self._use_lanes()
+            self.objects = ObjectsSubscription(
+                node, parameters.input_type, self._on_objects, events, parameters.input_limits
+            )
+            threads.pop_all()
         self.worker = InferenceWorker(self._predict, model.fallback, self._publish, events)
         self.worker.start()
 

@@ -23,18 +23,29 @@ from mtpgo_ros.diagnostics.event_log import RECENT_S
 from mtpgo_ros.diagnostics.input_watch import InputAge
 from mtpgo_ros.diagnostics.latency import LatencyStatistics
 from mtpgo_ros.lifecycle.lifecycle_answers import state_of
+from mtpgo_ros.lifecycle.new_entities import nothing_left_behind
 from mtpgo_ros.lifecycle.own_topics import refuse_own_topics
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
 from mtpgo_ros.lifecycle.resource_node import ResourceNode
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.model_swap import ModelSwap
+from mtpgo_ros.node.objects_subscription import TOPIC as OBJECTS_TOPIC
 from mtpgo_ros.node.prediction_pipeline import PredictionPipeline
-from mtpgo_ros.node.publishers import Publishers
+from mtpgo_ros.node.publishers import OUTPUT_TOPICS, Publishers
 from mtpgo_ros.parameters.parameter_server import ParameterServer
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters, updated
+from mtpgo_ros.quality.quality_publisher import QUALITY_TOPICS
+from mtpgo_ros.runtime.executable import interruptible
 
-_HEARD = ("objects", "odometry", "ego_id", "lane_markings")
-"""Topics that the node subscribes to, some of them later or not at all."""
+_ODOMETRY = "nav_msgs/msg/Odometry"
+
+_HEARD = {
+    OBJECTS_TOPIC: "objects of any type",
+    "odometry": _ODOMETRY,
+    "ego_id": "std_msgs/msg/String",
+    "lane_markings": "visualization_msgs/msg/MarkerArray",
+}
+"""Topics that the node subscribes to, some of them later or not at all, and their types."""
 
 _NAMES_PERIOD_S = 1.0
 """Time between two searches for another node of the same name (s); chosen."""
@@ -96,8 +107,9 @@ class PredictorNode(ResourceNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the model and create the publishers."""
         parameters = self.parameters
-        model = ModelHost(parameters)
-        model.warm_up()
+        with interruptible():
+            model = ModelHost(parameters)
+            model.warm_up()
         self._model = model
         self.events.reset()
         self._status.latency = LatencyStatistics()
@@ -113,7 +125,8 @@ class PredictorNode(ResourceNode):
             )
         if model.degraded:
             self.get_logger().error(f"degraded, constant velocity serves: {model.degraded}")
-        self._outputs = Publishers(self, parameters.output, parameters.max_modes, self.events)
+        with nothing_left_behind(self):
+            self._outputs = Publishers(self, parameters.output, parameters.max_modes, self.events)
         return super().on_configure(state)
 
     @record_failure
@@ -121,10 +134,13 @@ class PredictorNode(ResourceNode):
         """Subscribe and start the worker."""
         assert self._model is not None
         assert self._outputs is not None
-        refuse_own_topics(self, map(self.resolve_topic_name, _HEARD))
-        self._pipeline = PredictionPipeline(
-            self, self._model, self._outputs, self.parameters, self.events, self._status
-        )
+        ego_topic = self.parameters.ego_topic
+        heard = {ego_topic: _ODOMETRY, **_HEARD} if ego_topic else _HEARD
+        refuse_own_topics(self, heard, (*OUTPUT_TOPICS.values(), *QUALITY_TOPICS))
+        with nothing_left_behind(self):
+            self._pipeline = PredictionPipeline(
+                self, self._model, self._outputs, self.parameters, self.events, self._status
+            )
         done = self._activated(state)
         about = self._model.describe()
         self.get_logger().info(

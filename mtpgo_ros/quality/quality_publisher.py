@@ -26,6 +26,9 @@ _PERIOD_S = 1.0
 
 _QOS = QoSProfile(depth=5)
 
+QUALITY_TOPICS = ("~/quality", "~/quality_table", "~/quality_markers")
+"""Statuses, rows of numbers, and the text in the scene."""
+
 _TEXT_HEIGHT_M, _TEXT_ABOVE_M = 2.0, 10.0
 """Height of the letters of the text in the scene, and its height above ground (m); chosen."""
 
@@ -57,9 +60,10 @@ class QualityPublisher:
         self._parameters, self._status = parameters, status
         self._types = RclpyTypes()
         self._name = node.get_fully_qualified_name().lstrip("/")
-        self._statuses = node.create_publisher(DiagnosticArray, "~/quality", _QOS)
-        self._table = node.create_publisher(Float64MultiArray, "~/quality_table", _QOS)
-        self._markers = node.create_publisher(MarkerArray, "~/quality_markers", _QOS)
+        statuses, table, markers = QUALITY_TOPICS
+        self._statuses = node.create_publisher(DiagnosticArray, statuses, _QOS)
+        self._table = node.create_publisher(Float64MultiArray, table, _QOS)
+        self._markers = node.create_publisher(MarkerArray, markers, _QOS)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(_PERIOD_S, self.publish, clock=steady)
 

@@ -22,6 +22,7 @@ from mtpgo_core.schema import Prediction
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.input_watch import InputWatch
 from mtpgo_ros.lifecycle.lifecycle_answers import state_of
+from mtpgo_ros.lifecycle.new_entities import nothing_left_behind
 from mtpgo_ros.lifecycle.own_topics import refuse_own_topics
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
 from mtpgo_ros.lifecycle.resource_node import ResourceNode
@@ -98,7 +99,8 @@ class RiskNode(ResourceNode):
         message_class(self._prediction_adapter.message_type)
         message_class(self._plan_adapter.message_type)
         self.events.reset()
-        self._outputs = RiskPublishers(self, self.parameters, self._status, self.events)
+        with nothing_left_behind(self):
+            self._outputs = RiskPublishers(self, self.parameters, self._status, self.events)
         return super().on_configure(state)
 
     @record_failure
@@ -108,24 +110,36 @@ class RiskNode(ResourceNode):
         parameters, status = self.parameters, self._status
         status.topic = self.resolve_topic_name(predictions.topic)
         status.plan_topic = self.resolve_topic_name(adapter.topic)
-        refuse_own_topics(self, [status.topic, status.plan_topic])
+        refuse_own_topics(
+            self,
+            {
+                predictions.topic: predictions.message_type,
+                adapter.topic: adapter.message_type,
+                "ego_id": "std_msgs/msg/String",
+            },
+        )
         self._transform = PlanTransform(self)
         self._assessor = RiskAssessor(parameters, status, status.plan_topic, self._transform.pose)
         self._last = None
         self._watch.start()
-        self._ego = ContextSubscriptions(self, self._assessor.set_ego, None, self.events)
-        self._inputs = [
-            self.create_subscription(
-                message_class(predictions.message_type),
-                predictions.topic,
-                self._on_predictions,
-                _NEWEST,
-                raw=True,
-            ),
-            self.create_subscription(
-                message_class(adapter.message_type), adapter.topic, self._on_plan, _ANY, raw=True
-            ),
-        ]
+        with nothing_left_behind(self):
+            self._ego = ContextSubscriptions(self, self._assessor.set_ego, None, self.events)
+            self._inputs = [
+                self.create_subscription(
+                    message_class(predictions.message_type),
+                    predictions.topic,
+                    self._on_predictions,
+                    _NEWEST,
+                    raw=True,
+                ),
+                self.create_subscription(
+                    message_class(adapter.message_type),
+                    adapter.topic,
+                    self._on_plan,
+                    _ANY,
+                    raw=True,
+                ),
+            ]
         done = self._activated(state)
         self.get_logger().info(
             f"ready: waiting for predictions on {status.topic} and {adapter.message_type} on"

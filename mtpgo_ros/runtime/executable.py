@@ -5,13 +5,15 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import ctypes
 import importlib.util
 import math
 import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
 from mtpgo_core.completion import complete
@@ -25,6 +27,9 @@ ROS_ARGUMENTS = "--ros-args"
 
 _received: list[int] = []
 """Signals since :func:`stop_on_signals`."""
+
+_interruptible = False
+"""Whether the main thread is in a block of :func:`interruptible`."""
 
 # From glibc's malloc.h.
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -2, -3, -8
@@ -112,7 +117,41 @@ def stop_requested() -> bool:
 
 
 def _remember(received: int, _frame: object) -> None:
+    global _interruptible
     _received.append(received)
+    if _interruptible:
+        _interruptible = False  # Cleaning up is not interrupted.
+        raise Interrupted
+
+
+class Interrupted(BaseException):
+    """A signal came in a block of :func:`interruptible`.
+
+    Like KeyboardInterrupt no Exception, so that what handles errors in the block lets it pass.
+    """
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """Let a signal end the block at once, for steps of the start that take seconds.
+
+    It has no effect in other threads than the main one, nor unless :func:`stop_on_signals` is in
+    force. A single call into a C library, such as loading a TorchScript file, ends first.
+
+    Raises:
+        Interrupted: a signal came in the block or before.
+    """
+    global _interruptible
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _interruptible = True
+    try:
+        if stop_requested():
+            raise Interrupted
+        yield
+    finally:
+        _interruptible = False
 
 
 def answered(

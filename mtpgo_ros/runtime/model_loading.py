@@ -23,7 +23,8 @@ def load_model(name_or_path: str, num_threads: int, sha256: str) -> ModelRunner:
         sha256: SHA-256 that the file must have, empty for any.
 
     Raises:
-        ModelFileError: it cannot be used, or the process is asked to stop.
+        ModelFileError: it cannot be used, or the process is asked to stop; a signal in the main
+            thread raises :class:`mtpgo_ros.runtime.executable.Interrupted` instead.
     """
     path = find_model(name_or_path)
     # Before torch is imported, which takes seconds: only for a file that is usable.

@@ -91,6 +91,29 @@ def test_a_jump_back_of_the_clock_gives_no_negative_age(watch, clock):
     assert watch.age(TIMEOUT_S).age_s == 0.0
 
 
+@pytest.mark.parametrize("back_ns", [1, 1_000_000_000, 3600_000_000_000])
+def test_silence_after_a_jump_back_of_the_clock_is_noticed(watch, clock, back_ns):
+    start_ns = 7200_000_000_000
+    watch.set_simulated_time(start_ns)
+    watch.accept()
+    for step in range(1, 31):  # 0.5 s until the jump, then silence
+        clock.now += 0.1
+        jumped_ns = back_ns if step > 5 else 0
+        watch.set_simulated_time(start_ns + step * 100_000_000 - jumped_ns)
+    # The step of the clock in which it was set back may be lost, no more.
+    assert 2.9 - 1e-6 <= watch.age(TIMEOUT_S).age_s <= 3.0 + 1e-6
+    watch.accept()
+    assert watch.age(TIMEOUT_S).age_s == 0.0
+
+
+def test_a_jump_forward_of_the_clock_does_not_make_the_input_stale(watch, clock):
+    watch.set_simulated_time(7200_000_000_000)
+    watch.accept()
+    clock.now += 0.1
+    watch.set_simulated_time(10800_000_000_000)
+    assert watch.age(TIMEOUT_S).age_s == pytest.approx(0.1)
+
+
 def test_another_clock_while_running(watch, clock):
     watch.accept()
     clock.now += 0.5

@@ -1,0 +1,139 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A signal ends the start of a node at once, whatever it is doing."""
+
+import signal
+import sys
+import time
+
+import pytest
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
+from mtpgo_core.task import model_trial
+from mtpgo_ros.lifecycle.lifecycle_run import run_lifecycle
+from mtpgo_ros.lifecycle.node_executable import run_executable
+from mtpgo_ros.node.predictor_node import PredictorNode
+from mtpgo_ros.runtime.executable import stop_on_signals
+from mtpgo_ros.runtime.supervision import ServiceNotifier
+
+NUMBERS = (signal.SIGINT, signal.SIGTERM)
+
+STEPS = {
+    "file": "mtpgo_ros.runtime.model_loading.read_model",
+    "trial": "mtpgo_core.prediction.model_runner.try_out",
+    "load": "mtpgo_core.prediction.model_runner.ModelRunner.of",
+    "first run": "mtpgo_core.prediction.model_runner.ModelRunner.warm_up",
+    "calibration file": "mtpgo_ros.quality.live_calibrator.restore",
+    "lanes": "mtpgo_ros.node.lanes.lane_input.read_lane_file",
+    "warm-up": "mtpgo_ros.node.model_host.ModelHost.warm_up",
+}
+"""What takes time at a start, and which function does it."""
+
+
+class LongStep:
+    """Stands for a function that takes long, during which a signal comes.
+
+    Attributes:
+        ended: the function was not interrupted.
+    """
+
+    def __init__(self, number):
+        self.number, self.ended = number, False
+
+    def __call__(self, *_args, **_options):
+        signal.raise_signal(self.number)
+        for _ in range(100):
+            time.sleep(0.01)
+        self.ended = True
+        raise AssertionError("the step was not interrupted")
+
+
+@pytest.fixture
+def stopped():
+    """The signals as the executables have them, for the time of a test."""
+    before = {number: signal.getsignal(number) for number in NUMBERS}
+    yield stop_on_signals()
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def node(models, tmp_path, monkeypatch):
+    # The other process would import torch for nothing.
+    monkeypatch.setattr("mtpgo_ros.runtime.model_loading.start_trials", lambda: None)
+    (tmp_path / "lanes.json").write_text("{}")
+    given = {
+        "model": str(models["lanes"]),
+        "calibration_file": str(tmp_path / "calibration.json"),
+        "lane_file": str(tmp_path / "lanes.json"),
+    }
+    made = PredictorNode(
+        namespace="/interrupted",
+        parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
+    )
+    yield made
+    made.stop()
+    made.destroy_node()
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.parametrize("step", STEPS)
+def test_each_step_of_the_configuration(node, stopped, monkeypatch, step, number):
+    if step != "trial":
+        monkeypatch.setattr(STEPS["trial"], lambda *_: None)
+    if step == "warm-up":
+        monkeypatch.setattr(STEPS["lanes"], lambda *_: _Anything())
+    long = LongStep(number)
+    monkeypatch.setattr(STEPS[step], long)
+    run_lifecycle(node, stopped, ServiceNotifier())
+    assert not long.ended
+    assert stopped()
+    assert node.failure == "a signal interrupted it"
+    assert node._state_machine.current_state[1] == "unconfigured"
+
+
+class _Anything:
+    """Stands for lanes that were read."""
+
+    lines, sentence = (), ""
+
+
+def test_the_import_of_torch(node, stopped, monkeypatch):
+    long = LongStep(signal.SIGINT)
+
+    class Finder:
+        def find_spec(self, name, path=None, target=None):
+            return long() if name == "mtpgo_core.prediction.model_runner" else None
+
+    monkeypatch.delitem(sys.modules, "mtpgo_core.prediction.model_runner", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
+    run_lifecycle(node, stopped, ServiceNotifier())
+    assert not long.ended
+    assert node.failure == "a signal interrupted it"
+
+
+def test_a_configuration_that_another_node_asks_for(node, stopped, monkeypatch):
+    long = LongStep(signal.SIGTERM)
+    monkeypatch.setattr(STEPS["file"], long)
+    assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+    assert not long.ended
+
+
+def test_the_imports_of_an_executable(stopped, monkeypatch):
+    monkeypatch.setattr("mtpgo_ros.runtime.ros_start.start", lambda arguments: None)
+    monkeypatch.setattr("rclpy.try_shutdown", lambda: None)  # the tests go on with it
+    long = LongStep(signal.SIGTERM)
+    assert run_executable("predictor", "", [], stopped, long) == 0
+    assert not long.ended
+    # Before the first import.
+    assert run_executable("predictor", "", [], stopped, lambda: 1 / 0) == 0
+
+
+def test_the_process_of_a_trial_ends_with_it(node, stopped, monkeypatch):
+    monkeypatch.setattr(model_trial, "_passed", set())
+    monkeypatch.setattr("mtpgo_core.task.model_trial.WORKER", "this")
+    monkeypatch.setattr("mtpgo_core.task.model_trial.selectors.DefaultSelector", LongStep(15))
+    run_lifecycle(node, stopped, ServiceNotifier())
+    assert node.failure == "a signal interrupted it"
+    assert model_trial._worker is None
