@@ -175,6 +175,8 @@ class PoseBuffer:
         span_s: how long poses are kept (s).
         max_extrapolation_s: longest extrapolation after the newest or before the oldest pose (s).
         max_gap_s: longest time between two poses that is interpolated (s).
+        set_back_s: a pose that is older than the newest one by more than this, or by more than
+            the span, means that the clock was set back (s).
 
     Attributes:
         max_extrapolation_s: as given.
@@ -185,10 +187,12 @@ class PoseBuffer:
         span_s: float = 10.0,
         max_extrapolation_s: float = 0.2,
         max_gap_s: float = math.inf,
+        set_back_s: float = math.inf,
     ) -> None:
         self.max_extrapolation_s = max_extrapolation_s
         self._max_gap_s = max_gap_s
         self._span_ns = round(span_s * 1e9)
+        self._set_back_ns = round(min(span_s, set_back_s) * 1e9)
         self._reach_ns = round(max_extrapolation_s * 1e9)
         self._stamp: list[int] = []
         self._pose: list[Pose2] = []
@@ -204,12 +208,12 @@ class PoseBuffer:
     def add(self, stamp_ns: int, pose: Pose2) -> bool:
         """Add a pose; return false if it is no place or its stamp exists already.
 
-        A stamp that is older than the newest one by more than the span means that the clock was
-        set back: all earlier poses are forgotten.
+        When the clock was set back, all earlier poses are forgotten: they are those of another
+        time, and would be mixed with the new ones.
         """
         if not (math.isfinite(pose.yaw) and is_place(pose.x, pose.y)):
             return False
-        if self._stamp and stamp_ns < self._stamp[-1] - self._span_ns:
+        if self._stamp and stamp_ns < self._stamp[-1] - self._set_back_ns:
             self.clear()
         place = bisect_left(self._stamp, stamp_ns)
         if place < len(self._stamp) and self._stamp[place] == stamp_ns:

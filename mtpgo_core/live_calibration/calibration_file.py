@@ -25,6 +25,9 @@ KIND = "mtpgo live calibration"
 _LARGEST_BYTES = 1_000_000
 """Larger files are not read; a file has some 40 kB."""
 
+_BEGIN_BYTES = 100
+"""Within so many bytes a file says its kind (bytes); chosen: its first key is ``kind``."""
+
 _SOURCES = ("model", "constant_velocity")
 
 
@@ -37,8 +40,10 @@ def save(live: LiveCalibration, weights_sha256: str, path: Path) -> None:
         path: the file; its folder exists.
 
     Raises:
+        ConfigurationError: there is a file that is something else.
         OSError: it cannot be written.
     """
+    _refuse_other_file(path)
     sigma = np.exp(live.tracker.log_sigma)
     content = {
         "kind": KIND,
@@ -129,6 +134,15 @@ def _content(path: Path) -> dict[str, Any]:
             f"calibration file {path} has format {content.get('format')!r}, expected {FORMAT}"
         )
     return content
+
+
+def _refuse_other_file(path: Path) -> None:
+    """Raise ConfigurationError where a file is neither empty nor begins like one of this kind."""
+    if not os.path.isfile(path):
+        return
+    begin = read_regular(path, _BEGIN_BYTES)
+    if begin.strip() and KIND.encode() not in begin:
+        raise ConfigurationError(f"{path} is no calibration file and is not overwritten")
 
 
 def _damaged(path: Path, reason: str) -> str:

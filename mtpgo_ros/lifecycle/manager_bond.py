@@ -32,12 +32,16 @@ class _BondpyBond:
     """
 
     def __init__(self, node: LifecycleNode, bond_class: Any) -> None:
+        self._node = node
         self._bond = bond_class("bond", node.get_name(), node)
         self._bond.start()
 
     def close(self) -> None:
         """Break the bond."""
         self._bond.shutdown()
+        # bondpy invalidates them only: the node would keep them, and fail at looking at them.
+        self._node.destroy_subscription(getattr(self._bond, "sub", None))
+        self._node.destroy_publisher(getattr(self._bond, "pub", None))
 
 
 def form_bond(node: LifecycleNode) -> ManagerBond:

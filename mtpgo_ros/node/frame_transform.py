@@ -25,6 +25,10 @@ _ODOMETRY_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Queue of odometry: half a second at 100 Hz."""
 
 
+_SET_BACK_S = 0.5
+"""Odometry that is older than the newest by more than this shows that its clock was set back (s);
+the time after which observations count as late."""
+
 _LEAST_UPRIGHT = 0.5
 """Smallest vertical component of a frame's z axis; chosen: 60 degrees, more than any road or mount
 of a lidar, less than the 90 degrees of a camera's optical frame."""
@@ -40,6 +44,9 @@ class FrameTransform(Protocol):
             FrameError: there is no pose at their time.
         """
 
+    def clear(self) -> None:
+        """Forget the past: the clock was set back."""
+
     def close(self) -> None:
         """Destroy the subscriptions."""
 
@@ -50,6 +57,9 @@ class NoTransform:
     def apply(self, states: TrackedStates) -> TrackedStates:
         """Return the states unchanged."""
         return states
+
+    def clear(self) -> None:
+        """Do nothing."""
 
     def close(self) -> None:
         """Do nothing: there are no subscriptions."""
@@ -66,7 +76,7 @@ class FixedFrameTransform:
     def __init__(self, node: Node, fixed_frame: str) -> None:
         self._node = node
         self._fixed_frame = fixed_frame
-        self._poses = PoseBuffer()
+        self._poses = PoseBuffer(set_back_s=_SET_BACK_S)
         # Objects are transformed on the thread of their subscription.
         self._lock = threading.Lock()
         self._odometry_frames = ("", "")
@@ -111,6 +121,13 @@ class FixedFrameTransform:
             f" {self._subscription.topic_name}: {seen}"
         )
 
+    def clear(self) -> None:
+        """Forget the past: the clock was set back."""
+        with self._lock:
+            self._poses.clear()
+        if self._tf is not None:
+            self._tf.clear()
+
     def close(self) -> None:
         """Destroy the subscriptions."""
         self._node.destroy_subscription(self._subscription)
@@ -128,7 +145,8 @@ class TfPoses:
 
     def __init__(self, node: Node, tf2_ros: Any) -> None:
         self._clock_type = node.get_clock().clock_type
-        self._buffer = tf2_ros.Buffer(node=node)
+        # Given the node, it would have a service, which stays after its end.
+        self._buffer = tf2_ros.Buffer()
         self._listener = tf2_ros.TransformListener(self._buffer, node, spin_thread=False)
 
     @classmethod
@@ -162,6 +180,13 @@ class TfPoses:
                 " expected z up: an optical frame of a camera cannot be used, its body frame can"
             )
         return pose_of_transform(found)
+
+    def clear(self) -> None:
+        """Forget all transforms but the static ones: the clock was set back.
+
+        TF drops what is older than its newest transform by ten seconds, and would mix the rest.
+        """
+        self._buffer.clear()
 
     def close(self) -> None:
         """Destroy the subscriptions."""

@@ -65,7 +65,9 @@ class ModelHost:
         self._ego_key: KeyArray | None = None
         # Without lines the model runs as on a road without markings, which is better than none.
         self.predictor = ScenePredictor(runner, options=_options(parameters), lanes=LaneMap(()))
-        self.calibrator = LiveCalibrator(parameters, self.predictor.task)
+        self.calibrator = LiveCalibrator(
+            parameters, self.predictor.task, keeps_file=runner is not None
+        )
         self.lanes = LaneInput(self.set_lanes)
         self.lanes_read = self.lanes.read(parameters) if self.uses_lanes else ""
 

@@ -24,6 +24,7 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
 from mtpgo_core.errors import ConfigurationError, ModelFileError, MtpgoError
+from mtpgo_ros.diagnostics.event_log import shortened
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.parameters.parameter_server import ParameterServer
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
@@ -84,7 +85,7 @@ class ModelSwap:
         except Exception as error:  # Every request is answered.
             kind = "" if isinstance(error, MtpgoError) else f"{type(error).__name__}: "
             reason = f"the model was not swapped: {kind}{error}"
-            self._node.get_logger().error(reason)
+            self._node.get_logger().error(shortened(reason))
             response.result = SetParametersResult(successful=False, reason=reason)
         else:
             self._node.get_logger().info(sentence)

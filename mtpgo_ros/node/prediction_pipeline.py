@@ -153,8 +153,14 @@ class PredictionPipeline:
         with self._history_lock:
             if self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds):
                 self.ego.clear()
+                self._forget_poses()
                 self.quality.clear()
                 self._model.calibrator.live.clear_stream("clock_reset")
+
+    def _forget_poses(self) -> None:
+        """Forget where frames were: poses of another time would be mixed with the new ones."""
+        self.transform.clear()
+        self._lane_transform.clear()
 
     def unanswered_s(self) -> float:
         """Return how long an observation that is due has waited for any prediction (s)."""
@@ -215,6 +221,8 @@ class PredictionPipeline:
                 window = self.history.update(
                     states, now_ns, ego_key, skipped, with_ego=joined.added
                 )
+            if self.history.report is not None and self.history.report.clock_reset:
+                self._forget_poses()
             if self._model.uses_lanes and not self.history.rejection:
                 self._model.lanes.observe(states)
         except FrameError as error:

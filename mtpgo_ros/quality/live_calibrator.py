@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.errors import ConfigurationError, reason_of
 from mtpgo_core.history.stream_guard import UpdateReport
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.live_calibration.calibration_file import restore, save
@@ -38,6 +38,7 @@ class LiveCalibrator:
     Args:
         parameters: the options, and the file.
         task: of the model.
+        keeps_file: the file is used; not without a model, whose factors it has.
 
     Attributes:
         parameters: as given, or as configured since.
@@ -46,7 +47,13 @@ class LiveCalibrator:
             another process writes it as well; empty if all is well.
     """
 
-    def __init__(self, parameters: PredictorParameters, task: TaskDescription) -> None:
+    def __init__(
+        self,
+        parameters: PredictorParameters,
+        task: TaskDescription,
+        *,
+        keeps_file: bool = True,
+    ) -> None:
         self.parameters, self._task = parameters, task
         self.live = LiveCalibration(parameters.live_options, task.history, task.horizon_steps)
         self.file_error = ""
@@ -55,7 +62,7 @@ class LiveCalibrator:
         self._seen: _FileState | None = None
         self._saved_s = time.monotonic()
         self._writer: threading.Thread | None = None
-        if parameters.calibration_file and self.live.options.watches:
+        if keeps_file and parameters.calibration_file and self.live.options.watches:
             self._path = user_path(parameters.calibration_file)
             try:
                 self._restored = restore(self.live, task.weights_sha256, self._path)
@@ -101,9 +108,13 @@ class LiveCalibrator:
         found = _state_of(self._path)
         try:
             save(self.live, self._task.weights_sha256, self._path)
+        except ConfigurationError as error:
+            self.file_error = str(error)
+            return
         except OSError as error:
-            reason = error.strerror or str(error)
-            self.file_error = f"calibration file {self._path} cannot be written: {reason}"
+            self.file_error = (
+                f"calibration file {self._path} cannot be written: {reason_of(error)}"
+            )
             return
         foreign = found is not None and found != self._seen
         self.file_error = (

@@ -36,6 +36,11 @@ class PlanTransform:
         self._pose_at = no_transform if self._tf is None else self._tf.pose
         return self._pose_at(frame_id, plan_frame, stamp_ns)
 
+    def clear(self) -> None:
+        """Forget the past: the clock was set back."""
+        if self._tf is not None:
+            self._tf.clear()
+
     def close(self) -> None:
         """Destroy the subscriptions."""
         if self._tf is not None:

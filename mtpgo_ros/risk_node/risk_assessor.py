@@ -73,6 +73,12 @@ class RiskAssessor:
         self._missing = f"the plan on {self._plan_topic} is not usable: {error}"
         self._status.plan_problem = self._missing
 
+    def forget_plans(self) -> None:
+        """Forget all plans: the clock was set back, and they are those of another time."""
+        self._plans.clear()
+        self._missing = f"the clock was set back, and no plan has come on {self._plan_topic} since"
+        self._status.plan_problem = self._missing
+
     def others(self, prediction: Prediction) -> Prediction:
         """Return the prediction without the ego."""
         # Without a given identity, the ego is the one that the predictor adds by odometry.

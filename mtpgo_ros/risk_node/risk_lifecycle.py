@@ -8,7 +8,8 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock, ClockType, JumpThreshold
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -41,6 +42,9 @@ _ANY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 _CHECK_PERIOD_S = 0.1
 """Time between two looks for predictions that no longer come (s); chosen."""
+
+_SET_BACK_S = 0.5
+"""A simulated clock that jumps back by this was set back (s); as for the predictor's input."""
 
 _PUBLISHERS_PERIOD_S = 0.5
 """Time between two looks at the publishers of both topics (s); chosen."""
@@ -87,6 +91,10 @@ class RiskNode(ResourceNode):
         self._diagnostics.set_period(self.parameters.diagnostic_period)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(_CHECK_PERIOD_S, self._expire, clock=steady)
+        self._jumps = self.get_clock().create_jump_callback(
+            JumpThreshold(min_forward=None, min_backward=Duration(seconds=-_SET_BACK_S)),
+            post_callback=lambda _jump: self._on_clock_set_back(),
+        )
 
     @property
     def parameters(self) -> RiskParameters:
@@ -177,6 +185,13 @@ class RiskNode(ResourceNode):
             self._outputs.configure(parameters)
         if self._assessor is not None:
             self._assessor.configure(parameters)
+
+    def _on_clock_set_back(self) -> None:
+        """Forget what belongs to another time; also called when another clock is used."""
+        if self._transform is not None:
+            self._transform.clear()
+        if self._assessor is not None:
+            self._assessor.forget_plans()
 
     def _on_plan(self, data: bytes) -> None:
         if self._assessor is None:

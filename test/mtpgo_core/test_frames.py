@@ -169,6 +169,20 @@ def test_poses_may_come_in_any_order_and_are_forgotten():
     assert poses.at(0).x == -1.0
 
 
+def test_poses_of_a_clock_that_was_set_back_are_not_mixed_with_new_ones():
+    poses = PoseBuffer(set_back_s=0.5)
+    for step in range(10):
+        poses.add(1_000_000_000 + 100_000_000 * step, Pose2(100.0, 0.0, 0.0))
+    poses.add(1_450_000_000, Pose2(99.0, 0.0, 0.0))  # only late
+    assert poses.at(1_900_000_000).x == 100.0
+    # The same stamps again, at another place: as after the reset of a simulation.
+    for step in range(3):
+        assert poses.add(1_000_000_000 + 100_000_000 * step, Pose2(0.0, 0.0, 0.0))
+    assert poses.at(1_050_000_000).x == poses.at(1_250_000_000).x == 0.0
+    with pytest.raises(FrameError):
+        poses.at(1_900_000_000)
+
+
 def test_the_own_heading_is_that_of_the_network():
     rng = np.random.default_rng(0)
     speed = np.concatenate([np.linspace(0.0, 1.5, 200), rng.uniform(0.0, 40.0, 200)])

@@ -34,6 +34,11 @@ class LaneTransform:
         assert self._tf is not None
         return self._tf.pose(lane_frame, frame_id, _NEWEST_NS)
 
+    def clear(self) -> None:
+        """Forget the past: the clock was set back."""
+        if self._tf is not None:
+            self._tf.clear()
+
     def close(self) -> None:
         """Destroy the subscriptions."""
         if self._tf is not None:

@@ -15,13 +15,19 @@ class Node:
     """What is needed of a node."""
 
     def __init__(self):
-        self.logger = RecordingLogger()
+        self.logger, self.destroyed = RecordingLogger(), []
 
     def get_name(self):
         return "predictor"
 
     def get_logger(self):
         return self.logger
+
+    def destroy_publisher(self, publisher):
+        self.destroyed.append(publisher)
+
+    def destroy_subscription(self, subscription):
+        self.destroyed.append(subscription)
 
 
 @pytest.fixture
@@ -46,6 +52,8 @@ def test_the_bond_has_the_topic_and_the_name_that_nav2_expects(install):
         def start(self):
             calls.append("start")
 
+            self.sub, self.pub = "sub", "pub"
+
         def shutdown(self):
             calls.append("shutdown")
 
@@ -53,6 +61,7 @@ def test_the_bond_has_the_topic_and_the_name_that_nav2_expects(install):
     node = Node()
     form_bond(node).close()
     assert calls == [("bond", "predictor", node), "start", "shutdown"]
+    assert node.destroyed == ["sub", "pub"]
 
 
 def test_without_bondpy_there_is_none(monkeypatch):

@@ -69,6 +69,18 @@ def test_states_in_the_fixed_frame_and_empty_messages_need_no_pose(transform):
     assert (empty.frame_id, len(empty)) == ("odom", 0)
 
 
+def test_after_the_clock_was_set_back_no_pose_of_the_earlier_time_is_used(transform):
+    for step in range(20):
+        transform.add_odometry(odometry(0.1 * step, 100.0))
+    for step in range(3):  # the same stamps, elsewhere: a simulation was reset
+        transform.add_odometry(odometry(0.1 * step, 7.0))
+    seen = traffic(0.15, agents=1, frame_id="base_link")
+    assert transform.apply(seen).position[0, 0] == pytest.approx(7.0)
+    transform.clear()
+    with pytest.raises(FrameError, match="no pose is known"):
+        transform.apply(seen)
+
+
 def test_a_missing_pose_is_reported_with_what_was_received(transform):
     with pytest.raises(FrameError, match=r"'base_link', expected 'odom'.*nothing came there"):
         transform.apply(traffic(0.0, frame_id="base_link"))
@@ -93,9 +105,6 @@ def test_an_optical_frame_of_a_camera_is_refused(monkeypatch):
     turn = [-0.5, 0.5, -0.5, 0.5]
 
     class Buffer:
-        def __init__(self, node):
-            pass
-
         def lookup_transform(self, target, source, when):
             transform = TransformStamped()
             rotation = transform.transform.rotation

@@ -15,7 +15,9 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
+from rclpy.time import Time as ClockTime
 from ros_helpers import LATCHED, START_NS, message_of, parameters_of, traffic
+from ros_stubs import install_tf2_ros
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import Marker, MarkerArray
@@ -214,9 +216,6 @@ def test_tf_is_used_where_it_is_installed(bench, monkeypatch):
     asked = []
 
     class Buffer:
-        def __init__(self, node):
-            self.node = node
-
         def lookup_transform(self, target, source, when):
             asked.append((target, source, when.nanoseconds))
             if when.nanoseconds == START_NS:
@@ -228,7 +227,7 @@ def test_tf_is_used_where_it_is_installed(bench, monkeypatch):
 
     class TransformListener:
         def __init__(self, buffer, node, *, spin_thread):
-            assert buffer.node is node
+            assert isinstance(buffer, Buffer)
 
         def unregister(self):
             asked.append("closed")
@@ -354,3 +353,25 @@ def test_simulated_time_and_its_jump_back(bench):
     assert b.count("clock_reset") == 1
     assert len(b.predict(traffic(10.0))) == 4
     assert b.count("clock_reset") == 1
+
+
+def test_poses_of_the_time_before_a_jump_back_are_forgotten(bench, monkeypatch):
+    buffers = install_tf2_ros(monkeypatch)
+    b = bench(fixed_frame="map", use_sim_time=True)
+
+    def tick(time_s):
+        now_ns = traffic(time_s).stamp_ns
+        b.node.get_clock().set_ros_time_override(ClockTime(nanoseconds=now_ns))
+
+    tick(100.0)
+    b.predict(traffic(100.0))
+    assert [one.cleared for one in buffers] == [0]
+    tick(99.99)  # only jitter
+    assert [one.cleared for one in buffers] == [0]
+    tick(10.0)
+    assert [one.cleared for one in buffers] == [1]
+    b.predict(traffic(10.0))
+    for step in range(3):  # the clock of the observations alone is set back
+        b.send(message_of(traffic(5.0 + 0.1 * step)))
+    assert b.count("clock_reset") == 2
+    assert [one.cleared for one in buffers] == [2]

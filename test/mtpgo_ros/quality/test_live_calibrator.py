@@ -12,6 +12,7 @@ from ros_helpers import traffic
 
 from mtpgo_core.schema import CalibrationStage, Source
 from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.quality.live_calibrator import LiveCalibrator
 
@@ -136,9 +137,9 @@ def calibrator(tmp_path):
 
 
 def test_a_file_that_could_not_be_used_is_no_problem_once_it_is_written(calibrator, tmp_path):
-    (tmp_path / "calibration.json").write_text("{}")
+    (tmp_path / "calibration.json").write_text('{"kind":"mtpgo live calibration","format":2}')
     one = calibrator()
-    assert "is no calibration file" in one.file_error
+    assert "has format 2, expected 1" in one.file_error
     one.close()
     assert not one.file_error
     (tmp_path / "calibration.json").unlink()
@@ -148,6 +149,33 @@ def test_a_file_that_could_not_be_used_is_no_problem_once_it_is_written(calibrat
     (tmp_path / "calibration.json").rmdir()
     one.close()
     assert not one.file_error
+
+
+@pytest.mark.parametrize("content", [b"{}", b"PK\x03\x04 a model", b'{"mine": 1}\n'])
+def test_a_file_of_another_kind_is_never_overwritten(calibrator, tmp_path, content):
+    path = tmp_path / "calibration.json"
+    path.write_bytes(content)
+    one = calibrator()
+    assert one.file_error
+    one.close()
+    assert one.file_error == f"{path} is no calibration file and is not overwritten"
+    assert path.read_bytes() == content
+    path.write_bytes(b"")  # as touch makes it
+    one.close()
+    assert "was written by another process as well" in one.file_error
+    assert json.loads(path.read_bytes())["format"] == 1
+
+
+def test_a_node_without_its_model_keeps_what_was_learned_about_it(tmp_path, calibrator):
+    calibrator().close()
+    path = tmp_path / "calibration.json"
+    before = path.read_bytes()
+    host = ModelHost(
+        PredictorParameters(model="/no/such.pt", require_model=False, calibration_file=str(path))
+    )
+    host.calibrator.close()
+    assert host.calibrator.file_error == ""
+    assert path.read_bytes() == before
 
 
 def test_two_nodes_with_one_file_are_told(calibrator):

@@ -72,6 +72,17 @@ def test_a_refused_plan_ends_the_one_before_it(setup):
     assert diagnosed(status)["plan"][0] == OK
 
 
+def test_after_the_clock_was_set_back_no_earlier_plan_is_used(setup):
+    assessor, status = setup
+    assessor.add_plan(STILL)
+    assessor.forget_plans()
+    assert_unknown(assessor.assess(prediction(), START), Unknown.NO_PLAN)
+    sentence = "the clock was set back, and no plan has come on /plan since; the risk is unknown"
+    assert diagnosed(status)["plan"] == (ERROR, sentence)
+    assessor.add_plan(STILL)
+    assert np.isfinite(assessor.assess(prediction(), START).peak).all()
+
+
 @pytest.mark.parametrize("off_s", [-2.5, 2.5])
 def test_a_plan_of_another_time(setup, off_s):
     assessor, status = setup

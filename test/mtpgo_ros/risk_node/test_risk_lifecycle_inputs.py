@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped
 from rclpy.parameter import Parameter
+from rclpy.time import Time
 from risk_bench import RiskBench
 from risk_scene import ERROR, OK, WARN, prediction
 from ros_helpers import borrowed_class
+from ros_stubs import install_tf2_ros
 
 from msg_adapters.outputs.autoware_predictions import prediction_to_predicted_objects_bytes
 from mtpgo_core.risk.collision_risk import Unknown
@@ -26,9 +28,6 @@ def tf(monkeypatch):
     known = types.SimpleNamespace(frames={("map", "odom")}, listening=0)
 
     class Buffer:
-        def __init__(self, node):
-            pass
-
         def lookup_transform(self, target, source, when):
             if (target, source) not in known.frames:
                 raise LookupError(f"{source} does not exist")
@@ -134,3 +133,25 @@ def test_a_plan_in_another_frame_is_transformed(bench, tf):
     )
     assert str(one.node.trigger_deactivate()).endswith("SUCCESS")
     assert tf.listening == 0
+
+
+def test_a_plan_from_before_a_jump_back_of_the_clock_is_not_used(bench, monkeypatch):
+    buffers = install_tf2_ros(monkeypatch)
+    one = bench(use_sim_time=True)
+
+    def tick(time_s):
+        one.node.get_clock().set_ros_time_override(Time(nanoseconds=round(time_s * 1e9)))
+
+    tick(100.0)
+    one.plan(frame_id="odom")  # for which TF is asked
+    one.predict(prediction())
+    one.plan()
+    assert one.predict(prediction())["unknown"].tolist() == [Unknown.KNOWN] * 2
+    tick(99.9)  # only jitter
+    assert one.predict(prediction())["unknown"].tolist() == [Unknown.KNOWN] * 2
+    tick(99.0)
+    assert one.predict(prediction())["unknown"].tolist() == [Unknown.NO_PLAN] * 2
+    assert [buffer.cleared for buffer in buffers] == [1]
+    one.status("plan", ERROR, "the clock was set back")
+    one.plan()
+    assert one.predict(prediction())["unknown"].tolist() == [Unknown.KNOWN] * 2

@@ -10,8 +10,10 @@ import yaml
 from policy_check import check_policy
 from rclpy.parameter import Parameter
 from ros_helpers import ROOT, borrowed_class
+from ros_stubs import install_bondpy, install_tf2_ros
 
 from msg_adapters.outputs.risk_markers import BOXES, LABELS, PLAN, WAYS
+from mtpgo_core.errors import FrameError
 from mtpgo_ros.risk_node.risk_lifecycle import RiskNode
 
 SHOWN_BY = {
@@ -20,8 +22,8 @@ SHOWN_BY = {
 }
 """Displays of RViz -> what they draw."""
 
-ALWAYS_ON_DEMAND = {"~/health", "tf", "tf_static", "clock", "bond"}
-"""Names of supervision, of plans in another frame, of use_sim_time, of a manager."""
+TF = {"tf", "tf_static"}
+"""Listened to from the first plan on that is in another frame than the predictions."""
 
 _namespaces = itertools.count()
 """A node that has ended is known for a while, and must not be taken for the next one."""
@@ -32,7 +34,13 @@ def node(monkeypatch, request):
     """An active node with the types of predictions and plan that the test names."""
     prediction_type, plan_type = request.param
     borrowed_class(monkeypatch, "autoware_perception_msgs/msg/PredictedObjects")
-    given = {"prediction_type": prediction_type, "plan_type": plan_type}
+    install_tf2_ros(monkeypatch)
+    install_bondpy(monkeypatch)
+    given = {
+        "prediction_type": prediction_type,
+        "plan_type": plan_type,
+        "use_sim_time": True,
+    }
     made = RiskNode(
         namespace=f"/risk_security{next(_namespaces)}",
         parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
@@ -53,7 +61,10 @@ def node(monkeypatch, request):
     indirect=["node"],
 )
 def test_the_policy_allows_what_the_node_uses_and_nothing_else(node, others):
-    check_policy(node, ALWAYS_ON_DEMAND | others)
+    check_policy(node, TF | others)
+    with pytest.raises(FrameError, match="odom does not exist"):
+        node._transform.pose("map", "odom", 1)
+    check_policy(node, others)
 
 
 @pytest.mark.parametrize("node", [("pointcloud2", "odometry")], indirect=True)
