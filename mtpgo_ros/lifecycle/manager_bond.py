@@ -40,8 +40,12 @@ class _BondpyBond:
         """Break the bond."""
         self._bond.shutdown()
         # bondpy invalidates them only: the node would keep them, and fail at looking at them.
-        self._node.destroy_subscription(getattr(self._bond, "sub", None))
-        self._node.destroy_publisher(getattr(self._bond, "pub", None))
+        for name, destroy in (
+            ("sub", self._node.destroy_subscription),
+            ("pub", self._node.destroy_publisher),
+        ):
+            if hasattr(self._bond, name):
+                destroy(getattr(self._bond, name))
 
 
 def form_bond(node: LifecycleNode) -> ManagerBond:
