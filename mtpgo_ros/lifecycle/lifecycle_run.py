@@ -38,6 +38,7 @@ def run_lifecycle(node: Any, stopped: Callable[[], bool], notifier: ServiceNotif
         node.starting = False
     notifier.ready()
     node.on_health(lambda verdict: notifier.status(verdict.sentence))
+    node.long_step = notifier.long_step
     if notifier.watchdog_s:
         # From the executor: one that hangs gives no sign of life.
         steady = Clock(clock_type=ClockType.STEADY_TIME)

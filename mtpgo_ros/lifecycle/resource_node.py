@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, cast
 
 from rclpy.clock import ROSClock
@@ -33,6 +34,7 @@ class ResourceNode(LifecycleNode):
         failure: why the last transition failed, empty if it did not.
         starting: the executable starts the node and prints a failure itself.
         events: where everything unusual is counted and logged.
+        long_step: the context of a step that keeps the executor busy for seconds.
     """
 
     _diagnostics: DiagnosticsPublisher[Any]
@@ -42,6 +44,7 @@ class ResourceNode(LifecycleNode):
         self.failure = ""
         self.starting = False
         self.events = EventLog(self.get_logger())
+        self.long_step: Callable[[], AbstractContextManager[None]] = nullcontext
         self._bond: ManagerBond = NoBond()
         answer_invalid_transitions(self)
 

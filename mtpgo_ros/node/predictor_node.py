@@ -107,7 +107,7 @@ class PredictorNode(ResourceNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the model and create the publishers."""
         parameters = self.parameters
-        with interruptible():
+        with self.long_step(), interruptible():
             model = ModelHost(parameters)
             model.warm_up()
         self._model = model

@@ -9,6 +9,13 @@ import ctypes
 import os
 import signal
 import socket
+import threading
+import time
+from collections.abc import Iterator
+
+LONGEST_STEP_S = 180.0
+"""A step of the executor counts as alive for at most this time (s); chosen: a model file is tried
+for two minutes at most, and then loaded."""
 
 _SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of linux/prctl.h
 
@@ -46,6 +53,29 @@ class ServiceNotifier:
     def alive(self) -> None:
         """Report a sign of life for the watchdog."""
         self._send("WATCHDOG=1")
+
+    @contextlib.contextmanager
+    def long_step(self) -> Iterator[None]:
+        """Report signs of life while the block keeps the executor busy, for a bounded time."""
+        if not self.watchdog_s:
+            yield
+            return
+        ended = threading.Event()
+
+        def report() -> None:
+            end = time.monotonic() + LONGEST_STEP_S
+            while time.monotonic() < end:
+                self.alive()
+                if ended.wait(self.watchdog_s):
+                    return
+
+        thread = threading.Thread(target=report, name="signs of life", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
 
     def status(self, sentence: str) -> None:
         """Report a sentence that ``systemctl status`` shows."""

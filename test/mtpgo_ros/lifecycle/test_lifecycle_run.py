@@ -3,6 +3,7 @@
 """A signal ends the start of a node at once, whatever it is doing."""
 
 import signal
+import socket
 import sys
 import time
 
@@ -10,10 +11,12 @@ import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
+from mtpgo_core.errors import ModelFileError
 from mtpgo_core.task import model_trial
 from mtpgo_ros.lifecycle.lifecycle_run import run_lifecycle
 from mtpgo_ros.lifecycle.node_executable import run_executable
 from mtpgo_ros.node.predictor_node import PredictorNode
+from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.runtime.executable import stop_on_signals
 from mtpgo_ros.runtime.supervision import ServiceNotifier
 
@@ -118,6 +121,26 @@ def test_a_configuration_that_another_node_asks_for(node, stopped, monkeypatch):
     monkeypatch.setattr(STEPS["file"], long)
     assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
     assert not long.ended
+
+
+def test_the_watchdog_of_a_service_manager_is_served_while_a_model_is_loaded(
+    node, stopped, monkeypatch, tmp_path
+):
+    """A configuration that a manager of the life cycle asks for keeps the executor busy."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(10.0)
+        monkeypatch.setattr(node._server, "value", PredictorParameters(autostart=False))
+        run_lifecycle(node, lambda: True, ServiceNotifier(manager.getsockname(), 20_000))
+
+        def load(parameters):
+            while manager.recv(100) != b"WATCHDOG=1":
+                pass
+            raise ModelFileError("enough")
+
+        monkeypatch.setattr("mtpgo_ros.node.predictor_node.ModelHost", load)
+        assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+        assert node.failure == "enough"
 
 
 def test_the_imports_of_an_executable(stopped, monkeypatch):

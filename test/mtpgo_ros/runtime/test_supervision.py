@@ -7,6 +7,7 @@ import socket
 
 import pytest
 
+from mtpgo_ros.runtime import supervision
 from mtpgo_ros.runtime.supervision import ServiceNotifier
 
 
@@ -29,6 +30,22 @@ def test_what_is_reported(manager):
     notifier.stopping()
     heard = [manager.recv(100).decode() for _ in range(4)]
     assert heard == ["READY=1", "WATCHDOG=1", "STATUS=all well", "STOPPING=1"]
+
+
+def test_signs_of_life_in_a_long_step_and_not_for_ever(manager, monkeypatch):
+    notifier = ServiceNotifier(manager.getsockname(), 20_000)
+    with notifier.long_step():
+        assert [manager.recv(100) for _ in range(3)] == 3 * [b"WATCHDOG=1"]
+    notifier.stopping()
+    while manager.recv(100) == b"WATCHDOG=1":
+        pass
+    monkeypatch.setattr(supervision, "LONGEST_STEP_S", 0.0)
+    with notifier.long_step():
+        notifier.ready()
+        assert manager.recv(100) == b"READY=1"
+    with ServiceNotifier(manager.getsockname()).long_step():  # without a watchdog
+        notifier.ready()
+        assert manager.recv(100) == b"READY=1"
 
 
 def test_an_abstract_address():
