@@ -10,6 +10,7 @@ can be played. Where ROS 2 is installed, ``ros2 bag play --clock`` does the same
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,8 +19,10 @@ from mtpgo_core.errors import MtpgoError, RecordingError
 from mtpgo_core.maps.lane_file_options import AUTO, PROJECTIONS, LaneFileOptions
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
+    Interrupted,
     answered,
     fail,
+    interruptible,
     leave,
     not_negative,
     positive,
@@ -55,6 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int | None:
         _replay(options, stopped)
     except MtpgoError as error:
         status = fail("replay", error)
+    except Interrupted:
+        status = 0
     else:
         status = 0
     rclpy.try_shutdown()
@@ -133,17 +138,19 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
     from mtpgo_ros.bags.player_node import LANES_TOPIC, BagPlayer, Wait
 
     how = LaneFileOptions(options.lane_projection, options.lane_origin, options.lane_offset)
-    lanes = None if options.lane_file is None else read_lane_file(options.lane_file, how)
-    if lanes is not None:
-        print(f"replay: lane file: {lanes.sentence}", file=sys.stderr, flush=True)
-    with BagReader(options.bag) as bag:
-        topics = bag.topics(options.topics)
-        if lanes is not None:
-            topics = [topic for topic in topics if topic.name != LANES_TOPIC]
-        for topic, reason in bag.skipped().items():
-            if options.topics is None or topic in {chosen.name for chosen in topics}:
-                print(f"replay: skipping {topic}: {reason}", file=sys.stderr, flush=True)
-        part = played_part(bag, topics)
+    with contextlib.ExitStack() as files:
+        with interruptible():  # A bag without an index is read as a whole.
+            lanes = None if options.lane_file is None else read_lane_file(options.lane_file, how)
+            if lanes is not None:
+                print(f"replay: lane file: {lanes.sentence}", file=sys.stderr, flush=True)
+            bag = files.enter_context(BagReader(options.bag))
+            topics = bag.topics(options.topics)
+            if lanes is not None:
+                topics = [topic for topic in topics if topic.name != LANES_TOPIC]
+            for topic, reason in bag.skipped().items():
+                if options.topics is None or topic in {chosen.name for chosen in topics}:
+                    print(f"replay: skipping {topic}: {reason}", file=sys.stderr, flush=True)
+            part = played_part(bag, topics)
         for sentence in part.sentences:
             print(f"replay: {sentence}", file=sys.stderr, flush=True)
         origin_ns = part.start_ns + round(options.start_offset * 1e9)

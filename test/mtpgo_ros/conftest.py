@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared fixtures of the ROS tests."""
 
+import signal
 import sys
 import warnings
 from pathlib import Path
@@ -68,6 +69,15 @@ def process():
     for one in made:
         one.popen.kill()
         one.finish()
+
+
+@pytest.fixture
+def signals():
+    """For tests that change what signals do: it is as before afterwards."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture

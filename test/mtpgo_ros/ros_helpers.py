@@ -307,6 +307,24 @@ class Process:
         return self.finish()
 
 
+class LongStep:
+    """Stands for a function that takes long, during which a signal comes.
+
+    Attributes:
+        ended: the function was not interrupted.
+    """
+
+    def __init__(self, number):
+        self.number, self.ended = number, False
+
+    def __call__(self, *_args, **_options):
+        signal.raise_signal(self.number)
+        for _ in range(100):
+            time.sleep(0.01)
+        self.ended = True
+        raise AssertionError("the step was not interrupted")
+
+
 def _die_with_parent() -> None:
     """End the process with its parent, so that a killed test run leaves none running."""
     set_parent_death_signal = 1

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executable ``replay``, over DDS."""
 
+import signal
 import time
 
 import numpy as np
 import pytest
 from rclpy.executors import SingleThreadedExecutor
-from ros_helpers import LATCHED, LIMIT_S, START_NS, one_line, run_process, traffic
+from ros_helpers import LATCHED, LIMIT_S, START_NS, LongStep, one_line, run_process, traffic
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
@@ -17,6 +18,7 @@ from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.inputs.lane_markers import lanes_from_markers
 from msg_adapters.registry import INPUTS
+from mtpgo_ros.replay import main
 
 
 def write_bag(path, *, seconds=1.0, kind="pointcloud2"):
@@ -105,6 +107,19 @@ def test_a_part_of_a_bag_is_looped_faster_until_interrupted(process, peer, bag):
     status, out, err = player.interrupt()
     assert (status, err) == (0, "")
     assert "played" in out
+
+
+@pytest.mark.parametrize(
+    "step",
+    ["msg_adapters.bags.bag_reader.BagReader", "mtpgo_ros.bags.clock_gap.played_part"],
+)
+def test_a_signal_while_the_bag_is_opened(signals, monkeypatch, bag, step):
+    long = LongStep(signal.SIGINT)
+    monkeypatch.setattr(step, long)
+    monkeypatch.setattr("mtpgo_ros.runtime.ros_start.start", lambda arguments: None)
+    monkeypatch.setattr("rclpy.try_shutdown", lambda: None)  # the tests go on with it
+    assert main([str(bag)]) == 0
+    assert not long.ended
 
 
 def test_a_paused_start_waits_for_a_line(process, peer, bag):

@@ -30,9 +30,14 @@ PoseIn = Callable[[str, str], Pose2]
 _NONE = LaneMap(())
 _TOPIC = "lane_markings"
 
+_TOPIC_WANTED = ("", "", "", "")
+"""What determines the lines where they come from the topic."""
+
 
 def _given(parameters: PredictorParameters) -> tuple[str, ...]:
-    """Return the parameters that determine the lines of the file."""
+    """Return the parameters that determine the lines of the file, none of them without one."""
+    if not parameters.lane_file:
+        return _TOPIC_WANTED
     return (
         parameters.lane_file,
         parameters.lane_projection,
@@ -68,7 +73,7 @@ class LaneInput:
         self.on_read: Callable[[str, bool], None] = lambda sentence, is_error: None
         self._place, self._clock = place, clock
         self._lock = threading.Lock()
-        self._wanted: tuple[str, ...] = ("", "", "", "")
+        self._wanted: tuple[str, ...] = _TOPIC_WANTED
         self._reader: threading.Thread | None = None
         self._lines, self._lane_frame, self._called = _NONE, "", ""
         self._placed: LaneMap | None = None
@@ -123,17 +128,20 @@ class LaneInput:
             sentence, lanes = f"lane_file is not used: {type(error).__name__}: {error}", None
         else:
             sentence = f"lane file: {found.sentence}"
-        if self._wanted != _given(parameters):  # changed once more in the meantime
-            return
-        if lanes is None:
-            self._not_read = sentence
+        wanted = _given(parameters)
+        if lanes is not None:
+            used = self._take(lanes, parameters.lane_frame, parameters.lane_file, wanted)
         else:
-            self._take(lanes, parameters.lane_frame, parameters.lane_file)
-        self.on_read(sentence, lanes is None)
+            with self._lock:
+                used = self._wanted == wanted
+                if used:
+                    self._not_read = sentence
+        if used:
+            self.on_read(sentence, lanes is None)
 
     def take_markings(self, lanes: LaneMap, frame_id: str) -> None:
-        """Use the lines of a message on the topic ``lane_markings``."""
-        self._take(lanes, frame_id, _TOPIC)
+        """Use the lines of a message on the topic ``lane_markings``, unless a file is wanted."""
+        self._take(lanes, frame_id, _TOPIC, _TOPIC_WANTED)
 
     def refuse_markings(self, sentence: str) -> None:
         """Note that a message on that topic is not used: earlier lines stay."""
@@ -145,8 +153,13 @@ class LaneInput:
         self._wanted = other._wanted
         self._take(other._lines, other._lane_frame, other._called)
 
-    def _take(self, lanes: LaneMap, lane_frame: str, called: str) -> None:
+    def _take(
+        self, lanes: LaneMap, lane_frame: str, called: str, wanted: tuple[str, ...] | None = None
+    ) -> bool:
+        """Use lines; return false if others are ``wanted`` by now, as after a slow reading."""
         with self._lock:
+            if wanted is not None and self._wanted != wanted:
+                return False
             self._lines, self._lane_frame, self._called = lanes, lane_frame, called
             self._placed, self._problem, self._not_read = None, "", ""
             self._fit, self._looked_s = LaneFit(), float("-inf")
@@ -154,6 +167,7 @@ class LaneInput:
                 self._place(_NONE)
             elif not lane_frame or lane_frame == self._frame_id:
                 self._put(lanes)
+            return True
 
     def observe(self, states: TrackedStates) -> None:
         """Place the lines into the frame of an observation, and compare them with it."""

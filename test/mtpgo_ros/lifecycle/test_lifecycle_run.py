@@ -5,11 +5,11 @@
 import signal
 import socket
 import sys
-import time
 
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from ros_helpers import LongStep
 
 from mtpgo_core.errors import ModelFileError
 from mtpgo_core.task import model_trial
@@ -19,8 +19,6 @@ from mtpgo_ros.node.predictor_node import PredictorNode
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.runtime.executable import stop_on_signals
 from mtpgo_ros.runtime.supervision import ServiceNotifier
-
-NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 STEPS = {
     "file": "mtpgo_ros.runtime.model_loading.read_model",
@@ -34,31 +32,10 @@ STEPS = {
 """What takes time at a start, and which function does it."""
 
 
-class LongStep:
-    """Stands for a function that takes long, during which a signal comes.
-
-    Attributes:
-        ended: the function was not interrupted.
-    """
-
-    def __init__(self, number):
-        self.number, self.ended = number, False
-
-    def __call__(self, *_args, **_options):
-        signal.raise_signal(self.number)
-        for _ in range(100):
-            time.sleep(0.01)
-        self.ended = True
-        raise AssertionError("the step was not interrupted")
-
-
 @pytest.fixture
-def stopped():
+def stopped(signals):
     """The signals as the executables have them, for the time of a test."""
-    before = {number: signal.getsignal(number) for number in NUMBERS}
-    yield stop_on_signals()
-    for number, handler in before.items():
-        signal.signal(number, handler)
+    return stop_on_signals()
 
 
 @pytest.fixture
@@ -80,7 +57,7 @@ def node(models, tmp_path, monkeypatch):
     made.destroy_node()
 
 
-@pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("step", STEPS)
 def test_each_step_of_the_configuration(node, stopped, monkeypatch, step, number):
     if step != "trial":

@@ -13,6 +13,7 @@ from ros_helpers import traffic
 from mtpgo_core.errors import ConfigurationError, FrameError
 from mtpgo_core.frames import Pose2
 from mtpgo_core.scene.lane_map import LaneMap
+from mtpgo_ros.node.lanes import lane_input
 from mtpgo_ros.node.lanes.lane_input import LaneInput
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 
@@ -181,3 +182,36 @@ def test_markings_without_a_line_and_refused_ones_are_said_until_usable_ones_com
     bench.lanes.refuse_markings("lane markings are not used: two frames")
     assert bench.lanes.limitations() == ["lane markings are not used: two frames"]
     assert bench.lanes.values()["lane_segments"] == "1"  # the earlier ones serve
+
+
+def test_parameters_of_a_file_that_is_none_leave_the_lines_of_the_topic(bench):
+    bench.observe()
+    bench.lanes.configure(parameters())
+    bench.lanes.take_markings(LaneMap([np.array([[-500.0, 2.0], [2000.0, 2.0]])]), "map")
+    for change in ({"lane_offset": "1, 2"}, {"lane_frame": "odom"}, {"lane_projection": "utm"}):
+        bench.lanes.configure(parameters(**change))
+    assert bench.lanes.limitations() == []
+    assert bench.lanes.values()["lanes"] == "lane_markings"
+    assert len(bench.placed[-1]) == 1
+
+
+def test_what_was_read_too_late_is_not_used(bench, tmp_path, monkeypatch):
+    """The topic is wanted by the time a file is read, and a file by that of a message."""
+    path = lane_file(tmp_path / "lanes.geojson")
+    found = lane_input.read_lane_file(path, parameters(path).lane_options)
+
+    def slow(*_):
+        bench.lanes.configure(parameters())
+        return found
+
+    monkeypatch.setattr(lane_input, "read_lane_file", slow)
+    bench.lanes.configure(parameters(path))
+    bench.wait()
+    assert bench.lanes.from_topic
+    assert bench.lanes.values() == {}
+    assert bench.said == []
+    monkeypatch.setattr(lane_input, "read_lane_file", lambda *_: found)
+    bench.lanes.configure(parameters(path))
+    bench.wait()
+    bench.lanes.take_markings(LaneMap([np.array([[-500.0, 2.0], [2000.0, 2.0]])]), "map")
+    assert bench.lanes.values()["lanes"] == str(path)
