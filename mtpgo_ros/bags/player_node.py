@@ -34,6 +34,9 @@ LANES_TOPIC = "/lane_markings"
 _POLL_S = 0.02
 """Polling interval while the player waits (s); chosen: not noticeable."""
 
+_ARRIVAL_S = 1.0
+"""Longest time that the last messages have to arrive (s); chosen: a subscriber may be stopped."""
+
 _MOST_LATCHED = 1000
 """Most messages of a latched topic kept for late subscribers; chosen: bounds the memory."""
 
@@ -163,9 +166,17 @@ class BagPlayer:
             while loop and not stopped():
                 bar.restart()
                 play(self._messages(), self._timing, sinks, report)
-        for publisher in self._publishers.values():
-            publisher.wait_for_all_acked(Duration(seconds=1))
+        self._let_arrive(stopped)
         return report
+
+    def _let_arrive(self, stopped: Callable[[], bool]) -> None:
+        """Wait until the last messages have arrived, for a time that all topics share."""
+        end = time.monotonic() + _ARRIVAL_S
+        for publisher in self._publishers.values():
+            left_s = end - time.monotonic()
+            if stopped() or left_s <= 0.0:
+                return
+            publisher.wait_for_all_acked(Duration(nanoseconds=round(1e9 * left_s)))
 
     def _messages(self) -> Iterator[Message]:
         return self._bag.raw_messages(

@@ -109,3 +109,29 @@ def test_a_bag_without_a_topic_that_can_be_played_is_refused(bag):
     timing = PlaybackTiming(0, bag.end_ns, clock_hz=100.0)
     with pytest.raises(RecordingError, match="no topic that can be played here, its types: none"):
         BagPlayer(bag, timing, bag.topics(["/clock"]))
+
+
+class NeverArrived:
+    """A publisher with a subscriber that is stopped: waiting for it takes as long as allowed."""
+
+    def __init__(self, waits):
+        self.waits = waits
+
+    def publish(self, data):
+        pass
+
+    def wait_for_all_acked(self, timeout):
+        self.waits.append(timeout.nanoseconds)
+        time.sleep(timeout.nanoseconds * 1e-9)
+
+
+@pytest.mark.parametrize("signal_comes", [False, True])
+def test_stopped_subscribers_hold_up_the_end_once_and_a_signal_not_at_all(
+    player, monkeypatch, signal_comes
+):
+    monkeypatch.setattr("mtpgo_ros.bags.player_node._ARRIVAL_S", 0.05)
+    one, waits = player(), []
+    monkeypatch.setattr(one, "_publishers", {n: NeverArrived(waits) for n in one._publishers})
+    one.run(lambda: signal_comes, loop=False, progress=False)
+    assert len(waits) == (0 if signal_comes else 1)
+    assert sum(waits) <= 50_000_000
