@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import time
 from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -18,6 +19,9 @@ from mtpgo_ros.diagnostics.health import Verdict
 from mtpgo_ros.lifecycle.lifecycle_answers import answer_invalid_transitions
 from mtpgo_ros.lifecycle.manager_bond import ManagerBond, NoBond, form_bond
 from mtpgo_ros.lifecycle.recorded_transition import record_failure
+
+_NAMES_PERIOD_S = 1.0
+"""Time between two searches for another node of the same name (s); chosen."""
 
 
 class ResourceNode(LifecycleNode):
@@ -45,12 +49,32 @@ class ResourceNode(LifecycleNode):
         self.starting = False
         self.events = EventLog(self.get_logger())
         self.long_step: Callable[[], AbstractContextManager[None]] = nullcontext
+        self._names_checked_s, self._namesake = float("-inf"), ""
         self._bond: ManagerBond = NoBond()
         answer_invalid_transitions(self)
 
     def on_health(self, handler: Callable[[Verdict], None]) -> None:
         """Call ``handler`` with every verdict that is published on ``~/health``."""
         self._diagnostics.on_health = handler
+
+    def namesake(self, what: str) -> str:
+        """Return what is known about another node of the same name, empty without one.
+
+        Args:
+            what: this node publishes, for the sentence.
+        """
+        now_s = time.monotonic()
+        if now_s - self._names_checked_s < _NAMES_PERIOD_S:
+            return self._namesake
+        self._names_checked_s, self._namesake = now_s, ""
+        own = (self.get_name(), self.get_namespace())
+        if self.get_node_names_and_namespaces().count(own) > 1:
+            self._namesake = (
+                f"another node is called {self.get_fully_qualified_name()}, and its {what} go to"
+                " the same topics; one that was killed is still known for 20 s"
+            )
+            self.events.log("namesake", self._namesake)
+        return self._namesake
 
     def _simulated_ns(self) -> int | None:
         """Return the simulated time (ns), 0 before the first, None with the machine's time."""

@@ -8,7 +8,6 @@ the opposite transition, so that a new configuration starts from nothing.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
@@ -47,9 +46,6 @@ _HEARD = {
 }
 """Topics that the node subscribes to, some of them later or not at all, and their types."""
 
-_NAMES_PERIOD_S = 1.0
-"""Time between two searches for another node of the same name (s); chosen."""
-
 
 class PredictorNode(ResourceNode):
     """Predicts the objects on ``objects`` and publishes the predictions under its own name.
@@ -81,7 +77,6 @@ class PredictorNode(ResourceNode):
             arguments=arguments,
         )
         self._status = NodeStatus()
-        self._names_checked_s = float("-inf")
         self._diagnostics = DiagnosticsPublisher(
             self, self.events, self._current_status, diagnostic_statuses
         )
@@ -189,7 +184,7 @@ class PredictorNode(ResourceNode):
         status.state, status.failure = state_of(self), self.failure
         status.period_ms = parameters.period_s * 1e3
         status.input_timeout_s = parameters.input_timeout
-        status.namesake = self._namesake()
+        status.namesake = self.namesake("predictions")
         status.model = {} if self._model is None else self._model.describe()
         if self._model is None:
             status.degraded = ""
@@ -217,19 +212,3 @@ class PredictorNode(ResourceNode):
             pipeline.watch.set_simulated_time(self._simulated_ns())
             status.input = pipeline.watch.age(parameters.input_timeout)
         return status
-
-    def _namesake(self) -> str:
-        """Return what is known about another node of the same name, empty without one."""
-        now_s = time.monotonic()
-        if now_s - self._names_checked_s < _NAMES_PERIOD_S:
-            return self._status.namesake
-        self._names_checked_s = now_s
-        own = (self.get_name(), self.get_namespace())
-        if self.get_node_names_and_namespaces().count(own) < 2:
-            return ""
-        sentence = (
-            f"another node is called {self.get_fully_qualified_name()}, and its predictions go to"
-            " the same topics; one that was killed is still known for 20 s"
-        )
-        self.events.log("namesake", sentence)
-        return sentence

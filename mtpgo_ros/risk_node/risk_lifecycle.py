@@ -249,6 +249,7 @@ class RiskNode(ResourceNode):
         self._watch.set_simulated_time(self._simulated_ns())
         status, timeout_s = self._status, self.parameters.prediction_timeout
         status.state, status.failure = state_of(self), self.failure
+        status.namesake = self.namesake("risks")
         status.prediction_timeout_s = timeout_s
         status.input = self._watch.age(timeout_s)
         self._check_publishers()

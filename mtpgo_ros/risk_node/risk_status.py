@@ -30,6 +30,7 @@ class RiskStatus:
     Attributes:
         state: of the life cycle, as in lifecycle_msgs/State.
         failure: why the last transition failed, empty if it did not.
+        namesake: what is known about another node of the same name, empty without one.
         topic: resolved name of the predictions' topic.
         publishers: what is wrong with its publishers, empty if nothing is.
         input: age of the predictions.
@@ -54,6 +55,7 @@ class RiskStatus:
 
     state: str = ACTIVE
     failure: str = ""
+    namesake: str = ""
     topic: str = ""
     publishers: str = ""
     input: InputAge = field(default_factory=InputAge)
@@ -121,7 +123,7 @@ def risk_statuses(name: str, status: RiskStatus, events: EventLog) -> list[Diagn
 
 
 def _prediction_causes(status: RiskStatus) -> list[Cause]:
-    causes = [(WARN, status.publishers)] if status.publishers else []
+    causes = [(WARN, text) for text in (status.namesake, status.publishers) if text]
     age, limit_s = status.input, status.prediction_timeout_s
     causes += standing_clock(age, limit_s)
     if not age.usable and not age.rejected:

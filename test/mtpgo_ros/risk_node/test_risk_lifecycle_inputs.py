@@ -9,6 +9,7 @@ import types
 import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from risk_bench import RiskBench
@@ -155,3 +156,15 @@ def test_a_plan_from_before_a_jump_back_of_the_clock_is_not_used(bench, monkeypa
     one.status("plan", ERROR, "the clock was set back")
     one.plan()
     assert one.predict(prediction())["unknown"].tolist() == [Unknown.KNOWN] * 2
+
+
+def test_another_node_of_the_same_name_is_said(bench):
+    one = bench()
+    one.plan()
+    one.predict(prediction())
+    one.status("predictions", OK)
+    other = Node("risk", namespace=one.namespace)
+    sentence = f"another node is called {one.namespace}/risk, and its risks go to the same topics"
+    one.status("predictions", WARN, sentence)
+    other.destroy_node()
+    one.status("predictions", OK)
