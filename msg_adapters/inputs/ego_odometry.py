@@ -17,15 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.conversions import planar_block, reading, stamp_to_ns, state_covariance
-from msg_adapters.inputs.odometry import ODOMETRY, pose_of
+from msg_adapters.conversions import planar_block, reading, state_covariance
+from msg_adapters.inputs.odometry import ODOMETRY, dated_pose
 from msg_adapters.wire.input_limits import check_frame
 from mtpgo_core.class_size import CLASS_SIZE_M
-from mtpgo_core.errors import FrameError, MessageError
-from mtpgo_core.frames import Pose2, PoseBuffer, is_place, rotate
+from mtpgo_core.errors import FrameError
+from mtpgo_core.frames import Pose2, PoseBuffer, rotate
 from mtpgo_core.options import check_options, option
 from mtpgo_core.schema import (
-    FARTHEST_M,
     AgentClass,
     BoolArray,
     Float64Array,
@@ -122,16 +121,8 @@ class EgoOdometry:
                 long.
         """
         with reading(message, ODOMETRY):
-            stamp_ns = stamp_to_ns(message.header.stamp)
-            pose = pose_of(message)
+            stamp_ns, pose = dated_pose(message, "odometry of the ego")
             frames = (str(message.header.frame_id), str(message.child_frame_id))
-        if stamp_ns <= 0:
-            raise MessageError("odometry of the ego has no stamp, expected the pose's time")
-        if not (math.isfinite(pose.yaw) and is_place(pose.x, pose.y)):
-            raise MessageError(
-                f"odometry of the ego has the pose ({pose.x:g}, {pose.y:g}) m, yaw {pose.yaw:g}"
-                f" rad, expected numbers up to {FARTHEST_M:g} m and an orientation"
-            )
         twist = (*pose.velocity, pose.yaw_rate)
         if not all(map(math.isfinite, twist)):
             pose = dataclasses.replace(pose, velocity=(0.0, 0.0), yaw_rate=0.0)

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.conversions import yaw_from_quaternions
-from mtpgo_core.frames import Pose2
+from msg_adapters.conversions import stamp_to_ns, yaw_from_quaternions
+from mtpgo_core.errors import MessageError
+from mtpgo_core.frames import Pose2, is_place
+from mtpgo_core.schema import FARTHEST_M
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 
@@ -30,6 +32,27 @@ def pose_of(message: Any) -> Pose2:
         ),
         yaw_rate=twist.angular.z,
     )
+
+
+def dated_pose(message: Any, name: str) -> tuple[int, Pose2]:
+    """Return the stamp (ns) of an odometry and its pose.
+
+    Args:
+        message: nav_msgs/Odometry.
+        name: what the message is, for the error.
+
+    Raises:
+        MessageError: it has no stamp, no finite place or no orientation.
+    """
+    stamp_ns, pose = stamp_to_ns(message.header.stamp), pose_of(message)
+    if stamp_ns <= 0:
+        raise MessageError(f"{name} has no stamp, expected the pose's time")
+    if not (math.isfinite(pose.yaw) and is_place(pose.x, pose.y)):
+        raise MessageError(
+            f"{name} has the pose ({pose.x:g}, {pose.y:g}) m, yaw {pose.yaw:g} rad, expected"
+            f" numbers up to {FARTHEST_M:g} m and an orientation"
+        )
+    return stamp_ns, pose
 
 
 def pose_of_transform(message: Any) -> Pose2:

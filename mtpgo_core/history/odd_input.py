@@ -27,6 +27,7 @@ ODD_INPUT: dict[str, str] = {
     "frame_changed": "messages in another frame",
     "wrong_frame": "objects in another frame",
     "not_lifted": "messages that could not be transformed into the fixed frame",
+    "odometry_refused": "messages of the odometry that could not be used",
     "ego_missing": "messages at whose time the ego's odometry was not known",
     "ego_refused": "messages of the ego's odometry that could not be used",
     "qos_incompatible": "publishers with an incompatible QoS",

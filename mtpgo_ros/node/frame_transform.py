@@ -15,11 +15,11 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.time import Time
 
-from msg_adapters.conversions import stamp_to_ns
-from msg_adapters.inputs.odometry import pose_of, pose_of_transform
-from mtpgo_core.errors import FrameError
+from msg_adapters.inputs.odometry import dated_pose, pose_of_transform
+from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, PoseBuffer, to_fixed_frame
 from mtpgo_core.schema import TrackedStates
+from mtpgo_ros.diagnostics.event_log import EventLog
 
 _ODOMETRY_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Queue of odometry: half a second at 100 Hz."""
@@ -71,10 +71,11 @@ class FixedFrameTransform:
     Args:
         node: the node, for the subscription.
         fixed_frame: name of the fixed frame.
+        events: where unusable odometry is counted.
     """
 
-    def __init__(self, node: Node, fixed_frame: str) -> None:
-        self._node = node
+    def __init__(self, node: Node, fixed_frame: str, events: EventLog) -> None:
+        self._node, self._events = node, events
         self._fixed_frame = fixed_frame
         self._poses = PoseBuffer(set_back_s=_SET_BACK_S)
         # Objects are transformed on the thread of their subscription.
@@ -86,14 +87,19 @@ class FixedFrameTransform:
         self._tf = TfPoses.if_installed(node)
 
     def add_odometry(self, message: Any) -> None:
-        """Add the pose of a nav_msgs/Odometry."""
+        """Add the pose of a nav_msgs/Odometry; one that is none is left out and counted."""
         frames = (message.header.frame_id, message.child_frame_id)
-        pose = pose_of(message)
+        try:
+            stamp_ns, pose = dated_pose(message, "odometry")
+        except MessageError as error:
+            topic = self._subscription.topic_name
+            self._events.count("odometry_refused", reason=f"message on {topic} left out: {error}")
+            return
         with self._lock:
             if frames != self._odometry_frames:
                 self._poses.clear()
                 self._odometry_frames = frames
-            self._poses.add(stamp_to_ns(message.header.stamp), pose)
+            self._poses.add(stamp_ns, pose)
 
     def apply(self, states: TrackedStates) -> TrackedStates:
         """Return the states in the fixed frame.

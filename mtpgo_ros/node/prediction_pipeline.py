@@ -109,7 +109,7 @@ class PredictionPipeline:
         self._load = LoadControl()
         self.transform: FrameTransform = NoTransform()
         if parameters.fixed_frame:
-            self.transform = FixedFrameTransform(node, parameters.fixed_frame)
+            self.transform = FixedFrameTransform(node, parameters.fixed_frame, events)
         self.ego = ego_source(node, parameters, events)
         self._context = ContextSubscriptions(node, self._on_ego, None, events)
         self._lane_transform = LaneTransform(node)

@@ -10,16 +10,17 @@ import pytest
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from ros_helpers import START_NS, traffic
+from ros_helpers import START_NS, RecordingLogger, traffic
 
 from mtpgo_core.errors import FrameError
+from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.frame_transform import FixedFrameTransform, NoTransform
 
 
 @pytest.fixture
 def transform():
     node = Node("transform")
-    one = FixedFrameTransform(node, "odom")
+    one = FixedFrameTransform(node, "odom", EventLog(RecordingLogger()))
     yield one
     one.close()
     node.destroy_node()
@@ -89,6 +90,20 @@ def test_a_missing_pose_is_reported_with_what_was_received(transform):
         transform.apply(traffic(0.0, frame_id="base_link"))
 
 
+def test_odometry_that_is_none_is_counted_and_changes_nothing(transform):
+    transform.add_odometry(odometry(0.0, 100.0))
+    unstamped, nowhere, no_turn = (odometry(0.1, x) for x in (0.0, float("nan"), 0.0))
+    unstamped.header.stamp.sec = unstamped.header.stamp.nanosec = 0
+    no_turn.pose.pose.orientation.z = no_turn.pose.pose.orientation.w = 0.0
+    for message in (unstamped, nowhere, no_turn):
+        transform.add_odometry(message)
+    states = transform.apply(traffic(0.1, agents=1, frame_id="base_link"))
+    assert states.position == pytest.approx(np.array([[100.0, 1.5]]))
+    assert transform._events.counts() == {"odometry_refused": 3}
+    (line,) = transform._events._logger.warnings
+    assert line == "message on /odometry left out: odometry has no stamp, expected the pose's time"
+
+
 def test_poses_of_other_frames_are_not_mixed(transform):
     transform.add_odometry(odometry(0.0, 100.0))
     transform.add_odometry(odometry(0.1, 0.0, child="camera"))
@@ -121,7 +136,7 @@ def test_an_optical_frame_of_a_camera_is_refused(monkeypatch):
     module = types.SimpleNamespace(Buffer=Buffer, TransformListener=TransformListener)
     monkeypatch.setitem(sys.modules, "tf2_ros", module)
     node = Node("transform")
-    one = FixedFrameTransform(node, "odom")
+    one = FixedFrameTransform(node, "odom", EventLog())
     states = traffic(0.0, agents=1, frame_id="camera_optical_frame")
     with pytest.raises(FrameError, match=r"'camera_optical_frame'.* tilted by 90 degrees"):
         one.apply(states)
