@@ -150,6 +150,13 @@ def interruptible() -> Iterator[None]:
         if stop_requested():
             raise Interrupted
         yield
+        # A library may have taken it for an error of its own, in C or in a bare except.
+        if stop_requested():
+            raise Interrupted
+    except Exception as error:
+        if stop_requested():
+            raise Interrupted from error
+        raise
     finally:
         _interruptible = False
 

@@ -3,16 +3,20 @@
 """Arguments, signals and exit status of the executables."""
 
 import argparse
+import contextlib
 import os
 import platform
 import signal
+import threading
 
 import pytest
 
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
+    Interrupted,
     answered,
     fail,
+    interruptible,
     not_negative,
     positive,
     stop_on_signals,
@@ -71,3 +75,63 @@ def test_without_ros_an_executable_says_how_to_get_it(monkeypatch, capsys):
     assert error.startswith("replay: rclpy is not installed")
     assert error.count("\n") == 1
     assert "mtpgo_ros[ros]" in error
+
+
+@pytest.fixture
+def requested(signals):
+    """The signals as the executables have them, for the time of a test."""
+    return stop_on_signals()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_step_of_the_start_and_no_other(requested, number):
+    with interruptible():
+        pass
+    went_on = False
+
+    def step():
+        nonlocal went_on
+        with interruptible():
+            signal.raise_signal(number)
+            went_on = True
+
+    with pytest.raises(Interrupted):
+        step()
+    assert not went_on
+    assert requested()
+    signal.raise_signal(number)  # outside of such a step it is only remembered
+    with pytest.raises(Interrupted), interruptible():
+        pytest.fail("a step began after the signal")
+
+
+def test_a_signal_that_a_library_swallows_ends_the_step_with_the_library(requested):
+    def swallows(then):
+        with contextlib.suppress(BaseException):
+            signal.raise_signal(signal.SIGINT)
+        then()
+
+    with pytest.raises(Interrupted), interruptible():
+        swallows(lambda: None)
+    stop_on_signals()
+    with pytest.raises(Interrupted), interruptible():
+        swallows(lambda: 1 / 0)  # as an import that was begun cannot be repeated
+
+
+def test_errors_of_a_step_without_a_signal_are_its_own(requested):
+    with pytest.raises(ZeroDivisionError), interruptible():
+        1 / 0  # noqa: B018
+    assert not requested()
+
+
+def test_steps_in_another_thread_are_not_interrupted(requested):
+    signal.raise_signal(signal.SIGINT)
+    done = []
+
+    def step():
+        with interruptible():
+            done.append(True)
+
+    thread = threading.Thread(target=step)
+    thread.start()
+    thread.join()
+    assert done
