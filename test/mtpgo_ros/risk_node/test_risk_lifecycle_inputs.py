@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Predictions of Autoware's type and plans in another frame, over DDS."""
 
+import gc
+import itertools
 import math
 import sys
 import types
@@ -49,13 +51,18 @@ def tf(monkeypatch):
     return known
 
 
+_namespaces = itertools.count()
+"""A node that has ended is known until Python's garbage is collected."""
+
+
 @pytest.fixture
 def bench():
     """A function that starts benches; all are closed at the end."""
     made = []
 
     def start(*arguments, **parameters):
-        made.append(RiskBench(f"/risk_inputs{len(made)}", *arguments, **parameters))
+        name = f"/risk_inputs{next(_namespaces)}"
+        made.append(RiskBench(name, *arguments, **parameters))
         made[-1].start()
         return made[-1]
 
@@ -167,4 +174,6 @@ def test_another_node_of_the_same_name_is_said(bench):
     sentence = f"another node is called {one.namespace}/risk, and its risks go to the same topics"
     one.status("predictions", WARN, sentence)
     other.destroy_node()
+    del other
+    gc.collect()
     one.status("predictions", OK)
