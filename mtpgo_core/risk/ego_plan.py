@@ -18,8 +18,10 @@ from mtpgo_core.options import check_options, option
 from mtpgo_core.schema import FARTHEST_M, AgentClass, Float64Array
 
 BEFORE_S = 0.5
-"""A plan is extended backwards by this much at the velocity of its beginning (s). Chosen: a plan
-begins now, a prediction at the observation that it is made of, a latency earlier."""
+"""A plan is extended backwards by this much, at the mean velocity of its first so many seconds.
+Chosen: a plan begins now, a prediction at the observation that it is made of, a latency earlier.
+The first two poses alone give no velocity: they may be a millisecond and a metre apart, or on top
+of each other."""
 
 _MOTION_HORIZON_S = 3600.0
 """How far constant velocity reaches (s); chosen beyond any prediction."""
@@ -90,7 +92,8 @@ class EgoPlan:
     def at(self, stamp_ns: int, time_s: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Return positions [H, 2] (m) and headings [H] (rad), NaN where the plan has none.
 
-        Interpolates linearly, headings along the shorter arc.
+        Interpolates linearly, headings along the shorter arc. Up to :data:`BEFORE_S` before the
+        first pose the ego came at the velocity of the plan's beginning.
 
         Args:
             stamp_ns: from which the times count (ns).
@@ -108,6 +111,9 @@ class EgoPlan:
             share = np.minimum(share, 1.0)
         share = np.where(after > before, share, 0.0)[:, None]
         position = self.position[before] + share * (self.position[after] - self.position[before])
+        early = wanted < known[0]
+        if early.any():
+            position[early] = self.position[0] + (wanted[early, None] - known[0]) * self._begin()
         turn = wrap(self.yaw[after] - self.yaw[before])
         # Backwards the heading stays: a turn is not extrapolated.
         yaw = wrap(self.yaw[before] + np.clip(share[:, 0], 0.0, 1.0) * turn)
@@ -117,6 +123,17 @@ class EgoPlan:
             unknown |= wanted > known[last] + slack_s
         position[unknown], yaw[unknown] = np.nan, np.nan
         return position, yaw
+
+    def _begin(self) -> Float64Array:
+        """Return [2] the mean velocity over the first :data:`BEFORE_S` (m/s), 0 for one pose."""
+        known = (self.time_ns - self.time_ns[0]) * 1e-9
+        end_s = min(BEFORE_S, float(known[-1]))
+        if end_s <= 0.0:
+            return np.zeros(2)
+        end = [np.interp(end_s, known, self.position[:, axis]) for axis in range(2)]
+        moved = np.array(end) - self.position[0]
+        # The way of two poses in a moment may be more than a vehicle drives in it.
+        return np.asarray(moved / max(end_s, float(np.hypot(*moved)) / _FASTEST_MPS))
 
 
 def make_plan(

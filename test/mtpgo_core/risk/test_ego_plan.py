@@ -91,6 +91,24 @@ def test_constant_velocity_keeps_direction_and_heading():
         plan_of_motion(START, "odom", Pose2(0.0, 0.0, 0.0, velocity=(300.0, 0.0)))
 
 
+@pytest.mark.parametrize(
+    ("times_s", "x", "expected"),
+    [
+        ((0.0, 0.001, 0.5, 1.0), (0.0, 1.5, 6.0, 12.0), -2.4),  # the pose now, then the plan's
+        ((0.0, 1e-9, 0.5), (0.0, 0.0, 6.0), -2.4),  # two poses on top of each other
+        ((0.0, 0.1, 0.2), (0.0, 1.0, 2.0), -2.0),  # a short plan
+        ((0.0, 0.001, 0.002), (0.0, 1.5, 1.5), -20.0),  # of a moment, at most 100 m/s
+        ((0.0,), (0.0,), 0.0),
+    ],
+)
+def test_before_its_begin_it_came_at_the_mean_velocity_of_its_first_half_second(
+    times_s, x, expected
+):
+    short = plan(times_s, x, np.zeros(len(x)), stands_after=True)
+    position, _ = short.at(START, np.array([-0.2, 0.0]))
+    np.testing.assert_allclose(position[:, 0], [expected, 0.0], atol=1e-6)
+
+
 def test_two_poses_in_a_moment_are_no_jump():
     assert len(plan((0.0, 0.001, 1.0), (0.0, 0.5, 9.0)).time_ns) == 3
 
