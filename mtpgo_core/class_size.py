@@ -31,8 +31,9 @@ _SIZES = np.array([CLASS_SIZE_M[kind] for kind in AgentClass])
 def known_sizes(size: NDArray[np.floating[Any]], agent_class: ClassArray) -> Float64Array:
     """Return [n, 2] length and width (m), those of the class where ``size`` [n, 2] is none.
 
-    A size is none where it is NaN or beyond :data:`LARGEST_SIZE_M`. A class beyond those that
-    there are counts as unknown.
+    A size is none where it is NaN, not above zero or beyond :data:`LARGEST_SIZE_M`. A class beyond
+    those that there are counts as unknown.
     """
     kind = np.where(agent_class < len(_SIZES), agent_class, AgentClass.UNKNOWN)
-    return np.where(size <= LARGEST_SIZE_M, size.astype(np.float64), _SIZES[kind])
+    known = (size > 0.0) & (size <= LARGEST_SIZE_M)
+    return np.where(known, size.astype(np.float64), _SIZES[kind])

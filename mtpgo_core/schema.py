@@ -54,6 +54,11 @@ class AgentClass(IntEnum):
         """Return the class of a data set's or detector's name, ``UNKNOWN`` for an unknown name."""
         return _CLASS_BY_NAME.get(name.strip().lower(), cls.UNKNOWN)
 
+    @classmethod
+    def from_code(cls, code: int) -> AgentClass:
+        """Return the class of a number in a message, ``UNKNOWN`` for one that no class has."""
+        return cls(code) if 0 <= code < len(cls) else cls.UNKNOWN
+
 
 _SINGULAR = {member.name.lower(): member for member in AgentClass} | {
     "truck_bus": AgentClass.TRUCK,

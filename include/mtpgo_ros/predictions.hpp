@@ -14,6 +14,10 @@
 #ifndef MTPGO_ROS__PREDICTIONS_HPP_
 #define MTPGO_ROS__PREDICTIONS_HPP_
 
+#if __cplusplus < 201703L && (!defined(_MSVC_LANG) || _MSVC_LANG < 201703L)
+#error "mtpgo_ros/predictions.hpp needs C++17 or later: -std=c++17, CMAKE_CXX_STANDARD 17"
+#endif
+
 #include <algorithm>
 #include <array>
 #include <cmath>

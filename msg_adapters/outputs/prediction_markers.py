@@ -30,6 +30,7 @@ from msg_adapters.outputs.marker_encoding import (
 )
 from msg_adapters.outputs.marker_tracker import MODES_PER_AGENT, MarkerTracker
 from msg_adapters.types import Types
+from mtpgo_core.class_size import known_sizes
 from mtpgo_core.prediction.output_assembly import strongest_modes
 from mtpgo_core.schema import AgentClass, Float64Array, Prediction, Source
 
@@ -152,7 +153,7 @@ class _Painter:
         self.initial = prediction.initial[:, :2].tolist()
         self.known = [math.isfinite(x) and math.isfinite(y) for x, y in self.initial]
         self.yaw = np.nan_to_num(prediction.initial_yaw).tolist()
-        self.size = np.where(np.isfinite(prediction.size), prediction.size, 1.0).tolist()
+        self.size = known_sizes(prediction.size, prediction.agent_class).tolist()
         z = np.where(np.isfinite(prediction.z), prediction.z, 0.0)
         self.z = z.tolist()
         present = np.broadcast_to(
@@ -221,7 +222,7 @@ class _Painter:
 
     def _label(self, agent: int, number: int) -> Drawn:
         x, y = self.initial[agent]
-        name = AgentClass(self.classes[agent]).name.lower()
+        name = AgentClass.from_code(self.classes[agent]).name.lower()
         return Drawn(
             LABELS,
             number,

@@ -62,7 +62,7 @@ def _prediction_topic(reader: DecodingBagReader, topic: str | None) -> list[Any]
         if len(names) > 1:
             raise RecordingError(
                 f"{reader.path} has predictions on the topics {', '.join(sorted(names))}, "
-                "expected one of them as the topic (--topic)"
+                "expected the choice of one (mtpgo view: --predictions, mtpgo evaluate: --topic)"
             )
         chosen = [c for c in clouds if c.topic in names]
         expected = f"a {_CLOUD} with the fields of predictions, as the node publishes them"

@@ -93,6 +93,37 @@ def mixture_moments(
     return mean, covariance
 
 
+def without_missing_steps(prediction: Prediction) -> Prediction:
+    """Return the prediction without the steps of which no agent has a point (time NaN)."""
+    known = np.flatnonzero(np.isfinite(prediction.time_s))
+    if len(known) == len(prediction.time_s):
+        return prediction
+    return dataclasses.replace(
+        prediction,
+        time_s=prediction.time_s[known],
+        mean=prediction.mean[:, :, known],
+        yaw=prediction.yaw[:, :, known],
+        covariance=prediction.covariance[:, :, known],
+        sigma_factor_50=prediction.sigma_factor_50[:, known],
+    )
+
+
+def first_places(prediction: Prediction) -> Float64Array:
+    """Return [n, 2] where the agents were at the stamp (m), NaN for one without a point.
+
+    That is the first point of the first mode that has any, carried back by its velocity.
+    """
+    n, modes, steps = prediction.yaw.shape
+    if not modes * steps:
+        return np.full((n, 2), np.nan)
+    known = np.isfinite(prediction.mean[..., :2]).all(axis=-1)
+    step = known.any(axis=1).argmax(axis=1)
+    mode = known[np.arange(n), :, step].argmax(axis=1)
+    state = prediction.mean[np.arange(n), mode, step]
+    back_s = np.nan_to_num(prediction.time_s[step])[:, None]
+    return np.asarray(state[:, :2] - back_s * np.nan_to_num(state[:, 2:]))
+
+
 def at_times(prediction: Prediction, time_s: ArrayLike) -> Prediction:
     """Return the prediction at other times, which replace its H steps.
 

@@ -81,8 +81,18 @@ class FutureTable:
             horizon_steps: H.
             dt_s: horizon step (s).
         """
+        return self.at_times(track, stamp_ns, np.arange(1, horizon_steps + 1) * dt_s)
+
+    def at_times(self, track: IntArray, stamp_ns: int | IntArray, time_s: Float64Array) -> Future:
+        """Return the states at ``stamp_ns + time_s``.
+
+        Args:
+            track: [n] as in :meth:`at`.
+            stamp_ns: the present, one for all or [n] (ns).
+            time_s: [H] (s).
+        """
         now = (stamp_ns - self._start_ns) * 1e-9 * self._rate - self._first
-        ahead = np.arange(1, horizon_steps + 1, dtype=np.float64) * (dt_s * self._rate)
+        ahead = np.asarray(time_s, dtype=np.float64) * self._rate
         return self._lookup(track, np.asarray(np.reshape(now, (-1, 1)) + ahead))
 
     def _lookup(self, track: IntArray, when: Float64Array) -> Future:

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from matplotlib.patches import Ellipse, Polygon
 
+from mtpgo_core.class_size import known_sizes
 from mtpgo_core.frames import rotate
 from mtpgo_core.schema import Float64Array
 from mtpgo_training.evaluation.moments import Moment
-from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT, drawn_sizes
+from mtpgo_training.reports.drawn_bodies import SHOWN_WEIGHT
 from mtpgo_training.reports.local_view import LocalView
 
 PREDICTED, FOCAL, TRUTH, CV = "#2a6fbb", "#e07b16", "#1a1a1a", "#c0392b"
@@ -129,7 +130,7 @@ def _draw_ellipse(
 
 def _draw_body(axes: Any, moment: Moment, around: LocalView, agent: int, *, focal: bool) -> None:
     kind = moment.prediction.agent_class[[agent]]
-    ((length, width),) = drawn_sizes(around.size[[agent]], kind)
+    ((length, width),) = known_sizes(around.size[[agent]], kind)
     corners = 0.5 * np.array(
         [(length, width), (-length, width), (-length, -width), (length, -width)]
     )

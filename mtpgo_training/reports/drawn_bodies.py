@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What drawings of road users share: colours, sizes where none is known, which modes are drawn."""
+"""What drawings of road users share: colours, and which modes are drawn."""
 
 from __future__ import annotations
 
@@ -25,17 +25,10 @@ CLASS_COLOURS = {
 SHOWN_WEIGHT = 0.05
 """Modes below this weight are not drawn; chosen."""
 
-DEFAULT_SIZE_M = {AgentClass.PEDESTRIAN: (0.6, 0.6), AgentClass.BICYCLE: (1.8, 0.7)}
-CAR_SIZE_M = (4.6, 1.9)
-"""Length and width drawn for a road user without a size, by class and for all other classes (m);
-chosen."""
 
-
-def drawn_sizes(size: Float64Array, agent_class: ClassArray) -> Float64Array:
-    """Return [n, 2] length and width (m), by class where ``size`` [n, 2] is not known."""
-    kinds = map(AgentClass, agent_class.tolist())
-    usual = np.array([DEFAULT_SIZE_M.get(kind, CAR_SIZE_M) for kind in kinds]).reshape(-1, 2)
-    return np.where(np.isfinite(size) & (size > 0.0), size, usual)
+def class_colours(agent_class: ClassArray) -> list[str]:
+    """Return the colours of classes [n]; a number that no class has is drawn as unknown."""
+    return [CLASS_COLOURS[AgentClass.from_code(code)] for code in agent_class.tolist()]
 
 
 def shown_modes(weight: Float64Array) -> BoolArray:

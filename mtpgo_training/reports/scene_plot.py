@@ -162,7 +162,7 @@ def _draw_scale(axes: Any, lower: Float64Array, upper: Float64Array) -> None:
 def _title(moment: Moment, around: LocalView) -> str:
     recording, prediction = moment.recording, moment.prediction
     time_s = (prediction.stamp_ns - recording.span_ns[0]) * 1e-9
-    kind = AgentClass(int(prediction.agent_class[moment.agent])).name.lower()
+    kind = AgentClass.from_code(int(prediction.agent_class[moment.agent])).name.lower()
     track = int(recording.find_tracks(prediction.key[moment.agent][None])[0])
     speed = float(np.linalg.norm(around.velocity[moment.agent]))
     return (

@@ -168,7 +168,7 @@ def nees_table(content: Json) -> Table:
     rows = []
     for model, row in found.items():
         pairs = zip(row["nees"], row["nees_mixture"], strict=True)
-        cells = ["-" if a is None else f"{a:.2f} ({b:.2f})" for a, b in pairs]
+        cells = ["-" if a is None or b is None else f"{a:.2f} ({b:.2f})" for a, b in pairs]
         rows.append(Row(model, [cells[k] if k < len(cells) else "-" for k in shown]))
     return Table(["NEES (mixture), 2 is right", *heads], rows)
 

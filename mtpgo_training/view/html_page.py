@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from pathlib import Path
 
 from mtpgo_training.atomic_files import write_text
@@ -40,6 +41,5 @@ def page_text(scene: ViewScene) -> str:
         "data": base64.b64encode(pack_scene(scene)).decode(),
     }
     text = (_PAGE / "viewer.html").read_text(encoding="utf-8")
-    for name, value in parts.items():
-        text = text.replace("{{" + name + "}}", value)
-    return text
+    # In one pass: a name that looks like a part is text.
+    return re.sub("{{([a-z]+)}}", lambda found: parts[found[1]], text)

@@ -10,16 +10,18 @@ with its sign in the last bit and seven bits a byte, the lowest first.
 from __future__ import annotations
 
 import json
+import logging
 import zlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.class_size import known_sizes
 from mtpgo_core.quality.metrics import radius_squared, sigma_factor
 from mtpgo_core.schema import AgentClass, Float64Array, Source
 from mtpgo_training.data.recording import Int64Array
-from mtpgo_training.reports.drawn_bodies import drawn_sizes, shown_modes
+from mtpgo_training.reports.drawn_bodies import shown_modes
 from mtpgo_training.view.view_scene import (
     ELLIPSE_LEVEL,
     SeenPrediction,
@@ -50,6 +52,8 @@ ELLIPSE_ANGLES = 64
 PATH_S = 0.4
 """Distance of the stored points of a path in time (s); chosen: between them a road user moves
 straight to within centimetres."""
+
+_log = logging.getLogger("mtpgo")
 
 Columns = dict[str, NDArray[np.int64]]
 
@@ -152,7 +156,7 @@ def _tracks(scene: ViewScene, origin: Float64Array, head: dict[str, Any]) -> Col
     yaw = drawn_yaws(recording)[rows]
     for begin, count in zip(begins.tolist(), counts.tolist(), strict=True):
         yaw[begin : begin + count] = np.unwrap(yaw[begin : begin + count])
-    sizes = _whole(drawn_sizes(recording.size, recording.agent_class), SIZE_M)
+    sizes = _whole(known_sizes(recording.size, recording.agent_class), SIZE_M)
     elapsed_ms = np.array(
         [round(1e3 * scene.since_start_s(recording.stamp_ns(f))) for f in frames.tolist()],
         dtype=np.int64,
@@ -178,10 +182,18 @@ def _tracks(scene: ViewScene, origin: Float64Array, head: dict[str, Any]) -> Col
 
 
 def _modes(scene: ViewScene, origin: Float64Array, head: dict[str, Any]) -> Columns:
-    """Return the columns of the predictions that have as many steps as the first."""
-    usable = [p for p in scene.predictions if np.isfinite(p.prediction.time_s).all()]
-    time_s = usable[0].prediction.time_s if usable else np.empty(0)
-    usable = [p for p in usable if _same_steps(p.prediction.time_s, time_s)]
+    """Return the columns of the predictions that have the same steps as the first."""
+    given = [p for p in scene.predictions if len(p.prediction.time_s)]
+    time_s = given[0].prediction.time_s if given else np.empty(0)
+    usable = [p for p in given if _same_steps(p.prediction.time_s, time_s)]
+    if len(usable) < len(given):
+        _log.warning(
+            "mtpgo: %d of the %d predictions of %s have other steps than the first and are not on"
+            " the page",
+            len(given) - len(usable),
+            len(given),
+            scene.name,
+        )
     ellipse, path = ellipse_indices(time_s), path_indices(time_s)
     head["path_s"] = np.round(time_s[path], 3).tolist()
     head["ellipse_points"] = np.searchsorted(path, ellipse).tolist()

@@ -13,11 +13,12 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from mtpgo_core.class_size import known_sizes
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.quality.metrics import average
-from mtpgo_core.schema import AgentClass, Float64Array, Prediction, Source, TrackedStates
+from mtpgo_core.schema import Float64Array, Prediction, Source, TrackedStates
 from mtpgo_training.atomic_files import replacing
-from mtpgo_training.reports.drawn_bodies import CLASS_COLOURS, drawn_sizes, shown_modes
+from mtpgo_training.reports.drawn_bodies import class_colours, shown_modes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
 from mtpgo_training.view.view_colours import FALLBACK_COLOUR, colour_bytes
 from mtpgo_training.view.view_scene import TrackWays, ViewScene, ellipse_indices, identity_texts
@@ -80,8 +81,7 @@ class RerunScene:
             states: what was observed.
             names: [n] their identities as text.
         """
-        kinds = [AgentClass(int(c)) for c in states.agent_class]
-        size = drawn_sizes(states.size, states.agent_class)
+        size = known_sizes(states.size, states.agent_class)
         course = np.arctan2(states.velocity[:, 1], states.velocity[:, 0])
         yaw = np.nan_to_num(np.where(np.isfinite(states.yaw), states.yaw, course))
         centre = self._placed(states.position)
@@ -96,7 +96,7 @@ class RerunScene:
                 centers=centre,
                 half_sizes=half,
                 quaternions=turned,
-                colors=[colour_bytes(CLASS_COLOURS[kind]) for kind in kinds],
+                colors=[colour_bytes(colour) for colour in class_colours(states.agent_class)],
                 labels=names,
                 show_labels=False,
                 fill_mode="solid",
@@ -110,10 +110,10 @@ class RerunScene:
         colours: list[list[int]] = []
         ring_colours: list[list[int]] = []
         steps = ellipse_indices(prediction.time_s)
+        own = class_colours(prediction.agent_class)
         for agent in range(len(prediction)):
-            kind = AgentClass(int(prediction.agent_class[agent]))
             model = prediction.source[agent] == Source.MODEL
-            colour = colour_bytes(CLASS_COLOURS[kind] if model else FALLBACK_COLOUR)
+            colour = colour_bytes(own[agent] if model else FALLBACK_COLOUR)
             strongest = float(prediction.weight[agent].max())
             for mode in np.flatnonzero(shown_modes(prediction.weight[agent])).tolist():
                 share = float(prediction.weight[agent, mode]) / strongest

@@ -15,10 +15,11 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mtpgo_core.class_size import known_sizes
 from mtpgo_core.frames import rotate
 from mtpgo_core.quality.metrics import average
-from mtpgo_core.schema import AgentClass, Float64Array, Source
-from mtpgo_training.reports.drawn_bodies import CLASS_COLOURS, drawn_sizes, shown_modes
+from mtpgo_core.schema import Float64Array, Source
+from mtpgo_training.reports.drawn_bodies import class_colours, shown_modes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
 from mtpgo_training.view.view_colours import FALLBACK_COLOUR
 from mtpgo_training.view.view_scene import (
@@ -64,10 +65,8 @@ class ScenePainter:
         self._ways = TrackWays(scene)
         self._position = rotate(recording.position, -self._angle)
         self._yaw = drawn_yaws(recording) - self._angle
-        self._size = drawn_sizes(recording.size, recording.agent_class)
-        self._colour = np.array(
-            [to_rgba(CLASS_COLOURS[AgentClass(int(c))]) for c in recording.agent_class]
-        )
+        self._size = known_sizes(recording.size, recording.agent_class)
+        self._colour = np.array([to_rgba(c) for c in class_colours(recording.agent_class)])
         self._stamps = np.array([p.prediction.stamp_ns for p in scene.predictions], dtype=np.int64)
         lower, upper = _window(self._position)
         span = upper - lower

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.identity import key_to_text
-from mtpgo_core.quality.metrics import ade, fde, is_inside, nees
+from mtpgo_core.prediction.prediction_queries import without_missing_steps
+from mtpgo_core.quality.metrics import ade, fde, is_inside, nees, top_mode
 from mtpgo_core.schema import MOVING_MPS, Float64Array, KeyArray, Prediction
 from mtpgo_training.data.ground_truth import FutureTable
 from mtpgo_training.data.recording import Int64Array, Recording
@@ -37,7 +38,7 @@ class SeenPrediction:
             none was observed.
         final_m: [n] displacement at the last step (m), NaN where it was not observed.
         inside: [n] 1 where the truth of the last step is inside the heaviest mode's ellipse, 0
-            where it is not, NaN where it was not observed.
+            where it is not, NaN where it was not observed or there is no covariance.
     """
 
     prediction: Prediction
@@ -130,22 +131,25 @@ def view_scene(
 def _seen(
     prediction: Prediction, recording: Recording, shown: Recording, future: FutureTable
 ) -> SeenPrediction:
-    """Return a prediction with its scores."""
-    steps = len(prediction.time_s)
-    dt_s = float(np.median(np.diff(prediction.time_s, prepend=0.0)[-max(1, steps - 1) :]))
-    delay_s = float(prediction.time_s[0]) - dt_s  # where the predictor compensates its delay
-    start_ns = prediction.stamp_ns + round(1e9 * delay_s)
-    truth = future.at(recording.find_tracks(prediction.key), start_ns, steps, dt_s)
+    """Return a prediction with its scores; points that are missing in it count in none."""
+    prediction = without_missing_steps(prediction)
+    tracks = recording.find_tracks(prediction.key)
+    time_s = np.round(prediction.time_s, 6)  # float32 in messages
+    truth = future.at_times(tracks, prediction.stamp_ns, time_s)
     mean = prediction.mean[..., :2]
+    there = np.isfinite(top_mode(mean, prediction.weight)).all(axis=-1)
     with np.errstate(invalid="ignore"):
-        squared = nees(mean, prediction.weight, prediction.covariance, truth.position)
-        inside = is_inside(squared, ELLIPSE_LEVEL, prediction.sigma_factor_50)[:, -1]
+        squared = nees(mean, prediction.weight, prediction.covariance, truth.position)[:, -1:]
+        inside = is_inside(squared, ELLIPSE_LEVEL, prediction.sigma_factor_50[:, -1:])[:, 0]
+    tested = truth.known[:, -1] & np.isfinite(squared[:, 0])
     return SeenPrediction(
         prediction=prediction,
         track=shown.find_tracks(prediction.key),
-        ade_m=np.asarray(ade(mean, prediction.weight, truth.position, truth.known), np.float64),
+        ade_m=np.asarray(
+            ade(mean, prediction.weight, truth.position, truth.known & there), np.float64
+        ),
         final_m=np.asarray(fde(mean, prediction.weight, truth.position, truth.known), np.float64),
-        inside=np.where(truth.known[:, -1], inside, np.nan),
+        inside=np.where(tested, inside, np.nan),
     )
 
 
@@ -161,11 +165,12 @@ def shown_frames(scene: ViewScene) -> Int64Array:
 
 def ellipse_indices(time_s: Float64Array) -> Int64Array:
     """Return the steps with ellipses: those nearest to ELLIPSE_TIMES_S, else the last one."""
-    if not len(time_s):
+    known = np.flatnonzero(np.isfinite(time_s))
+    if not len(known):
         return np.empty(0, dtype=np.int64)
-    wanted = [t for t in ELLIPSE_TIMES_S if t <= float(time_s[-1]) + 1e-6]
-    wanted = wanted or [float(time_s[-1])]
-    return np.unique([int(np.argmin(np.abs(time_s - t))) for t in wanted])
+    last_s = float(time_s[known[-1]])
+    wanted = [t for t in ELLIPSE_TIMES_S if t <= last_s + 1e-6] or [last_s]
+    return np.unique([int(known[np.argmin(np.abs(time_s[known] - t))]) for t in wanted])
 
 
 def drawn_speeds(recording: Recording) -> Float64Array:

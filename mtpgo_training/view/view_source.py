@@ -85,8 +85,10 @@ def load_scene(source: DataSource, options: ViewOptions) -> ViewScene:
     bag = _bag_of(source, recording.name)
     predictions: list[Prediction] = []
     model = ""
+    frame_id = recorded_frame(bag, source) if bag is not None else ""
     if runner is None and bag is not None:
         predictions = _recorded(bag, recording, options, start_s, end_s)
+        _warn_of_other_frames(predictions, frame_id)
         model = recorded_model(bag) if predictions else ""
     if runner is None and not predictions:
         _log.warning(
@@ -103,10 +105,22 @@ def load_scene(source: DataSource, options: ViewOptions) -> ViewScene:
         predictions,
         name=recording.name,
         model=model,
-        frame_id=recorded_frame(bag, source) if bag is not None else "",
+        frame_id=frame_id,
         start_s=start_s,
         end_s=end_s,
     )
+
+
+def _warn_of_other_frames(predictions: list[Prediction], frame_id: str) -> None:
+    """Say that predictions are not in the frame of the objects; empty if that is not known."""
+    others = sorted({one.frame_id for one in predictions} - {frame_id})
+    if frame_id and others:
+        _log.warning(
+            "mtpgo: the predictions are in the frame %s and the objects in %r; both are drawn, and"
+            " errors computed, as if these were the same",
+            ", ".join(map(repr, others)),
+            frame_id,
+        )
 
 
 def _one_recording(source: DataSource) -> Recording:

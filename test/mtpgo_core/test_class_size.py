@@ -23,3 +23,8 @@ def test_a_class_from_a_newer_publisher_is_unknown():
 def test_a_size_beyond_belief_is_that_of_the_class():
     found = known_sizes(np.array([[1e38, 2.0]]), np.array([AgentClass.CAR], np.uint8))
     np.testing.assert_array_equal(found, [[CLASS_SIZE_M[AgentClass.CAR][0], 2.0]])
+
+
+def test_a_size_of_nothing_is_that_of_the_class():
+    found = known_sizes(np.array([[0.0, -1.0]]), np.array([AgentClass.BUS], np.uint8))
+    np.testing.assert_array_equal(found, [CLASS_SIZE_M[AgentClass.BUS]])

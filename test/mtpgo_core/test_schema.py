@@ -48,3 +48,9 @@ def test_a_window_is_selected_by_positions_or_by_a_mask():
     assert window.select(np.array([2, 0])).position[:, 0, 0].tolist() == [4.0, 0.0]
     masked = window.select(np.array([False, True, False]))
     assert (len(masked), masked.key[0, 0], masked.stamp_ns) == (1, 1, window.stamp_ns)
+
+
+def test_a_class_by_its_number_in_a_message():
+    assert AgentClass.from_code(9) is AgentClass.VAN
+    assert AgentClass.from_code(10) is AgentClass.UNKNOWN
+    assert AgentClass.from_code(-1) is AgentClass.UNKNOWN

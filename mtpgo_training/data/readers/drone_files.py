@@ -48,15 +48,19 @@ class NoRecordingsError(RecordingError):
     """A directory has no recordings of the layout."""
 
 
-def existing_directory(directory: Path) -> Path:
+def existing_directory(directory: Path, expected: str = "a directory with recordings") -> Path:
     """Return ``directory`` if it is a directory.
+
+    Args:
+        directory: what is given.
+        expected: what could be given, for the error.
 
     Raises:
         RecordingError: it is missing or a file.
     """
     if not directory.is_dir():
         state = "is a file" if directory.exists() else "does not exist"
-        raise RecordingError(f"{directory} {state}, expected a directory with recordings")
+        raise RecordingError(f"{directory} {state}, expected {expected}")
     return directory
 
 

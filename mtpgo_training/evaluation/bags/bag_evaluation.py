@@ -23,7 +23,11 @@ from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.bags.agreement import Agreement, replay_offline
-from mtpgo_training.evaluation.bags.bag_predictions import last_of_each_stamp, match
+from mtpgo_training.evaluation.bags.bag_predictions import (
+    last_of_each_stamp,
+    match,
+    without_holes,
+)
 from mtpgo_training.evaluation.bags.clock_alignment import find_parts
 from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replayed_quality
 from mtpgo_training.evaluation.evaluator import Evaluation
@@ -131,7 +135,15 @@ def evaluate_bags(
     result = BagResult(Evaluation(scenes={name: ExtremeScenes() for name in names if draw}))
     done: set[str] = set()
     for bag, bag_called in zip(bags, names, strict=True):
-        received = list(predictions_in_bag(bag, topic))
+        received, holes = without_holes(list(predictions_in_bag(bag, topic)))
+        if holes:
+            sentence = (
+                f"points are missing of {holes} predictions of road users in {bag}, as in a cloud"
+                " that was filtered"
+            )
+            if not any(map(len, received)):
+                raise RecordingError(f"{sentence}, expected every mode and step")
+            result.warnings.append(f"{sentence}; they are left out")
         predictions = last_of_each_stamp(received)
         result.published[bag_called] = _by_calibration(predictions)
         with contextlib.suppress(RecordingError):  # it may hold predictions only

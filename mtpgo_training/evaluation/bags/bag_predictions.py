@@ -13,14 +13,16 @@ import numpy as np
 from msg_adapters.predictions import predictions_in_bag
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.prediction.output_assembly import select
+from mtpgo_core.prediction.prediction_queries import first_places
+from mtpgo_core.risk.collision_risk import WEIGHT_TOLERANCE
 from mtpgo_core.schema import BoolArray, Prediction
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.bags.clock_alignment import AlignedPart, restamped
 
 NEAR_M = 30.0
-"""A prediction is of the road user with its identity only if its first step is closer than this to
-where that one was (m). Identities are numbers that every recording uses again. Chosen: more
-than any road user moves in a step."""
+"""A prediction is of the road user with its identity only if it begins closer than this to where
+that one was (m). Identities are numbers that every recording uses again. Chosen: more than any
+road user moves in a step."""
 
 STAMP_SLACK_NS = 1_000_000
 """A prediction this close to a frame is one of the frame (ns): bags and layouts round differently,
@@ -48,6 +50,20 @@ def last_of_each_stamp(predictions: Iterable[Prediction]) -> list[Prediction]:
     """Return predictions ascending in time, of those with the same stamp the last one."""
     found = {one.stamp_ns: one for one in predictions}
     return [found[stamp] for stamp in sorted(found)]
+
+
+def without_holes(predictions: Sequence[Prediction]) -> tuple[list[Prediction], int]:
+    """Return predictions without the agents of which points are missing, and how many these are.
+
+    A cloud that was filtered has such agents; a score needs every mode and step.
+    """
+    whole, holes = [], 0
+    for one in predictions:
+        kept = np.isfinite(one.mean).all(axis=(1, 2, 3)) & np.isfinite(one.time_s).all()
+        kept &= np.abs(one.weight.sum(axis=1) - 1.0) <= WEIGHT_TOLERANCE
+        holes += int((~kept).sum())
+        whole.append(one if kept.all() else select(one, kept))
+    return whole, holes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,7 +153,7 @@ class _PositionTable:
         last = np.full(len(recording.track_id) + 1, -1)  # row of each track; the last is for -1
         last[recording.track[start:end]] = np.arange(start, end)
         row = last[recording.find_tracks(prediction.key)]
-        away = np.linalg.norm(prediction.mean[:, 0, 0, :2] - recording.position[row], axis=-1)
+        away = np.linalg.norm(first_places(prediction) - recording.position[row], axis=-1)
         with np.errstate(invalid="ignore"):
             return stamp_ns, (row >= 0) & (away < NEAR_M)
 

@@ -19,7 +19,7 @@ from mtpgo_training.atomic_files import replacing
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.summary.data_summary import DataSummary
 from mtpgo_training.data.summary.track_steps import TrackSteps
-from mtpgo_training.reports.drawn_bodies import CLASS_COLOURS
+from mtpgo_training.reports.drawn_bodies import CLASS_COLOURS, class_colours
 from mtpgo_training.reports.figure_style import STYLE
 from mtpgo_training.reports.series import draw_line
 
@@ -63,8 +63,7 @@ class PictureData:
         close = close[:: max(1, -(-len(close) // MOST_SEGMENTS))]
         ends = recording.position[np.stack([steps.before[close], steps.after[close]], axis=1)]
         self.segments = ends
-        kinds = recording.agent_class[steps.track[close]]
-        self.colours = [CLASS_COLOURS[AgentClass(int(kind))] for kind in kinds]
+        self.colours = class_colours(recording.agent_class[steps.track[close]])
 
     def merge(self, other: PictureData) -> None:
         """Take in what the picture needs from later recordings."""

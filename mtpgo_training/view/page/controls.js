@@ -161,8 +161,8 @@ class Viewer {
       ["", "now", "so far"],
       ["ADE", metres(now?.ade, now?.n), metres(all.ade, all.n)],
       [`error at ${h.toFixed(0)} s`, metres(now?.final, now?.m), metres(all.final, all.m)],
-      [`in ${Math.round(100 * this.scene.head.level)} % ellipse`, percent(now?.inside, now?.m),
-        percent(all.inside, all.m)],
+      [`in ${Math.round(100 * this.scene.head.level)} % ellipse`, percent(now?.inside, now?.k),
+        percent(all.inside, all.k)],
       ["predictions", now?.n ? String(now.n) : "–", all.n ? String(all.n) : "–"],
     ];
     const note = `now: predictions made ${h.toFixed(0)} s ago, most probable mode`;

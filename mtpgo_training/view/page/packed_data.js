@@ -56,12 +56,12 @@ function readScene(bytes) {
     });
     at += points;
   }
-  const tracks = [];
+  const tracks = [], gap = longestGap(frameS);
   at = 0;
   c.track_rows.forEach((rows, i) => {
     const frames = sums(c.row_frame, at, at + rows);
     tracks.push({
-      id: head.ids[i], kind: head.classes[c.track_class[i]] || "unknown", ego: head.ego === i,
+      id: head.ids[i], kind: head.classes[c.track_class[i]] || "unknown", ego: head.ego === i, gap,
       length: c.track_length[i] * s.size, width: c.track_width[i] * s.size,
       t: Float32Array.from(frames, (f) => frameS[f]),
       x: sums(c.row_x, at, at + rows, s.position, 2),

@@ -43,7 +43,7 @@ class Painter {
     for (const track of this.scene.tracks) {
       let last = null;
       for (let i = 0; i < track.t.length; i++) {
-        const jump = last !== null && track.t[i] - track.t[i - 1] > GAP_S;
+        const jump = last !== null && track.t[i] - track.t[i - 1] > track.gap;
         const away = last === null ? 0 : Math.hypot(track.x[i] - track.x[last],
           track.y[i] - track.y[last]);
         if (last !== null && !jump && away < 3 && i < track.t.length - 1) continue;

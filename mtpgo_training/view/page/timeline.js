@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is where at a time, and how good predictions were until then. Times are in seconds.
 
-const GAP_S = 0.6;    // a track is drawn between observations that are no farther apart
+const GAP_S = 0.6;    // a track is drawn between observations that are no farther apart,
+const GAP_STEPS = 1.5;  // or than so many steps of the recording
 const STALE_S = 1.0;  // a prediction is drawn for this long when no other follows
 
 // Number of sorted values that are at most `value`.
@@ -15,13 +16,18 @@ function countUpTo(values, value, of = (v) => v) {
   return low;
 }
 
+function longestGap(frameS) {
+  const steps = Array.from(frameS.subarray(1), (t, i) => t - frameS[i]).sort((a, b) => a - b);
+  return Math.max(GAP_S, GAP_STEPS * (steps[steps.length >> 1] || 0));
+}
+
 function poseOf(track, t) {
   const next = countUpTo(track.t, t + 1e-4), i = next - 1;
   if (i < 0) return null;
   const gap = next < track.t.length ? track.t[next] - track.t[i] : Infinity;
   const past = t - track.t[i];
-  if (gap > GAP_S && past > 0.05) return null;
-  const share = gap > GAP_S ? 0 : Math.min(1, Math.max(0, past / gap));
+  if (gap > track.gap && past > 0.05) return null;
+  const share = gap > track.gap ? 0 : Math.min(1, Math.max(0, past / gap));
   const mix = (v) => (share ? v[i] + (v[next] - v[i]) * share : v[i]);
   return { x: mix(track.x), y: mix(track.y), yaw: mix(track.yaw), speed: mix(track.speed) };
 }
@@ -30,7 +36,7 @@ function poseOf(track, t) {
 function wayOf(track, from, to) {
   const out = [];
   for (let i = countUpTo(track.t, from - 1e-4); i < track.t.length && track.t[i] <= to; i++) {
-    if (out.length && track.t[i] - track.t[i - 1] > GAP_S) break;
+    if (out.length && track.t[i] - track.t[i - 1] > track.gap) break;
     out.push([track.x[i], track.y[i]]);
   }
   return out;
@@ -42,15 +48,15 @@ class Timeline {
     this.end = scene.frameS.length ? scene.frameS[scene.frameS.length - 1] : 0;
     this.horizon = scene.head.horizon_s;
     this.kept = [];
-    this.sums = [{ ade: 0, final: 0, inside: 0, n: 0, m: 0 }];
+    // Sums of errors and of hits of the ellipse, and the numbers of predictions that have them.
+    this.sums = [{ ade: 0, final: 0, inside: 0, n: 0, m: 0, k: 0 }];
     this.means = scene.predictions.map((prediction) => {
       const before = this.sums[this.sums.length - 1];
-      const sum = { ade: 0, final: 0, inside: 0, n: 0, m: 0 };
+      const sum = { ade: 0, final: 0, inside: 0, n: 0, m: 0, k: 0 };
       for (const agent of prediction.agents.values()) {
         if (!Number.isNaN(agent.ade)) { sum.ade += agent.ade; sum.n++; }
-        if (!Number.isNaN(agent.final)) {
-          sum.final += agent.final; sum.inside += agent.inside; sum.m++;
-        }
+        if (!Number.isNaN(agent.final)) { sum.final += agent.final; sum.m++; }
+        if (!Number.isNaN(agent.inside)) { sum.inside += agent.inside; sum.k++; }
       }
       const total = {};
       for (const key in sum) total[key] = before[key] + sum[key];

@@ -18,6 +18,8 @@ from msg_adapters.outputs.prediction_markers import (
     prediction_to_markers,
 )
 from msg_adapters.registry import OUTPUTS
+from mtpgo_core.class_size import CLASS_SIZE_M
+from mtpgo_core.schema import AgentClass
 
 TYPE = "visualization_msgs/msg/MarkerArray"
 ADD, DELETE, DELETE_ALL = 0, 2, 3
@@ -190,3 +192,17 @@ def test_rclpy_classes_with_field_checks(prediction, online, typestore):
     assert names(again) == names(message)
     line = of(again, TRAJECTORIES)[0]
     np.testing.assert_allclose(xy(line)[1:], prediction.mean[0, 0, :, :2])
+
+
+def test_a_road_user_of_unknown_size_and_class_has_a_usual_box_and_a_label(prediction, offline):
+    unknown = dataclasses.replace(
+        prediction,
+        size=np.full((3, 2), np.nan),
+        agent_class=np.array([AgentClass.BUS, AgentClass.PEDESTRIAN, 200], np.uint8),
+    )
+    style = MarkerStyle(labels=True)
+    message = prediction_to_markers(unknown, offline, MarkerTracker(), style=style)
+    boxes = [(m.scale.x, m.scale.y) for m in of(message, BOXES).values()]
+    kinds = (AgentClass.BUS, AgentClass.PEDESTRIAN, AgentClass.UNKNOWN)
+    assert boxes == [CLASS_SIZE_M[kind] for kind in kinds]
+    assert [m.text.split()[0] for m in of(message, LABELS).values()][2] == "unknown"

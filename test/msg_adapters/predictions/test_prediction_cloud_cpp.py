@@ -307,3 +307,10 @@ def test_the_message_class_of_ros_gives_the_same(prediction, offline, typestore,
     found, refused = dumps([whole, cut], program)
     assert_same(found, whole)
     assert "is cut off" in refused
+
+
+def test_an_older_standard_is_named():
+    header = ROOT / "include" / "mtpgo_ros" / "predictions.hpp"
+    told = compile_cpp("-fsyntax-only", "-x", "c++", "-std=c++14", header)
+    assert "predictions.hpp needs C++17 or later" in told.splitlines()[0] + told.splitlines()[1]
+    assert not compile_cpp("-fsyntax-only", "-x", "c++-header", "-std=c++20", header)

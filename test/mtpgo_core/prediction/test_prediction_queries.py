@@ -13,10 +13,12 @@ from mtpgo_core.identity import keys_from_integers, keys_from_texts
 from mtpgo_core.prediction.prediction_queries import (
     agent_row,
     at_times,
+    first_places,
     mixture_moments,
     most_probable,
     most_probable_mode,
     to_frame,
+    without_missing_steps,
 )
 from mtpgo_core.schema import Prediction
 
@@ -197,3 +199,23 @@ def test_the_mahalanobis_distance_does_not_depend_on_the_frame(prediction):
     np.testing.assert_allclose(
         distance(to_frame(turned, pose, "odom"), pose.point(point)), distance(turned, point)
     )
+
+
+def test_steps_without_a_point_are_left_out(prediction):
+    prediction.time_s[1] = np.nan
+    rest = without_missing_steps(prediction)
+    assert rest.time_s.tolist() == [1.0, 3.0]
+    np.testing.assert_array_equal(rest.mean, prediction.mean[:, :, [0, 2]])
+    np.testing.assert_array_equal(rest.covariance, prediction.covariance[:, :, [0, 2]])
+    np.testing.assert_array_equal(rest.sigma_factor_50, [[1.0, 0.6], [1.0, 1.0]])
+    assert rest.yaw.shape == (2, 2, 2)
+    assert without_missing_steps(rest) is rest
+
+
+def test_where_agents_were_is_told_by_the_first_point_that_is_there(prediction):
+    np.testing.assert_allclose(first_places(prediction), [[0.0, 0.0], [0.0, 50.0]])
+    prediction.mean[0, 0] = prediction.mean[0, 1, 0] = np.nan
+    prediction.mean[1] = np.nan
+    np.testing.assert_allclose(first_places(prediction), [[0.0, 0.0], [np.nan, np.nan]])
+    nobody = dataclasses.replace(prediction, mean=np.empty((2, 0, 3, 4)), yaw=np.empty((2, 0, 3)))
+    assert np.isnan(first_places(nobody)).all()

@@ -10,11 +10,11 @@ from demo_traffic import make_recording, perfect_prediction
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, Polygon
 
+from mtpgo_core.class_size import CLASS_SIZE_M
 from mtpgo_core.frames import rotate_covariance
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.evaluation.moments import Moment
 from mtpgo_training.reports import agent_drawing
-from mtpgo_training.reports.drawn_bodies import CAR_SIZE_M
 from mtpgo_training.reports.local_view import surroundings
 
 
@@ -49,9 +49,9 @@ def test_an_ellipse_spans_two_standard_deviations_to_either_side(angle):
 
 def test_a_body_without_a_size_has_that_of_its_class():
     np.testing.assert_allclose(body(drawn(0, focal=True)), [4.5, 1.9])  # its own
-    np.testing.assert_allclose(body(drawn(1, focal=True)), CAR_SIZE_M)
+    np.testing.assert_allclose(body(drawn(1, focal=True)), CLASS_SIZE_M[AgentClass.TRUCK])
     walkers = np.full(2, AgentClass.PEDESTRIAN, dtype=np.uint8)
-    np.testing.assert_allclose(body(drawn(1, focal=True, agent_class=walkers)), [0.6, 0.6])
+    np.testing.assert_allclose(body(drawn(1, focal=True, agent_class=walkers)), [0.5, 0.5])
 
 
 def test_unlikely_modes_are_left_out():

@@ -4,7 +4,12 @@
 import pytest
 from known_scores import json_content
 
-from mtpgo_training.reports.tables import agreement_table, group_tables, result_tables
+from mtpgo_training.reports.tables import (
+    agreement_table,
+    group_tables,
+    nees_table,
+    result_tables,
+)
 from mtpgo_training.table_format import Cell
 
 
@@ -34,3 +39,10 @@ def test_groups_have_a_line_for_each_model(content):
     values = [row.cells[0] for row in tables["By recording"].rows]
     assert values[:3] == ["1.00", "2.00", "4.00"]
     assert agreement_table(content) is None
+
+
+def test_a_mixture_without_nees_is_no_number():
+    steps = {"nees": [1.0, 2.0], "nees_mixture": [1.0, None], "time_s": [1.0, 2.0]}
+    (row,) = nees_table({"by_horizon": {"a": {"all": steps}}}).rows
+    assert "1.00 (1.00)" in row.cells
+    assert "-" in row.cells

@@ -35,6 +35,12 @@ def test_the_page_holds_everything(scene):
     assert "default-src 'none'" in text
 
 
+def test_a_name_that_looks_like_a_part_is_text(scene):
+    named = page_text(dataclasses.replace(scene, name="{{data}} {{script}}"))
+    assert "<title>{{data}} {{script}}: predictions over time</title>" in named
+    assert len(named) < len(page_text(scene)) + 200
+
+
 @pytest.fixture(scope="module")
 def browser(scene, tmp_path_factory):
     folder = tmp_path_factory.mktemp("browser")
@@ -84,6 +90,26 @@ class TestInABrowser:
         assert text(browser, "clock").startswith("7.0 / 12.0")
         slide(browser, 1.0)
         assert browser.value(PICTURE) == before
+
+    def test_what_is_not_known_counts_in_no_mean(self, browser):
+        """Two road users at 5 s, of which one has no covariance."""
+        rows = browser.value(
+            """(() => {
+              const agents = new Map([[0, { ade: 1, final: 2, inside: 1 }],
+                [1, { ade: 3, final: 4, inside: NaN }], [2, { ade: 5, final: NaN, inside: NaN }]]);
+              const timeline = new Timeline({
+                frameS: new Float32Array([0, 5]), head: { horizon_s: 5 }, tracks: [],
+                predictions: [{ t: 0, delay: 0, agents }],
+              });
+              const { all } = timeline.scoresAt(5);
+              return [all.ade / all.n, all.final / all.m, all.inside / all.k];
+            })()"""
+        )
+        assert rows == [3, 3, 1]
+
+    def test_slow_recordings_are_drawn_between_their_frames(self, browser):
+        gaps = "[[0, 0.1, 0.2, 5], [0, 1, 2], [0]].map((t) => longestGap(new Float32Array(t)))"
+        np.testing.assert_allclose(browser.value(gaps), [0.6, 1.5, 0.6])
 
     def test_positions_are_those_of_the_recording(self, browser, scene):
         slide(browser, 5.0)

@@ -116,6 +116,21 @@ def test_holes_in_a_filtered_cloud_are_left_out(scene):
     assert columns["agent_modes"] == [1, 2]
 
 
+def test_predictions_with_other_steps_are_told(scene, caplog):
+    first, second = scene.predictions[:2]
+    short = dataclasses.replace(
+        second.prediction,
+        time_s=second.prediction.time_s[:10],
+        mean=second.prediction.mean[:, :, :10],
+        covariance=second.prediction.covariance[:, :, :10],
+        sigma_factor_50=second.prediction.sigma_factor_50[:, :10],
+    )
+    both = (first, dataclasses.replace(second, prediction=short))
+    _, columns = unpack(pack_scene(dataclasses.replace(scene, predictions=both)))
+    assert len(columns["prediction_ms"]) == 1
+    assert "1 of the 2 predictions of made have other steps than the first" in caplog.text
+
+
 @pytest.mark.parametrize("rate", [10.0, 25.0])
 def test_frames_come_at_most_every_tenth_of_a_second(scene, rate):
     fast = dataclasses.replace(scene.recording, frame_rate=rate)

@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The file of rerun, read back by rerun."""
 
+import dataclasses
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 rerun = pytest.importorskip("rerun", reason="the extra view (rerun-sdk) is not installed")
@@ -31,3 +33,14 @@ def test_the_file_has_road_users_modes_ellipses_truth_and_errors(scene, tmp_path
         "/errors/final",
     ):
         assert part in told, part
+
+
+def test_classes_of_a_newer_publisher_are_drawn(scene, tmp_path):
+    from mtpgo_training.view.rerun_scene import RerunScene
+
+    seen = scene.predictions[0].prediction
+    newer = np.full(len(seen), 200, dtype=np.uint8)
+    target = RerunScene("made", tmp_path / "a.rrd")
+    target.log_prediction(0.0, dataclasses.replace(seen, agent_class=newer))
+    target.close()
+    assert (tmp_path / "a.rrd").stat().st_size > 0

@@ -9,7 +9,6 @@ import pytest
 from demo_traffic import perfect_prediction
 
 from mtpgo_core.identity import keys_from_strings
-from mtpgo_training.reports.drawn_bodies import drawn_sizes
 from mtpgo_training.view.view_scene import (
     drawn_speeds,
     drawn_yaws,
@@ -39,6 +38,18 @@ def test_what_is_not_observed_to_the_end_has_no_final_error(scene):
     assert np.isnan(last.final_m).all()
     assert np.isnan(last.inside).all()
     np.testing.assert_allclose(last.ade_m, 0.0, atol=1e-9)
+
+
+def test_points_that_are_missing_count_in_no_score(recording):
+    prediction = perfect_prediction(recording, 0)
+    prediction.mean[..., 0] += 3.0
+    prediction.mean[0, 0, 3] = np.nan
+    prediction.mean[1, 0, -1] = np.nan
+    prediction.covariance[0] = np.nan
+    (seen,) = view_scene(recording, [prediction], name="made").predictions
+    np.testing.assert_allclose(seen.ade_m, 3.0)
+    np.testing.assert_allclose(seen.final_m, [3.0, np.nan])
+    assert np.isnan(seen.inside).all()  # no covariance; no position
 
 
 def test_a_compensated_delay_is_part_of_the_time(recording):
@@ -71,9 +82,7 @@ def test_frame_and_identity_are_as_published(recording):
     assert [len(text) for text in identity_texts(keys_from_strings(["a", "b"]))] == [36, 36]
 
 
-def test_unknown_sizes_headings_and_speeds_are_drawn(recording):
-    sizes = drawn_sizes(recording.size, recording.agent_class)
-    assert sizes.tolist() == [[4.5, 1.9], [4.6, 1.9]]
+def test_unknown_headings_and_speeds_are_drawn(recording):
     blind = dataclasses.replace(
         recording,
         yaw=np.full(len(recording), np.nan),
@@ -88,3 +97,4 @@ def test_ellipses_are_at_the_headline_times():
     assert ellipse_indices(np.arange(1, 26) * 0.2).tolist() == [4, 14, 24]
     assert ellipse_indices(np.array([0.2, 0.4])).tolist() == [1]
     assert ellipse_indices(np.empty(0)).tolist() == []
+    assert ellipse_indices(np.array([np.nan, 1.0, np.nan, 2.9, 3.0, np.nan])).tolist() == [1, 4]

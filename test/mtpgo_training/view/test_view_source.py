@@ -46,6 +46,38 @@ def test_recorded_predictions_are_shown_with_their_model(bag):
     assert scene.predictions[0].ade_m.max() < 0.01
 
 
+@pytest.mark.parametrize(
+    ("filtered", "times_s", "error_m"),
+    [
+        ({"step": [4, 9, 14, 19, 24]}, [1.0, 2.0, 3.0, 4.0, 5.0], 0.0),
+        ({"step": [5, 6, 9, 24]}, [1.2, 1.4, 2.0, 5.0], 0.0),
+        ({"mode": [1]}, np.arange(1, 26) * 0.2, 1.0),  # the one beside the truth
+    ],
+)
+def test_a_filtered_cloud_is_shown_as_far_as_it_goes(
+    recording, tmp_path, filtered, times_s, error_m
+):
+    scene = load(write_bag(tmp_path / "drive.mcap", recording, **filtered))
+    assert len(scene.predictions) == 51
+    for one in scene.predictions:
+        np.testing.assert_allclose(one.prediction.time_s, times_s, atol=1e-6)
+        np.testing.assert_allclose(one.ade_m, error_m, atol=0.01)
+    np.testing.assert_allclose(scene.predictions[0].final_m, error_m, atol=0.01)
+
+
+def test_predictions_in_another_frame_than_the_objects_are_told(recording, tmp_path, caplog):
+    def bag(frame_id):
+        path = tmp_path / f"{frame_id}.mcap"
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("mtpgo_training.data.recording.FRAME_ID", frame_id)
+            return write_bag(path, recording)
+
+    load(bag("map"))
+    assert "frame" not in caplog.text
+    load(bag("odom"))
+    assert "predictions are in the frame 'map' and the objects in 'odom'" in caplog.text
+
+
 def test_a_part_is_shown(bag, caplog):
     scene = load(bag, start_s=2.0, longest_s=3.0)
     assert scene.recording.duration_s == pytest.approx(3.0)
@@ -121,6 +153,11 @@ def test_a_bag_of_several_recordings_shows_the_first(recording, tmp_path, caplog
 def test_what_is_not_there_is_an_error(bag, options, message):
     with pytest.raises(RecordingError, match=message):
         load(bag, **options)
+
+
+def test_a_bag_that_is_not_there_is_an_error(tmp_path):
+    with pytest.raises(RecordingError, match="does not exist, expected a bag or a directory"):
+        load(tmp_path / "none.mcap")
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def bag_units(
             f"{directory} is not a bag, expected an .mcap file (or .db3, .bag) or a directory"
         )
     else:
-        existing_directory(directory)
+        existing_directory(directory, "a bag or a directory with bags")
         bags = [path for path in visible_files(directory.iterdir(), directory) if is_bag(path)]
         if not bags:
             raise NoRecordingsError(

@@ -8,12 +8,14 @@ import shutil
 
 import numpy as np
 import pytest
+from demo_traffic import make_recording, perfect_prediction
 from recorded_bags import play
 
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.predictions import prediction_from_pointcloud2, prediction_to_pointcloud2
-from mtpgo_core.errors import ConfigurationError
+from msg_adapters.registry import INPUTS
+from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.schema import CalibrationStage
 from mtpgo_training.cli import main
 from mtpgo_training.data.writers.ind_writer import write_ind
@@ -83,6 +85,35 @@ def test_bags_with_the_online_calibration_show_what_it_changes(bag, runner, tmp_
     assert online["ade"] == pytest.approx(shipped["ade"])
     assert online["anll"] != shipped["anll"]
     assert online["n"] == shipped["n"] > 100
+
+
+def test_a_filtered_cloud_is_left_out_and_alone_refused(tmp_path):
+    recording = make_recording(duration_s=6.0)
+    adapter = INPUTS["pointcloud2"]
+
+    def bag(name, whole):
+        with McapWriter(tmp_path / name) as out:
+            out.add_topic("/objects", adapter.message_type)
+            out.add_topic("/predictions", "sensor_msgs/msg/PointCloud2")
+            for number, states in enumerate(recording.states()):
+                out.write("/objects", states.stamp_ns, adapter.from_states(states, out.types))
+                if number > 10:
+                    continue
+                one = perfect_prediction(recording, number)
+                if number >= whole:
+                    one.mean[:, 0, 7] = np.nan  # as the decoder fills what is missing
+                message = prediction_to_pointcloud2(one, out.types)
+                out.write("/predictions", states.stamp_ns, message)
+        return tmp_path / name
+
+    part, none = bag("part", 5), bag("none", 0)
+    result = evaluate_bags([part], observed_recordings([part]), {}, own_clock=False)
+    assert scores(result, "part")["n"] == 10
+    assert scores(result, "part")["ade"] == pytest.approx(0.0, abs=1e-6)
+    (warning,) = (one for one in result.warnings if "points are missing of 12" in one)
+    assert warning.endswith("they are left out")
+    with pytest.raises(RecordingError, match="expected every mode and step"):
+        evaluate_bags([none], observed_recordings([none]), {}, own_clock=False)
 
 
 def test_a_played_recording_that_is_not_given_is_a_warning(bag, recording):

@@ -4,14 +4,16 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
+from demo_traffic import make_recording, perfect_prediction
 from recorded_bags import play
 
 from msg_adapters.bags.mcap_writer import McapWriter
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.recording_bag import write_recording
 from mtpgo_training.evaluation.bags.bag_evaluation import observed_recordings
-from mtpgo_training.evaluation.bags.bag_predictions import match, read_predictions
+from mtpgo_training.evaluation.bags.bag_predictions import match, read_predictions, without_holes
 
 
 def test_predictions_alone_are_matched_by_stamp_identity_and_place(recording, runner, tmp_path):
@@ -52,3 +54,15 @@ def test_bags_without_predictions_are_refused(recording, tmp_path):
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(RecordingError, match="cannot be read as a bag"):
         read_predictions(path)
+
+
+def test_agents_of_which_points_are_missing_are_told_and_left_out():
+    made = make_recording()
+    whole, holes, halves, late = (perfect_prediction(made, 0) for _ in range(4))
+    holes.mean[1, 0, 3] = np.nan
+    halves.weight[:] = 0.5, 0.25  # a mode was filtered away
+    late.time_s[0] = np.nan
+    found, number = without_holes([whole, holes, halves, late])
+    assert [len(one) for one in found] == [2, 1, 0, 0]
+    assert number == 5
+    assert found[1].key.tolist() == whole.key[:1].tolist()
