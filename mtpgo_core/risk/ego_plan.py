@@ -117,7 +117,7 @@ class EgoPlan:
         turn = wrap(self.yaw[after] - self.yaw[before])
         # Backwards the heading stays: a turn is not extrapolated.
         yaw = wrap(self.yaw[before] + np.clip(share[:, 0], 0.0, 1.0) * turn)
-        slack_s = 1e-6  # rounding of float32 times of a prediction
+        slack_s = 1e-4  # rounding of float32 times of a prediction
         unknown = wanted < known[0] - BEFORE_S
         if not self.stands_after:
             unknown |= wanted > known[last] + slack_s

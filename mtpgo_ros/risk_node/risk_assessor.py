@@ -168,11 +168,11 @@ class RiskAssessor:
         status.partly_known_agents = int((risk.agent_unknown == Unknown.PARTLY).sum())
         beyond = (risk.unknown == Unknown.BEYOND_PLAN).any(axis=0)
         if beyond.any() and not status.plan_problem:
-            last_s = risk.time_s[~beyond].max(initial=-math.inf)
-            reach = f"{last_s:.1f} s" if math.isfinite(last_s) else "none"
+            covered_s = risk.time_s[~beyond]
+            span = f" (from {covered_s[0]:.1f} to {covered_s[-1]:.1f} s)" if len(covered_s) else ""
             status.plan_warning = (
-                f"the plan covers {int((~beyond).sum())} of {len(beyond)} predicted steps"
-                f" (the last at {reach}): the risk beyond is unknown"
+                f"the plan covers {len(covered_s)} of {len(beyond)} predicted steps{span}: the risk"
+                " at the others is unknown"
             )
         if known.any():
             worst = int(np.nanargmax(risk.peak))

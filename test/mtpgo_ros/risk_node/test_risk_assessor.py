@@ -147,8 +147,21 @@ def test_a_plan_that_ends_early(setup):
     assert risk.agent_unknown.tolist() == [Unknown.PARTLY] * 2
     level, message = diagnosed(status)["plan"]
     assert level == WARN
-    assert "covers 1 of 2 predicted steps (the last at 1.0 s)" in message
+    assert "covers 1 of 2 predicted steps (from 1.0 to 1.0 s)" in message
     assert diagnosed(status)["result"][0] == WARN
+
+
+@pytest.mark.parametrize(
+    ("begin_s", "told"),
+    [(1.8, "covers 1 of 2 predicted steps (from 2.0 to 2.0 s)"), (3.0, "covers 0 of 2 predicted")],
+)
+def test_a_plan_that_begins_late(setup, begin_s, told):
+    assessor, status = setup
+    times = START + np.array([begin_s * 1e9, 9e9]).astype(np.int64)
+    assessor.add_plan(make_plan(START, "map", times, np.zeros((2, 2)), np.zeros(2)))
+    assessor.assess(prediction(), START)
+    assert told in diagnosed(status)["plan"][1]
+    assert "the risk at the others is unknown" in diagnosed(status)["plan"][1]
 
 
 @pytest.mark.parametrize(("late_s", "side"), [(1.5, "1.5 s old"), (-1.5, "1.5 s ahead of it")])
