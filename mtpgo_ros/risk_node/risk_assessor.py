@@ -171,8 +171,8 @@ class RiskAssessor:
             covered_s = risk.time_s[~beyond]
             span = f" (from {covered_s[0]:.1f} to {covered_s[-1]:.1f} s)" if len(covered_s) else ""
             status.plan_warning = (
-                f"the plan covers {len(covered_s)} of {len(beyond)} predicted steps{span}: the risk"
-                " at the others is unknown"
+                f"the plan covers {len(covered_s)} of {len(beyond)} predicted steps{span}: the"
+                " risk at the others is unknown"
             )
         if known.any():
             worst = int(np.nanargmax(risk.peak))

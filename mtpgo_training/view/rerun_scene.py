@@ -63,9 +63,19 @@ class RerunScene:
         self._stream.log("scene", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
     def close(self) -> None:
-        """Send or write what is left."""
-        self._stream.flush()
-        self._stream.disconnect()
+        """Send or write what is left.
+
+        Raises:
+            ConfigurationError: not all of it could be written or sent.
+        """
+        try:
+            self._stream.flush()
+        except (RuntimeError, ValueError) as error:
+            raise ConfigurationError(
+                f"rerun could not write, or send to its viewer, what is shown: {error}"
+            ) from error
+        finally:
+            self._stream.disconnect()
 
     def log_lanes(self, lanes: tuple[Float64Array, ...]) -> None:
         """Show lane markings: [k, 2] points each (m)."""

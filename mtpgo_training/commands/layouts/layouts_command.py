@@ -15,6 +15,7 @@ from mtpgo_core.displays.display_layouts import (
     layout_texts,
 )
 from mtpgo_training.atomic_files import write_text
+from mtpgo_training.commands.arguments.early_checks import require_folder
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -73,6 +74,7 @@ def run(args: argparse.Namespace) -> int:
         lane_markings=args.lane_markings,
         risk=args.risk,
     )
+    require_folder(args.output)
     for name, text in layout_texts(names).items():
         write_text(args.output / name, text)
     print(f"RViz:      rviz2 -d {shlex.quote(str(args.output / RVIZ_FILE))}")

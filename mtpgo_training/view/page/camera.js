@@ -4,6 +4,19 @@
 
 const LEAST_SCALE = 0.2, LARGEST_SCALE = 200;
 
+const APART_M = 200, APART_RANGES = 10;
+
+// The points that a view is made for. A road user that a tracker has far away would empty it.
+function pointsTogether(points) {
+  const apart = [0, 1].map((axis) => {
+    const sorted = Float64Array.from(points, (point) => point[axis]).sort();
+    const at = (share) => sorted[Math.floor(share * (sorted.length - 1))];
+    return [at(0.5), APART_M + APART_RANGES * (at(0.75) - at(0.25))];
+  });
+  return points.filter((point) => apart.every(([middle, most], axis) => (
+    Math.abs(point[axis] - middle) <= most)));
+}
+
 class Camera {
   constructor(canvas) {
     this.canvas = canvas;

@@ -82,7 +82,7 @@ class Viewer {
     for (const track of this.scene.tracks) {
       for (let i = 0; i < track.t.length; i += 5) out.push([track.x[i], track.y[i]]);
     }
-    return out;
+    return pointsTogether(out);
   }
 
   reset() {

@@ -51,6 +51,23 @@ def test_lanes_are_drawn(short):
     assert like_lanes(with_lanes) > 5 * like_lanes(ScenePainter(short, 240)) > 0
 
 
+def test_a_road_user_far_away_does_not_empty_the_picture(short):
+    def drawn(recording):
+        (first, *_) = ScenePainter(dataclasses.replace(short, recording=recording), 240).pictures()
+        return first
+
+    ghost = short.recording.position.copy()
+    ghost[short.recording.track == 1] += 1e5
+    without = short.recording.position.copy()
+    without[short.recording.track == 1] = np.nan
+    seen, alone = (
+        drawn(dataclasses.replace(short.recording, position=p)) for p in (ghost, without)
+    )
+    ground = alone[0, 0]
+    assert (alone != ground).any(axis=-1).sum() > 100
+    assert (seen != ground).any(axis=-1).sum() > 100
+
+
 def test_a_film_has_the_frames(short, tmp_path):
     try:
         program = ffmpeg_path()

@@ -107,6 +107,16 @@ class TestInABrowser:
         )
         assert rows == [3, 3, 1]
 
+    def test_a_road_user_far_away_does_not_empty_the_view(self, browser):
+        found = browser.value(
+            """(() => {
+              const road = [...Array(50).keys()].map((i) => [4 * i, i % 3]);
+              const ghosts = [[9e7, 0], [0, -1e5], [700, 2]];
+              return pointsTogether([...road, ...ghosts]).map(([x]) => x);
+            })()"""
+        )
+        assert found == [*range(0, 200, 4), 700]
+
     def test_slow_recordings_are_drawn_between_their_frames(self, browser):
         gaps = "[[0, 0.1, 0.2, 5], [0, 1, 2], [0]].map((t) => longestGap(new Float32Array(t)))"
         np.testing.assert_allclose(browser.value(gaps), [0.6, 1.5, 0.6])

@@ -9,6 +9,8 @@ import sys
 import numpy as np
 import pytest
 
+from mtpgo_core.errors import ConfigurationError
+
 rerun = pytest.importorskip("rerun", reason="the extra view (rerun-sdk) is not installed")
 
 
@@ -44,3 +46,15 @@ def test_classes_of_a_newer_publisher_are_drawn(scene, tmp_path):
     target.log_prediction(0.0, dataclasses.replace(seen, agent_class=newer))
     target.close()
     assert (tmp_path / "a.rrd").stat().st_size > 0
+
+
+def test_a_disk_that_is_full_is_one_error(tmp_path, monkeypatch):
+    from mtpgo_training.view import rerun_scene
+
+    def full(self, **_):
+        raise RuntimeError("File-writer thread shut down prematurely")
+
+    target = rerun_scene.RerunScene("made", tmp_path / "a.rrd")
+    monkeypatch.setattr(rerun_scene.rr.RecordingStream, "flush", full)
+    with pytest.raises(ConfigurationError, match="rerun could not write"):
+        target.close()
