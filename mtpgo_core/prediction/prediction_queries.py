@@ -116,8 +116,8 @@ def first_places(prediction: Prediction) -> Float64Array:
     n, modes, steps = prediction.yaw.shape
     if not modes * steps:
         return np.full((n, 2), np.nan)
-    known = np.isfinite(prediction.mean[..., :2]).all(axis=-1)
-    step = known.any(axis=1).argmax(axis=1)
+    known = np.asarray(np.isfinite(prediction.mean[..., :2]).all(axis=-1))
+    step = np.asarray(known.any(axis=1)).argmax(axis=1)
     mode = known[np.arange(n), :, step].argmax(axis=1)
     state = prediction.mean[np.arange(n), mode, step]
     back_s = np.nan_to_num(prediction.time_s[step])[:, None]

@@ -81,7 +81,8 @@ class FutureTable:
             horizon_steps: H.
             dt_s: horizon step (s).
         """
-        return self.at_times(track, stamp_ns, np.arange(1, horizon_steps + 1) * dt_s)
+        ahead = np.arange(1, horizon_steps + 1, dtype=np.float64) * (dt_s * self._rate)
+        return self._lookup(track, np.asarray(self._frame(stamp_ns) + ahead))
 
     def at_times(self, track: IntArray, stamp_ns: int | IntArray, time_s: Float64Array) -> Future:
         """Return the states at ``stamp_ns + time_s``.
@@ -91,9 +92,12 @@ class FutureTable:
             stamp_ns: the present, one for all or [n] (ns).
             time_s: [H] (s).
         """
+        return self._lookup(track, np.asarray(self._frame(stamp_ns) + time_s * self._rate))
+
+    def _frame(self, stamp_ns: int | IntArray) -> Float64Array:
+        """Return [1 or n, 1] the frames after the first one of stamps (ns)."""
         now = (stamp_ns - self._start_ns) * 1e-9 * self._rate - self._first
-        ahead = np.asarray(time_s, dtype=np.float64) * self._rate
-        return self._lookup(track, np.asarray(np.reshape(now, (-1, 1)) + ahead))
+        return np.reshape(np.asarray(now, dtype=np.float64), (-1, 1))
 
     def _lookup(self, track: IntArray, when: Float64Array) -> Future:
         """Return the states at ``when`` [1 or n, H], in frames after the first one."""
