@@ -15,6 +15,8 @@ from rosbags.rosbag2.metadata import parse_qos
 from ruamel.yaml import YAML
 from ruamel.yaml.composer import Composer
 
+from mtpgo_core.errors import reason_of
+
 METADATA = "metadata.yaml"
 """File that makes a directory a rosbag2 bag."""
 
@@ -61,12 +63,13 @@ def read_metadata(folder: Path) -> BagMetadata:
     try:
         about = _content(folder / METADATA)
         # Version 3 and before give paths that begin with the folder.
-        found.files = [PurePosixPath(name).name for name in _list(about["relative_file_paths"])]
+        names = [PurePosixPath(name).name for name in _list(about["relative_file_paths"])]
+        found.files = list(dict.fromkeys(names))
     except FileNotFoundError:
         found.problem = f"has no {METADATA}"
         return found
     except Exception as error:  # A broken YAML file fails the library in many ways.
-        found.problem = f"has a {METADATA} that cannot be read ({type(error).__name__})"
+        found.problem = f"has a {METADATA} that cannot be read ({_reason_of(error)})"
         return found
     with suppress(Exception):
         mode = about.get("compression_mode")
@@ -87,11 +90,30 @@ def read_metadata(folder: Path) -> BagMetadata:
     return found
 
 
+def _reason_of(error: Exception) -> str:
+    """Return in words why the metadata cannot be read."""
+    if isinstance(error, OSError):
+        return reason_of(error)
+    if isinstance(error, UnicodeDecodeError):
+        return "it is no text in UTF-8"
+    if isinstance(error, _ContentError):
+        return str(error)
+    if isinstance(error, KeyError | TypeError):
+        return "it does not describe a bag"
+    return "it is no YAML of plain values"
+
+
+class _ContentError(ValueError):
+    """Metadata of which nothing can be used."""
+
+
 def _content(path: Path) -> dict[str, Any]:
     with path.open("rb") as stream:
         text = stream.read(_LARGEST + 1)
     if len(text) > _LARGEST:
-        raise ValueError(f"larger than {_LARGEST} bytes")
+        raise _ContentError(f"it is larger than {_LARGEST} bytes")
+    if not text.strip(b"\0 \r\n"):
+        raise _ContentError("it is empty")
     content = _plain_yaml(text.decode("utf-8"))
     about: dict[str, Any] = content["rosbag2_bagfile_information"]
     return about

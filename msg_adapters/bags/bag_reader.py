@@ -128,8 +128,10 @@ class BagReader:
         types: dict[str, str] = {}
         for connection in self._filled():
             encoding = encoding_of(connection)
-            if encoding != "cdr":
+            if encoding != "cdr" or not connection.msgtype:
                 reason = f"its messages are encoded as {encoding!r}, expected 'cdr'"
+                if encoding == "cdr":
+                    reason = obstacle(connection)
                 found.setdefault(connection.topic, reason)
             elif types.setdefault(connection.topic, connection.msgtype) != connection.msgtype:
                 found[connection.topic] = (
@@ -147,7 +149,7 @@ class BagReader:
         for connection in self._filled():
             name, latched = connection.topic, is_latched(connection)
             known = held.get(name)
-            if encoding_of(connection) != "cdr":
+            if encoding_of(connection) != "cdr" or not connection.msgtype:
                 continue
             if known is None:
                 held[name] = BagTopic(name, connection.msgtype, connection.msgcount, latched)

@@ -12,8 +12,8 @@ from __future__ import annotations
 import re
 import zlib
 from collections import Counter
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
@@ -27,6 +27,7 @@ from msg_adapters.bags.mcap_records import (
     FOOTER,
     FOOTER_BYTES,
     HEADER,
+    LARGEST_CHUNK,
     MAGIC,
     MESSAGE,
     MESSAGE_INDEX,
@@ -34,6 +35,7 @@ from msg_adapters.bags.mcap_records import (
     STATISTICS,
     ChunkContent,
     McapChannel,
+    McapDefinitions,
     McapError,
     McapSchema,
     RecordFields,
@@ -59,6 +61,9 @@ _CHUNK_HEAD = re.compile(
 _HEAD_BYTES = PREFIX_BYTES + 8 + 8 + 8 + 4 + 4 + 4
 """Longest match of the pattern (bytes)."""
 
+_NAME_BYTES = 64
+"""Longest name of a compression that is looked at (bytes); chosen: those known have four."""
+
 Key = TypeVar("Key")
 
 
@@ -72,6 +77,7 @@ class McapChunk:
         start_ns, end_ns: log times of its first and last message (ns), by its own claim.
         messages: number of messages that it should hold; None where nothing tells.
         plain: a run of messages outside of chunks.
+        numbers: number of a channel in it -> in the file, where they differ.
     """
 
     position: int
@@ -80,6 +86,7 @@ class McapChunk:
     end_ns: int
     messages: int | None = None
     plain: bool = False
+    numbers: Mapping[int, int] = field(default_factory=dict)
 
 
 @dataclass
@@ -119,7 +126,8 @@ class McapFile:
     Attributes:
         path: the file.
         schemas: by their number.
-        channels: by their number.
+        channels: by their number. Where the file defines one again as something else, that has
+            another number.
         counts: messages by the number of their channel.
         start_ns, end_ns: log times of the first and last message (ns); both 0 without messages.
         chunks: its chunks, in the order of the file.
@@ -140,6 +148,7 @@ class McapFile:
         self._break = ""
         self._mean = (0, 0)  # messages and bytes of the chunks scanned so far
         self._scanned = False
+        self._definitions = McapDefinitions(self.schemas, self.channels)
         self._file = path.open("rb")
         try:
             self._size = self._file.seek(0, 2)
@@ -169,7 +178,7 @@ class McapFile:
             stop_ns: first log time that is left out (ns).
         """
         start_ns = 0 if start_ns is None else start_ns
-        stop_ns = 2**63 if stop_ns is None else stop_ns
+        stop_ns = 2**64 if stop_ns is None else stop_ns
         wanted = frozenset(channels)
         yield from merge_in_time(
             TimedStream(chunk.start_ns, self._chunk_messages(chunk, wanted, start_ns, stop_ns))
@@ -205,16 +214,24 @@ class McapFile:
 
     def _head(self) -> int:
         """Check the beginning and return the position of the first record after the header."""
-        begin = self._read(0, len(MAGIC) + PREFIX_BYTES)
+        begin = self._read(0, len(MAGIC))
         if not begin:
             raise McapError("it is empty")
-        if begin[: len(MAGIC)] != MAGIC:
+        if begin != MAGIC:
             raise McapError("it does not begin as an MCAP file")
-        kind, length = prefix_of(begin, len(MAGIC))
-        position = len(MAGIC) + PREFIX_BYTES + length
-        if kind != HEADER or position > self._size:
+        position = self._behind_header(0)
+        if position is None:
             raise McapError("its header is cut off or damaged")
         return position
+
+    def _behind_header(self, start: int) -> int | None:
+        """Return where the records of an MCAP file begin, None if none begins at ``start``."""
+        begin = self._read(start, len(MAGIC) + PREFIX_BYTES)
+        if begin[: len(MAGIC)] != MAGIC or len(begin) < len(MAGIC) + PREFIX_BYTES:
+            return None
+        kind, length = begin[len(MAGIC)], int.from_bytes(begin[len(MAGIC) + 1 :], "little")
+        position = start + len(begin) + length
+        return position if kind == HEADER and position <= self._size else None
 
     # By the index
 
@@ -224,8 +241,8 @@ class McapFile:
         Raises:
             McapError: there is none, or it is damaged.
         """
-        footer = self._read(self._size - FOOTER_BYTES, FOOTER_BYTES)
-        end = self._size - FOOTER_BYTES
+        end = max(0, self._size - FOOTER_BYTES)
+        footer = self._read(end, FOOTER_BYTES)
         if end < data_start or footer[-len(MAGIC) :] != MAGIC or prefix_of(footer) != (FOOTER, 20):
             raise McapError("no footer")
         fields = RecordFields(footer[PREFIX_BYTES:])
@@ -274,6 +291,8 @@ class McapFile:
             == (len(self.schemas), len(self.channels), len(self.chunks))
             and sum(self.counts.values()) == total
             and (chunks > 0 or total == 0)
+            # Some writers leave the times of chunks out.
+            and not any(chunk.messages and not chunk.end_ns for chunk in self.chunks)
         )
 
     # Without an index
@@ -281,30 +300,47 @@ class McapFile:
     def _scan(self, data_start: int) -> None:
         """Read the whole file once, up to where it breaks."""
         self.schemas, self.channels, self.chunks = {}, {}, []
+        self._definitions = McapDefinitions(self.schemas, self.channels)
         self.counts, self._scanned = Counter(), True
         self.start_ns = self.end_ns = 0
-        position, complete, broken = data_start, False, ""
+        position, complete, broken, files = data_start, False, "", 1
         indexed: Counter[int] = Counter()
         while position < self._size:
             try:
+                if position + PREFIX_BYTES > self._size:
+                    raise _CutOffError(0)
                 kind, length = prefix_of(self._read(position, PREFIX_BYTES))
                 if kind in (DATA_END, FOOTER):
-                    complete = True
-                    break
+                    complete, position = True, self._behind_footer(position)
+                    following = self._behind_header(position)
+                    if following is None:
+                        break
+                    # Files may have been written one behind the other.
+                    complete, position, files = False, following, files + 1
+                    continue
                 end = position + PREFIX_BYTES + length
                 if end > self._size and kind != CHUNK:
                     raise _CutOffError(kind)
                 if kind == CHUNK:
                     end = min(end, self._size)
                     self._scan_chunk(McapChunk(position, end - position, 0, 2**63 - 1))
+                    if position in self._lost and not self._is_record(end):
+                        # Its length is wrong, too, or it ends where another file begins.
+                        following = self._next_chunk(position + 1)
+                        if following is not None:
+                            problem = self._lost[position].problem
+                            broken = broken or f"at byte {position}: {problem}"
+                            end = following
                 elif kind == MESSAGE:
                     end = self._scan_run(position)
                 elif kind == MESSAGE_INDEX and self.chunks:
                     # A channel and a list of 16 bytes for each of its messages.
                     indexed[self.chunks[-1].position] += max(0, length - 6) // 16
                 elif kind in DEFINITIONS:
+                    found = ChunkContent(b"")
                     data = self._read(position + PREFIX_BYTES, length)
-                    note_definition(kind, data, self.schemas, self.channels)
+                    note_definition(kind, data, found.schemas, found.channels)
+                    self._definitions.add(found)
                 position = end
             except McapError as error:
                 following = self._next_chunk(position + 1)
@@ -320,13 +356,36 @@ class McapFile:
             if place in indexed:
                 held = next(c.messages or 0 for c in self.chunks if c.position == place)
                 loss.messages, loss.exact = max(0, indexed[place] - held), True
-        self._finish_scan(position, complete, broken)
+        self._finish_scan(position, complete, broken, files)
+
+    def _is_record(self, position: int) -> bool:
+        """Return whether a record begins at a position, as far as its kind and length tell."""
+        if position + PREFIX_BYTES > self._size:
+            return False
+        try:
+            _, length = prefix_of(self._read(position, PREFIX_BYTES))
+        except McapError:
+            return False
+        return position + PREFIX_BYTES + length <= self._size
+
+    def _behind_footer(self, position: int) -> int:
+        """Return where a file ends whose data end at a position; beyond the size if it is cut."""
+        while self._is_record(position):
+            kind, length = prefix_of(self._read(position, PREFIX_BYTES))
+            position += PREFIX_BYTES + length
+            if kind == FOOTER:
+                ended = self._read(position, len(MAGIC)) == MAGIC
+                return position + len(MAGIC) if ended else self._size + 1
+        return self._size + 1
 
     def _scan_chunk(self, chunk: McapChunk) -> None:
         """Add a chunk with what it holds."""
         content, head = self._load(chunk)
         if head is None:
-            self._lost[chunk.position] = _ChunkLoss(content.problem)
+            # Of a chunk whose beginning alone was written nothing is lost.
+            whole = chunk.length >= PREFIX_BYTES + _HEAD_BYTES
+            lost = self._as_many_as_in(chunk.length, *self._mean) if whole else 0
+            self._lost[chunk.position] = _ChunkLoss(content.problem, lost)
             chunk.messages = 0
             self.chunks.append(chunk)  # to which the following index of its messages belongs
             return
@@ -359,8 +418,8 @@ class McapFile:
         return position + end
 
     def _add(self, chunk: McapChunk, content: ChunkContent) -> None:
-        self.schemas.update(content.schemas)
-        self.channels.update(content.channels)
+        chunk.numbers = self._definitions.add(content)
+        content.messages = content.numbered(chunk.numbers)
         known = [m for m in content.messages if m.channel_id in self.channels]
         if not content.problem and len(known) < len(content.messages):
             content.problem = "the definition of a topic is lost"
@@ -370,6 +429,8 @@ class McapFile:
         chunk.messages = len(known)
         if known:
             first, last = min(m.time_ns for m in known), max(m.time_ns for m in known)
+            chunk.start_ns = min(chunk.start_ns, first)
+            chunk.end_ns = max(chunk.end_ns, last)
             self.start_ns = min(self.start_ns, first) if self.counts else first
             self.end_ns = max(self.end_ns, last)
             self.counts.update(m.channel_id for m in known)
@@ -396,18 +457,28 @@ class McapFile:
             position += _WINDOW
         return None
 
-    def _finish_scan(self, position: int, complete: bool, broken: str) -> None:
-        """Say what is wrong with the file as a whole."""
-        tail = self._read(self._size - FOOTER_BYTES, FOOTER_BYTES)
-        ended = tail[-len(MAGIC) :] == MAGIC
+    def _finish_scan(self, position: int, complete: bool, broken: str, files: int) -> None:
+        """Say what is wrong with the file as a whole.
+
+        Args:
+            position: where it ended, beyond its size if it is cut off within its index.
+            complete: the end of its data was found.
+            broken: where and why it is damaged, empty if it is not.
+            files: number of files that were written into it one behind the other.
+        """
         if broken:
             self._break = f"is damaged {broken}"
         elif not complete and self._lost:
             self._break = "is cut off, as when power is lost"
         elif not complete:
             self._break = "has no end, as when its recorder is killed"
-        elif not ended:
+        elif position > self._size:
             self._break = "is cut off within its index"
+        elif position < self._size:
+            rest = self._size - position
+            self._break = f"has {rest} bytes behind its end that are not part of it"
+        elif files > 1:
+            self._break = f"holds {files} MCAP files, one behind the other"
         if broken and not self._lost:
             self._lost[position] = _ChunkLoss(broken)
 
@@ -420,9 +491,11 @@ class McapFile:
         if content.problem and chunk.position not in self._lost:
             self._note_loss(chunk, content)
         data = content.data
+        if not content.problem:
+            self._mean = (len(content.messages), content.message_bytes)
         found = [
             message
-            for message in content.messages
+            for message in content.numbered(chunk.numbers)
             if message.channel_id in wanted and start_ns <= message.time_ns < stop_ns
         ]
         found.sort(key=lambda message: message.time_ns)
@@ -437,7 +510,7 @@ class McapFile:
         if chunk.plain:
             return read_content(self._read(chunk.position, chunk.length)), chunk
         try:
-            begin = self._read(chunk.position, PREFIX_BYTES + _HEAD_BYTES)
+            begin = self._read(chunk.position, PREFIX_BYTES + _HEAD_BYTES + _NAME_BYTES)
             kind, length = prefix_of(begin)
             fields = RecordFields(begin[PREFIX_BYTES:])
             start_ns, end_ns, size = (fields.number(8) for _ in range(3))
@@ -445,17 +518,23 @@ class McapFile:
             if kind != CHUNK or fields.position + stored != length:
                 raise McapError("a chunk is damaged")
             compressed = self._read(chunk.position + PREFIX_BYTES + fields.position, stored)
-            data = decompress(compression, compressed, size)
         except McapError as error:
             return ChunkContent(b"", problem=str(error)), None
         if not self._scanned:
             start_ns, end_ns = chunk.start_ns, chunk.end_ns
         head = McapChunk(chunk.position, chunk.length, start_ns, end_ns, chunk.messages)
+        try:
+            data = decompress(compression, compressed, size)
+        except McapError as error:
+            return ChunkContent(b"", problem=str(error), missing=min(size, LARGEST_CHUNK)), head
         whole = len(compressed) == stored
-        if whole and checksum and (len(data) < size or zlib.crc32(data) != checksum):
+        verified = whole and checksum != 0
+        if verified and (len(data) < size or zlib.crc32(data) != checksum):
             # Which of its messages are wrong cannot be told.
-            return ChunkContent(b"", problem="the check sum of a chunk is wrong"), head
-        content = read_content(data, start_ns, end_ns)
+            problem = "the check sum of a chunk is wrong"
+            return ChunkContent(b"", problem=problem, missing=min(size, LARGEST_CHUNK)), head
+        # The times that a chunk claims show a damage where nothing else does.
+        content = read_content(data) if verified else read_content(data, start_ns, end_ns)
         if not whole:
             content.problem = "a chunk is cut off"
         elif len(data) < size:
@@ -463,7 +542,19 @@ class McapFile:
         if content.problem:
             # What the loss is estimated from.
             content.missing = size - content.used
+        if not self._scanned:
+            self._refuse_other_channels(content)
         return content, head
+
+    def _refuse_other_channels(self, content: ChunkContent) -> None:
+        """Leave out the messages of channels that the index of the file calls otherwise."""
+        for number, channel in content.channels.items():
+            known = self.channels.get(number)
+            if known is not None and not channel.is_same_as(known):
+                content.messages = [m for m in content.messages if m.channel_id != number]
+                content.problem = (
+                    f"channel {number} is {channel.topic} in a chunk, {known.topic} in the index"
+                )
 
     def _note_loss(self, chunk: McapChunk, content: ChunkContent) -> None:
         """Remember what of a chunk is not read."""
@@ -473,8 +564,13 @@ class McapFile:
             lost, exact = max(0, chunk.messages - read), True
         else:
             # As many as fit into the missing bytes at the mean size so far.
-            number, size = (read, content.message_bytes) if read else self._mean
-            lost, exact = max(1, round(content.missing * number / max(1, size))), False
+            mean = (read, content.message_bytes) if read else self._mean
+            lost, exact = self._as_many_as_in(content.missing, *mean), False
         self._lost[chunk.position] = _ChunkLoss(
             content.problem, lost, last_ns, chunk.end_ns, exact
         )
+
+    @staticmethod
+    def _as_many_as_in(missing: int, number: int, size: int) -> int:
+        """Return how many messages missing bytes held, where ``number`` have ``size`` bytes."""
+        return max(1, round(missing * number / max(1, size)))

@@ -9,8 +9,8 @@ checked against the bytes that are there, and nothing is allocated that the file
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import lz4.frame
@@ -39,9 +39,12 @@ _MESSAGE = struct.Struct("<HIQQ")
 _LAST_NS = 2**63 - 1
 """Latest log time that is taken for one (ns): rosbag2's times are int64."""
 
-_LARGEST_CHUNK = 1 << 29
+LARGEST_CHUNK = 1 << 29
 """Most bytes that a chunk is decompressed to; chosen: 128 times the chunk of rosbag2's fast
 preset, and bounds the memory that a small malicious file can ask for."""
+
+_FIRST_FREE = 1 << 16
+"""First number for what is defined under a number that is taken; those of a file have 16 bits."""
 
 _SLICE = 1 << 14
 """Bytes that are decompressed at a time where a chunk is damaged; chosen: less than one block."""
@@ -81,6 +84,10 @@ class McapChannel:
     topic: str
     encoding: str
     metadata: dict[str, str]
+
+    def is_same_as(self, other: McapChannel) -> bool:
+        """Return whether two definitions of a channel differ in no more than the metadata."""
+        return replace(self, metadata={}) == replace(other, metadata={})
 
 
 class StoredMessage(NamedTuple):
@@ -124,6 +131,59 @@ class ChunkContent:
         """Size of the records of the messages (bytes)."""
         before = PREFIX_BYTES + _MESSAGE.size
         return sum(message.end - message.start + before for message in self.messages)
+
+    def numbered(self, numbers: Mapping[int, int]) -> list[StoredMessage]:
+        """Return the messages with other numbers of their channels.
+
+        Args:
+            numbers: of a channel -> the one that it gets, where they differ.
+        """
+        if not numbers:
+            return self.messages
+        return [
+            message._replace(channel_id=numbers.get(message.channel_id, message.channel_id))
+            for message in self.messages
+        ]
+
+
+class McapDefinitions:
+    """The definitions of a file, in the order of the file.
+
+    A number that stands for something else already, as where files were joined, is replaced by a
+    free one from there on.
+
+    Args:
+        schemas: to which schemas are added.
+        channels: to which channels are added.
+    """
+
+    def __init__(self, schemas: dict[int, McapSchema], channels: dict[int, McapChannel]) -> None:
+        self._schemas, self._channels = schemas, channels
+        self._schema_numbers: dict[int, int] = {}
+        self._channel_numbers: dict[int, int] = {}
+
+    def add(self, content: ChunkContent) -> Mapping[int, int]:
+        """Add what a part of the file defines.
+
+        Returns:
+            number of a channel in this part -> in the file, where they differ.
+        """
+        for number, schema in content.schemas.items():
+            place = self._schema_numbers.get(number, number)
+            if self._schemas.setdefault(place, schema) != schema:
+                place = max(_FIRST_FREE, max(self._schemas) + 1)
+                self._schemas[place] = schema
+                self._schema_numbers[number] = place
+        for number, channel in content.channels.items():
+            schema_id = self._schema_numbers.get(channel.schema_id, channel.schema_id)
+            own = replace(channel, schema_id=schema_id)
+            place = self._channel_numbers.get(number, number)
+            if not own.is_same_as(self._channels.setdefault(place, own)):
+                place = max(_FIRST_FREE, max(self._channels) + 1)
+                self._channels[place] = own
+                # Another mapping: that of the parts before stays as it is.
+                self._channel_numbers = {**self._channel_numbers, number: place}
+        return self._channel_numbers
 
 
 class RecordFields:
@@ -296,8 +356,8 @@ def decompress(compression: str, data: bytes, size: int) -> bytes:
         return data[:size]
     if compression not in _DECOMPRESSORS:
         raise McapError(f"the compression {compression!r} is not known")
-    if size > _LARGEST_CHUNK:
-        raise McapError(f"a chunk claims {size} bytes, expected at most {_LARGEST_CHUNK}")
+    if size > LARGEST_CHUNK:
+        raise McapError(f"a chunk claims {size} bytes, expected at most {LARGEST_CHUNK}")
     make = _DECOMPRESSORS[compression]
     try:
         return _inflate(make, data, size, len(data))

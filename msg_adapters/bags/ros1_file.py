@@ -86,10 +86,19 @@ class Ros1File(LibraryFile):
             self.connections[own.id] = own._replace(
                 digest="", ext=ConnectionExtRosbag2(ENCODING_ROS1, profiles), owner=self
             )
+        rest = _behind_index(path)
+        if rest:
+            # It may be another bag, or what a loss of power has left.
+            self._loss = BagLoss(
+                path,
+                f"has {rest} bytes behind its end that are not part of it",
+                reader.message_count,
+                (self.end_ns - self.start_ns) * 1e-9,
+            )
 
 
 _HEADED = b"#ROSBAG V2.0\n"
-_MESSAGE, _CHUNK, _CONNECTION = b"\x02", b"\x05", b"\x07"
+_MESSAGE, _CHUNK, _CHUNK_INFO, _CONNECTION = b"\x02", b"\x05", b"\x06", b"\x07"
 """Kinds of records, as their field ``op`` names them."""
 
 _LARGEST_CHUNK = 1 << 29
@@ -153,7 +162,9 @@ class UnindexedRos1File:
             raise
         if not self._chunks:
             self._file.close()
-            raise ReaderError("it has neither an index nor a whole message")
+            raise ReaderError(
+                "it is no complete bag of ROS 1: it has neither an index nor a whole message"
+            )
         self.start_ns = min(chunk.start_ns for chunk in self._chunks)
         self.end_ns = max(chunk.end_ns for chunk in self._chunks)
         for number, connection in self.connections.items():
@@ -263,14 +274,26 @@ def open_ros1(path: Path) -> Ros1File | UnindexedRos1File:
     """
     try:
         return Ros1File(path)
-    except ReaderError as error:
+    except ReaderError:
         with path.open("rb") as stream:
             if stream.read(len(_HEADED)) != _HEADED:
                 raise
-        try:
-            return UnindexedRos1File(path)
-        except ReaderError:
-            raise error from None
+        return UnindexedRos1File(path)
+
+
+def _behind_index(path: Path) -> int:
+    """Return how many bytes, other than zeros, lie behind the index of a bag."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        head = _record_at(file, len(_HEADED), size)
+        position = int.from_bytes(head[0].get(b"index_pos", b""), "little") if head else 0
+        while 0 < position < size:
+            found = _record_at(file, position, size)
+            if found is None or found[0].get(b"op") not in (_CONNECTION, _CHUNK_INFO):
+                break
+            position = found[2]
+        file.seek(position)
+        return len(file.read(_LARGEST_CHUNK).strip(b"\0")) if position else 0
 
 
 def _record_at(

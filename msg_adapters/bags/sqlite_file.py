@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,17 @@ _FORMATS = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinition
 _LEFT = ("-wal", "-journal")
 """How the names of files end that a killed recorder leaves beside a database: with changes that
 are not in it yet, and with what it held before changes that were never completed."""
+
+
+_PAGE_SIZE_AT, _PAGES_AT = 16, 28
+"""Places in the header of a database of its pages' size (bytes, 1 for 65536), and of their number,
+where 0 stands for those of the file (https://www.sqlite.org/fileformat.html)."""
+
+_SMALLEST_PAGE = 512
+"""Size of the smallest page (bytes, the same document)."""
+
+_LARGEST_ROW = 1 << 28
+"""Most bytes that are read of a row of a damaged database; chosen: twice an image of 8K."""
 
 
 def files_left_beside(path: Path) -> list[Path]:
@@ -60,6 +72,89 @@ def recovered_copy(path: Path, folder: Path) -> Path:
         database.execute("PRAGMA journal_mode=DELETE").fetchall()
         database.execute("SELECT COUNT(*) FROM messages").fetchall()
     return copy
+
+
+def salvaged_copy(path: Path, folder: Path) -> Path | None:
+    """Return a new database with the messages that can be read of one that is cut off or damaged.
+
+    Args:
+        path: the damaged database, which is not changed.
+        folder: where the new one is made.
+
+    Returns:
+        the new database, None if no message can be read.
+
+    Raises:
+        OSError: it cannot be copied.
+    """
+    image, copy = folder / f"{path.name}.damaged", folder / f"{path.name}.salvaged"
+    shutil.copyfile(path, image)
+    _cut_to_pages(image)
+    name = f"{image.absolute().as_uri()}?immutable=1"
+    try:
+        with closing(sqlite3.connect(name, uri=True)) as damaged:
+            damaged.text_factory = bytes.decode
+            damaged.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_ROW)
+            with closing(sqlite3.connect(copy)) as database, database:
+                return copy if _copy_rows(damaged, database) else None
+    except (sqlite3.Error, UnicodeError):
+        return None
+    finally:
+        image.unlink()
+
+
+def _cut_to_pages(path: Path) -> None:
+    """Make a damaged database end with its last whole page that is not empty.
+
+    SQLite would read what is missing of a page as zeros, and so would messages have them.
+    """
+    with path.open("r+b") as stream:
+        stream.seek(_PAGE_SIZE_AT)
+        stated = int.from_bytes(stream.read(2), "big")
+        size = {0: _SMALLEST_PAGE, 1: 1 << 16}.get(stated, stated)
+        pages = whole = stream.seek(0, 2) // size
+        while pages > 1:
+            stream.seek((pages - 1) * size)
+            if stream.read(size).strip(b"\0"):
+                break
+            pages -= 1
+        # The zeros may begin within the page before.
+        stream.truncate(max(1, pages - (pages < whole)) * size)
+        stream.seek(_PAGES_AT)
+        stream.write(bytes(4))  # as many as the file has
+
+
+def _copy_rows(damaged: sqlite3.Connection, database: sqlite3.Connection) -> int:
+    """Copy the tables of a bag as far as they can be read; return the number of messages."""
+    tables = dict(damaged.execute("SELECT name, sql FROM sqlite_master WHERE type='table'"))
+    for table in ("topics", "message_definitions"):
+        if table not in tables:
+            continue
+        database.execute(tables[table])
+        for row in damaged.execute(f"SELECT * FROM {table}"):
+            database.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(row))})", row)
+    database.execute(tables.get("messages", ""))
+    insert = "INSERT INTO messages (id, topic_id, timestamp, data) VALUES (?, ?, ?, ?)"
+    return database.executemany(insert, _readable_messages(damaged)).rowcount
+
+
+def _readable_messages(damaged: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
+    """Yield the messages of a damaged database, ascending by their numbers."""
+    select = "SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? ORDER BY id"
+    last, step = -1, 1
+    while last + step < 1 << 62:
+        try:
+            for row in damaged.execute(select, (last + step,)):
+                if row[0] < last + step:  # pages that lead back
+                    break
+                yield row
+                last, step = row[0], 1
+            else:
+                return
+        except sqlite3.Error:
+            pass
+        # Behind the damage, the sooner the smaller it is.
+        step *= 2
 
 
 class SqliteFile(Sqlite3Reader):

@@ -15,6 +15,7 @@ import re
 import shutil
 import sqlite3
 import tempfile
+from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -41,7 +42,12 @@ from msg_adapters.bags.ros1_file import (
     UnindexedRos1File,
     open_ros1,
 )
-from msg_adapters.bags.sqlite_file import SqliteFile, files_left_beside, recovered_copy
+from msg_adapters.bags.sqlite_file import (
+    SqliteFile,
+    files_left_beside,
+    recovered_copy,
+    salvaged_copy,
+)
 from mtpgo_core.errors import RecordingError, reason_of
 
 SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag", ".bag.active")
@@ -49,6 +55,10 @@ SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag", ".bag.active")
 
 _SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
 """First bytes of an SQLite database and of a Zstandard frame."""
+
+_LARGEST_MESSAGE = 1 << 28
+"""Most bytes that a message is decompressed to; chosen: twice an image of 8K, and bounds the
+memory that a small malicious file can ask for."""
 
 _GIT_LFS = b"version https://"
 """First bytes of what a repository has in place of a large file that was not fetched."""
@@ -178,14 +188,22 @@ def _full_name(message_type: str) -> str:
 
 
 class _SqliteStorage(LibraryFile):
-    """An SQLite file, read by rosbags up to where it breaks."""
+    """An SQLite file, read by rosbags up to where it breaks.
 
-    def __init__(self, path: Path) -> None:
+    Args:
+        path: the file.
+        problem: why it is a copy of what could be read of another one, empty if it is not.
+    """
+
+    def __init__(self, path: Path, problem: str = "") -> None:
         reader = SqliteFile(path)
         reader.open()
         about = reader.metadata
         super().__init__(path, reader, about.start_time, about.end_time - 1)
         self.connections = {c.id: c for c in reader.connections}
+        if problem:
+            read_s = (self.end_ns - self.start_ns) * 1e-9
+            self._loss = BagLoss(path, f"is damaged ({problem})", about.message_count, read_s)
 
 
 _Storage = _McapStorage | _SqliteStorage | Ros1File | UnindexedRos1File
@@ -216,6 +234,7 @@ class StoredBag:
         self._storages: list[_Storage] = []
         self._files: list[Path] = []
         self._unread: dict[Path, BagLoss] = {}
+        self._packed: Counter[int] = Counter()  # messages that stay compressed, by storage
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._about = read_metadata(path) if path.is_dir() else BagMetadata()
         self._order = self._listed() if path.is_dir() else [path]
@@ -262,9 +281,10 @@ class StoredBag:
         if not any(file.is_file() for file in named):
             others = bag_files(self.path)
             if others and len({_bag_name(file) for file in others}) == 1:
-                missing = ", ".join(file.name for file in named) or "no file"
+                missing = ", ".join(file.name for file in named)
+                what = f"{missing}, of which there is none" if missing else "no file"
                 tell_once(
-                    f"{self.path / METADATA} names {missing}, of which there is none:"
+                    f"{self.path / METADATA} names {what}:"
                     f" {', '.join(file.name for file in others)} is read instead"
                 )
                 return others
@@ -305,7 +325,7 @@ class StoredBag:
             if begin.startswith(MAGIC):
                 self._storages.append(_McapStorage(content))
             elif begin == _SQLITE:
-                self._storages.append(_SqliteStorage(self._recovered(content)))
+                self._storages.append(self._sqlite(self._recovered(content)))
             elif begin.startswith(MAGIC_ROS1):
                 self._storages.append(open_ros1(content))
             elif not begin.strip(b"\0"):
@@ -327,6 +347,20 @@ class StoredBag:
         with zstd.open(file, "rb") as stream, target.open("wb") as out, cut_or_damaged:
             shutil.copyfileobj(stream, out)
         return target
+
+    def _sqlite(self, file: Path) -> _SqliteStorage:
+        """Return an SQLite file, or what can be read of one that is cut off or damaged.
+
+        Raises:
+            sqlite3.Error: nothing can be read.
+        """
+        try:
+            return _SqliteStorage(file)
+        except sqlite3.DatabaseError as error:
+            copy = salvaged_copy(file, self._temporary_folder())
+            if copy is None:
+                raise
+            return _SqliteStorage(copy, reason_of(error))
 
     def _recovered(self, file: Path) -> Path:
         """Return an SQLite file, or a copy with what its recorder left beside it."""
@@ -367,7 +401,9 @@ class StoredBag:
         loss, others = self.losses()[0], len(self._order) - 1
         more = f", nor can the other {others} files of {self.path}" if others else ""
         expected = "a rosbag2 directory, .mcap, .db3 or .bag"
-        reason = loss.reason.removeprefix("cannot be read (").removesuffix(")")
+        reason = f"it {loss.reason}"
+        if loss.file in self._unread:
+            reason = loss.reason.removeprefix("cannot be read (").removesuffix(")")
         return f"{loss.file} cannot be read as a bag ({expected}): {reason}{more}"
 
     def _connect(self) -> list[dict[int, Connection]]:
@@ -423,12 +459,12 @@ class StoredBag:
         """
         wanted = {c.id for c in (connections or self.connections)}
         streams = []
-        for storage, numbers in zip(self._storages, self._numbers, strict=True):
+        for place, (storage, numbers) in enumerate(
+            zip(self._storages, self._numbers, strict=True)
+        ):
             own = {number: c for number, c in numbers.items() if c.id in wanted}
             if own:
-                streams.append(
-                    TimedStream(storage.start_ns, self._named(storage, own, start, stop))
-                )
+                streams.append(TimedStream(storage.start_ns, self._named(place, own, start, stop)))
         try:
             for time_ns, connection, data in merge_in_time(streams):
                 yield connection, time_ns, data
@@ -437,22 +473,27 @@ class StoredBag:
 
     def _named(
         self,
-        storage: _Storage,
+        place: int,
         own: dict[int, Connection],
         start: int | None,
         stop: int | None,
     ) -> Iterator[tuple[int, Connection, bytes]]:
-        by_message = self._about.by_message
-        for time_ns, number, data in storage.messages(own, start, stop):
+        by_message, packed = self._about.by_message, 0
+        for time_ns, number, data in self._storages[place].messages(own, start, stop):
             if by_message is not False and data[:4] == _ZSTD:
-                data = zstd.decompress(data)
+                try:
+                    data = _unpacked(data)
+                except (zstd.ZstdError, EOFError):
+                    packed += 1
+                    self._packed[place] = max(packed, self._packed[place])
+                    continue
             yield time_ns, own[number], data
 
     def losses(self) -> list[BagLoss]:
         """Return what is lost, as far as it is known by now."""
         found = [self._with_gap(loss) for loss in self._unread.values()]
-        for file, storage in zip(self._files, self._storages, strict=True):
-            loss = storage.loss()
+        for place, (file, storage) in enumerate(zip(self._files, self._storages, strict=True)):
+            loss = storage.loss() or self._packed_loss(place)
             if loss is None:
                 continue
             expected = self._about.expected.get(file.name)
@@ -467,6 +508,21 @@ class StoredBag:
                 )
             found.append(replace(loss, file=file))
         return found
+
+    def _packed_loss(self, place: int) -> BagLoss | None:
+        """Return the loss of messages that were compressed one by one and stay so."""
+        packed = self._packed[place]
+        if not packed:
+            return None
+        storage = self._storages[place]
+        return BagLoss(
+            self._files[place],
+            "has messages that cannot be decompressed",
+            sum(c.msgcount for c in storage.connections.values()) - packed,
+            (storage.end_ns - storage.start_ns) * 1e-9,
+            packed,
+            exact=True,
+        )
 
     def _with_gap(self, loss: BagLoss) -> BagLoss:
         """Return the loss of a file with the pause that it leaves between its neighbours."""
@@ -492,6 +548,20 @@ class StoredBag:
                 storage.close()
         if self._folder is not None:
             self._folder.cleanup()
+
+
+def _unpacked(data: bytes) -> bytes:
+    """Return a message that was compressed by itself.
+
+    Raises:
+        zstd.ZstdError: it is damaged.
+        EOFError: it is cut off, or larger than a message may be.
+    """
+    inflater = zstd.ZstdDecompressor()
+    content = inflater.decompress(data, _LARGEST_MESSAGE)
+    if not inflater.eof:
+        raise EOFError
+    return content
 
 
 def tell_once(sentence: str) -> None:

@@ -168,7 +168,7 @@ def test_the_chunks_behind_a_broken_record_are_found(tmp_path):
     [
         (b"", "empty"),
         (b"frame,id\n1,2\n", "does not begin"),
-        (b"\x89MCAP0\r\n\x01\xff\xff\xff", "too short"),
+        (b"\x89MCAP0\r\n\x01\xff\xff\xff", "cut off"),
         (b"\x89MCAP0\r\n\x01" + b"\xff" * 8, "cut off"),
     ],
 )

@@ -107,6 +107,7 @@ class PieceReader:
     Attributes:
         remarks: what a user should know, one sentence each, known at the end.
         rest: what was odd after the last piece, by counter.
+        used: number of messages that have a stamp and objects in a fixed frame.
     """
 
     def __init__(
@@ -118,6 +119,7 @@ class PieceReader:
     ) -> None:
         self.remarks: list[str] = []
         self.rest: Counter[str] = Counter()
+        self.used = 0
         self._reader, self._topic = reader, topic
         self._log_stamps = options.bags.stamps == "log"
         self._classes = options.classes
@@ -130,6 +132,7 @@ class PieceReader:
         self._messages = 0
         self._first: _Message | None = None
         self._last: _Message | None = None
+        self._stamps_moved_ns = 0
         self._problem = ""
         self._frames: set[str] = set()
         self._piece = BagPiece()
@@ -148,6 +151,18 @@ class PieceReader:
         logged_ns = self._last.received_ns - self._first.received_ns
         stamped_ns = self._last.states.stamp_ns - self._first.states.stamp_ns
         return stamped_ns / logged_ns if logged_ns >= 1e9 and stamped_ns > 0 else float("nan")
+
+    @property
+    def moved_s(self) -> float:
+        """How far the stamps have moved, forwards and backwards (s)."""
+        return self._stamps_moved_ns * 1e-9
+
+    @property
+    def recorded_s(self) -> float:
+        """Log time from the first to the last message that is used (s); 0 without one."""
+        if self._first is None or self._last is None:
+            return 0.0
+        return (self._last.received_ns - self._first.received_ns) * 1e-9
 
     def pieces(self) -> Iterator[BagPiece]:
         """Yield the pieces that have a road user.
@@ -179,6 +194,10 @@ class PieceReader:
                 self._messages += 1
                 states = self._read(self._topic.adapter, message, received_ns)
                 if states is not None:
+                    self.used += 1
+                    if self._last is not None:
+                        step_ns = states.stamp_ns - self._last.states.stamp_ns
+                        self._stamps_moved_ns += abs(step_ns)
                     self._last = _Message(states, received_ns)
                     self._first = self._first or self._last
                     usable = self._usable(self._last)
@@ -241,9 +260,9 @@ class PieceReader:
         if decoded.skipped:
             counts["skipped_objects"] += decoded.skipped_total
             self._problem = self._problem or next(iter(decoded.skipped))
-        if states.stamp_ns == 0 and self._log_stamps:
+        if states.stamp_ns <= 0 and self._log_stamps:
             states = dataclasses.replace(states, stamp_ns=received_ns)
-        if states.stamp_ns == 0:
+        if states.stamp_ns <= 0:  # before 1970, as in the node
             self._count("unstamped")
             return None
         try:

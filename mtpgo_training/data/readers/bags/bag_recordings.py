@@ -39,6 +39,12 @@ from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.tables.frame_grid import FREE_RATE
 from mtpgo_training.data.recording import Int64Array, Recording
 
+_ROUNDING_S = 1e-6
+"""Finest step in which recorders round their stamps (s)."""
+
+_PACE_MESSAGES = 10
+"""Fewer messages with the same stamp do not tell that their clock stands; chosen."""
+
 _FASTEST_PACE = 10.0
 """Stamps that advance faster than the time at which they were recorded by more than this factor
 are in another unit, if no two messages are near each other; chosen."""
@@ -163,6 +169,16 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
             " as the time at which they were recorded; expected the time of the observation in"
             " seconds and nanoseconds"
         )
+    if (
+        piece_reader.used >= _PACE_MESSAGES
+        and piece_reader.recorded_s >= 1.0
+        and not piece_reader.moved_s
+    ):
+        raise RecordingError(
+            f"{path}, topic {topic.name}: its {piece_reader.used} messages all have the same stamp,"
+            f" while they were recorded over {piece_reader.recorded_s:.1f} s; expected the time of"
+            " the observation in seconds and nanoseconds"
+        )
     last = recordings[-1]
     recordings[-1] = dataclasses.replace(last, counts=dict(Counter(last.counts) + counts))
     sha256 = sha256_of(_sources(path))
@@ -188,11 +204,15 @@ def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:
     # Where many messages are missing, the rate follows from the shortest step, not the median.
     for step_s in (np.median(steps_s), steps_s.min()) if len(steps_s) else ():
         frame = np.round(elapsed_s / step_s)
-        rate = float(frame[-1] / elapsed_s[-1])
-        if abs(rate - round(rate, 1)) < 1e-4 * rate:
-            rate = round(rate, 1)
-        if (np.abs(frame / rate - elapsed_s) < 1e-4).all():
-            return frame.astype(np.int64), rate
+        mean = float(frame[-1] / elapsed_s[-1])
+        film = round(mean * 1.001) / 1.001
+        likely = [r for r in (round(mean, 1), film, round(mean, 3)) if abs(r - mean) < 1e-4 * mean]
+        off_s = {rate: np.abs(frame / rate - elapsed_s).max() for rate in (*likely, mean)}
+        # One that gives the stamps as they are, else the first that is near enough.
+        rates = sorted(off_s, key=lambda rate: off_s[rate] > _ROUNDING_S)
+        for rate in rates:
+            if off_s[rate] < 1e-4:
+                return frame.astype(np.int64), rate
     return np.round(elapsed_s * FREE_RATE).astype(np.int64), FREE_RATE
 
 
