@@ -28,6 +28,8 @@ def predictions_in_bag(
 ) -> Iterator[Prediction]:
     """Yield the predictions in a bag in the order in which they were recorded.
 
+    Single messages that cannot be read are left out, with a warning that counts them.
+
     Args:
         path: a rosbag2 directory, or an ``.mcap``, ``.db3`` or ``.bag`` file; one that is cut off
             is read as far as it goes.
@@ -36,24 +38,39 @@ def predictions_in_bag(
 
     Raises:
         NoPredictionsError: it holds no predictions.
-        RecordingError: it is not a bag, or it is damaged.
+        RecordingError: it is not a bag, it is damaged, or none of the messages can be read.
     """
+    from msg_adapters.bags.bag_loss import counted
     from msg_adapters.bags.bag_reader import DecodingBagReader
+    from msg_adapters.bags.stored_bag import tell_once
 
+    read, refused, problem = 0, 0, ""
     with DecodingBagReader(Path(path)) as reader:
         for connection, _, message in reader.messages(_prediction_topic(reader, topic)):
-            stamp_ns = stamp_to_ns(message.header.stamp)
-            if span_ns is not None and not span_ns[0] <= stamp_ns <= span_ns[1]:
-                continue
             try:
-                yield prediction_from_pointcloud2(message)
+                stamp_ns = stamp_to_ns(message.header.stamp)
+                if span_ns is not None and not span_ns[0] <= stamp_ns <= span_ns[1]:
+                    continue
+                prediction = prediction_from_pointcloud2(message)
             except MessageError as error:
-                raise RecordingError(f"{path}, topic {connection.topic}: {error}") from error
+                refused += 1
+                problem = problem or f"{path}, topic {connection.topic}: {error}"
+                continue
+            read += 1
+            yield prediction
+    if refused and not read:
+        raise RecordingError(problem)
+    if refused:
+        tell_once(f"{problem}; {counted(refused)} of the predictions left out")
 
 
 def _prediction_topic(reader: DecodingBagReader, topic: str | None) -> list[Any]:
     """Return the connections of the topic of predictions."""
-    clouds = [c for c in reader.connections if c.msgtype == _CLOUD and c.msgcount > 0]
+    from msg_adapters.bags.bag_definitions import obstacle
+
+    clouds = [
+        c for c in reader.connections if c.msgtype == _CLOUD and c.msgcount and not obstacle(c)
+    ]
     if topic is not None:
         chosen = [c for c in clouds if c.topic == "/" + topic.lstrip("/")]
         expected = f"a {_CLOUD} on the topic {topic}"

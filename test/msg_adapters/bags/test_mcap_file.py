@@ -3,12 +3,14 @@
 """MCAP files that are whole, cut off or damaged: what is read is a part of what was written."""
 
 import random
+import struct
+import zlib
 
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
 from msg_adapters.bags.mcap_file import McapFile
-from msg_adapters.bags.mcap_records import McapError
+from msg_adapters.bags.mcap_records import MAGIC, McapError
 
 STEP_NS = 100_000_000
 COMPRESSIONS = [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD]
@@ -208,3 +210,179 @@ def test_chunks_of_an_unknown_compression_are_a_loss_that_is_counted(tmp_path):
     assert not messages
     assert "the compression 'xyz' is not known" in loss.reason
     assert (loss.messages, loss.exact) == (len(written), True)
+
+
+TEXT = ("std_msgs/msg/String", "ros2msg", "string data")
+
+
+def record(kind, content):
+    return bytes([kind]) + len(content).to_bytes(8, "little") + content
+
+
+def texts(*values):
+    return b"".join(len(text).to_bytes(4, "little") + text for text in map(str.encode, values))
+
+
+def definitions(topic, number=1, kind=TEXT):
+    """A schema and a channel of the same number."""
+    own = number.to_bytes(2, "little")
+    return record(3, own + texts(*kind)) + record(4, 2 * own + texts(topic, "cdr", ""))
+
+
+def messages_of(numbers, channel=1):
+    return b"".join(
+        record(5, struct.pack("<HIQQ", channel, 0, n * STEP_NS, 0) + bytes([n])) for n in numbers
+    )
+
+
+def chunk(content, times=(0, 0), *, compression="", checksum=None):
+    checksum = zlib.crc32(content) if checksum is None else checksum
+    head = struct.pack("<QQQI", *times, len(content), checksum) + texts(compression)
+    return record(6, head + len(content).to_bytes(8, "little") + content)
+
+
+def write_records(path, *parts):
+    """An MCAP file of these records, complete but without an index."""
+    end = record(15, bytes(4)) + record(2, bytes(20)) + MAGIC
+    path.write_bytes(MAGIC + record(1, texts("ros2", "test")) + b"".join(parts) + end)
+    return path
+
+
+def heard(path):
+    """The numbers of the messages by topic, and the loss in words."""
+    file = McapFile(path)
+    found = {}
+    for _, channel, data in file.messages(file.channels):
+        found.setdefault(file.channels[channel].topic, []).append(data[0])
+    loss = file.loss()
+    file.close()
+    return found, "" if loss is None else loss.sentence()
+
+
+@pytest.mark.parametrize("chunked", [True, False])
+def test_files_that_were_joined_are_read_one_after_the_other(tmp_path, chunked):
+    path, other = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    first = write_file(path, use_chunking=chunked)
+    parts = definitions("/c") + definitions("/a", 2), messages_of([50, 51]), messages_of([52], 2)
+    write_records(other, *((chunk(b"".join(parts)),) if chunked else parts))
+    path.write_bytes(path.read_bytes() + other.read_bytes())
+    file = McapFile(path)
+    topics = {number: channel.topic for number, channel in file.channels.items()}
+    found = [(topics[channel], data) for _, channel, data in file.messages(file.channels)]
+    loss = file.loss()
+    file.close()
+    before = [("/a" if channel == 1 else "/b", data) for _, channel, data in first]
+    assert found == [*before, ("/c", bytes([50])), ("/c", bytes([51])), ("/a", bytes([52]))]
+    assert "holds 2 MCAP files, one behind the other: 43 messages" in loss.sentence()
+    assert "no message of what was written is lost" in loss.sentence()
+
+
+def test_a_whole_file_behind_one_that_is_cut_off_is_found(tmp_path):
+    path, other = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    first = write_file(path)
+    write_records(other, chunk(definitions("/c") + messages_of(range(50, 60))))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2] + other.read_bytes())
+    file = McapFile(path)
+    found = [message for message in file.messages(file.channels)]
+    loss = file.loss()
+    file.close()
+    assert [data[0] for _, _, data in found[-10:]] == list(range(50, 60))
+    assert [data for *_, data in found[:-10]] == [data for *_, data in first[: len(found) - 10]]
+    assert len(found) > 20
+    assert loss.messages >= 1
+    assert "damaged at byte" in loss.sentence()
+
+
+@pytest.mark.parametrize("rest", [bytes(4096), b"junk", b"\x89MCAP0\r\n"])
+def test_bytes_behind_the_end_are_said_and_cost_nothing(tmp_path, rest):
+    path = tmp_path / "a.mcap"
+    written = write_file(path)
+    path.write_bytes(path.read_bytes() + rest)
+    read, loss = read_all(path)
+    assert read == written
+    assert f"has {len(rest)} bytes behind its end that are not part of it" in loss.sentence()
+    assert "no message of what was written is lost" in loss.sentence()
+
+
+def test_a_file_cut_within_the_head_of_a_record_is_cut_off_and_not_damaged(tmp_path):
+    path = tmp_path / "a.mcap"
+    head = write_records(path, definitions("/a")).read_bytes().index(b"\x0f\x04")
+    whole = path.read_bytes()
+    for size, words in ((head, "has no end"), (head + 4, "is cut off"), (head + 11, "within its")):
+        path.write_bytes(whole[:size])
+        assert words in heard(path)[1], size
+    # A recorder that was killed before the first message leaves a file shorter than a footer.
+    path.write_bytes(whole[: whole.index(b"test") + 4])
+    found, loss = heard(path)
+    assert (found, "has no end, as when its recorder is killed" in loss) == ({}, True)
+
+
+def test_a_right_check_sum_counts_for_more_than_the_times_of_a_chunk(tmp_path):
+    content = definitions("/a") + messages_of(range(10))
+    path = write_records(tmp_path / "a.mcap", chunk(content))
+    assert heard(path) == ({"/a": list(range(10))}, "")
+    file = McapFile(path)
+    assert (file.start_ns, file.end_ns) == (0, 9 * STEP_NS)
+    assert [t for t, _, _ in file.messages([1], 7 * STEP_NS)] == [7 * STEP_NS, 8 * STEP_NS, 9 * STEP_NS]  # fmt: skip
+    file.close()
+    # Where nothing else shows a damage, they do.
+    found, loss = heard(write_records(path, chunk(content, checksum=0)))
+    assert found == {"/a": [0]}
+    assert "lies outside the times of its chunk" in loss
+
+
+def test_the_loss_of_a_chunk_is_estimated_from_what_it_should_hold(tmp_path):
+    parts = [chunk(definitions("/a") + messages_of(range(10)))]
+    path = write_records(
+        tmp_path / "a.mcap", *parts, chunk(messages_of(range(10, 20)), checksum=7)
+    )
+    found, loss = heard(path)
+    assert found == {"/a": list(range(10))}
+    assert "about 10 messages (" in loss
+    other = chunk(messages_of(range(10, 20)), compression="some other")
+    found, loss = heard(write_records(path, *parts, other))
+    assert found == {"/a": list(range(10))}
+    assert "the compression 'some other' is not known" in loss
+    assert "about 10 messages (" in loss
+
+
+def test_a_number_that_is_defined_again_stands_for_something_else_from_there_on(tmp_path):
+    path = tmp_path / "a.mcap"
+    other = ("std_msgs/msg/Char", "ros2msg", "uint8 data")
+    again = definitions("/b", kind=other) + messages_of([3, 4])
+    write_records(path, chunk(definitions("/a") + messages_of([1, 2])), chunk(again))
+    assert heard(path) == ({"/a": [1, 2], "/b": [3, 4]}, "")
+    file = McapFile(path)
+    kinds = {c.topic: file.schemas[c.schema_id].name for c in file.channels.values()}
+    file.close()
+    assert kinds == {"/a": TEXT[0], "/b": other[0]}
+    # The same definition again is the same channel.
+    write_records(path, *(chunk(definitions("/a") + messages_of([n])) for n in (1, 2)))
+    assert heard(path) == ({"/a": [1, 2]}, "")
+
+
+def test_a_channel_that_the_index_calls_otherwise_is_left_out_and_named(tmp_path):
+    path = tmp_path / "a.mcap"
+    write_file(path, compression=CompressionType.NONE)
+    whole = path.read_bytes()
+    place = whole.index(b"/b", whole.index(b"\x0f\x04\0\0\0\0\0\0\0"))  # in the summary
+    path.write_bytes(whole[:place] + b"/z" + whole[place + 2 :])
+    # A wrong check sum of the summary would have the file read without it.
+    path.write_bytes(path.read_bytes()[:-12] + bytes(4) + MAGIC)
+    read, loss = read_all(path)
+    assert {channel for _, channel, _ in read} == {1}
+    assert "channel 2 is /b in a chunk, /z in the index" in loss.sentence()
+    assert loss.messages == 20
+
+
+def test_times_that_no_clock_has_are_a_loss(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/a", "cdr", writer.register_schema(*TEXT[:2], b"x"))
+        writer.add_message(channel, 2**63 + 5, b"x", 0)
+        writer.finish()
+    read, loss = read_all(path)
+    assert (read, loss.messages) == ([], 1)
