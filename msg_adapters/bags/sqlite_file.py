@@ -95,6 +95,8 @@ def salvaged_copy(path: Path, folder: Path) -> Path | None:
         with closing(sqlite3.connect(name, uri=True)) as damaged:
             damaged.text_factory = bytes.decode
             damaged.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_ROW)
+            # The tables are read also where an index lies in what is missing.
+            damaged.execute("PRAGMA writable_schema=ON")
             with closing(sqlite3.connect(copy)) as database, database:
                 return copy if _copy_rows(damaged, database) else None
     except (sqlite3.Error, UnicodeError):

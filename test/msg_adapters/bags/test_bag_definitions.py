@@ -77,6 +77,11 @@ def test_a_topic_that_nobody_asked_for_does_no_harm(tmp_path, other, reason, pro
     assert (reason or "") in skipped.get("/x", "")
     with BagReader(path) as bag:
         assert "/talk" in {topic.name for topic in bag.topics()}
+        without_a_type = not other[1] and other[4] == "cdr"
+        assert (bag.skipped().get("/x") == "its messages have no type") == without_a_type
+        assert ("/x" in {topic.name for topic in bag.topics()}) == (
+            other[4] == "cdr" and not without_a_type
+        )
 
 
 @pytest.mark.parametrize(

@@ -85,3 +85,22 @@ def test_metadata_of_any_content_are_read_at_once(tmp_path):
     )
     assert (found.files, found.problem) == (["a_0.mcap"], "")
     assert found.digests == {("/x", "a/B"): ""}
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "it is empty"),
+        (bytes(300), "it is empty"),
+        (b"\xff\xfe\0x", "it is no text in UTF-8"),
+        (b"- 1\n- 2\n", "it does not describe a bag"),
+        (b"other: 1\n", "it does not describe a bag"),
+        (b"rosbag2_bagfile_information: {", "it is no YAML of plain values"),
+        (b"a: &a {b: 1}\nc: {<<: *a}\n", "it is no YAML of plain values"),
+    ],
+)
+def test_why_metadata_cannot_be_read_is_said_in_words(tmp_path, content, words):
+    (tmp_path / "metadata.yaml").write_bytes(content)
+    found = read_metadata(tmp_path)
+    assert found.problem == f"has a metadata.yaml that cannot be read ({words})"
+    assert found.files == []

@@ -95,3 +95,15 @@ def test_without_a_message_there_is_an_error(tmp_path, data):
         open_ros1(path)
     with pytest.raises(RecordingError, match=r"a\.bag cannot be read as a bag .*ROS 1"):
         numbers(path)
+
+
+def test_bytes_behind_the_index_are_said_to_be_left_out(content, tmp_path, caplog):
+    path = tmp_path / "joined.bag"
+    path.write_bytes(content + content)
+    assert numbers(path) == list(range(300))
+    assert " bytes behind its end that are not part of it: 301 messages" in caplog.text
+    assert "how much is lost is not known" in caplog.text
+    caplog.clear()
+    path.write_bytes(content + bytes(4096))  # of a file system
+    assert numbers(path) == list(range(300))
+    assert not caplog.text

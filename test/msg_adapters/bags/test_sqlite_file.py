@@ -10,6 +10,7 @@ import pytest
 from msg_adapters.bags import stored_bag
 from msg_adapters.bags.sqlite_file import files_left_beside
 from msg_adapters.bags.stored_bag import StoredBag
+from mtpgo_core.errors import RecordingError
 
 TABLES = """
 CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
@@ -113,3 +114,45 @@ def test_cells_of_another_type_are_lost_messages(left, caplog, column, value):
     said = [r.getMessage() for r in caplog.records if "without a time or" in r.getMessage()]
     assert said
     assert "2 messages lost" in said[0].replace("(0.0 s) ", "")
+
+
+@pytest.fixture(scope="module")
+def closed(tmp_path_factory):
+    """A database of 300 messages of 2 to 11 kB, and what each of them holds."""
+    path = tmp_path_factory.mktemp("closed") / "closed.db3"
+    contents = [b"\0\1\0\0" + bytes([1 + n % 255]) * (2000 + 30 * n) for n in range(300)]
+    with sqlite3.connect(path) as database:
+        database.executescript(TABLES)
+        rows = list(enumerate(contents))
+        database.executemany("INSERT INTO messages VALUES(NULL,1,?,?)", rows)
+        database.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
+    database.close()
+    return path.read_bytes(), contents
+
+
+@pytest.mark.parametrize("damage", ["cut", "zeros"])
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_what_is_left_of_a_damaged_database_is_read(closed, tmp_path, damage, share, caplog):
+    whole, contents = closed
+    path, place = tmp_path / "damaged.db3", int(share * len(whole))
+    damaged = whole[:place] + bytes(len(whole) - place if damage == "zeros" else 0)
+    path.write_bytes(damaged)
+    with StoredBag(path) as bag:
+        found = [(time_ns, bytes(data)) for _, time_ns, data in bag.messages()]
+        (loss,) = bag.losses()
+    # Later messages are longer.
+    assert 300 * share < len(found) < 300
+    assert found == list(enumerate(contents))[: len(found)]
+    assert loss.read == len(found)
+    assert f"{path} is damaged (" in caplog.text
+    assert path.read_bytes() == damaged
+    assert [file.name for file in tmp_path.iterdir()] == ["damaged.db3"]
+
+
+def test_a_database_of_something_else_is_refused_as_before(tmp_path):
+    path = tmp_path / "other.db3"
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE friends(name)")
+    database.close()
+    with pytest.raises(RecordingError, match="no such table"):
+        StoredBag(path)

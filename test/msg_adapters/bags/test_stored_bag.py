@@ -227,6 +227,46 @@ def test_compressed_messages_are_read_without_metadata(tmp_path):
     assert read(path) == (list(range(5)), [])
 
 
+@pytest.mark.parametrize(
+    "broken", [zstd.compress(data_of(2))[:-3], b"\x28\xb5\x2f\xfdnothing", "bomb"]
+)
+def test_a_compressed_message_that_is_damaged_is_a_loss_of_one(tmp_path, monkeypatch, broken):
+    if broken == "bomb":
+        monkeypatch.setattr(stored_bag, "_LARGEST_MESSAGE", 1000)
+        broken = zstd.compress(bytes(1001))
+    path = tmp_path / "bag.mcap"
+    with library_writer(path) as (writer, schema):
+        channel = writer.register_channel("/x", "cdr", schema)
+        for count in range(5):
+            data = broken if count == 2 else zstd.compress(data_of(count))
+            writer.add_message(channel, count * STEP_NS, data, 0)
+    with StoredBag(path) as bag:
+        for _ in range(2):  # read again, it is the same loss
+            assert [number(data) for _, _, data in bag.messages()] == [0, 1, 3, 4]
+        (loss,) = bag.losses()
+    assert (loss.read, loss.messages) == (4, 1)
+    assert "has messages that cannot be decompressed" in loss.sentence()
+
+
+def test_a_file_that_the_metadata_name_twice_is_read_once(tmp_path):
+    path = tmp_path / "bag"
+    write_split(path, files=1, each=5)
+    about = yaml.safe_load((path / "metadata.yaml").read_text())
+    about["rosbag2_bagfile_information"]["relative_file_paths"] *= 2
+    (path / "metadata.yaml").write_text(yaml.safe_dump(about))
+    assert read(path)[0] == list(range(5))
+
+
+def test_a_file_of_which_nothing_is_read_is_refused_in_a_sentence(tmp_path):
+    path = tmp_path / "bag.mcap"
+    with library_writer(path) as (writer, schema):
+        writer.add_message(writer.register_channel("/x", "cdr", schema), 0, data_of(1), 0)
+    content = path.read_bytes()
+    path.write_bytes(content[: content.index(b"zstd") + 20])
+    with pytest.raises(RecordingError, match=r"\.bag\): it is cut off, as when power is lost$"):
+        StoredBag(path)
+
+
 def test_splits_that_overlap_are_read_in_time(tmp_path):
     path = tmp_path / "bag"
     write_split(path, files=2, each=5)

@@ -8,7 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
+from msg_adapters.bags import stored_bag
+from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.predictions import prediction_to_pointcloud2, predictions_in_bag
 from msg_adapters.registry import INPUTS
@@ -39,6 +42,35 @@ def test_all_predictions_come_in_the_order_of_the_recording(bag, prediction):
         stamps = [one.stamp_ns - prediction.stamp_ns for one in predictions_in_bag(bag, topic)]
         assert stamps == [0, 200_000_000, 200_000_000]
     assert len(next(predictions_in_bag(str(bag)))) == 3
+
+
+def test_messages_that_cannot_be_read_are_left_out_and_counted(
+    bag, prediction, tmp_path, monkeypatch, caplog
+):
+    monkeypatch.setattr(stored_bag, "_told", set())
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as stream, DecodingBagReader(bag) as reader:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        text = reader.connections[0].msgdef.data.encode()
+        schema = writer.register_schema(TYPE, "ros2msg", text)
+        # A bridge to the web writes clouds as JSON.
+        web = writer.register_channel("/web", "json", writer.register_schema(TYPE, "", b""))
+        writer.add_message(web, 0, b"{}", 0)
+        channel = writer.register_channel("/predictor/predictions", "cdr", schema)
+        stored = [c for c in reader.connections if c.topic == "/predictor/predictions"]
+        for number, (_, time_ns, data) in enumerate(reader.stored(stored)):
+            data = bytes(data)
+            # In the second one a field has another name.
+            data = data.replace(b"weight", b"height") if number == 1 else data
+            writer.add_message(channel, time_ns, data, time_ns)
+        writer.finish()
+    stamps = [one.stamp_ns - prediction.stamp_ns for one in predictions_in_bag(path)]
+    assert stamps == [0, 200_000_000]
+    assert "1 message of the predictions left out" in caplog.text
+    assert "topic /predictor/predictions: " in caplog.text
+    with pytest.raises(RecordingError, match="on the topic /web"):
+        next(predictions_in_bag(path, "/web"))
 
 
 def test_another_topic_or_file_is_refused_in_one_sentence(bag, tmp_path):

@@ -458,3 +458,42 @@ def test_stamps_that_hardly_advance_are_remarked_on(tmp_path, caplog):
     assert len(recording) == 90
     assert "its stamps advance 1e-06 times as fast as the time at which they were" in caplog.text
     assert "a row of a road user every 1e-07 s, so that no movement" in caplog.text
+
+
+@pytest.mark.parametrize("unit", [0, 10**-9, 10**-6, 10**-3], ids=str)
+def test_stamps_that_do_not_tell_the_time_are_refused(tmp_path, unit):
+    # All the same, or seconds, milliseconds and microseconds taken for nanoseconds.
+    messages = [(i / 10, states_at(unit * i / 10)) for i in range(30)]
+    with pytest.raises(RecordingError, match=r"its 30 messages advance by .* over 2\.9 s; expec"):
+        read(tmp_path, messages)
+    # A part that is played at a hundredth of its speed, or again and again, is none of these.
+    slow = read(tmp_path, [(i * 10.0, states_at(i / 10)) for i in range(30)])
+    assert [(one.frame_rate, len(one)) for one in slow] == [(10.0, 90)]
+    assert len(read(tmp_path, [(i / 10, states_at(i % 4 / 10)) for i in range(300)])) == 1
+
+
+def test_stamps_before_1970_are_none_as_in_the_node(tmp_path):
+    messages = steady(3.0)
+    early = dataclasses.replace(states_at(1.5), stamp_ns=-5 * S_NS)
+    messages.insert(15, (1.45, early))
+    (recording,) = read(tmp_path, messages)
+    assert len(recording) == 90
+    assert recording.counts == {"unstamped": 1}
+    with pytest.raises(RecordingError, match="none of its 10 messages has a stamp"):
+        read(tmp_path, [(i / 10, early) for i in range(10)])
+    (recording,) = read(tmp_path, [(i / 10, early) for i in range(10)], LOG)
+    assert recording.start_time_ns == EPOCH_NS
+
+
+@pytest.mark.parametrize("rate", [9.90099, 23.976, 24 / 1.001, 29.97, 30 / 1.001, 3.3333])
+def test_a_rate_that_is_not_round_is_found(tmp_path, rate):
+    messages = [(i / rate, states_at(round(i / rate * 1e9) * 1e-9)) for i in range(80)]
+    stamps = [EPOCH_NS + round(i / rate * 1e9) for i in range(80)]
+    messages = [
+        (log_s, dataclasses.replace(states, stamp_ns=stamp_ns))
+        for (log_s, states), stamp_ns in zip(messages, stamps, strict=True)
+    ]
+    (recording,) = read(tmp_path, messages)
+    assert recording.frame_rate == pytest.approx(rate, rel=1e-8)
+    found = [recording.stamp_ns(int(frame)) for frame in recording.frames]
+    assert np.abs(np.subtract(found, stamps)).max() <= (0 if rate != 9.90099 else 1)
