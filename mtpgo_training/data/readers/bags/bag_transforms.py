@@ -119,9 +119,13 @@ class TransformTree:
     def is_apart(self, frame: str) -> bool:
         """Return whether the transforms tell how some frame moves, but nothing of this one.
 
-        Such a frame is that of a sensor whose mounting is missing, or a fixed frame of its own.
+        Such a frame is that of a sensor whose mounting is missing, or a fixed frame of its own, or
+        it comes back to itself in a loop.
         """
         root = frame.lstrip("/")
+        ancestors, _, is_loop = self._ancestors(root)
+        if is_loop and not set(FIXED_FRAMES) & set(ancestors):
+            return True
         passed = {root}
         while root in self._edges and self._edges[root].static:
             root = self._edges[root].parent
@@ -136,23 +140,31 @@ class TransformTree:
         """Return a fixed frame and the poses of a frame in it; None if the frame does not move.
 
         The fixed frame is the first of :data:`FIXED_FRAMES` among the frame's ancestors, else the
-        last ancestor. A frame that has one of these names, or that only static transforms lead
-        away from, is fixed itself.
+        last ancestor; in a loop there is none. A frame that has one of these names, or that only
+        static transforms lead away from, is fixed itself.
         """
         frame = frame.lstrip("/")
-        chain: list[_Edge] = []
-        ancestors = [frame]
-        while ancestors[-1] in self._edges:
-            edge = self._edges[ancestors[-1]]
-            if edge.parent in ancestors:  # a loop leads nowhere
-                break
-            chain.append(edge)
-            ancestors.append(edge.parent)
+        ancestors, chain, is_loop = self._ancestors(frame)
         if frame in FIXED_FRAMES or all(edge.static for edge in chain):
             return None
-        fixed = next((name for name in FIXED_FRAMES if name in ancestors), ancestors[-1])
+        fixed = next((name for name in FIXED_FRAMES if name in ancestors), "")
+        if not fixed and is_loop:
+            return None
+        fixed = fixed or ancestors[-1]
         chain = chain[: ancestors.index(fixed)]
         return fixed, _composed(chain)
+
+    def _ancestors(self, frame: str) -> tuple[list[str], list[_Edge], bool]:
+        """Return a frame with its ancestors, the edges between them, and if they are a loop."""
+        ancestors: list[str] = [frame]
+        chain: list[_Edge] = []
+        while ancestors[-1] in self._edges:
+            edge = self._edges[ancestors[-1]]
+            if edge.parent in ancestors:
+                return ancestors, chain, True
+            chain.append(edge)
+            ancestors.append(edge.parent)
+        return ancestors, chain, False
 
 
 def _trust(edge: _Edge) -> tuple[bool, int]:

@@ -111,7 +111,13 @@ def test_no_pose_is_invented_before_after_or_in_a_loop():
         with pytest.raises(FrameError, match=r"0\.100 s away"):
             at(poses, time_s)
     loop = tree(transform("a", "b", 0.0), transform("b", "a", 0.0), transform("a", "b", 1.0))
-    assert loop.poses("b")[0] == "a"
+    assert loop.poses("b") is None
+    assert loop.is_apart("b")
+    above = tree(
+        transform("odom", "b", 0.0), transform("c", "odom", 0.0), transform("odom", "c", 0.0)
+    )
+    assert above.poses("b")[0] == "odom"
+    assert not above.is_apart("b")
     odd = [
         transform("odom", "base_link", 0.0, (math.nan, 0.0, 0.0)),
         transform("odom", "base_link", 0.0, rotation=(0.0, 0.0, 0.0, 0.0)),
