@@ -492,7 +492,7 @@ class McapFile:
             self._note_loss(chunk, content)
         data = content.data
         if not content.problem:
-            self._mean = (len(content.messages), content.message_bytes)
+            self._mean = (len(content.messages), content.used)
         found = [
             message
             for message in content.numbered(chunk.numbers)
