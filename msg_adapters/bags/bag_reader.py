@@ -126,12 +126,15 @@ class BagReader:
         """Return the topics with messages that cannot be played, and why."""
         found: dict[str, str] = {}
         types: dict[str, str] = {}
+        played = {c.topic for c in self._filled() if encoding_of(c) == "cdr"}
         for connection in self._filled():
             encoding = encoding_of(connection)
             if encoding != "cdr" or not connection.msgtype:
                 reason = f"its messages are encoded as {encoding!r}, expected 'cdr'"
                 if encoding == "cdr":
                     reason = obstacle(connection)
+                elif connection.topic in played:
+                    reason = f"its {connection.msgcount} messages in {encoding!r} are left out"
                 found.setdefault(connection.topic, reason)
             elif types.setdefault(connection.topic, connection.msgtype) != connection.msgtype:
                 found[connection.topic] = (

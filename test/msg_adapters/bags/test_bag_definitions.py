@@ -46,6 +46,13 @@ def write(path, *channels, profile="ros2"):
 TALK = ("/talk", TEXT, "ros2msg", "string data", "cdr", HELLO)
 
 
+def test_messages_of_another_encoding_on_a_topic_are_left_out_and_counted(tmp_path):
+    other = ("/talk", TEXT, "jsonschema", "{}", "json", b"{}")
+    with BagReader(write(tmp_path / "bag.mcap", other, TALK)) as bag:
+        assert [(topic.name, topic.count) for topic in bag.topics()] == [("/talk", 1)]
+        assert bag.skipped() == {"/talk": "its 1 messages in 'json' are left out"}
+
+
 def heard(path, topic="/talk"):
     with DecodingBagReader(path) as bag:
         found = [m for _, _, m in bag.messages([c for c in bag.connections if c.topic == topic])]
