@@ -175,9 +175,9 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
         and not piece_reader.moved_s
     ):
         raise RecordingError(
-            f"{path}, topic {topic.name}: its {piece_reader.used} messages all have the same stamp,"
-            f" while they were recorded over {piece_reader.recorded_s:.1f} s; expected the time of"
-            " the observation in seconds and nanoseconds"
+            f"{path}, topic {topic.name}: its {piece_reader.used} messages all have the same"
+            f" stamp, while they were recorded over {piece_reader.recorded_s:.1f} s; expected the"
+            " time of the observation in seconds and nanoseconds"
         )
     last = recordings[-1]
     recordings[-1] = dataclasses.replace(last, counts=dict(Counter(last.counts) + counts))

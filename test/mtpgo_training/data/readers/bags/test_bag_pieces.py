@@ -460,15 +460,14 @@ def test_stamps_that_hardly_advance_are_remarked_on(tmp_path, caplog):
     assert "a row of a road user every 1e-07 s, so that no movement" in caplog.text
 
 
-@pytest.mark.parametrize("unit", [0, 10**-9, 10**-6, 10**-3], ids=str)
-def test_stamps_that_do_not_tell_the_time_are_refused(tmp_path, unit):
-    # All the same, or seconds, milliseconds and microseconds taken for nanoseconds.
-    messages = [(i / 10, states_at(unit * i / 10)) for i in range(30)]
-    with pytest.raises(RecordingError, match=r"its 30 messages advance by .* over 2\.9 s; expec"):
+def test_messages_that_all_have_the_same_stamp_are_refused(tmp_path):
+    messages = [(i / 10, states_at(0.0)) for i in range(30)]
+    with pytest.raises(
+        RecordingError, match=r"its 30 messages all have the same stamp, .* 2\.9 s"
+    ):
         read(tmp_path, messages)
-    # A part that is played at a hundredth of its speed, or again and again, is none of these.
-    slow = read(tmp_path, [(i * 10.0, states_at(i / 10)) for i in range(30)])
-    assert [(one.frame_rate, len(one)) for one in slow] == [(10.0, 90)]
+    # A few may be a message that was sent again, and many a short part played in a loop.
+    assert len(read(tmp_path, messages[:2])) == 1
     assert len(read(tmp_path, [(i / 10, states_at(i % 4 / 10)) for i in range(300)])) == 1
 
 
