@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import json
 import os
@@ -38,23 +39,42 @@ def replacing(path: Path) -> Iterator[Path]:
 def new_folder(path: Path) -> Iterator[Path]:
     """Yield a temporary folder that becomes ``path`` if the block ends without an exception.
 
+    An empty folder that is there stays, and its files come into it: it may be the working
+    directory, or a mounted one.
+
     Raises:
         ConfigurationError: it cannot be made, or ``path`` exists and is not an empty folder.
     """
     path = Path(os.path.realpath(path))  # a link to an empty folder stays one
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+        place = path if path.is_dir() else path.parent
+        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=place))
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be written: {reason_of(error)}") from error
     try:
         yield temporary
-        temporary.chmod(0o777 & ~_umask())
-        os.rename(temporary, path)
+        if place == path:
+            _fill(path, temporary)
+        else:
+            temporary.chmod(0o777 & ~_umask())
+            os.rename(temporary, path)
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be written: {reason_of(error)}") from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _fill(path: Path, temporary: Path) -> None:
+    """Move the files of a temporary folder within a folder into that, if it has no others.
+
+    Raises:
+        OSError: it has, or they cannot be moved.
+    """
+    if any(entry != temporary for entry in path.iterdir()):
+        raise OSError(errno.ENOTEMPTY, os.strerror(errno.ENOTEMPTY))
+    for entry in sorted(temporary.iterdir()):
+        os.rename(entry, path / entry.name)
 
 
 def is_new(path: Path) -> bool:

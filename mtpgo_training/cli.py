@@ -129,13 +129,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"mtpgo: {missing_module(error, command)}", file=sys.stderr)
         return 2
     except OSError as error:
-        where = f"{error.filename}: " if error.filename is not None else ""
-        print(f"mtpgo: {where}{reason_of(error)}", file=sys.stderr)
+        print(f"mtpgo: {_where(error)}{reason_of(error)}", file=sys.stderr)
         _drop_output()
         return 2
     except KeyboardInterrupt:
         print("mtpgo: interrupted", file=sys.stderr)
         return 130
+
+
+def _where(error: OSError) -> str:
+    """Return the beginning of a sentence about an error, empty where it does not say what of."""
+    if error.filename is not None:
+        return f"{error.filename}: "
+    try:
+        os.getcwd()
+    except OSError:  # relative paths lead nowhere
+        return "the working directory cannot be used: "
+    return ""
 
 
 def _drop_output() -> None:

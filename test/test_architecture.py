@@ -99,6 +99,7 @@ ROOMS = {
     ),
     "mtpgo_core": (
         "",
+        "processes",
         "displays",
         "task",
         "history",

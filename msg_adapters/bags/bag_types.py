@@ -71,7 +71,7 @@ def _installed_definition(message_type: str) -> dict[str, Any]:
         from ament_index_python.packages import get_package_share_directory
 
         file = Path(get_package_share_directory(package)) / "msg" / f"{short}.msg"
-        return dict(get_types_from_msg(file.read_text(), message_type))
+        return dict(get_types_from_msg(file.read_text(encoding="utf-8"), message_type))
     except (ImportError, LookupError, OSError, ValueError) as error:
         raise RecordingError(
             f"message type {message_type} cannot be recorded: its definition {short}.msg is not"

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from mtpgo_core.errors import MtpgoError
+from mtpgo_core.processes.parent_process import end_with_parent
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
     Interrupted,
@@ -17,7 +18,7 @@ from mtpgo_ros.runtime.executable import (
     interruptible,
     leave,
 )
-from mtpgo_ros.runtime.supervision import ServiceNotifier, end_with_parent
+from mtpgo_ros.runtime.supervision import ServiceNotifier
 
 
 def run_executable(

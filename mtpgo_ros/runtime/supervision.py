@@ -1,13 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the process tells its supervisor, and how it ends with it. No ROS in here."""
+"""What the process tells its supervisor. No ROS in here."""
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
-import signal
 import socket
 import threading
 import time
@@ -16,8 +14,6 @@ from collections.abc import Iterator
 LONGEST_STEP_S = 180.0
 """A step of the executor counts as alive for at most this time (s); chosen: a model file is tried
 for two minutes at most, and then loaded."""
-
-_SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of linux/prctl.h
 
 
 class ServiceNotifier:
@@ -96,14 +92,3 @@ class ServiceNotifier:
             socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender,
         ):
             sender.sendto(message.encode(), socket.MSG_DONTWAIT, self._address)
-
-
-def end_with_parent() -> None:
-    """Receive SIGTERM when the parent process ends, however it ends.
-
-    ``ros2 launch`` leaves its processes running when it is ended by SIGTERM or SIGKILL.
-    """
-    parent = os.getppid()
-    ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGTERM)
-    if os.getppid() != parent or parent == 1:  # It has ended before the call.
-        os.kill(os.getpid(), signal.SIGTERM)

@@ -98,10 +98,15 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.export.exporter import describe, export_model, load_model
     from mtpgo_training.export.model_calibration import check_coverage, own_calibration
-    from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
+    from mtpgo_training.export.shipped_checkpoint import (
+        foreign_checkpoint,
+        require_pair,
+        write_shipped_checkpoint,
+    )
     from mtpgo_training.training.run_folder import load_checkpoint
 
     load_checkpoint(base_path)  # its errors, before the recordings are read
+    require_pair(args.model, base_path)
     given = {
         "minutes": args.minutes,
         "epochs": args.epochs,
@@ -138,6 +143,9 @@ def run(args: argparse.Namespace) -> int:
     task = export_model(load_model(checkpoint), task, args.output)
     if args.checkpoint is not None:
         write_shipped_checkpoint(checkpoint, task, args.checkpoint)
+    foreign = foreign_checkpoint(args.output, task)
+    if foreign:
+        print(f"mtpgo: warning: {foreign}", file=sys.stderr)
     say(report_text(adaptation, (time.monotonic() - started_s) / 60.0))
     written = [str(path) for path in (args.output, args.checkpoint) if path is not None]
     say(f"written    {', '.join(written)}")

@@ -18,6 +18,7 @@ from mtpgo_training.commands.arguments.early_checks import (
 )
 from mtpgo_training.data.bag_conversion import JOIN_GAP_S, convert, copy_bag, selected
 from mtpgo_training.data.data_sources import named_recordings
+from mtpgo_training.data.recording import require_span
 from mtpgo_training.data.recording_bag import DEFAULT_KIND
 
 
@@ -77,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo convert``."""
     if args.raw:
         return _copy(args)
+    require_span(args.start, args.end)
     sources = data_sources(args.data_options)
     require_makeable(args.output)
     jobs = require_sources(sources)

@@ -73,7 +73,10 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.calibration.calibration_samples import load_samples
     from mtpgo_training.export.exporter import export_runs
     from mtpgo_training.export.model_info import model_text
-    from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
+    from mtpgo_training.export.shipped_checkpoint import (
+        foreign_checkpoint,
+        write_shipped_checkpoint,
+    )
     from mtpgo_training.table_format import to_text
 
     given = (*args.checkpoint, *(args.calibration or ()))
@@ -108,6 +111,9 @@ def run(args: argparse.Namespace) -> int:
     if args.shipped_checkpoint is not None:
         write_shipped_checkpoint(exported.run.checkpoint, exported.task, args.shipped_checkpoint)
         written.append(args.shipped_checkpoint)
+    foreign = foreign_checkpoint(args.output, exported.task)
+    if foreign:
+        print(f"mtpgo: warning: {foreign}", file=sys.stderr)
     for path in written:
         print(f"written    {path}, {path.stat().st_size / 1e6:.2f} MB")
     return 0

@@ -128,6 +128,10 @@ def run(args: argparse.Namespace) -> int:
     cache = cache_from(args)
     require_sources(sources)
     require_training_modules()
+    if init_from is not None:
+        from mtpgo_training.export.shipped_checkpoint import require_pair
+
+        require_pair(args.init_from, init_from)
     if is_sweep(args):
         from mtpgo_training.commands.sweep.sweep_command import run_sweep
 

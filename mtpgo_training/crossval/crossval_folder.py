@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import read_json, write_text
+from mtpgo_training.atomic_files import new_folder, read_json, write_text
 from mtpgo_training.calibration.calibration_report import calibration_table, leave_one_site_out
 from mtpgo_training.calibration.calibration_samples import (
     SAMPLES_FILE,
@@ -28,7 +28,7 @@ from mtpgo_training.calibration.calibration_samples import (
 from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
 from mtpgo_training.crossval.planned_training import (
     PlannedFiles,
-    require_new_folder,
+    require_folder_of,
     require_same_facts,
 )
 from mtpgo_training.crossval.site_folds import Fold
@@ -118,8 +118,7 @@ class CrossvalFolder:
         Raises:
             ConfigurationError: there is something else in it.
         """
-        if not self.holds_one:
-            require_new_folder(self.path, "cross-validation")
+        require_folder_of(self._facts, "cross-validation")
 
     def start(
         self,
@@ -156,12 +155,13 @@ class CrossvalFolder:
             "sites": {s.name: list(s.recordings) for fold in folds for s in fold.sites},
             "recordings": {item.name: item.recording.sha256 for item in recordings},
         }
+        self.require_usable()
         if self.holds_one:
             self._check_same(config, facts)
             return
-        require_new_folder(self.path, "cross-validation")
-        write_text(self._config, dump_config(config))
-        write_text(self._facts, _json({**facts, "versions": versions()}))
+        with new_folder(self.path) as folder:  # what is killed in between could not be continued
+            write_text(folder / self._config.name, dump_config(config))
+            write_text(folder / self._facts.name, _json({**facts, "versions": versions()}))
 
     def _check_same(self, config: TrainingConfig, facts: Json) -> None:
         stored = load_config(self._config)

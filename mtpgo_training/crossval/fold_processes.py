@@ -1,9 +1,13 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Folds in processes of their own, some at the same time, ended by one interrupt."""
+"""Folds in processes of their own, some at the same time, ended by one interrupt.
+
+They also end, after a step of their training, when the process that started them is killed.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import pickle
@@ -18,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from mtpgo_core.errors import MtpgoError
+from mtpgo_core.processes.parent_process import end_with_parent
 from mtpgo_training.atomic_files import only_writer
 
 # This module loads no torch: a new process is ready to be interrupted as soon as it has loaded it.
@@ -161,6 +166,8 @@ def _fold_process(job: bytes, folder: Path, sender: Connection) -> None:
     outcome: object = None
     try:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        parent = multiprocessing.parent_process()
+        end_with_parent(signal.SIGINT, None if parent is None else parent.pid)
         sender.send("ready")
         with only_writer(folder):
             outcome = pickle.loads(job).run()
@@ -168,7 +175,8 @@ def _fold_process(job: bytes, folder: Path, sender: Connection) -> None:
         outcome = False
     except MtpgoError as error:
         outcome = error
-    sender.send(outcome)
+    with contextlib.suppress(BrokenPipeError):  # the parent process was killed
+        sender.send(outcome)
     sender.close()
 
 

@@ -119,19 +119,27 @@ def write_training(
     write_text(files.training, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-def require_new_folder(path: Path, kind: str) -> None:
-    """Check that nothing is in the way of a new folder of trainings.
+def require_folder_of(facts: Path, kind: str) -> None:
+    """Check that a folder is new or has trainings of a kind in it.
+
+    Other processes may begin with the same trainings at this moment, as the tasks of a job array
+    do: what one of them is about to write is nothing else.
 
     Args:
-        path: the folder.
-        kind: what it is to hold, such as ``study``.
+        facts: the file in the folder that says what is trained, the first that is written.
+        kind: what the folder is to hold, such as ``study``.
 
     Raises:
         ConfigurationError: there is something else.
     """
-    if not is_new(path):
+    folder = facts.parent
+    others = not is_new(folder) and (
+        not folder.is_dir()
+        or any(not entry.name.startswith(f".{facts.name}.") for entry in folder.iterdir())
+    )
+    if others and not facts.is_file():  # in this order: the file is there before any other
         raise ConfigurationError(
-            f"--out is {path}, which holds no {kind}, expected a new folder or one to continue"
+            f"--out is {folder}, which holds no {kind}, expected a new folder or one to continue"
         )
 
 
@@ -147,8 +155,8 @@ def keep_facts(path: Path, facts: Json, kind: str, long: Collection[str]) -> Non
     Raises:
         ConfigurationError: something differs, or the folder has something else in it.
     """
+    require_folder_of(path, kind)
     if not path.is_file():
-        require_new_folder(path.parent, kind)
         write_text(path, json.dumps({**facts, "versions": versions()}, indent=2) + "\n")
         return
     before = read_json(path, f"what determines the results of a {kind}")

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.history.track_index import SortKeyArray, find_sort_keys, sort_keys
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import (
@@ -190,3 +191,21 @@ class Recording:
         farthest = np.zeros(self.track_id.shape[0])
         np.maximum.at(farthest, self.track, away)
         return self.select_rows((farthest >= moved_m)[self.track])
+
+
+def require_span(start_s: float | None, end_s: float | None) -> None:
+    """Check ``--start`` and ``--end`` of a part of a recording.
+
+    Args:
+        start_s: begin (s), None for that of the recording.
+        end_s: end (s), None for that of the recording.
+
+    Raises:
+        ConfigurationError: the begin is not 0 or later, or the end not later than the begin.
+    """
+    if start_s is not None and not start_s >= 0.0:
+        raise ConfigurationError(f"--start is {start_s}, expected at least 0 s")
+    if end_s is not None and not end_s > (start_s or 0.0):
+        raise ConfigurationError(
+            f"--end is {end_s}, expected more than the start, {start_s or 0.0:g} s"
+        )

@@ -142,7 +142,7 @@ def _read_or_none(path: Path, *, warn: bool = False) -> Columns | None:
         return None
     try:
         return _read(path)
-    except (DamagedEntryError, OSError, ValueError, KeyError, TypeError) as error:
+    except Exception as error:  # numpy and json raise many things on damaged bytes
         if warn:
             _log.warning(
                 "mtpgo: the cache entry %s is damaged and computed again (%s)", path, error
@@ -153,6 +153,8 @@ def _read_or_none(path: Path, *, warn: bool = False) -> Columns | None:
 def _read(path: Path) -> Columns:
     sums = json.loads((path / _INDEX).read_text())["columns"]
     columns: Columns = {}
+    if {file.stem for file in path.glob("*.npy")} != set(sums):
+        raise DamagedEntryError(f"{_INDEX} does not name the columns that are there")
     for name, expected in sums.items():
         file = path / f"{name}.npy"
         column = np.load(file, mmap_mode="r", allow_pickle=False)

@@ -107,6 +107,8 @@ def export_runs(
         MtpgoError: a checkpoint is unusable, the ellipses are, or the file cannot be written.
     """
     best, candidates = select_run(paths)
+    # First: what follows relies on a checkpoint whose network can be built.
+    model = load_model(best.checkpoint, calibrated=calibrated and samples is None)
     described = describe(best.checkpoint, name)
     if site is not None:
         require(
@@ -133,7 +135,6 @@ def export_runs(
     if len(candidates) > 1:
         scores = [{"seed": c.seed, "validation_ade_m": c.ade_m} for c in candidates]
         task = dataclasses.replace(task, training={**task.training, "chosen_from": scores})
-    model = load_model(best.checkpoint, calibrated=calibrated and samples is None)
     task = export_model(model, task, output)
     return Export(task, best, candidates, [warning] if warning else [], table)
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import TracebackType
 
 from mtpgo_core.errors import ConfigurationError, MtpgoError
+from mtpgo_core.processes.parent_process import ending_with_this_process
 
 READY_S = 120.0
 """Longest wait for a process to become ready (s). Chosen: on a busy machine a cold
@@ -57,7 +58,8 @@ def isolated() -> dict[str, str]:
 class ChildProcess:
     """One executable of ``mtpgo_ros``, run by the same interpreter.
 
-    As a context manager it stops the process at the end, or kills it after an exception.
+    As a context manager it stops the process at the end, or kills it after an exception. It also
+    ends when this process is killed.
 
     Args:
         name: module within ``mtpgo_ros``.
@@ -87,7 +89,7 @@ class ChildProcess:
         self._stop_timeout_s = stop_timeout_s
         # The same interpreter: the ROS wheels set an environment variable by which a child with
         # another interpreter would load this interpreter's libraries.
-        command = [sys.executable, "-m", f"mtpgo_ros.{name}", *arguments]
+        command = ending_with_this_process([sys.executable, "-m", f"mtpgo_ros.{name}", *arguments])
         log.parent.mkdir(parents=True, exist_ok=True)
         self.started_ns = time.monotonic_ns()
         with log.open("wb") as output:

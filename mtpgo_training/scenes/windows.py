@@ -243,7 +243,8 @@ def frames_every(recording: Recording, stride_s: float) -> IntArray:
     frames = recording.frames
     if not len(frames):
         return frames
-    stride = max(1, round(stride_s * recording.frame_rate))
+    longest = float(frames[-1] - frames[0] + 1)  # from there on only the first frame is left
+    stride = max(1, round(min(stride_s * recording.frame_rate, longest)))
     wanted = np.arange(frames[0], frames[-1] + 1, stride)
     after = np.clip(np.searchsorted(frames, wanted), 1, max(1, len(frames) - 1))
     after = np.minimum(after, len(frames) - 1)

@@ -48,6 +48,9 @@ def make_recording(
     Raises:
         SimulationError: no vehicle was in view.
     """
+    none = SimulationError("no vehicle came into view, expected a longer recording")
+    if not len(seen.vehicle):
+        raise none
     kinds = {kind.name: kind for kind in types}
     own = [kinds[type_name] for type_name in seen.types]
     size = np.array([[kind.length, kind.width] for kind in own])
@@ -56,9 +59,11 @@ def make_recording(
     moved = centre_motion(seen, size[:, 0], frame_rate, motions, config.seed)
     vehicle, step = seen.vehicle[moved.rows], seen.step[moved.rows]
     filmed = (step >= 0) & (step < round(config.seconds * frame_rate))
-    rows = np.flatnonzero(filmed & in_view(moved.position, size[vehicle]))
+    if len(filmed):  # the size of the largest vehicle counts, and there may be none
+        filmed &= in_view(moved.position, size[vehicle])
+    rows = np.flatnonzero(filmed)
     if not len(rows):
-        raise SimulationError("no vehicle came into view, expected a longer recording")
+        raise none
     vehicle, frame = vehicle[rows], step[rows] + first_number
     first = np.full(len(own), np.iinfo(np.int64).max)
     np.minimum.at(first, vehicle, frame)

@@ -17,6 +17,13 @@ SITE_NAMES = (
 TRAFFIC_STATES = ("free", "dense", "congested", "stop-and-go")
 """Traffic states of a highway, from empty to full."""
 
+LARGEST_FRAME_RATE = 1000.0
+"""Most frames per second (Hz): the shortest step of SUMO is a millisecond."""
+
+LARGEST_DEMAND = 1e5
+"""Largest demand (vehicles/h); chosen: more than any road carries, and not more than fits into the
+memory."""
+
 
 @dataclass(frozen=True)
 class SimulationConfig:
@@ -37,8 +44,8 @@ class SimulationConfig:
 
     seconds: float = 60.0
     seed: int = option(1, low=0, high=LARGEST_SEED)
-    frame_rate: float = 25.0
-    vehicles_per_hour: float | None = None
+    frame_rate: float = option(25.0, low=1.0, high=LARGEST_FRAME_RATE)
+    vehicles_per_hour: float | None = option(None, above=0.0, high=LARGEST_DEMAND)
     lanes: int | None = None
     truck_share: float | None = None
     warm_up_s: float = 120.0
@@ -57,7 +64,7 @@ class VariedConfig(SimulationConfig):
     smoothed over 0.35 s and more, so that the steps do not show.
     """
 
-    frame_rate: float = 10.0
+    frame_rate: float = option(10.0, low=1.0, high=LARGEST_FRAME_RATE)
     warm_up_s: float = 75.0
     max_step_s: float = 0.1
     lateral_resolution_m: float = 0.8

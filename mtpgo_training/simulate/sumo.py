@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 
 from mtpgo_core.errors import MtpgoError
+from mtpgo_core.processes.parent_process import ending_with_this_process
 from mtpgo_core.schema import Float64Array
 from mtpgo_training.simulate.motion_config import MotionConfig
 from mtpgo_training.simulate.network_lanes import network_lanes
@@ -199,7 +200,8 @@ def _simulate(
     folder: Path, config: SimulationConfig, observed_edges: Sequence[str]
 ) -> FloatingCarData:
     observed = folder / "observed.txt"
-    observed.write_text("".join(f"edge:{edge}\n" for edge in observed_edges))
+    lines = "".join(f"edge:{edge}\n" for edge in observed_edges)
+    observed.write_text(lines, encoding="utf-8")
     arguments = (
         *("--net-file", folder / "road.net.xml"),
         *("--route-files", folder / "traffic.rou.xml"),
@@ -269,7 +271,7 @@ def _load(path: Path, start_s: float, frame_rate: float, step_s: float) -> Float
 
 
 def _write_xml(path: Path, root: str, elements: Iterable[str]) -> None:
-    path.write_text("\n".join([f"<{root}>", *elements, f"</{root}>"]) + "\n")
+    path.write_text("\n".join([f"<{root}>", *elements, f"</{root}>"]) + "\n", encoding="utf-8")
 
 
 def _run(name: str, *arguments: str | Path) -> None:
@@ -277,7 +279,7 @@ def _run(name: str, *arguments: str | Path) -> None:
     environment = dict(os.environ)
     environment.setdefault("SUMO_HOME", str(executable.parent.parent))
     done = subprocess.run(
-        [str(executable), *map(str, arguments), "--xml-validation", "never"],
+        ending_with_this_process([executable, *arguments, "--xml-validation", "never"]),
         capture_output=True,
         text=True,
         env=environment,

@@ -17,7 +17,7 @@ from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import write_text
-from mtpgo_training.crossval.planned_training import keep_facts, require_new_folder
+from mtpgo_training.crossval.planned_training import keep_facts, require_folder_of
 from mtpgo_training.data.splits import USES
 from mtpgo_training.study.study_data import StudyData
 from mtpgo_training.study.study_run import RunFiles
@@ -57,8 +57,7 @@ class StudyFolder:
         Raises:
             ConfigurationError: there is something else in it.
         """
-        if not self._facts.is_file():
-            require_new_folder(self.path, "study")
+        require_folder_of(self._facts, "study")
 
     def start(
         self,

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mtpgo_training.crossval.planned_training import keep_facts, require_new_folder
+from mtpgo_training.crossval.planned_training import keep_facts, require_folder_of
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.study.study_run import RunFiles
 from mtpgo_training.sweep.sweep_run import SweepOptions
@@ -44,8 +44,7 @@ class SweepFolder:
         Raises:
             ConfigurationError: there is something else in it.
         """
-        if not self._facts.is_file():
-            require_new_folder(self.path, "sweep")
+        require_folder_of(self._facts, "sweep")
 
     def start(self, options: SweepOptions, recordings: Sequence[NamedRecording]) -> None:
         """Write what determines the results, or check that it is the same as before.

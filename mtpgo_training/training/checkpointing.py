@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from torch.optim import Optimizer
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import from_dict
@@ -14,6 +16,9 @@ from mtpgo_training.training.networks import MTP_GO
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder
 from mtpgo_training.training.run_state import Row, RunState, TrainingRun
 from mtpgo_training.training.training_config import TrainingConfig
+
+if TYPE_CHECKING:  # Fabric takes seconds to load
+    from lightning_fabric.plugins import Precision
 
 
 def save_checkpoint(
@@ -101,11 +106,39 @@ def resume_from(run: TrainingRun, checkpoint: Checkpoint, path: Path) -> None:
     try:
         run.model.load_state_dict(checkpoint["model"])
         run.average.load_state_dict(checkpoint["average"])
-        run.state = RunState(**checkpoint["state"])
-    except (KeyError, TypeError, RuntimeError) as error:
+        run.state = from_dict(RunState, checkpoint["state"], "state")
+    except (KeyError, TypeError, RuntimeError, ConfigurationError) as error:
         raise ConfigurationError(
             f"{path} does not fit the configured network or this version's trainer: "
             f"{_short(error)}"
+        ) from error
+
+
+def restore_optimiser(
+    optimiser: Optimizer, precision: Precision, checkpoint: Checkpoint, path: Path
+) -> None:
+    """Restore the optimiser and what belongs to the precision from ``last.pt``.
+
+    Args:
+        optimiser: a new one of the same parameters.
+        precision: of the run, with its gradient scaler if there is one.
+        checkpoint: content of ``path``.
+        path: for the error.
+
+    Raises:
+        ConfigurationError: the checkpoint has no such state, or that of other parameters.
+    """
+    try:
+        optimiser.load_state_dict(checkpoint["optimiser"])
+        precision.load_state_dict(checkpoint["precision"])
+        for parameter, state in optimiser.state.items():
+            for name in ("exp_avg", "exp_avg_sq"):
+                if state[name].shape != parameter.shape:
+                    raise ValueError(f"{name} is of another parameter")
+            float(state["step"])
+    except (KeyError, TypeError, ValueError, AttributeError, RuntimeError) as error:
+        raise ConfigurationError(
+            f"{path} does not fit the optimiser of the run: {_short(error)}"
         ) from error
 
 

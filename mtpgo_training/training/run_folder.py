@@ -33,6 +33,7 @@ from mtpgo_training.run_files import (
     LOG_FILE,
     SAMPLES_FILE,
 )
+from mtpgo_training.training.checkpoints.checkpoint_content import check_content
 from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
 
 CHECKPOINT_FORMAT = 1
@@ -206,7 +207,8 @@ def load_checkpoint(path: Path) -> Checkpoint:
     """Load a checkpoint, or the best one of a run folder.
 
     Raises:
-        ConfigurationError: it cannot be read or is not a checkpoint of this format.
+        ConfigurationError: it cannot be read, is not a checkpoint of this format, or has not the
+            content of one.
     """
     if path.is_dir():
         path = path / BEST_FILE
@@ -231,6 +233,10 @@ def load_checkpoint(path: Path) -> Checkpoint:
         raise ConfigurationError(
             f"{path} is no checkpoint of `mtpgo train`, expected format {CHECKPOINT_FORMAT}"
         )
+    check_content(
+        checkpoint,
+        lambda reason: ConfigurationError(f"{path} is no usable checkpoint: it {reason}"),
+    )
     return checkpoint
 
 

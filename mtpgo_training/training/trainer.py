@@ -35,6 +35,7 @@ from mtpgo_training.training.loop.device_setup import (
     require_shares,
     torch_threads,
 )
+from mtpgo_training.training.loop.trained_effect import require_effect
 from mtpgo_training.training.loop.trained_parts import train_only
 from mtpgo_training.training.loop.training_loop import TrainingLoop
 from mtpgo_training.training.networks import build_network, weights_hash
@@ -137,6 +138,7 @@ def train(
     if not (checkpoint or initial):
         _fit_statistics(run, scenes)
     require_shares(fabric.world_size, config, len(scenes.training))
+    require_effect(run, scenes.training)
     range_test: RangeTest | None = None
     if find_rate and not resume:
         range_test = _range_test(run, scenes, fabric)
@@ -200,8 +202,9 @@ def require_startable(
         init_from: checkpoint whose weights to start from.
 
     Raises:
-        ConfigurationError: network, folder or checkpoint cannot be used.
+        ConfigurationError: network, devices, folder or checkpoint cannot be used.
     """
+    fabric_for(config)
     if resume:
         folder.require_run()
     elif is_first_process():

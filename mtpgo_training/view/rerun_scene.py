@@ -31,17 +31,20 @@ _TIMELINE = "time"
 
 
 class RerunScene:
-    """Logs what is seen to a viewer or a file.
+    """Logs what is seen, to a new viewer or to be written to a file.
+
+    Rerun does not write the file itself: its calls never return once its writer has met a full
+    disk.
 
     Args:
         name: of the bag or topic.
-        path: file to write, None to open a viewer.
+        viewer: open a viewer.
 
     Raises:
         ConfigurationError: the viewer cannot be started.
     """
 
-    def __init__(self, name: str, path: Path | None) -> None:
+    def __init__(self, name: str, *, viewer: bool) -> None:
         self._stream = rr.RecordingStream(f"{APPLICATION}: {name}")
         self._origin: Float64Array | None = None
         blueprint = rrb.Blueprint(
@@ -51,8 +54,10 @@ class RerunScene:
                 row_shares=[4, 1],
             )
         )
-        if path is not None:
-            self._stream.save(str(path), default_blueprint=blueprint)
+        self._encoded: rr.BinaryStream | None = None
+        if not viewer:
+            self._encoded = rr.binary_stream(self._stream)
+            self._stream.send_blueprint(blueprint)
         else:
             try:
                 self._stream.spawn(default_blueprint=blueprint)
@@ -62,14 +67,18 @@ class RerunScene:
                 ) from error
         self._stream.log("scene", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
-    def close(self) -> None:
-        """Send or write what is left.
+    def close(self) -> bytes:
+        """Send what is left; return the content of the file, nothing with a viewer.
 
         Raises:
-            ConfigurationError: not all of it could be written or sent.
+            ConfigurationError: not all of it could be encoded or sent.
         """
         try:
-            self._stream.flush()
+            if self._encoded is None:
+                self._stream.flush()
+                return b""
+            # At once: every read ends with an index of its own, and a file has one.
+            return self._encoded.read() or b""
         except (RuntimeError, ValueError) as error:
             raise ConfigurationError(
                 f"rerun could not write, or send to its viewer, what is shown: {error}"
@@ -179,13 +188,15 @@ def log_scene(scene: ViewScene, path: Path | None) -> None:
         ConfigurationError: the file cannot be written, or the viewer not started.
     """
     if path is None:
-        _log(scene, RerunScene(scene.name, None))
+        _logged(scene, RerunScene(scene.name, viewer=True))
         return
+    content = _logged(scene, RerunScene(scene.name, viewer=False))
     with replacing(path) as temporary:
-        _log(scene, RerunScene(scene.name, temporary))
+        temporary.write_bytes(content)
 
 
-def _log(scene: ViewScene, target: RerunScene) -> None:
+def _logged(scene: ViewScene, target: RerunScene) -> bytes:
+    """Log a scene; return what :meth:`RerunScene.close` does."""
     recording = scene.recording
     names = identity_texts(recording.key)
     if recording.lanes:
@@ -203,4 +214,4 @@ def _log(scene: ViewScene, target: RerunScene) -> None:
         target.log_truth(time_s, [ways.between(t, time_s, until_s) for t in tracks])
         target.log_error(until_s, "ade", average(seen.ade_m))
         target.log_error(until_s, "final", average(seen.final_m))
-    target.close()
+    return target.close()

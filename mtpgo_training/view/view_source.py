@@ -20,7 +20,7 @@ from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.readers import reading_jobs
 from mtpgo_training.data.readers.bags.bag_poses import BagPoses
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
-from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording import Recording, require_span
 from mtpgo_training.evaluation.bags.bag_predictions import match, read_predictions
 from mtpgo_training.evaluation.offline_predictor import predict_as_the_node
 from mtpgo_training.scenes.windows import frames_every
@@ -56,12 +56,7 @@ class ViewOptions:
     longest_s: float | None = None
 
     def __post_init__(self) -> None:
-        if self.start_s is not None and not self.start_s >= 0.0:
-            raise ConfigurationError(f"--start is {self.start_s}, expected at least 0 s")
-        if self.end_s is not None and not self.end_s > (self.start_s or 0.0):
-            raise ConfigurationError(
-                f"--end is {self.end_s}, expected more than the start, {self.start_s or 0.0:g} s"
-            )
+        require_span(self.start_s, self.end_s)
         if self.model is not None and self.predictions_topic is not None:
             raise ConfigurationError(
                 "--model is given with --predictions, expected one: a model predicts anew"

@@ -98,7 +98,9 @@ def checkpoint_target() -> FuzzTarget:
         import torch
 
         buffer = io.BytesIO()
-        torch.save({"format": 1, "average": {"w": torch.zeros(3)}, "epoch": 2}, buffer)
+        empty = {"config": {}, "model_config": {}, "metrics": {}, "splits": []}
+        weights = {"average": {"w": torch.zeros(3)}, "epoch": 2, "step": 5}
+        torch.save({"format": 1, **weights, **empty}, buffer)
         return [buffer.getvalue()]
 
     return FuzzTarget("checkpoint", run, seeds)

@@ -4,6 +4,7 @@
 
 import errno
 import os
+from pathlib import Path
 
 import pytest
 
@@ -53,7 +54,7 @@ def test_a_folder_appears_with_all_of_its_files_or_not_at_all(tmp_path):
     path.mkdir()
     with new_folder(path) as temporary:
         write_text(temporary / "a", "x")
-        assert list(path.iterdir()) == []
+        assert not (path / "a").exists()
     assert [p.name for p in path.iterdir()] == ["a"]
     (tmp_path / "b").mkdir()
     assert path.stat().st_mode == (tmp_path / "b").stat().st_mode
@@ -63,6 +64,14 @@ def test_a_folder_appears_with_all_of_its_files_or_not_at_all(tmp_path):
     with refused, new_folder(path) as temporary:
         write_text(temporary / "b", "x")
     assert [p.name for p in path.parent.iterdir()] == ["run"]
+
+
+def test_the_working_directory_is_filled_and_stays_one(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with new_folder(Path()) as temporary:
+        write_text(temporary / "a", "x")
+    write_text(Path("b"), "y")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
 
 
 def test_a_folder_has_one_writer_at_a_time(tmp_path):

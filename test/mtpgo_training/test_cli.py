@@ -208,6 +208,20 @@ def test_what_the_system_refuses_is_one_line(
     assert capsys.readouterr().err == sentence
 
 
+def test_a_deleted_working_directory_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    import mtpgo_training.commands.layouts.layouts_command as layouts
+
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    monkeypatch.setattr(layouts, "run", lambda args: Path.cwd())
+    (tmp_path / "gone").rmdir()
+    assert cli.main(["layouts"]) == 2
+    told = capsys.readouterr().err
+    assert told == "mtpgo: the working directory cannot be used: No such file or directory\n"
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_that_ends_the_command_leaves_nothing_behind(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, number: signal.Signals

@@ -201,6 +201,12 @@ def data_sources(
         # An unknown class map and a lane file that cannot be used are found before all else.
         _ = reading.classes, reading.lanes
         sources.append(DataSource(entry["data"], layout, tuple(names) if names else None, reading))
+    for number, entry in enumerate(entries):
+        layouts = [source.layout for source in sources[number:]]  # it holds for those after, too
+        if "columns" in entry and "table" not in layouts:
+            raise ConfigurationError(
+                f"--columns is given for the layout {layouts[0]!r}, expected 'table'"
+            )
     return sources
 
 

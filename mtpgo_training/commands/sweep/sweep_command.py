@@ -51,6 +51,9 @@ OPTIONS_OF_KEYS = {
 }
 """Key of the configuration -> option that overrides it."""
 
+UNTRAINED_KEYS = ("attribution", "crossval", "licence", "name", "num_threads", "trainer")
+"""Parts of the configuration that do not change what is trained."""
+
 
 def run_sweep(
     args: argparse.Namespace,
@@ -145,7 +148,7 @@ def _require_once(args: argparse.Namespace) -> None:
     for key in swept_keys(args.sweep):
         if key in fixed:
             raise ConfigurationError(f"{key} is given with --sweep and {fixed[key]}, expected one")
-        if key.partition(".")[0] in ("crossval", "trainer", "num_threads"):
+        if key.partition(".")[0] in UNTRAINED_KEYS:
             raise ConfigurationError(
                 f"--sweep names {key}, which does not change what is trained, expected a key of "
                 "model, optimisation, data, scene or history, network or seed"

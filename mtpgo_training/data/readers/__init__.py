@@ -86,8 +86,7 @@ def _find(
     find = finder_of(layout)
     if layout != "bag" and options.bags.given:
         raise ConfigurationError(
-            f"--{', --'.join(options.bags.given)} is given for the layout {layout!r}, expected"
-            " 'bag'"
+            f"{', '.join(options.bags.given)} is given for the layout {layout!r}, expected 'bag'"
         )
     parts = parts_in(names or ())
     whole = [name for name in names or () if name not in {part.name for part in parts}]

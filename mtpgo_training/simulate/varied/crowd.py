@@ -19,7 +19,7 @@ from mtpgo_core.schema import Float64Array
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate.drivers import Generator, between
 from mtpgo_training.simulate.drone_camera import make_recording
-from mtpgo_training.simulate.simulation_config import SimulationConfig
+from mtpgo_training.simulate.simulation_config import LARGEST_FRAME_RATE, SimulationConfig
 from mtpgo_training.simulate.sumo import EXTRA_S, FloatingCarData, VehicleType
 from mtpgo_training.simulate.varied.road_builder import box_view
 from mtpgo_training.simulate.varied.social_force import Crowd, SocialForceConfig
@@ -58,7 +58,7 @@ class CrowdConfig(SimulationConfig):
         bicycle_share: share of bicycles, 0 to 0.5; none on a sidewalk by default.
     """
 
-    frame_rate: float = 10.0
+    frame_rate: float = option(10.0, low=1.0, high=LARGEST_FRAME_RATE)
     warm_up_s: float = 40.0
     place: str | None = option(None, choices=PLACES)
     in_view: float | None = option(None, above=0.0, high=300.0)

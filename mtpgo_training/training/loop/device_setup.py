@@ -12,6 +12,7 @@ from contextlib import contextmanager
 
 import torch
 from lightning_fabric import Fabric
+from lightning_fabric.plugins.environments import LightningEnvironment
 from lightning_fabric.utilities.exceptions import MisconfigurationException
 
 from mtpgo_core.errors import ConfigurationError
@@ -22,7 +23,8 @@ def fabric_for(config: TrainingConfig) -> Fabric:
     """Return Fabric for the configured devices.
 
     Raises:
-        ConfigurationError: they are not available on this machine.
+        ConfigurationError: they are not available on this machine, or other machines are wanted
+            and nothing says where they are.
     """
     options = config.trainer
     strategy = options.strategy
@@ -31,7 +33,7 @@ def fabric_for(config: TrainingConfig) -> Fabric:
         strategy = "ddp_find_unused_parameters_true"
     try:
         with quiet_fabric():
-            return Fabric(
+            fabric = Fabric(
                 accelerator=options.accelerator,
                 devices=options.devices or "auto",
                 num_nodes=options.num_nodes,
@@ -44,6 +46,16 @@ def fabric_for(config: TrainingConfig) -> Fabric:
             f"the section trainer (accelerator {options.accelerator!r}, {options.devices} "
             f"device(s), precision {options.precision!r}) does not fit this machine: {reason}"
         ) from error
+    environment = getattr(fabric.strategy, "cluster_environment", None)
+    found = "MASTER_ADDR" in os.environ and {"NODE_RANK", "GROUP_RANK"} & os.environ.keys()
+    if options.num_nodes > 1 and isinstance(environment, LightningEnvironment) and not found:
+        # It would wait half an hour for processes that nobody has started.
+        raise ConfigurationError(
+            f"trainer.num_nodes is {options.num_nodes}, and neither torchrun, SLURM or MPI has "
+            "started this process nor are MASTER_ADDR and NODE_RANK set, expected that, or "
+            "one machine"
+        )
+    return fabric
 
 
 def is_first_process() -> bool:

@@ -14,7 +14,11 @@ from torch.utils.tensorboard import SummaryWriter
 from torch_geometric.data import Batch
 from tqdm import tqdm
 
-from mtpgo_training.training.checkpointing import save_checkpoint, save_unfinished
+from mtpgo_training.training.checkpointing import (
+    restore_optimiser,
+    save_checkpoint,
+    save_unfinished,
+)
 from mtpgo_training.training.console import epoch_line, title_line
 from mtpgo_training.training.data_loading import Scenes, epoch_loader
 from mtpgo_training.training.interruption import Interruption
@@ -75,8 +79,7 @@ class TrainingLoop:
         run.average.to(fabric.device)
         self._precision = fabric.strategy.precision
         if checkpoint:
-            self._optimiser.load_state_dict(checkpoint["optimiser"])
-            self._precision.load_state_dict(checkpoint["precision"])
+            restore_optimiser(self._optimiser, self._precision, checkpoint, folder.last)
         self._writer: SummaryWriter | None = None
         self._clock_s = self._saved_s = 0.0
 

@@ -55,6 +55,21 @@ def test_what_does_not_go_together_is_named(cut, tmp_path, capsys, layout, more,
     assert [p.name for p in tmp_path.iterdir()] == ["cut.mcap"]
 
 
+@pytest.mark.parametrize(
+    ("span", "words"),
+    [
+        (["--start", "nan"], "--start is nan, expected at least 0 s"),
+        (["--start", "-1"], "--start is -1.0, expected at least 0 s"),
+        (["--start", "5", "--end", "1"], "--end is 1.0, expected more than the start, 5 s"),
+        (["--end", "0"], "--end is 0.0, expected more than the start, 0 s"),
+    ],
+)
+def test_a_part_that_is_none_is_refused(tmp_path, capsys, span, words):
+    command = ["convert", "ind", str(tmp_path), "-o", str(tmp_path / "bag"), *span]
+    assert cli.main(command) == 2
+    assert words in capsys.readouterr().err
+
+
 def test_a_bag_is_not_converted_onto_itself(tmp_path, capsys):
     path = write_bag(tmp_path / "drive", braking_cars(seconds=2.0))
     before = {file.name: file.read_bytes() for file in path.iterdir()}

@@ -2,11 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Jobs in processes: done, with an error, with a defect, and ended by an interrupt."""
 
+import os
 import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 from light_job import LightJob
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import only_writer
 from mtpgo_training.crossval.fold_processes import run_folds
 
@@ -94,3 +100,46 @@ def test_an_exception_ends_the_processes(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         Told().run([LightJob(tmp_path / "a", "long")], 1, Broken())
+
+
+PARENT = """
+import sys
+from pathlib import Path
+from light_job import LightJob
+from test_fold_processes import Request
+from mtpgo_training.crossval.fold_processes import run_folds
+if __name__ == "__main__":
+    run_folds([LightJob(Path(sys.argv[1]), "long")], 1, Request())
+"""
+
+
+def test_the_fold_of_a_killed_process_ends(tmp_path):
+    """It would train on for hours, and hold the folder of its run."""
+    (tmp_path / "parent.py").write_text(PARENT)
+    folder = tmp_path / "a"
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    with subprocess.Popen(
+        [sys.executable, str(tmp_path / "parent.py"), str(folder)],
+        env={**os.environ, "PYTHONPATH": paths},
+    ) as parent:
+        wait_for((folder / "running").exists, 300.0)
+        with pytest.raises(ConfigurationError), only_writer(folder):
+            pass
+        parent.kill()
+    wait_for(lambda: is_free(folder), 50.0)  # the job would end by itself 60 s after its start
+    assert "Traceback" not in (folder / "fold.log").read_text()
+
+
+def is_free(folder):
+    try:
+        with only_writer(folder):
+            return True
+    except ConfigurationError:
+        return False
+
+
+def wait_for(condition, longest_s):
+    until_s = time.monotonic() + longest_s
+    while not condition() and time.monotonic() < until_s:
+        time.sleep(0.02)
+    assert condition()

@@ -127,6 +127,32 @@ def test_a_damaged_entry_is_computed_again_with_a_warning(tmp_path, caplog, dama
     assert not caplog.messages
 
 
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda entry: (entry / "a.npy").write_bytes(b""),  # as after a loss of power
+        lambda entry: (entry / "a.npy").write_bytes(b"\x93NUMPY\x01\x00\xff\xff{"),
+        lambda entry: (entry / "entry.json").write_text('{"columns": {}}'),
+        lambda entry: (entry / "entry.json").write_text('{"columns": 3}'),
+        lambda entry: (entry / "entry.json").write_bytes(b"\xff"),
+        lambda entry: (entry / "entry.json").write_text("[" * 100_000),
+    ],
+    ids=["empty", "header", "no columns", "number", "no text", "deep"],
+)
+def test_damage_of_any_kind_is_a_warning(tmp_path, caplog, damage):
+    def make():
+        return {"a": np.arange(3.0)}
+
+    cache = RecordingCache(tmp_path)
+    cache.entry({"what": "test"}, make, code=())
+    (entry,) = entries(tmp_path)
+    damage(entry)
+    np.testing.assert_array_equal(cache.entry({"what": "test"}, make, code=())["a"], [0, 1, 2])
+    assert "is damaged and computed again" in caplog.text
+    assert cache.entry({"what": "test"}, make, code=()).keys() == {"a"}
+    assert len(caplog.messages) == 1
+
+
 def test_a_folder_that_cannot_be_written_is_a_warning(tmp_path, caplog):
     (tmp_path / "file").write_text("")
     assert_same(dataset(None), dataset(RecordingCache(tmp_path / "file" / "cache")))

@@ -14,7 +14,7 @@ from mtpgo_core.task.model_file import find_checkpoint, load_task
 from mtpgo_training import cli
 from mtpgo_training.export.exporter import describe, load_model
 from mtpgo_training.export.model_calibration import own_calibration
-from mtpgo_training.export.shipped_checkpoint import write_shipped_checkpoint
+from mtpgo_training.export.shipped_checkpoint import require_pair, write_shipped_checkpoint
 from mtpgo_training.training.checkpointing import start_from
 from mtpgo_training.training.networks import weights_hash
 from mtpgo_training.training.run_folder import load_checkpoint
@@ -69,3 +69,22 @@ def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(ConfigurationError, match=r"tiny\.ckpt cannot be written: "):
         write_shipped_checkpoint(checkpoint, task_of(checkpoint), tmp_path / "file" / "tiny.ckpt")
+
+
+def test_a_checkpoint_of_another_model_beside_a_model_file_is_not_taken(tmp_path, capsys):
+    model, beside = tmp_path / "mine.pt", tmp_path / "mine.ckpt"
+    run, other = write_base(tmp_path / "run"), base_checkpoint()
+    command = ["export", str(run), "-o", str(model)]
+    assert cli.main([*command, "--checkpoint", str(beside)]) == 0
+    require_pair(model, beside)
+    assert cli.main(command) == 0  # the same again
+    require_pair(model, beside)
+    assert "mine.ckpt" not in capsys.readouterr().err
+    name = next(name for name, value in other["average"].items() if value.is_floating_point())
+    other["average"] = {**other["average"], name: other["average"][name] + 1.0}
+    write_base(tmp_path / "other", average=other["average"])
+    assert cli.main(["export", str(tmp_path / "other"), "-o", str(model)]) == 0
+    assert f"{beside} is not the checkpoint of the model {model}" in capsys.readouterr().err
+    with pytest.raises(ConfigurationError, match=r"mine\.ckpt has other weights than the model"):
+        require_pair(model, beside)
+    require_pair("mine", beside)  # the name of a checkpoint, which has no pair

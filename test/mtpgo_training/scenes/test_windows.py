@@ -96,6 +96,8 @@ def test_one_agent_seen_once_gives_one_window():
 def test_frames_every_takes_the_nearest_frames_that_there_are():
     steady = braking_cars(seconds=3.0, rate=10.0)
     np.testing.assert_array_equal(frames_every(steady, 0.5), np.arange(0, 30, 5))
+    for longer in (3.0, 1e30, np.inf):
+        np.testing.assert_array_equal(frames_every(steady, longer), [0])
     missing = steady.select_rows(~np.isin(steady.frame, [10, 11]))
     np.testing.assert_array_equal(frames_every(missing, 0.5), [0, 5, 15, 20, 25])
     jittered = jittered_recording()

@@ -54,6 +54,21 @@ def test_frames_and_tracks_begin_with_the_first_number_of_the_layout(layout, fir
     assert recording.track_id.tolist() == [first, first + 1]
 
 
+def test_no_row_at_a_frame_is_no_vehicle_in_view() -> None:
+    """As of a frame rate so low that SUMO has no step at a frame."""
+    data = seen()
+    assert not len(data.vehicle)
+    with pytest.raises(SimulationError, match="no vehicle came into view"):
+        make_recording(
+            data,
+            TYPES,
+            lambda centre, size: centre[:, 0] > size.max(),
+            CONFIG,
+            name="00",
+            layout="ind",
+        )
+
+
 def test_vehicles_are_numbered_in_the_order_in_which_they_appear() -> None:
     # The truck v0 comes into view later than the car v1, v2 never does.
     recording = film(seen(-5.0, 0.0, -900.0))

@@ -33,6 +33,20 @@ def test_an_option_of_another_site_is_named_as_on_the_command_line() -> None:
         site_config("roundabout", {"speed_limit_mps": 11.0})
 
 
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"frame_rate": 0.001}, "frame_rate is 0.001, expected 1 to 1000"),
+        ({"frame_rate": 1e9}, r"frame_rate is 1000000000\.0, expected 1 to 1000"),
+        ({"vehicles_per_hour": 1e9}, "vehicles_per_hour is .*, expected more than 0"),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused(options, sentence) -> None:
+    for site in ("roundabout", "curves"):
+        with pytest.raises(ConfigurationError, match=sentence):
+            site_config(site, options)
+
+
 @needs_sumo
 def test_recordings_have_consecutive_numbers_and_seeds(tmp_path: Path) -> None:
     config = RoundaboutConfig(

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checkpoints: what is restored from one, and the sentence for one that does not fit."""
 
+import copy
 import dataclasses
 
 import numpy as np
 import pytest
 import torch
 from calibration_sets import random_samples
+from lightning_fabric.plugins import Precision
 from tiny_run import CONFIG, new_run
 
 from mtpgo_core.errors import ConfigurationError
@@ -22,6 +24,7 @@ from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 from mtpgo_training.training.checkpointing import (
     all_recordings,
+    restore_optimiser,
     resume_from,
     save_checkpoint,
     start_from,
@@ -32,6 +35,8 @@ CALIBRATION = Calibration(
     groups=tuple(GroupCalibration(name=name, factors=(1.0, 1.25)) for name in GROUPS),
     sites=(CalibrationSite("cars/1", 7),),
 )
+
+SPLITS = [{"name": "01", "sha256": "ab", "split": "train"}]
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +63,7 @@ def saved(samples, tmp_path_factory):
     run.state.calibration = dataclasses.asdict(CALIBRATION)
     run.samples = samples
     folder = RunFolder(tmp_path_factory.mktemp("run"))
-    save_checkpoint(run, folder, [{"name": "01"}], optimiser={"a": 1}, precision={}, best=True)
+    save_checkpoint(run, folder, SPLITS, optimiser={"a": 1}, precision={}, best=True)
     return run, folder
 
 
@@ -78,7 +83,7 @@ def test_the_best_checkpoint_describes_itself_and_cannot_be_resumed(saved):
     described = {name: best[name] for name in ("network", "epoch", "step")}
     assert described == {"network": "mtp-go", "epoch": 1, "step": 2}
     assert from_dict(Calibration, best["calibration"], "calibration") == CALIBRATION
-    assert best["splits"] == [{"name": "01"}]
+    assert best["splits"] == SPLITS
     assert best["model_config"] == run.model.config.to_dict()
     with pytest.raises(ConfigurationError, match=r"best\.pt does not fit the configured network"):
         resume_from(new_run(), best, folder.best)
@@ -129,3 +134,54 @@ def test_the_recordings_of_the_first_weights_are_recordings_of_the_run():
     earlier = [own, {**own, "split": "test"}, {"name": "07", "sha256": "b", "split": "train"}]
     assert all_recordings([own], {"splits": earlier}) == earlier
     assert all_recordings([own], None) == [own]
+
+
+@pytest.mark.parametrize(
+    ("state", "reason"),
+    [
+        ({"rows": 3}, "state.rows is 3, expected list"),
+        ({"epoch": "x"}, "state.epoch is 'x', expected int"),
+        ({"colour": 1}, "state has the unknown field 'colour'"),
+    ],
+)
+def test_a_damaged_state_is_one_sentence(saved, state, reason):
+    checkpoint, path = load_checkpoint(saved[1].last), saved[1].last
+    with pytest.raises(ConfigurationError, match=f"does not fit the configured .*{reason}"):
+        resume_from(new_run(), {**checkpoint, "state": {**checkpoint["state"], **state}}, path)
+
+
+def adam():
+    """An optimiser of two weights that has done a step, and its state."""
+    weights = [torch.nn.Parameter(torch.ones(size)) for size in (2, 3)]
+    optimiser = torch.optim.AdamW(weights)
+    sum(value.sum() for value in weights).backward()
+    optimiser.step()
+    return optimiser, copy.deepcopy(optimiser.state_dict())
+
+
+def test_the_optimiser_is_restored(tmp_path):
+    _, state = adam()
+    state["state"][1]["exp_avg"] += 5.0
+    optimiser, _ = adam()
+    restore_optimiser(optimiser, Precision(), {"optimiser": state, "precision": {}}, tmp_path)
+    restored = optimiser.state_dict()["state"][1]["exp_avg"]
+    torch.testing.assert_close(restored, state["state"][1]["exp_avg"])
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda state: state.clear(),
+        lambda state: state.update(param_groups=[]),
+        lambda state: state["state"].update({0: state["state"][1]}),
+        lambda state: state["state"][0].pop("exp_avg_sq"),
+        lambda state: state["state"][0].update(step="x"),
+    ],
+    ids=["empty", "no groups", "another shape", "half a moment", "no step"],
+)
+def test_a_damaged_optimiser_is_one_sentence(tmp_path, damage):
+    optimiser, state = adam()
+    damage(state)
+    path, content = tmp_path / "last.pt", {"optimiser": state, "precision": {}}
+    with pytest.raises(ConfigurationError, match=r"last\.pt does not fit the optimiser"):
+        restore_optimiser(optimiser, Precision(), content, path)

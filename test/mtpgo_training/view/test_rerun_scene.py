@@ -3,6 +3,7 @@
 """The file of rerun, read back by rerun."""
 
 import dataclasses
+import resource
 import subprocess
 import sys
 
@@ -37,24 +38,24 @@ def test_the_file_has_road_users_modes_ellipses_truth_and_errors(scene, tmp_path
         assert part in told, part
 
 
-def test_classes_of_a_newer_publisher_are_drawn(scene, tmp_path):
+def test_classes_of_a_newer_publisher_are_drawn(scene):
     from mtpgo_training.view.rerun_scene import RerunScene
 
     seen = scene.predictions[0].prediction
     newer = np.full(len(seen), 200, dtype=np.uint8)
-    target = RerunScene("made", tmp_path / "a.rrd")
+    target = RerunScene("made", viewer=False)
     target.log_prediction(0.0, dataclasses.replace(seen, agent_class=newer))
-    target.close()
-    assert (tmp_path / "a.rrd").stat().st_size > 0
+    assert target.close()
 
 
-def test_a_disk_that_is_full_is_one_error(tmp_path, monkeypatch):
-    from mtpgo_training.view import rerun_scene
+def test_a_full_disk_is_one_sentence(scene, tmp_path):
+    from mtpgo_training.view.rerun_scene import log_scene
 
-    def full(self, **_):
-        raise RuntimeError("File-writer thread shut down prematurely")
-
-    target = rerun_scene.RerunScene("made", tmp_path / "a.rrd")
-    monkeypatch.setattr(rerun_scene.rr.RecordingStream, "flush", full)
-    with pytest.raises(ConfigurationError, match="rerun could not write"):
-        target.close()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))  # 0.3 MB are to be written
+    try:
+        with pytest.raises(ConfigurationError, match=r"a\.rrd cannot be written: File too large"):
+            log_scene(scene, tmp_path / "a.rrd")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []

@@ -38,10 +38,11 @@ class BagOptions:
 
     @property
     def given(self) -> list[str]:
-        """Names of the options that differ from their defaults."""
+        """The options of the command line that set what differs from the defaults."""
         default = BagOptions()
-        names = [item.name for item in fields(self)]
-        return [name for name in names if getattr(self, name) != getattr(default, name)]
+        names = [item.name for item in fields(self) if item.name != "ego"]  # part of --ego-topic
+        given = [name for name in names if getattr(self, name) != getattr(default, name)]
+        return [f"--{name.replace('_', '-')}" for name in given]
 
     def topic_of(self, bag: str) -> str:
         """Return the topic chosen for a bag, absolute; empty if none is."""

@@ -92,6 +92,13 @@ def test_recordings_belong_to_the_directory_before_them():
     assert given == [DataSource(A, "ind", ("1",)), DataSource(B, "ind", ("2", "3"))]
 
 
+def test_columns_are_those_of_a_table():
+    with pytest.raises(ConfigurationError, match="--columns is given for the layout 'ind', exp"):
+        parsed("--data a --layout table --data b --layout ind --columns c.yaml")
+    _, second = parsed("--data a --layout ind --columns c.yaml --data b --layout table")
+    assert str(second.options.columns) == "c.yaml"
+
+
 def test_columns_and_class_maps_hold_for_the_directories_after_them():
     given = parsed(
         "--class-map coco --data a --layout table --columns c.yaml --data b --data c "

@@ -139,6 +139,7 @@ def test_a_sweep_from_its_first_run_to_its_table(place, inline, capsys, monkeypa
         (["--sweep", "seed=1..2", "--seed", "1"], "seed is given with --sweep and --seed"),
         (["--sweep", "model.order=1,2", "--set", "model.order=1"], "--sweep and --set"),
         (["--sweep", "trainer.devices=1,2"], "which does not change what is trained"),
+        (["--sweep", "name=a,b"], "--sweep names name, which does not change what is trained"),
         (["--sweep", "seed"], "expected KEY=VALUE"),
         (["--jobs", "2"], "--jobs is 2 without --sweep"),
         (["--sweep", "seed=1,2", "--out", "{cars}"], "holds no sweep, expected a new folder"),

@@ -12,6 +12,7 @@ from traffic import braking_cars
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.bag_types import bag_typestore
 from msg_adapters.bags.mcap_writer import McapWriter
+from msg_adapters.inputs.ego_odometry import EgoOptions
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.registry import INPUTS
 from msg_adapters.types import TypestoreTypes
@@ -146,6 +147,9 @@ def test_a_choice_that_cannot_be_is_refused_with_what_there_is(carla, tmp_path):
             read(tmp_path / "odd.mcap", topic=topic)
     with pytest.raises(ConfigurationError, match="--topic is given for the layout 'ind'"):
         load_recordings(tmp_path, "ind", None, ReadingOptions(bags=BagOptions(topic="/x")))
+    ego = BagOptions(ego_topic="/odom", ego=EgoOptions(5.0, 2.0))
+    with pytest.raises(ConfigurationError, match=r"^--ego-topic is given for the layout 'ind'"):
+        load_recordings(tmp_path, "ind", None, ReadingOptions(bags=ego))
 
 
 def test_a_cloud_that_is_named_objects_but_holds_none_is_not_chosen(tmp_path):
