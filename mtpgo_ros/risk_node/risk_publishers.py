@@ -95,7 +95,7 @@ class RiskPublishers:
     def publish_grid(
         self, prediction: Prediction, center: Float64Array | None, *, known: bool
     ) -> None:
-        """Publish the occupancy if it is due and somebody listens; an unknown one at once.
+        """Publish the occupancy if it is due and has a subscriber; an unknown one at once.
 
         Args:
             prediction: without the ego.

@@ -49,7 +49,7 @@ def fabric_for(config: TrainingConfig) -> Fabric:
     environment = getattr(fabric.strategy, "cluster_environment", None)
     found = "MASTER_ADDR" in os.environ and {"NODE_RANK", "GROUP_RANK"} & os.environ.keys()
     if options.num_nodes > 1 and isinstance(environment, LightningEnvironment) and not found:
-        # It would wait half an hour for processes that nobody has started.
+        # It would wait half an hour for processes that were never started.
         raise ConfigurationError(
             f"trainer.num_nodes is {options.num_nodes}, and neither torchrun, SLURM or MPI has "
             "started this process nor are MASTER_ADDR and NODE_RANK set, expected that, or "

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Remarks of the readers on what they read: warnings that are said again from the cache.
 
-A remark says what was left out or is odd, such as rows without a position. It concerns whoever
-uses the recordings, whether the files are read now or were read before.
+A remark says what was left out or is odd, such as rows without a position. It concerns every
+use of the recordings, whether the files are read now or were read before.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ R = TypeVar("R")
 _log = logging.getLogger("mtpgo")
 
 _kept: ContextVar[list[str] | None] = ContextVar("kept_remarks", default=None)
-"""Remarks said so far on what is being read, None where nobody keeps them."""
+"""Remarks said so far on what is being read, None where they are not kept."""
 
 
 def remark(sentence: str) -> None:
