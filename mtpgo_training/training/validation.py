@@ -179,8 +179,8 @@ def _validate_together(
         shares = [None] * processes
         torch.distributed.all_gather_object(shares, share)
     given = [one for one in shares if one is not None]
-    scores = ScoreTable()
-    for other, _ in given:
+    scores = given[0][0]
+    for other, _ in given[1:]:
         scores.merge(other)
     return scores.averages(), merge_samples([samples for _, samples in given])
 

@@ -8,6 +8,9 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.export.run_selection import select_run
 from mtpgo_training.training.run_folder import RunFolder
 
+WEIGHTS = {"model_config": {}, "average": {}, "epoch": 1, "step": 1}
+"""What every checkpoint has besides; a selection does not look at it."""
+
 
 @pytest.fixture
 def make_run(tmp_path):
@@ -21,7 +24,8 @@ def make_run(tmp_path):
             for name, sha256 in validated.items()
         ]
         metrics = {} if ade is None else {"model": {"all": {"ade": ade}}}
-        folder.save({"config": {"seed": seed}, "metrics": metrics, "splits": splits}, best=True)
+        content = {"config": {"seed": seed}, "metrics": metrics, "splits": splits}
+        folder.save({**WEIGHTS, **content}, best=True)
         return folder.path
 
     return make
@@ -61,6 +65,7 @@ def test_recordings_of_the_same_name_but_other_content_are_not_compared(make_run
 
 def test_the_best_checkpoint_of_a_folder_is_read_or_a_file(make_run, tmp_path):
     path = make_run(1, 0.5, a="1")
-    RunFolder(path).save({"config": {"seed": 9}, "metrics": {}, "splits": []}, best=False)
+    content = {"config": {"seed": 9}, "metrics": {}, "splits": []}
+    RunFolder(path).save({**WEIGHTS, **content}, best=False)
     assert select_run([path])[0].seed == 1
     assert select_run([RunFolder(path).last])[0].seed == 9
