@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers.csv_table import read_header
 
 _HIDDEN = (".", "~$")
 """Begin of the names of hidden files and folders."""
@@ -186,6 +185,9 @@ def detect_layout(path: Path) -> str | None:
 
     ``ind`` includes the other layouts with the same columns.
     """
+    # Only here: it loads pandas, and commands look for names of recordings before they need it.
+    from mtpgo_training.data.readers.csv_table import read_header
+
     header = set(read_header(path))
     lower = {name.lower() for name in header}
     if "xCenter" in header:

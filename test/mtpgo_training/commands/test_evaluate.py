@@ -294,7 +294,7 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
             ["--model", "default", "--data", "DATA", "--layout", "ind", "--jobs", "0"],
             "--jobs is 0",
         ),
-        (["--results", "FILE"], "is no JSON"),
+        (["--results", "FILE"], "holds no results, expected a file of"),
         (["--results", "NONE"], "cannot be read"),
         (["--results", "OTHER"], "holds no results"),
         (["--results", "OTHER", "--model", "default"], "--results is given with --model"),

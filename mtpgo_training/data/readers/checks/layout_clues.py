@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers.csv_table import first_lines_of
 from mtpgo_training.data.readers.drone_files import detect_layout
 
 _MOST_FILES = 2000
@@ -83,6 +82,9 @@ def is_of_another(path: Path, layout: str) -> str:
 
 def layout_of_header(path: Path) -> str | None:
     """Return the layout that the first lines of a text file show, None if they show none."""
+    # Only here: it loads pandas, for which a completion in the shell would wait.
+    from mtpgo_training.data.readers.csv_table import first_lines_of
+
     try:
         found = detect_layout(path)
         if found is None and any(
