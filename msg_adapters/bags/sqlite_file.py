@@ -41,8 +41,9 @@ where 0 stands for those of the file (https://www.sqlite.org/fileformat.html).""
 _SMALLEST_PAGE = 512
 """Size of the smallest page (bytes, the same document)."""
 
-_LARGEST_ROW = 1 << 28
-"""Most bytes that are read of a row of a damaged database; chosen: twice an image of 8K."""
+LARGEST_MESSAGE = 1 << 28
+"""Most bytes that a message is decompressed to, or that are read of a row of a damaged database;
+chosen: twice an image of 8K, and bounds the memory that a small malicious file can ask for."""
 
 
 def files_left_beside(path: Path) -> list[Path]:
@@ -94,7 +95,7 @@ def salvaged_copy(path: Path, folder: Path) -> Path | None:
     try:
         with closing(sqlite3.connect(name, uri=True)) as damaged:
             damaged.text_factory = bytes.decode
-            damaged.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_ROW)
+            damaged.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_MESSAGE)
             # The tables are read also where an index lies in what is missing.
             damaged.execute("PRAGMA writable_schema=ON")
             with closing(sqlite3.connect(copy)) as database, database:

@@ -43,6 +43,7 @@ from msg_adapters.bags.ros1_file import (
     open_ros1,
 )
 from msg_adapters.bags.sqlite_file import (
+    LARGEST_MESSAGE,
     SqliteFile,
     files_left_beside,
     recovered_copy,
@@ -55,10 +56,6 @@ SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag", ".bag.active")
 
 _SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
 """First bytes of an SQLite database and of a Zstandard frame."""
-
-_LARGEST_MESSAGE = 1 << 28
-"""Most bytes that a message is decompressed to; chosen: twice an image of 8K, and bounds the
-memory that a small malicious file can ask for."""
 
 _GIT_LFS = b"version https://"
 """First bytes of what a repository has in place of a large file that was not fetched."""
@@ -558,7 +555,7 @@ def _unpacked(data: bytes) -> bytes:
         EOFError: it is cut off, or larger than a message may be.
     """
     inflater = zstd.ZstdDecompressor()
-    content = inflater.decompress(data, _LARGEST_MESSAGE)
+    content = inflater.decompress(data, LARGEST_MESSAGE)
     if not inflater.eof:
         raise EOFError
     return content

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 
-_LATE_NS = 500_000_000
+LATE_NS = 500_000_000
 """A message this much older than the newest one may mean that the clock was set back (ns); chosen
 longer than any delay between two sensors of one tracker."""
 _CONFIRMATIONS = 3
@@ -121,6 +121,6 @@ class StreamGuard:
                 return MessageStatus.UNEXPECTED_FRAME
             return MessageStatus.NEW_FRAME
         behind_ns = self.newest_ns - stamp_ns
-        self._late = self._late + 1 if behind_ns > _LATE_NS else 0
+        self._late = self._late + 1 if behind_ns > LATE_NS else 0
         jumped = behind_ns > self._keep_ns or self._late >= _CONFIRMATIONS
         return MessageStatus.CLOCK_RESET if jumped else MessageStatus.CONTINUES

@@ -293,8 +293,9 @@ class ModelRunner:
         )
         # Whole rows are copied faster than a part of each.
         rows = torch.from_numpy(np.flatnonzero(batch.primary[piece, :most]))
-        outputs = (x.flatten(0, 1).index_select(0, rows).numpy() for x in (log_weight, mean, cov))
-        log_weights, means, covs = outputs
+        log_weights, means, covs = (
+            x.flatten(0, 1).index_select(0, rows).numpy() for x in (log_weight, mean, cov)
+        )
         return log_weights, means, covs[..., :2, :2]
 
     def _forward(

@@ -18,16 +18,12 @@ from rclpy.time import Time
 from msg_adapters.inputs.odometry import dated_pose, pose_of_transform
 from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, PoseBuffer, to_fixed_frame
+from mtpgo_core.history.stream_guard import LATE_NS
 from mtpgo_core.schema import TrackedStates
 from mtpgo_ros.diagnostics.event_log import EventLog
 
 _ODOMETRY_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Queue of odometry: half a second at 100 Hz."""
-
-
-_SET_BACK_S = 0.5
-"""Odometry that is older than the newest by more than this shows that its clock was set back (s);
-the time after which observations count as late."""
 
 _LEAST_UPRIGHT = 0.5
 """Smallest vertical component of a frame's z axis; chosen: 60 degrees, more than any road or mount
@@ -77,7 +73,7 @@ class FixedFrameTransform:
     def __init__(self, node: Node, fixed_frame: str, events: EventLog) -> None:
         self._node, self._events = node, events
         self._fixed_frame = fixed_frame
-        self._poses = PoseBuffer(set_back_s=_SET_BACK_S)
+        self._poses = PoseBuffer(set_back_s=1e-9 * LATE_NS)
         # Objects are transformed on the thread of their subscription.
         self._lock = threading.Lock()
         self._odometry_frames = ("", "")

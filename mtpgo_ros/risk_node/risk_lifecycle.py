@@ -19,6 +19,7 @@ from msg_adapters.inputs.ego_plans import PLANS, PlanAdapter
 from msg_adapters.predictions.prediction_messages import PREDICTIONS, PredictionAdapter
 from msg_adapters.types import message_class
 from mtpgo_core.errors import MtpgoError
+from mtpgo_core.history.stream_guard import LATE_NS
 from mtpgo_core.schema import Prediction
 from mtpgo_ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
 from mtpgo_ros.diagnostics.input_watch import InputWatch
@@ -42,9 +43,6 @@ _ANY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 _CHECK_PERIOD_S = 0.1
 """Time between two looks for predictions that no longer come (s); chosen."""
-
-_SET_BACK_S = 0.5
-"""A simulated clock that jumps back by this was set back (s); as for the predictor's input."""
 
 _PUBLISHERS_PERIOD_S = 0.5
 """Time between two looks at the publishers of both topics (s); chosen."""
@@ -92,7 +90,7 @@ class RiskNode(ResourceNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(_CHECK_PERIOD_S, self._expire, clock=steady)
         self._jumps = self.get_clock().create_jump_callback(
-            JumpThreshold(min_forward=None, min_backward=Duration(seconds=-_SET_BACK_S)),
+            JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-LATE_NS)),
             post_callback=lambda _jump: self._on_clock_set_back(),
         )
 

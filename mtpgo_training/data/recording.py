@@ -193,6 +193,20 @@ class Recording:
         return self.select_rows((farthest >= moved_m)[self.track])
 
 
+def first_and_last(track: Int64Array, tracks: int) -> tuple[Int64Array, Int64Array]:
+    """Return [tracks] the first and the last row of each track, 0 for one without a row.
+
+    Args:
+        track: [rows] indices of the tracks.
+        tracks: number of tracks.
+    """
+    row = np.arange(len(track))
+    first, last = np.zeros((2, tracks), dtype=np.int64)
+    # Of several assignments the last one stays.
+    first[track[::-1]], last[track] = row[::-1], row
+    return first, last
+
+
 def require_span(start_s: float | None, end_s: float | None) -> None:
     """Check ``--start`` and ``--end`` of a part of a recording.
 

@@ -28,7 +28,7 @@ from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import classes_of
 from mtpgo_training.data.readers.tables.track_rows import LONGEST_S
-from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording import Recording, first_and_last
 
 HEADING_SPEED_MPS = 2.0
 """Below this forward speed a highD vehicle's heading turns towards its driving direction (m/s);
@@ -248,9 +248,7 @@ def _remark_on_lost(
     if not set(_SPAN) <= set(meta.columns):
         return
     begin, end = (pd.to_numeric(meta[name], errors="coerce").to_numpy() for name in _SPAN)
-    # Rows are in the order of time: of several assignments the last one stays.
-    first, last = np.zeros((2, len(present)), dtype=np.int64)
-    first[track[::-1]], last[track] = frame[::-1], frame
+    first, last = (frame[rows] for rows in first_and_last(track, len(present)))
     place = pd.Index(present).get_indexer(meta["id"])
     lost = (place < 0) | (first[place] > begin) | (last[place] < end)
     if lost.any():

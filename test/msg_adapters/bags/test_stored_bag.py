@@ -232,7 +232,7 @@ def test_compressed_messages_are_read_without_metadata(tmp_path):
 )
 def test_a_compressed_message_that_is_damaged_is_a_loss_of_one(tmp_path, monkeypatch, broken):
     if broken == "bomb":
-        monkeypatch.setattr(stored_bag, "_LARGEST_MESSAGE", 1000)
+        monkeypatch.setattr(stored_bag, "LARGEST_MESSAGE", 1000)
         broken = zstd.compress(bytes(1001))
     path = tmp_path / "bag.mcap"
     with library_writer(path) as (writer, schema):

@@ -217,5 +217,5 @@ def test_where_agents_were_is_told_by_the_first_point_that_is_there(prediction):
     prediction.mean[0, 0] = prediction.mean[0, 1, 0] = np.nan
     prediction.mean[1] = np.nan
     np.testing.assert_allclose(first_places(prediction), [[0.0, 0.0], [np.nan, np.nan]])
-    nobody = dataclasses.replace(prediction, mean=np.empty((2, 0, 3, 4)), yaw=np.empty((2, 0, 3)))
-    assert np.isnan(first_places(nobody)).all()
+    empty = dataclasses.replace(prediction, mean=np.empty((2, 0, 3, 4)), yaw=np.empty((2, 0, 3)))
+    assert np.isnan(first_places(empty)).all()

@@ -28,7 +28,7 @@ PATIENCE_S = 300.0
 
 
 def has_ended(number):
-    """Whether a process is gone, or nobody has asked for its status yet."""
+    """Whether a process is gone, or its status has not been asked for yet."""
     try:
         status = Path(f"/proc/{number}/stat").read_text()
     except FileNotFoundError:

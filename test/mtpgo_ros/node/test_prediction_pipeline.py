@@ -210,7 +210,7 @@ def test_a_class_map_reads_the_names_in_the_messages(make):
 
 
 @pytest.mark.parametrize("frame_id", ["", "/map"])
-def test_a_frame_that_nobody_accepts_is_reported_and_still_predicted(make, frame_id):
+def test_a_frame_that_no_tool_accepts_is_reported_and_still_predicted(make, frame_id):
     setup = make()
     setup.receive(message_of(traffic(0.0, frame_id=frame_id)))
     assert setup.prediction().frame_id == frame_id

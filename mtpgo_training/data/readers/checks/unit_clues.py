@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from mtpgo_core.task.task_description import HistoryConfig
-from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording import Recording, first_and_last
 
 LONGEST_STEP_S, SHORTEST_STEP_S = 2.0, 5e-4
 """Usual times between two rows of a road user (s) beyond which no movement can be followed;
@@ -36,10 +36,7 @@ def unit_clue(recording: Recording) -> str:
 def _clue(recording: Recording) -> str:
     """Return the clue in a recording with rows and finite positions."""
     frame, track, position = recording.frame, recording.track, recording.position
-    row = np.arange(len(recording))
-    # Rows are in the order of time: of several assignments the last one stays.
-    first, last = np.zeros((2, len(recording.track_id)), dtype=np.int64)
-    first[track[::-1]], last[track] = row[::-1], row
+    first, last = first_and_last(track, len(recording.track_id))  # rows are in the order of time
     rows = np.bincount(track, minlength=len(recording.track_id))
     several = rows > 1
     if several.any():

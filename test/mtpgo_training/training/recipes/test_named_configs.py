@@ -80,5 +80,5 @@ def test_a_file_stands_on_others(tmp_path):
         load_config(tmp_path / "b.yaml")
 
 
-def test_a_home_folder_that_nobody_has_is_a_path_like_any_other():
+def test_a_home_folder_that_no_user_has_is_a_path_like_any_other():
     assert str(find_config("~no_such_user/c.yaml")) == "~no_such_user/c.yaml"
