@@ -24,13 +24,16 @@ BOMB = "a0: &a0 {q: x, r: y}\n" + "".join(
     f"a{i}: &a{i} {{<<: [*a{i - 1}, *a{i - 1}]}}\n" for i in range(1, 40)
 )
 LISTS = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 40))
+LONGEST_S = 10.0
+"""Most processor time of one text. The largest are measured at 0.35 s, of any length, as the library
+looks 1024 characters ahead; 2 to the power of 40 lists or 60 000 levels would take hours."""
 
 
 @pytest.fixture(autouse=True)
 def _at_once():
-    start = time.process_time()
+    start_s = time.process_time()
     yield
-    assert time.process_time() - start < 1.0
+    assert time.process_time() - start_s < LONGEST_S
 
 
 def test_a_plain_profile_is_read():
