@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -152,7 +153,7 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.study.output.study_tables import gaps, main_table
     from mtpgo_training.study.study_data import study_data
     from mtpgo_training.study.study_folder import StudyFolder
-    from mtpgo_training.study.study_progress import StudyProgress, run_all
+    from mtpgo_training.study.study_progress import StudyProgress, failures_text, run_all
     from mtpgo_training.study.study_results import results
     from mtpgo_training.study.study_rows import StudyError, find_study
     from mtpgo_training.study.study_run import StudyRun
@@ -217,7 +218,7 @@ def run(args: argparse.Namespace) -> int:
 
     for name, text in refused.items():
         progress.failed(name, text, count=False)
-    received_signal, _ = run_all(jobs, args.jobs, progress, write)
+    received_signal, failures = run_all(jobs, args.jobs, progress, write)
     content = write()
     page = write_page(folder, content)
     print(f"\n{to_text(main_table(content))}\n")
@@ -231,6 +232,9 @@ def run(args: argparse.Namespace) -> int:
         return 128 + received_signal
     if jobs and not any(row["seeds"] for row in content["rows"]):
         raise StudyError(f"no run of the study is done: {progress.last_error}")
+    if failures:
+        sys.stdout.flush()
+        raise StudyError(failures_text(failures, len(mine)))
     return 0
 
 

@@ -17,7 +17,7 @@ from mtpgo_training.commands.arguments.next_command import command_text, same_co
 from mtpgo_training.crossval.fold_processes import FoldError
 from mtpgo_training.data.data_sources import DataSource, read_all
 from mtpgo_training.data.recording_cache import RecordingCache
-from mtpgo_training.study.study_progress import StudyProgress, run_all
+from mtpgo_training.study.study_progress import StudyProgress, failures_text, run_all
 from mtpgo_training.sweep.sweep_folder import SweepFolder
 from mtpgo_training.sweep.sweep_grid import GridPoint, grid_points, swept_keys
 from mtpgo_training.sweep.sweep_results import (
@@ -128,10 +128,7 @@ def run_sweep(
         return 128 + received_signal
     if failures:
         sys.stdout.flush()
-        raise FoldError(
-            f"{len(failures)} of {len(points)} runs failed ({' '.join(failures)}); the same "
-            "command tries them again"
-        )
+        raise FoldError(failures_text(failures, len(points)))
     return 0
 
 

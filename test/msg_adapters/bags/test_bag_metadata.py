@@ -25,7 +25,7 @@ BOMB = "a0: &a0 {q: x, r: y}\n" + "".join(
 )
 LISTS = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 40))
 LONGEST_S = 10.0
-"""Most processor time of one text. The largest are measured at 0.35 s, of any length, as the library
+"""Most processor time of one text. The slowest took 0.35 s, whatever its length, as the library
 looks 1024 characters ahead; 2 to the power of 40 lists or 60 000 levels would take hours."""
 
 
