@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -23,6 +24,9 @@ periods of 0.2 s."""
 
 FIRST_PREDICTION = "first prediction"
 """Begin of the line by which the predictor reports its first prediction with a road user."""
+
+_WARNING = re.compile(r"^\[WARN\] \[[^]]*\] \[[^]]*\]: (.*)$", re.MULTILINE)
+"""A warning in the log of a node; its sentence is the group."""
 
 LAST_REPORT_S = 1.5
 """Wait for the last diagnostics (s): the node publishes them once a second."""
@@ -53,6 +57,8 @@ def run_session(
     arguments = ["--ros-args", *options] if options else []
     with ChildProcess("predictor", arguments, logs / "predictor.log", environment) as predictor:
         predictor.wait_for("ready", READY_S)
+        for sentence in warnings_of(predictor.text()):
+            print(f"  predictor: {sentence}", flush=True)
         writing = ["-o", str(recorded), "--topics", *TOPICS]
         with ChildProcess("record", writing, logs / "record.log", environment) as recorder:
             recorder.wait_for("ready", READY_S)
@@ -65,6 +71,12 @@ def run_session(
                         replay.press_enter()
                         _watch(replay, duration_s, progress, (predictor, recorder))
             time.sleep(LAST_REPORT_S)
+
+
+def warnings_of(log: str) -> list[str]:
+    """Return the sentences of the warnings in the log of a node, each once."""
+    found = _WARNING.findall(log)
+    return list(dict.fromkeys(sentence.strip() for sentence in found))
 
 
 def _player(bag: Path, logs: Path, environment: dict[str, str]) -> ChildProcess:

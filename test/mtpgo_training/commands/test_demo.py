@@ -59,8 +59,10 @@ def demo(*arguments: str, cwd: Path) -> subprocess.CompletedProcess:
 
 @pytest.mark.timeout(300)
 def test_the_node_predicts_all_road_users_in_every_cycle(folder, model, tmp_path):
-    done = demo(str(folder), "--layout", "ind", "--model", str(model), "--all", cwd=tmp_path)
+    given = ["--layout", "ind", "--model", str(model), "--all", "-p", "ratte:=1"]
+    done = demo(str(folder), *given, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    assert "predictor: parameter ratte has no effect" in done.stdout
     output = tmp_path / "demo_output"
     content = json.loads((output / "summary.json").read_text())
     # 8.2 s and 3.2 s at 5 Hz, both ends included; two road users.
