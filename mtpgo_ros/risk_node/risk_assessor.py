@@ -147,6 +147,7 @@ class RiskAssessor:
         """Return why the plan cannot be used for predictions, empty if it can."""
         plan = self._plans.newest(prediction.frame_id)
         if plan is None:
+            self._status.plan_age_s = float("nan")
             return self._missing or self._plans.problem
         age_s = (prediction.stamp_ns - plan.stamp_ns) * 1e-9
         self._status.plan_age_s = age_s

@@ -64,8 +64,11 @@ def test_without_a_plan(setup):
 def test_a_refused_plan_ends_the_one_before_it(setup):
     assessor, status = setup
     assessor.add_plan(STILL)
+    assessor.assess(prediction(), START)
+    assert status.plan_age_s == 0.0
     assessor.refuse_plan(MessageError("path has no times"))
     assert_unknown(assessor.assess(prediction(), START), Unknown.NO_PLAN)
+    assert np.isnan(status.plan_age_s)  # not that of the plan before
     assert "the plan on /plan is not usable: path has no times" in diagnosed(status)["plan"][1]
     assessor.add_plan(STILL)
     assert np.isfinite(assessor.assess(prediction(), START).peak).all()
