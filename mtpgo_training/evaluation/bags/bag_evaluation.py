@@ -145,6 +145,12 @@ def evaluate_bags(
                 raise RecordingError(f"{sentence}, expected every mode and step")
             result.warnings.append(f"{sentence}; they are left out")
         predictions = last_of_each_stamp(received)
+        if len(predictions) < len(received):
+            result.warnings.append(
+                f"{len(received) - len(predictions)} of the {len(received)} predictions in {bag} "
+                "have the stamp of a later one, as of two predictors on one topic or of a bag "
+                "played twice; the last one of each stamp is scored"
+            )
         result.published[bag_called] = _by_calibration(predictions)
         with contextlib.suppress(RecordingError):  # it may hold predictions only
             live = replayed_quality(bag, received, _history(runners), _of(bag, options))

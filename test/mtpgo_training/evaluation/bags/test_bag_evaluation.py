@@ -116,6 +116,27 @@ def test_a_filtered_cloud_is_left_out_and_alone_refused(tmp_path):
         evaluate_bags([none], observed_recordings([none]), {}, own_clock=False)
 
 
+def test_of_two_predictions_of_a_stamp_the_last_one_is_scored_and_that_is_said(tmp_path):
+    recording = make_recording(duration_s=6.0)
+    adapter, path = INPUTS["pointcloud2"], tmp_path / "two"
+    with McapWriter(path) as out:
+        out.add_topic("/objects", adapter.message_type)
+        out.add_topic("/predictions", "sensor_msgs/msg/PointCloud2")
+        for number, states in enumerate(recording.states()):
+            out.write("/objects", states.stamp_ns, adapter.from_states(states, out.types))
+            if number > 10:
+                continue
+            right = perfect_prediction(recording, number)
+            wrong = dataclasses.replace(right, mean=right.mean + 3.0)
+            for one in (wrong, right) if number < 3 else (right,):
+                message = prediction_to_pointcloud2(one, out.types)
+                out.write("/predictions", states.stamp_ns, message)
+    result = evaluate_bags([path], observed_recordings([path]), {}, own_clock=False)
+    assert scores(result, "two")["ade"] == pytest.approx(0.0, abs=1e-6)
+    (warning,) = (one for one in result.warnings if "have the stamp of a later one" in one)
+    assert warning.startswith(f"3 of the 14 predictions in {path}")
+
+
 def test_a_played_recording_that_is_not_given_is_a_warning(bag, recording):
     early = recording.between(None, 4.0)
     result = evaluate_bags([bag], {"01": early}, {})
