@@ -7,11 +7,10 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import signal
-import sys
 from pathlib import Path
 
 from mtpgo_core.completion import completed_by
-from mtpgo_core.errors import ConfigurationError, MtpgoError
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.argument_types import (
     positive_integer,
     positive_number,
@@ -133,7 +132,8 @@ def run(args: argparse.Namespace) -> int:
     require_folder(args.out)
     from mtpgo_training.crossval.crossval_folder import CALIBRATION_HEADING, CrossvalFolder
     from mtpgo_training.crossval.fold import FoldJob
-    from mtpgo_training.crossval.fold_processes import FoldError, run_folds
+    from mtpgo_training.crossval.fold_processes import FoldError, failures_text, run_folds
+    from mtpgo_training.crossval.fold_progress import FoldProgress
     from mtpgo_training.crossval.site_folds import (
         chosen_folds,
         find_folds,
@@ -186,42 +186,16 @@ def run(args: argparse.Namespace) -> int:
         if not folder.fold(fold.name).done
     ]
     del recordings
-    errors: list[tuple[str, MtpgoError]] = []
-
-    def say(text: str) -> None:
-        if not args.quiet:
-            print(text, flush=True)
-
-    def finished(job: FoldJob) -> None:
-        fold = next(f for f in folder.write_results()["folds"] if f["fold"] == job.fold.name)
-        training = fold["training"]
-        say(
-            f"{job.fold.name}: {training['epochs_done']} of {training['epochs']} epochs in "
-            f"{training['minutes']:.1f} min"
-        )
-        for name, site in fold["sites"].items():
-            scores = site["scores"][trackers[0]].get("moving", {})
-            ade, cv = scores.get("ade"), scores.get("ade_cv")
-            result = "nothing moves" if ade is None else f"moving ADE {ade:.3f} m (CV {cv:.3f})"
-            say(f"  {name}: {result}")
-
-    def failed(job: FoldJob, error: MtpgoError) -> None:
-        errors.append((job.fold.name, error))
-        print(f"mtpgo: without {job.fold.name}: {error}", file=sys.stderr, flush=True)
-
-    say(f"{len(chosen)} of {len(folds)} folds, {len(chosen) - len(jobs)} done before")
+    progress = FoldProgress(folder, trackers[0], quiet=args.quiet)
+    progress.say(f"{len(chosen)} of {len(folds)} folds, {len(chosen) - len(jobs)} done before")
     with Interruption() as interruption:
         run_folds(
             jobs,
             args.jobs,
             interruption,
-            started=lambda job: say(
-                f"{job.fold.name}: leaves out {', '.join(site.name for site in job.fold.sites)} "
-                f"({len(job.fold.recordings)} recordings), "
-                f"see {folder.fold(job.fold.name).log}"
-            ),
-            finished=finished,
-            failed=failed,
+            started=progress.started,
+            finished=progress.finished,
+            failed=progress.failed,
         )
     content = folder.write_results()
     if content["folds"]:
@@ -229,14 +203,12 @@ def run(args: argparse.Namespace) -> int:
         calibrated = folder.calibration()
         if calibrated is not None:
             print(f"\n{CALIBRATION_HEADING}\n{to_text(calibrated)}\n")
-        say(f"written to {folder.result} and {folder.markdown}")
+        progress.say(f"written to {folder.result} and {folder.markdown}")
     if interruption.received_signal is not None:
-        say(f"interrupted; to continue: {same_command(args)}")
+        progress.say(f"interrupted; to continue: {same_command(args)}")
         return 128 + signal.Signals(interruption.received_signal)
-    if errors:
-        raise FoldError(
-            f"{len(errors)} of {len(jobs)} folds failed ({', '.join(name for name, _ in errors)})"
-        )
+    if progress.failures:
+        raise FoldError(failures_text("folds", progress.failures, len(jobs)))
     return 0
 
 

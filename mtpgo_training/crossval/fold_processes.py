@@ -37,6 +37,12 @@ class FoldError(MtpgoError):
     """A fold that could not be trained or scored."""
 
 
+def failures_text(kind: str, failures: Sequence[str], total: int) -> str:
+    """Return in a sentence which of so many folds or runs failed."""
+    names = ", ".join(failures)
+    return f"{len(failures)} of {total} {kind} failed ({names}); the same command tries them again"
+
+
 class Job(Protocol):
     """What runs in a process; it can be pickled."""
 

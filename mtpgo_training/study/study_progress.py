@@ -147,11 +147,3 @@ def run_all(
             failed=failed,
         )
     return interruption.received_signal, failures
-
-
-def failures_text(failures: Sequence[str], runs: int) -> str:
-    """Return in a sentence which of so many runs failed."""
-    return (
-        f"{len(failures)} of {runs} runs failed ({' '.join(failures)}); the same command tries "
-        "them again"
-    )

@@ -147,13 +147,14 @@ def run(args: argparse.Namespace) -> int:
     part = _check(args)
     require_training_modules()
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
+    from mtpgo_training.crossval.fold_processes import failures_text
     from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.study.output.study_output import write_results
     from mtpgo_training.study.output.study_page import write_page
     from mtpgo_training.study.output.study_tables import gaps, main_table
     from mtpgo_training.study.study_data import study_data
     from mtpgo_training.study.study_folder import StudyFolder
-    from mtpgo_training.study.study_progress import StudyProgress, failures_text, run_all
+    from mtpgo_training.study.study_progress import StudyProgress, run_all
     from mtpgo_training.study.study_results import results
     from mtpgo_training.study.study_rows import StudyError, find_study
     from mtpgo_training.study.study_run import StudyRun
@@ -234,7 +235,7 @@ def run(args: argparse.Namespace) -> int:
         raise StudyError(f"no run of the study is done: {progress.last_error}")
     if failures:
         sys.stdout.flush()
-        raise StudyError(failures_text(failures, len(mine)))
+        raise StudyError(failures_text("runs", failures, len(mine)))
     return 0
 
 

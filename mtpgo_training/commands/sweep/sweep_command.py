@@ -14,10 +14,10 @@ from typing import Any
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.early_checks import require_folder
 from mtpgo_training.commands.arguments.next_command import command_text, same_command
-from mtpgo_training.crossval.fold_processes import FoldError
+from mtpgo_training.crossval.fold_processes import FoldError, failures_text
 from mtpgo_training.data.data_sources import DataSource, read_all
 from mtpgo_training.data.recording_cache import RecordingCache
-from mtpgo_training.study.study_progress import StudyProgress, failures_text, run_all
+from mtpgo_training.study.study_progress import StudyProgress, run_all
 from mtpgo_training.sweep.sweep_folder import SweepFolder
 from mtpgo_training.sweep.sweep_grid import GridPoint, grid_points, swept_keys
 from mtpgo_training.sweep.sweep_results import (
@@ -128,7 +128,7 @@ def run_sweep(
         return 128 + received_signal
     if failures:
         sys.stdout.flush()
-        raise FoldError(failures_text(failures, len(points)))
+        raise FoldError(failures_text("runs", failures, len(points)))
     return 0
 
 

@@ -134,7 +134,7 @@ def test_a_study_of_two_rows_interrupted_continued_and_with_a_failed_run(
     assert "2 done before" in printed.out
     assert "gap: MTP-GO1: seed 2 failed: the loss is not finite" in printed.out
     assert "mtp-go1-seed2: the loss is not finite" in printed.err
-    assert "2 of 4 runs failed (seq2seq-seed2 mtp-go1-seed2); the same command" in printed.err
+    assert "2 of 4 runs failed (seq2seq-seed2, mtp-go1-seed2); the same command" in printed.err
 
 
 @pytest.mark.parametrize(
