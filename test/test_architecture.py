@@ -325,6 +325,34 @@ def test_tests_mirror_the_tree():
     assert all((ROOT / "test" / name).is_file() for name in ACROSS_MODULES)
 
 
+def tree_in_development(package: str) -> list[str]:
+    """Return the folders of a package in the tree of docs/development.md, in its order."""
+    page = (ROOT / "docs" / "development.md").read_text(encoding="utf-8")
+    lines = page.partition("\n```text\n")[2].partition("\n```")[0].splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith(f"{package}/"))
+    found = []
+    for line in lines[start + 1 :]:
+        if not line.startswith(" "):
+            break
+        if line[2] not in " (":
+            found.append(line.split()[0].rstrip("/"))
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_tree_in_the_docs_has_every_folder_with_rooms_in_order(package):
+    found = tree_in_development(package)
+    rooms = [room for room in ROOMS[package] if room and (ROOT / package / room).is_dir()]
+    assert [folder for folder in found if "/" not in folder] == rooms
+    folders = {path.parent.relative_to(ROOT / package).as_posix() for path in files_of(package)}
+    several = {  # a subcommand in a folder of its own is named like the subcommand
+        folder
+        for folder in folders - {"."}
+        if not folder.startswith("commands/") or folder == "commands/arguments"
+    }
+    assert several <= set(found), sorted(several - set(found))
+
+
 def test_every_folder_with_code_is_a_package():
     for package in PACKAGES:
         for path in files_of(package):

@@ -8,7 +8,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-FRONT = [ROOT / name for name in ("README.md", "CHANGELOG.md", "QUALITY_DECLARATION.md")]
+FRONT = [
+    *(ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")),
+    ROOT / "QUALITY_DECLARATION.md",
+    *sorted((ROOT / "resource" / "weights").glob("*.md")),
+]
 PAGES = [*FRONT, *sorted((ROOT / "docs").glob("*.md"))]
 
 
