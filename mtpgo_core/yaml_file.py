@@ -81,8 +81,8 @@ def read_yaml(path: Path, expected: str, *, as_node: bool = False) -> Any:
 def parse_yaml(text: str) -> Any:
     """Return what a text of YAML holds: a configuration of the user's own, aliases included.
 
-    Unlike in YAML 1.1, ``1e-3`` is a number, and a key that is given twice is an error: of two
-    values one would be dropped in silence.
+    Unlike in YAML 1.1, ``1e-3`` is a number, and a key that is given twice is an error: one of
+    the two values would be lost without a message.
 
     Raises:
         Exception: it is no YAML; a value that is not of its tag fails PyYAML in many ways.

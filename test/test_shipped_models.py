@@ -195,6 +195,15 @@ def test_the_default_is_calibrated_on_the_sites_that_the_cross_validation_left_o
         assert groups[name].sites >= 2, name
 
 
+def test_the_pages_state_the_range_of_the_factors_of_the_default():
+    table = load_task(find_model("default")).calibration.factor_table
+    low, high = f"{table.min():.1f}", f"{table.max():.1f}"
+    card = (ROOT / "resource/weights/default.md").read_text(encoding="utf-8")
+    assert f"class group and motion ({low} to {high})" in card
+    page = (ROOT / "docs/training.md").read_text(encoding="utf-8")
+    assert f"the factors of the shipped file are between {low} and {high}" in page
+
+
 def test_the_default_states_its_coverage_at_home_and_on_left_out_sites():
     metrics = load_task(find_model("default")).metrics
     for use in ("validation", "left-out sites"):

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Decoders of recorded messages, each made from the definition of its own type.
 
-A definition is read when a message of its type is, so what else is in a bag does no harm. Where a
-bag lacks a definition, or it cannot be read, that of this package is used.
+A definition is read only with the first message of its type, so unreadable definitions of other
+types do not matter. A missing or unreadable definition is replaced by the one of this package.
 """
 
 from __future__ import annotations

@@ -235,8 +235,8 @@ class ScenePredictor:
     def observe(self, window: HistoryWindow) -> None:
         """Remember where the road users of a window went, without a prediction.
 
-        For those who predict more rarely than the history is long: what lies between two windows
-        would not be seen, as it is in the node, which predicts several times a second.
+        For callers whose predictions are farther apart than the history is long: without it they
+        would miss what lies between two windows. The node predicts often enough to miss nothing.
         """
         self._observe_trails(window)
 

@@ -49,7 +49,7 @@ class Unknown(IntEnum):
     BEYOND_PLAN = 3
     """The plan does not reach this step."""
     NO_PREDICTION = 4
-    """The prediction of the agent is not finite, beyond belief, or lacks modes."""
+    """The prediction of the agent is not finite, has impossible values, or lacks modes."""
     STALE = 5
     """The prediction is too old."""
 
@@ -187,7 +187,7 @@ def assess(
 
 
 def _places(prediction: Prediction) -> Float64Array:
-    """Return [n, H, 2] the most probable mode's positions (m), NaN beyond belief."""
+    """Return [n, H, 2] the most probable mode's positions (m), NaN where impossible."""
     mean = prediction.mean[:, 0, :, :2]
     return np.where(np.abs(mean) <= FARTHEST_M, mean, np.nan)
 

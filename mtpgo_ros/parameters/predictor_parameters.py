@@ -315,8 +315,8 @@ class PredictorParameters:
     )
     calibration_memory: float = _field(
         LiveOptions.memory_s,
-        "Time constant with which the online calibration forgets the factors of road users of"
-        " whom nothing becomes known any more (s).",
+        "Time constant with which the online calibration forgets factors that no new outcomes"
+        " confirm (s).",
         low=1.0,
         high=1e6,
     )

@@ -25,7 +25,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         description="Simulate traffic with Eclipse SUMO (extra 'simulation') and write it as "
         "recordings: a highway in highD layout; a roundabout or a street with traffic lights in "
         "inD layout; curves, ramps, junctions, roundabouts and crowds whose roads are drawn for "
-        "every recording, and busy places of a scenario of one's own, in inD layout. Options "
+        "every recording, and busy places of your own scenario, in inD layout. Options "
         "that are not given are drawn from the seed, so that recordings differ.",
     )
     add = parser.add_argument

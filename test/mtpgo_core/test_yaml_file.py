@@ -66,7 +66,7 @@ def test_what_is_written_is_read_back():
 
 @pytest.mark.parametrize("text", ["a: 1\nb: 2\na: 3\n", "x: {a: 1, a: 1}\n", "- 1: a\n  1: b\n"])
 def test_a_key_that_is_given_twice_is_refused(tmp_path, text):
-    """Of two values one would be dropped in silence."""
+    """One of the two values would be lost without a message."""
     (tmp_path / "a.yaml").write_text(text)
     with pytest.raises(ConfigurationError, match=r"the key '[a1]' is given a second time"):
         read_yaml(tmp_path / "a.yaml", "a map")

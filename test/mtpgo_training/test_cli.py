@@ -132,7 +132,7 @@ def test_an_output_that_is_closed_early_is_no_error() -> None:
     ],
 )
 def test_an_option_with_several_values_may_be_repeated(words: list[str], attribute: str) -> None:
-    """None of the values is dropped in silence."""
+    """No value is dropped without a message."""
     given = cli.build_parser(words[0]).parse_args(words)
     assert [str(value) for value in getattr(given, attribute)] == ["a", "b"]
 
