@@ -66,6 +66,13 @@ def test_the_index_lists_every_page():
         assert page.name == "index.md" or f"({page.name})" in index, page.name
 
 
+def test_a_version_in_the_changelog_has_each_kind_of_change_once():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    for version in text.split("\n## ")[1:]:
+        kinds = re.findall(r"^### (.+)$", version, re.MULTILINE)
+        assert len(kinds) == len(set(kinds)), kinds
+
+
 def test_make_targets_in_the_pages_exist():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
