@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +23,7 @@ class NamedConfig:
     Attributes:
         name: by which it is found.
         path: its file.
-        summary: first sentence of the file, a comment.
+        summary: first sentence of the comment at the head of the file.
     """
 
     name: str
@@ -41,10 +42,16 @@ def named_configs() -> list[NamedConfig]:
     for path in sorted(folder.rglob("*.yaml"), key=lambda path: path.stem):
         if path.parent.name == PARTS:
             continue
-        line = path.read_text(encoding="utf-8").split("\n", 1)[0]
-        summary = line.lstrip("# ").partition(". ")[0].rstrip(".")
-        found.append(NamedConfig(path.stem, path, summary))
+        found.append(NamedConfig(path.stem, path, _summary(path)))
     return found
+
+
+def _summary(path: Path) -> str:
+    """Return the first sentence of the comment at the head of a file, which may span lines."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    comment = itertools.takewhile(lambda line: line.startswith("# "), lines)
+    text = " ".join(line.removeprefix("#").strip() for line in comment)
+    return text.partition(". ")[0].rstrip(".")
 
 
 def config_names() -> list[str]:

@@ -26,6 +26,18 @@ def test_every_model_and_data_set_of_the_paper_has_a_name(monkeypatch, tmp_path,
     assert listed == [config.name for config in named_configs()]
 
 
+def test_the_summary_of_a_configuration_is_a_whole_sentence():
+    summaries = {config.name: config.summary for config in named_configs()}
+    assert summaries["own_recordings"] == (
+        "A recipe for recordings of your own, from random weights: the network and the losses of"
+        " the shipped model, without names of recordings"
+    )
+    assert summaries["mtp-go1-highd"] == (
+        "MTP-GO1 on highD as in the paper: first-order neural ODE"
+    )
+    assert all(". " not in summary and "\n" not in summary for summary in summaries.values())
+
+
 @pytest.mark.parametrize("name", PAPER)
 def test_the_papers_configurations(name, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
