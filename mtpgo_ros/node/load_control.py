@@ -61,10 +61,14 @@ def overload(report: PredictionReport, modes: int) -> str:
     """
     found = []
     if report.over_limit:
-        why = "max_agents" if report.agent_limit is None else "the time for more"
+        why = (
+            "max_agents is the limit"
+            if report.agent_limit is None
+            else "there is no time for more"
+        )
         found.append(
-            f"the model serves the nearest {report.by_model} of {report.agents} agents, constant"
-            f" velocity the others: {why} is the limit"
+            f"the model predicts the nearest {report.by_model} of {report.agents} agents, constant"
+            f" velocity the others: {why}"
         )
     if report.modes < modes:
         found.append(

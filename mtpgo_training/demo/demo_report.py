@@ -17,6 +17,7 @@ from mtpgo_core.schema import Source
 from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.demo.publication_timing import PublicationTiming
 from mtpgo_training.demo.recorded_messages import ReceivedPrediction, RecordedMessages
+from mtpgo_training.evaluation.bags.bag_evaluation import FALLBACK_SHARE
 from mtpgo_training.evaluation.scores.score_table import Averages
 from mtpgo_training.table_format import Row, Table, to_text
 
@@ -43,10 +44,6 @@ _HEADS = (
     *("recording", "scenes", "agents", "ADE m", "FDE m", "MR", "NLL", "in 95 %"),
     *("CV ADE", "CV FDE", "CV MR", "CV NLL"),
 )
-
-FALLBACK_SHARE = 0.1
-"""Share of predictions by constant velocity above which the demo says that its scores are not the
-model's; chosen: a single late cycle is less."""
 
 _PACKAGES = ("mtpgo_ros", "torch", "numpy", "rosbags", "ros-rclpy")
 

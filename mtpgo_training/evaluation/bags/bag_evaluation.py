@@ -17,7 +17,7 @@ from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.live_calibration.live_options import ONLINE
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.prediction.output_assembly import delay_ns, from_horizon_start
-from mtpgo_core.schema import CalibrationStage, Prediction
+from mtpgo_core.schema import CalibrationStage, Prediction, Source
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
@@ -40,6 +40,10 @@ from mtpgo_training.scenes.kinematic_baselines import BASELINES
 
 PROTOCOL = "all"
 """Protocol of recorded predictions: a node publishes each road user once."""
+
+FALLBACK_SHARE = 0.1
+"""Share of predictions by constant velocity in place of the model above which the scores are said
+not to be the model's; chosen: a single late cycle is less."""
 
 
 @dataclass
@@ -152,6 +156,7 @@ def evaluate_bags(
                 "played twice; the last one of each stamp is scored"
             )
         result.published[bag_called] = _by_calibration(predictions)
+        result.warnings += _fallback_warning(bag, predictions)
         with contextlib.suppress(RecordingError):  # it may hold predictions only
             live = replayed_quality(bag, received, _history(runners), _of(bag, options))
             if live.predictions.any():
@@ -180,6 +185,19 @@ def _by_calibration(predictions: Sequence[Prediction]) -> dict[str, int]:
     """Return the number of predictions of road users by their calibration."""
     stages = Counter(stage for one in predictions for stage in one.calibration.tolist())
     return {stage.name.lower(): stages[stage] for stage in CalibrationStage if stages[stage]}
+
+
+def _fallback_warning(bag: Path, predictions: Sequence[Prediction]) -> list[str]:
+    """Return a sentence where many predictions are constant velocity in place of the model."""
+    total = sum(map(len, predictions))
+    fallback = sum(int((one.source == Source.CONSTANT_VELOCITY).sum()) for one in predictions)
+    if fallback <= FALLBACK_SHARE * total:
+        return []
+    return [
+        f"{fallback} of the {total} predictions of road users in {bag} are constant velocity in"
+        " place of the model, as on a busy or slow machine, so the scores say little about the"
+        " model"
+    ]
 
 
 def _of(bag: Path, options: ReadingOptions) -> ReadingOptions:

@@ -37,4 +37,7 @@ def test_overload_is_said_with_its_reason():
     assert "max_agents is the limit" in said
     assert "2 of 8 modes" in said
     timed = PredictionReport(agents=200, by_model=90, over_limit=110, agent_limit=90, modes=8)
-    assert "the time for more is the limit" in overload(timed, 8)
+    assert overload(timed, 8) == (
+        "the model predicts the nearest 90 of 200 agents, constant velocity the others: there is"
+        " no time for more"
+    )

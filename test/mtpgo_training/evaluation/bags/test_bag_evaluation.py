@@ -16,7 +16,7 @@ from msg_adapters.bags.mcap_writer import McapWriter
 from msg_adapters.predictions import prediction_from_pointcloud2, prediction_to_pointcloud2
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import ConfigurationError, RecordingError
-from mtpgo_core.schema import CalibrationStage
+from mtpgo_core.schema import CalibrationStage, Source
 from mtpgo_training.cli import main
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.evaluation.bags.bag_evaluation import evaluate_bags, observed_recordings
@@ -114,6 +114,29 @@ def test_a_filtered_cloud_is_left_out_and_alone_refused(tmp_path):
     assert warning.endswith("they are left out")
     with pytest.raises(RecordingError, match="expected every mode and step"):
         evaluate_bags([none], observed_recordings([none]), {}, own_clock=False)
+
+
+@pytest.mark.parametrize(("fallback", "said"), [(1, False), (2, True)])
+def test_constant_velocity_in_place_of_the_model_is_a_warning(tmp_path, fallback, said):
+    recording = make_recording(duration_s=6.0)
+    adapter, path = INPUTS["pointcloud2"], tmp_path / "busy"
+    with McapWriter(path) as out:
+        out.add_topic("/objects", adapter.message_type)
+        out.add_topic("/predictions", "sensor_msgs/msg/PointCloud2")
+        for number, states in enumerate(recording.states()):
+            out.write("/objects", states.stamp_ns, adapter.from_states(states, out.types))
+            if number >= 10:
+                continue
+            one = perfect_prediction(recording, number)
+            source = Source.CONSTANT_VELOCITY if number < fallback else Source.MODEL
+            one = dataclasses.replace(one, source=np.full(len(one), source, dtype=np.uint8))
+            out.write("/predictions", states.stamp_ns, prediction_to_pointcloud2(one, out.types))
+    result = evaluate_bags([path], observed_recordings([path]), {}, own_clock=False)
+    found = [one for one in result.warnings if "constant velocity in place of the model" in one]
+    assert len(found) == said
+    for warning in found:
+        agents = len(perfect_prediction(recording, 0))
+        assert warning.startswith(f"{fallback * agents} of the {10 * agents} predictions")
 
 
 def test_of_two_predictions_of_a_stamp_the_last_one_is_scored_and_that_is_said(tmp_path):
