@@ -16,7 +16,7 @@ from mtpgo_core.prediction.finite_output import definite_in_float32
 from mtpgo_core.schema import MOVING_MPS, Float64Array, HistoryWindow, Prediction, Source
 
 LARGEST_STD = 1e4
-"""Largest standard deviation that is believed (m, m/s); chosen, no site is larger."""
+"""Largest standard deviation that is accepted (m, m/s); chosen, no site is larger."""
 
 
 @dataclass(frozen=True)

@@ -193,7 +193,7 @@ def _places(prediction: Prediction) -> Float64Array:
 
 
 def known_poses(prediction: Prediction) -> BoolArray:
-    """Return [n, M, H] where position, heading and covariance are finite and believed."""
+    """Return [n, M, H] where position, heading and covariance are finite and possible."""
     with np.errstate(invalid="ignore"):
         place = np.maximum(np.abs(prediction.mean[..., 0]), np.abs(prediction.mean[..., 1]))
         known = (place <= FARTHEST_M) & (np.abs(prediction.yaw) <= _LARGEST_YAW)

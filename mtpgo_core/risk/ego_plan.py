@@ -30,7 +30,8 @@ _FASTEST_MPS = 100.0
 """Fastest plan (m/s); chosen as the speed above which the history of road users rejects."""
 
 _JUMP_M = 2.0
-"""Farther than that by this is believed (m); chosen: two poses may be a millisecond apart."""
+"""How much farther than that two poses may be apart (m); chosen: they may be a millisecond
+apart in time."""
 
 _MOVES_M = 1e-3
 """Two points this far apart give a heading (m); chosen above rounding."""

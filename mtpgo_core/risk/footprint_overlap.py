@@ -129,8 +129,8 @@ def is_covariance(matrix: Float64Array) -> BoolArray:
     xx, yy, xy = matrix[..., 0, 0], matrix[..., 1, 1], matrix[..., 0, 1]
     with np.errstate(invalid="ignore", over="ignore"):
         product = xx * yy * (1.0 + 1e-6) + 1e-12
-        believed = np.maximum(xx, yy) <= LARGEST_STD**2  # false for NaN
-        return np.asarray((xx >= 0.0) & (yy >= 0.0) & (xy * xy <= product) & believed)
+        possible = np.maximum(xx, yy) <= LARGEST_STD**2  # false for NaN
+        return np.asarray((xx >= 0.0) & (yy >= 0.0) & (xy * xy <= product) & possible)
 
 
 def _is_out_of_reach(

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A trial run of a model file in a process of its own, which can be ended.
 
-A model can compute for ever or ask for any amount of memory, and torch can crash on a damaged
+A model can compute forever or ask for any amount of memory, and torch can crash on a damaged
 file. Nothing in this process could stop that: the interpreter of TorchScript runs without looking
 at signals or at the clock, and a thread cannot be ended from outside. So a file that is not one of
 the package's own is loaded and run in another process first. The kernel ends that process at its

@@ -19,8 +19,8 @@ _SILENCE_S = 1.0
 trackers."""
 
 _USUAL_TIMES = 3.0
-"""The same as a multiple of the usual time between two messages; chosen: of a slow stream no
-single message is waited for in vain."""
+"""The same as a multiple of the usual time between two messages; chosen: in a slow stream no
+single message decides."""
 
 _FIRST_SILENCE_S = 3.0
 """The same before the first message (s); chosen longer, since many publishers start late."""

@@ -48,7 +48,7 @@ def require_better(adaptation: Adaptation) -> None:
     raise ConfigurationError(
         f"the adapted model is worse than the one it began with on the validation part "
         f"(ADE of moving road users {before.ade_m:.3f} -> {after.ade_m:.3f} m, NLL "
-        f"{before.nll:.3f} -> {after.nll:.3f}), expected no worse; --force writes it all the same"
+        f"{before.nll:.3f} -> {after.nll:.3f}), expected no worse; --force writes it anyway"
     )
 
 

@@ -119,4 +119,4 @@ def check_coverage(metrics: Mapping[str, Any], *, force: bool = False) -> str:
     )
     if force:
         return sentence
-    raise ConfigurationError(f"{sentence} (--force exports the model all the same)")
+    raise ConfigurationError(f"{sentence} (--force exports the model anyway)")

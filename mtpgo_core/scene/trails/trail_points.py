@@ -62,7 +62,7 @@ class PointColumns:
 class TrailPoints:
     """Ring of up to ``capacity`` points, numbered in the order in which they were stored.
 
-    A point's number never changes and identifies it for ever; ``oldest`` is the number of the
+    A point's number never changes and identifies it forever; ``oldest`` is the number of the
     first one that is still stored. Times never descend, so the points known at a time are those
     with a number below :meth:`known_at`.
 
