@@ -62,15 +62,20 @@ def own_heading(velocity: Float64Array, yaw: Float64Array) -> Float64Array:
 def rotate_covariance(covariance: Float64Array, angle: Float64Array | float) -> Float64Array:
     """Return R C R^T for covariances [..., S, S] of S/2 planar vectors rotated by ``angle`` (rad).
 
-    S is 2 (position) or 4 (position, velocity).
+    S is 2 (position) or 4 (position, velocity). Each 2x2 block is rotated by itself: one that is
+    not known (NaN) leaves the others as they are.
     """
-    size = covariance.shape[-1]
     cos, sin = np.cos(np.asarray(angle)), np.sin(np.asarray(angle))
-    turn = np.zeros((*cos.shape, size, size))
-    for i in range(0, size, 2):
-        turn[..., i, i], turn[..., i, i + 1] = cos, -sin
-        turn[..., i + 1, i], turn[..., i + 1, i + 1] = sin, cos
-    return turn @ covariance @ np.swapaxes(turn, -1, -2)
+    turn = np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
+    back = np.swapaxes(turn, -1, -2)
+    starts = range(0, covariance.shape[-1], 2)
+    rows = [
+        np.concatenate(
+            [turn @ covariance[..., i : i + 2, j : j + 2] @ back for j in starts], axis=-1
+        )
+        for i in starts
+    ]
+    return np.concatenate(rows, axis=-2)
 
 
 def along_and_across(

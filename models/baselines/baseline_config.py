@@ -6,13 +6,39 @@ import math
 from dataclasses import dataclass
 
 from models.mtp_go_config import LAYERS
-from models.network_config import NetworkConfig
-from mtpgo_core.options import option
+from models.network_config import BASE_FEATURES, NetworkConfig
+from mtpgo_core.options import option, require
 
 
 @dataclass(frozen=True)
-class RecurrentConfig(NetworkConfig):
-    """Options of all baselines; Seq2Seq has no others.
+class BaselineConfig(NetworkConfig):
+    """Options of all baselines.
+
+    Attributes:
+        yaw_as_angle: the yaw is one column, an angle (rad), as in the paper of MTP-GO; else it is
+            two, cosine and sine. Follows from the task's ``scene.angles``.
+    """
+
+    yaw_as_angle: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(
+            "model.yaw_as_angle",
+            self.yaw_as_angle,
+            not (self.yaw_as_angle and self.agent_frame),
+            "false with agent_frame, which needs the yaw as cosine and sine",
+        )
+
+    @property
+    def has_angle(self) -> bool:
+        """``yaw_as_angle``, or fewer columns than with cosine and sine."""
+        return self.yaw_as_angle or self.feature_size < BASE_FEATURES
+
+
+@dataclass(frozen=True)
+class RecurrentConfig(BaselineConfig):
+    """Options of the recurrent baselines; Seq2Seq has no others.
 
     Attributes:
         embedding: channels of the embedded inputs, fed-back states and neighbour features.

@@ -13,10 +13,11 @@ from torch import Tensor, nn
 from torch.nn.functional import leaky_relu
 
 from models.ablations.direct_covariance import DirectCovariance
+from models.baselines.agent_headings import headings_at_t
 from models.baselines.baseline_config import RecurrentConfig
 from models.baselines.interaction import Interaction
 from models.heads import ControlHead, MixtureHead, NoiseHead
-from models.own_frame.agent_frames import Start, states_to_own, states_to_scene
+from models.own_frame.agent_frames import states_to_own, states_to_scene
 from models.own_frame.covariance_frames import rotate_blocks
 from models.trajectory_predictor import TrajectoryPredictor
 
@@ -55,6 +56,7 @@ class RecurrentPredictor(TrajectoryPredictor):
         hidden, modes, size = config.hidden, config.modes, interaction.size
         self.dt_s = config.dt_s
         self.static_features = config.static_features
+        self.yaw_as_angle = config.has_angle
         self.each_step = interaction.each_step
         self.interaction = interaction
         inputs = self.condition.input_size + config.static_size * config.static_features
@@ -84,10 +86,11 @@ class RecurrentPredictor(TrajectoryPredictor):
             features, valid, static, self.static_features
         )
         position = features[..., :2]
-        h, c = self.encode(inputs, position, valid, start)
+        course = headings_at_t(features, valid, self.yaw_as_angle)
+        h, c = self.encode(inputs, position, valid, course)
 
         present = valid[:, :, -1]
-        links = self.interaction.prepare(position[:, :, -1], start.direction, present)
+        links = self.interaction.prepare(position[:, :, -1], course, present)
         neighbours = self.interaction(h, links)  # [B, N, size]
         log_weight = self.mixture(torch.cat((h, neighbours), dim=-1))  # [B, N, M]
 
@@ -113,7 +116,7 @@ class RecurrentPredictor(TrajectoryPredictor):
         return log_weight, mean, self.observed(rotate_blocks(blocks, start.direction))
 
     def encode(
-        self, inputs: Tensor, position: Tensor, valid: Tensor, start: Start
+        self, inputs: Tensor, position: Tensor, valid: Tensor, course: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Return the LSTM's h and c at t, [B, N, D] each.
 
@@ -124,7 +127,7 @@ class RecurrentPredictor(TrajectoryPredictor):
             inputs: [B, N, T, .] scaled.
             position: [B, N, T, 2] in the scene frame (m).
             valid: [B, N, T].
-            start: the agents' frames.
+            course: [B, N, 2] cosine and sine of the agents' headings at t.
         """
         embedded = leaky_relu(self.embed_inputs(inputs), 0.1)
         h = self.initial[0].expand(valid.size(0), valid.size(1), -1)
@@ -132,7 +135,7 @@ class RecurrentPredictor(TrajectoryPredictor):
         for i, x in enumerate(embedded.unbind(2)):
             present = valid[:, :, i]
             if self.each_step:
-                links = self.interaction.prepare(position[:, :, i], start.direction, present)
+                links = self.interaction.prepare(position[:, :, i], course, present)
                 x = torch.cat((x, self.interaction(h, links)), dim=-1)
             new_h, new_c = self.encoder(x, h, c)
             h = torch.where(present.unsqueeze(-1), new_h, h)

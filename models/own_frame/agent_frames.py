@@ -78,6 +78,18 @@ def heading(velocity: Tensor, yaw: Tensor) -> Tensor:
     return torch.where(length > 0.1, blend / length.clamp(min=0.1), ahead)
 
 
+def start_in_own_frames(position: Tensor, velocity: Tensor, yaw: Tensor) -> Start:
+    """Return the start in the agents' own frames.
+
+    Args:
+        position: [B, N, 2] at t, in the scene frame (m).
+        velocity: [B, N, 2] at t, in the scene frame (m/s).
+        yaw: [B, N, 2] cosine and sine of the box heading, see :func:`heading`.
+    """
+    direction = heading(velocity, yaw)
+    return Start(position, direction, torch.zeros_like(position), to_own(velocity, direction))
+
+
 def hold_first_mode(states: Tensor, start: Start, dt_s: float) -> Tensor:
     """Return [H, B, N, M, S] states whose first mode is uniform motion for standing agents.
 

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from models.network_config import NetworkConfig
-from models.own_frame.agent_frames import Start, heading, last_seen, to_own
+from models.own_frame.agent_frames import Start, last_seen, start_in_own_frames, to_own
 
 OWN_STD = (3.0, 1.0, 10.0, 2.0, 2.0, 1.0, 1.0, 1.0, 0.2, 0.2)
 """Scales of the ten own-frame inputs before statistics are set (m, m/s, m/s^2, 1; chosen).
@@ -78,10 +78,7 @@ class Conditioning(nn.Module):
         last, _ = last_seen(features, valid)
         position, velocity = last[..., :2], last[..., 2:4]
         if self.agent_frame:
-            direction = heading(velocity, last[..., 6:8])
-            return Start(
-                position, direction, torch.zeros_like(position), to_own(velocity, direction)
-            )
+            return start_in_own_frames(position, velocity, last[..., 6:8])
         direction = torch.zeros_like(position)
         direction[..., 0] = 1.0
         return Start(torch.zeros_like(position), direction, position, velocity)

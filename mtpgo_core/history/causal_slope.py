@@ -71,7 +71,8 @@ class CausalSlope:
         if self._tau_s > 0.0:
             sums = np.exp(-2.0 / self._tau_s * dt_s)[:, None] * sums
         else:
-            sums = np.where((sums[:, :1] > 0.0) & (np.arange(7) == 0), 1.0, 0.0)
+            # Of two samples the newest stays, at age 0; a single one keeps its age.
+            sums = np.where(sums[:, :1] > 1.0, (np.arange(7) == 0).astype(np.float64), sums)
         # The newest sample moves from age 0 to age dt: t -> t - dt in every sum.
         sums[:, 2] += dt_s * (dt_s * sums[:, 0] - 2.0 * sums[:, 1])
         sums[:, 1] -= dt_s * sums[:, 0]

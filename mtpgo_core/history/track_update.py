@@ -154,12 +154,16 @@ def interpolate(left: Float64Array, right: Float64Array, brackets: Brackets) -> 
 
 def extrapolate_covariance(covariance: Float64Array, time_s: Float64Array) -> Float64Array:
     """Return covariances [n, 4, 4] of (x, y, vx, vy) after ``time_s`` [n] of constant velocity."""
-    if not time_s.any():
+    later = np.flatnonzero(time_s)
+    if not len(later):
         return covariance
-    step = np.zeros((time_s.shape[0], 4, 4))
+    step = np.zeros((len(later), 4, 4))
     step[:] = np.eye(4)
-    step[:, [0, 1], [2, 3]] = time_s[:, None]
-    return step @ covariance @ step.transpose(0, 2, 1)
+    step[:, [0, 1], [2, 3]] = time_s[later, None]
+    # A row without time is not multiplied: what is not known of it (NaN) would spread.
+    result = covariance.copy()
+    result[later] = step @ covariance[later] @ step.transpose(0, 2, 1)
+    return result
 
 
 def _prefer(given: Float64Array, estimate: Float64Array) -> Float64Array:

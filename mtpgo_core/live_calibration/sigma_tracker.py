@@ -87,7 +87,7 @@ class SigmaTracker:
     """The factors by source, level, group and horizon step.
 
     Args:
-        options: rates and limits.
+        options: rates and limits; may be replaced.
         steps: H.
 
     Attributes:
@@ -100,8 +100,7 @@ class SigmaTracker:
         self.options = options
         groups = len(GROUPS)
         self.log_sigma = np.zeros((SOURCES, len(LEVELS), groups, steps))
-        self._rate = np.array([options.rate_50, options.rate_90])
-        self._limits = TrackLimits(options.track_memory_s, 2 * self.log_sigma[:, :, 0].size)
+        self._limits = TrackLimits(2 * self.log_sigma[:, :, 0].size)
         self._agent_s = np.zeros((groups, steps))
         self._span_s = np.zeros(steps)
         self._idle_s = np.full((groups, steps), np.inf)
@@ -117,7 +116,7 @@ class SigmaTracker:
         Args:
             seconds: time since the last call (s).
         """
-        self._limits.pass_time(seconds)
+        self._limits.pass_time(seconds, self.options.track_memory_s)
         self._idle_s += seconds
         share = 1.0 - math.exp(-seconds / self.options.memory_s)
         toward = self._parents()
@@ -152,7 +151,8 @@ class SigmaTracker:
         squared = squares.squared[:, :, None]
         with np.errstate(invalid="ignore"):
             missed = squared > _RADIUS * np.exp(2.0 * served)
-        wanted = self._rate * size[:, :, None, None] * (missed - _ALPHA)
+        rate = np.array([self.options.rate_50, self.options.rate_90])
+        wanted = rate * size[:, :, None, None] * (missed - _ALPHA)
         rows = np.broadcast_to(counts[:, :, None, None] & np.isfinite(squared), wanted.shape)
         kind, row, source, level = np.nonzero(rows)
         step = squares.step[row]

@@ -22,12 +22,11 @@ class TrackLimits:
     """Sums what each track has changed, with exponential forgetting, and cuts off the surplus.
 
     Args:
-        memory_s: time constant (s).
         places: number of values that each track may change.
     """
 
-    def __init__(self, memory_s: float, places: int) -> None:
-        self._memory_s, self._places = memory_s, places
+    def __init__(self, places: int) -> None:
+        self._places = places
         self._row_of: dict[int, int] = {}
         self._free = list(range(_CAPACITY))
         self._idle_s = np.zeros(_CAPACITY)
@@ -37,11 +36,11 @@ class TrackLimits:
     def __len__(self) -> int:
         return len(self._row_of)
 
-    def pass_time(self, seconds: float) -> None:
-        """Forget by the time that has passed (s)."""
-        self._sum *= math.exp(-seconds / self._memory_s)
+    def pass_time(self, seconds: float, memory_s: float) -> None:
+        """Forget by the time that has passed (s), with a time constant (s)."""
+        self._sum *= math.exp(-seconds / memory_s)
         self._idle_s += seconds
-        longest = _FORGOTTEN * self._memory_s
+        longest = _FORGOTTEN * memory_s
         gone = [track for track, row in self._row_of.items() if self._idle_s[row] >= longest]
         for track in gone:
             row = self._row_of.pop(track)

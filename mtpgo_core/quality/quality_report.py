@@ -61,8 +61,8 @@ class QualityLimits:
         min_agents: fewest road users of a group whose scores are given and judged.
         warn_coverage: WARN below this share of truths inside the 90 % ellipses.
         error_coverage: ERROR below it.
-        error_cv_ratio: ERROR where the ADE is this many times that of constant velocity; WARN
-            where it is worse at all.
+        error_cv_ratio: ERROR where the ADE is more than this many times that of constant velocity;
+            WARN where it is worse by 2 %. Differences up to 0.1 m do not count.
     """
 
     min_agents: int = option(10, low=1)

@@ -297,7 +297,8 @@ class PredictorParameters:
     quality_error_cv_ratio: float = _field(
         QualityLimits.error_cv_ratio,
         "The diagnostics report an error when the average displacement error is more than this"
-        " many times that of constant velocity; they warn when it is worse at all.",
+        " many times that of constant velocity; they warn when it is worse by 2 %. Differences"
+        " up to 0.1 m do not count.",
         low=1.0,
         high=100.0,
     )

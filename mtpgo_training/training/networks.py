@@ -135,6 +135,8 @@ def network_config(
     }
     if "trail_branches" in kind.config.names():
         sizes["trail_branches"] = BRANCHES if scene.trails else 0
+    if "yaw_as_angle" in kind.config.names():
+        sizes["yaw_as_angle"] = scene.angles == "radians"
     if "wheeled_columns" in kind.config.names():
         sizes["wheeled_columns"] = tuple(
             column for column, name in enumerate(scene.classes) if name in WHEELED

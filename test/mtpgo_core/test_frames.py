@@ -47,6 +47,17 @@ def test_covariance_turns_like_the_vectors_that_it_describes(size):
     np.testing.assert_allclose(rotate_covariance(turned, -angle), covariance, atol=1e-12)
 
 
+def test_a_position_keeps_its_covariance_where_that_of_the_velocity_is_not_known():
+    """As from a Detection3DArray, which has no velocities."""
+    covariance = np.full((2, 4, 4), np.nan)
+    covariance[:, :2, :2] = np.diag([4.0, 1.0])
+    turned = rotate_covariance(covariance, np.array([QUARTER, 0.0]))
+    np.testing.assert_allclose(turned[0, :2, :2], np.diag([1.0, 4.0]), atol=1e-15)
+    np.testing.assert_allclose(turned[1, :2, :2], np.diag([4.0, 1.0]), atol=1e-15)
+    assert np.isnan(turned[:, 2:]).all()
+    assert np.isnan(turned[:, :, 2:]).all()
+
+
 def test_variances_along_and_across_are_entries_of_the_turned_covariance():
     draw = np.random.default_rng(4)
     factor = draw.normal(size=(3, 5, 2, 2))

@@ -5,12 +5,12 @@
 import math
 from dataclasses import dataclass
 
-from models.network_config import NetworkConfig
+from models.baselines.baseline_config import BaselineConfig
 from mtpgo_core.options import option
 
 
 @dataclass(frozen=True)
-class TrajectronConfig(NetworkConfig):
+class TrajectronConfig(BaselineConfig):
     """Options of Trajectron++; the values of its discrete latent z are the ``modes``.
 
     Attributes:

@@ -5,6 +5,7 @@
 import torch
 from torch import Tensor, nn
 
+from models.baselines.agent_headings import yaw_vectors
 from models.baselines.latent.trajectron_config import TrajectronConfig
 from models.baselines.neighbour_relations import RELATIONS, neighbour_relations
 from models.baselines.recurrent_predictor import AgentLSTM
@@ -53,6 +54,7 @@ class TrajectronEncoder(nn.Module):
         hidden, edge = config.hidden, config.edge_hidden
         self.size = hidden + edge
         self.edge = edge
+        self.yaw_as_angle = config.has_angle
         self.history = AgentLSTM(inputs, hidden)
         self.vehicles = AgentLSTM(EDGE_INPUTS, edge)
         self.walkers = AgentLSTM(EDGE_INPUTS, edge)
@@ -103,7 +105,8 @@ class TrajectronEncoder(nn.Module):
             wheeled: [B, N].
             direction: [B, N, 2].
         """
-        relation = neighbour_relations(features, features[..., 6:8], direction)
+        yaw = yaw_vectors(features, self.yaw_as_angle)
+        relation = neighbour_relations(features, yaw, direction)
         edge = torch.cat((torch.ones_like(relation[..., :1]), relation), dim=-1)  # [B, N, N, 7]
         own = torch.eye(present.size(1), dtype=torch.bool, device=present.device)
         link = present.unsqueeze(2) & present.unsqueeze(1) & ~own

@@ -11,11 +11,18 @@ positions, their covariances by linearisation. So the prediction is a Gaussian m
 import torch
 from torch import Tensor, nn
 
+from models.baselines.agent_headings import yaw_vectors
 from models.baselines.latent.trajectron_config import TrajectronConfig
 from models.baselines.latent.trajectron_encoder import TrajectronEncoder
 from models.baselines.latent.unicycle import unicycle_step
 from models.heads import ControlHead, MixtureHead, NoiseHead, first_circle
-from models.own_frame.agent_frames import Start, states_to_own, states_to_scene
+from models.own_frame.agent_frames import (
+    Start,
+    last_seen,
+    start_in_own_frames,
+    states_to_own,
+    states_to_scene,
+)
 from models.own_frame.covariance_frames import rotate_blocks
 from models.trajectory_predictor import TrajectoryPredictor
 
@@ -35,6 +42,9 @@ FUTURE_M = 5.0
 
 class TrajectronPlusPlus(TrajectoryPredictor):
     """Mixture over the values of z, S = 2.
+
+    The dynamics are those of an agent that looks along x, so states are in the agents' own frames,
+    also where ``agent_frame`` leaves the inputs in the scene frame.
 
     Args:
         config: the network's options.
@@ -96,9 +106,12 @@ class TrajectronPlusPlus(TrajectoryPredictor):
 
     def encode(self, features: Tensor, valid: Tensor, static: Tensor) -> tuple[Tensor, Start]:
         """Return the context x of every agent [B, N, .] and its frame."""
-        features, inputs, start = self.condition.encoder_inputs(
+        features, inputs, _ = self.condition.encoder_inputs(
             features, valid, static, self.static_features
         )
+        last, _ = last_seen(features, valid)
+        yaw = yaw_vectors(last, self.encoder.yaw_as_angle)
+        start = start_in_own_frames(last[..., :2], last[..., 2:4], yaw)
         wheeled = self.is_wheeled(static)
         return self.encoder(inputs, features, valid, wheeled, start.direction), start
 

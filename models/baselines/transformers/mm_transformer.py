@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from models.ablations.direct_covariance import DirectCovariance
+from models.baselines.agent_headings import headings_at_t
 from models.baselines.neighbour_relations import RELATIONS, neighbour_relations
 from models.baselines.transformers.endpoint_regions import balanced_centres
 from models.baselines.transformers.masked_attention import Transformer
@@ -43,6 +44,7 @@ class MMTransformer(TrajectoryPredictor):
         super().__init__(config)
         size, modes, heads = config.hidden, config.modes, config.attention_heads
         self.static_features = config.static_features
+        self.yaw_as_angle = config.has_angle
         self.regions = config.used_regions
         inputs = self.condition.input_size + config.static_size * config.static_features
         self.embed_inputs = nn.Linear(inputs, size)
@@ -86,7 +88,8 @@ class MMTransformer(TrajectoryPredictor):
         history = (self.embed_inputs(inputs) + self.embed_time).flatten(0, 1)  # [B N, T, D]
         queries = self.proposals.expand(history.size(0), -1, -1)
         moved = self.motion_extractor(history, valid.flatten(0, 1), queries)  # [B N, K, D]
-        around = self.neighbourhood(moved, features[:, :, -1], start)  # [B N, N, D]
+        course = headings_at_t(features, valid, self.yaw_as_angle)
+        around = self.neighbourhood(moved, features[:, :, -1], course, start)  # [B N, N, D]
         link = complete_graph(valid[:, :, -1]).flatten(0, 1)
         proposal = self.social_constructor(around, link, moved)
         proposal = proposal.view(valid.size(0), valid.size(1), self.modes, -1)  # [B, N, K, D]
@@ -105,16 +108,19 @@ class MMTransformer(TrajectoryPredictor):
         blocks = self.covariance(noise)
         return log_weight, mean, self.observed(rotate_blocks(blocks, start.direction))
 
-    def neighbourhood(self, moved: Tensor, present: Tensor, start: Start) -> Tensor:
+    def neighbourhood(
+        self, moved: Tensor, present: Tensor, course: Tensor, start: Start
+    ) -> Tensor:
         """Return [B N, N, D] what every agent sees of all: their proposals, in its own frame.
 
         Args:
             moved: [B N, K, D] proposals of the motion extractor.
             present: [B, N, F] features at t.
+            course: [B, N, 2] cosine and sine of the agents' headings.
             start: the agents' frames.
         """
         summary = self.summary(moved.flatten(1)).view(present.size(0), 1, present.size(1), -1)
-        relation = neighbour_relations(present, start.direction, start.direction)
+        relation = neighbour_relations(present, course, start.direction)
         return torch.relu(summary + self.embed_relation(relation)).flatten(0, 1)
 
     @torch.jit.unused

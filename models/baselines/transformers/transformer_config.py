@@ -4,13 +4,13 @@
 
 from dataclasses import dataclass
 
-from models.network_config import NetworkConfig
+from models.baselines.baseline_config import BaselineConfig
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import option
 
 
 @dataclass(frozen=True)
-class TransformerConfig(NetworkConfig):
+class TransformerConfig(BaselineConfig):
     """Options of mmTransformer; its K proposals are the ``modes``, its channels ``hidden``.
 
     Attributes:

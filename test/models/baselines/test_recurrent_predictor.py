@@ -114,13 +114,13 @@ def test_a_late_agent_is_as_if_the_window_began_with_it(name):
 def test_an_agent_in_a_gap_keeps_its_memory(name):
     model, scene = make_baseline(name), make_scene(1, 1, steps=6, odd=False)
     scene.valid[:, :, 3] = False
-    start = model.condition.start(scene.features, scene.valid)
+    course = model.condition.start(scene.features, scene.valid).direction
     inputs = torch.randn(1, 1, 6, model.condition.input_size).double()
     gone = [0, 1, 2, 4, 5]
     position = scene.features[..., :2]
-    with_gap = model.encode(inputs, position, scene.valid, start)
+    with_gap = model.encode(inputs, position, scene.valid, course)
     without = model.encode(
-        inputs[:, :, gone], position[:, :, gone], scene.valid[:, :, gone], start
+        inputs[:, :, gone], position[:, :, gone], scene.valid[:, :, gone], course
     )
     close(with_gap, without)
 

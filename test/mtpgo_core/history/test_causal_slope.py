@@ -78,6 +78,13 @@ def test_tau_zero_is_the_difference_of_the_last_two():
     np.testing.assert_allclose(given[1:], [[10.0, 20.0], [20.0, 0.0]], atol=1e-9)
 
 
+def test_tau_zero_with_missing_values_is_the_difference_of_the_last_two_known():
+    times = [0.0, 0.1, 0.2, 0.4, 0.5]
+    values = [[0.0, 0.0], [1.0, 2.0], [np.nan, np.nan], [np.nan, np.nan], [5.0, 2.0]]
+    given = run(CausalSlope(1, 0.0), times, values)
+    np.testing.assert_allclose(given[[1, 4]], [[10.0, 20.0], [10.0, 0.0]], atol=1e-9)
+
+
 def test_a_missing_value_only_lets_time_pass():
     times, values = np.arange(6) * 0.1, np.arange(6)[:, None] * np.array([[0.5, 1.0]])
     holes = values.copy()

@@ -170,6 +170,15 @@ def test_unknown_velocities_are_filled_from_the_first_known_one():
     assert velocity[1:].tolist() == [[3.0, 1.0], [3.0, 1.0]]
 
 
+def test_a_covariance_that_is_not_carried_on_keeps_what_is_known_of_it():
+    covariance = np.full((2, 4, 4), np.nan)
+    covariance[:, :2, :2] = np.eye(2)
+    after = extrapolate_covariance(covariance, np.array([0.0, 0.2]))
+    np.testing.assert_array_equal(after[0], covariance[0])
+    assert np.isnan(after[1]).all()
+    np.testing.assert_array_equal(covariance[1, :2, :2], np.eye(2))  # not changed in place
+
+
 def test_covariances_grow_by_the_velocity():
     covariance = np.diag([1.0, 2.0, 0.5, 0.25])[None].repeat(2, axis=0)
     after = extrapolate_covariance(covariance, np.array([0.0, 2.0]))

@@ -118,6 +118,22 @@ def test_constant_velocity_learns_where_the_model_did_not_predict():
     assert stream.sigma(source=1) == pytest.approx(2.0, rel=0.2)
 
 
+def test_rates_can_be_replaced_while_it_runs():
+    slow, fast = ErrorStream(), ErrorStream()
+    fast.tracker.options = LiveOptions(rate_90=0.44, rate_50=0.48, track_limit=1.0)
+    for stream in (slow, fast):
+        stream.run(4, scale=3.0)
+    assert np.log(fast.sigma()).min() > 2.0 * np.log(slow.sigma()).max() > 0.0
+
+
+def test_what_a_track_has_changed_is_forgotten_in_the_time_of_the_present_options():
+    long, short = ErrorStream(), ErrorStream()
+    for stream, seconds in ((long, 60.0), (short, 1.0)):
+        stream.tracker.options = LiveOptions(track_memory_s=seconds, track_limit=0.003)
+        stream.run(20, scale=3.0)
+    assert np.log(short.sigma()).min() > 2.0 * np.log(long.sigma()).max() > 0.0
+
+
 def test_ellipses_of_all_levels_lie_within_each_other_at_any_ratio_of_the_two():
     level = np.linspace(0.01, 0.999, 400)
     plain = np.sqrt([radius_squared(p) for p in level])

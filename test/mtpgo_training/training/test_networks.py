@@ -64,6 +64,16 @@ def test_sizes_are_static_features_and_trails_belong_to_mtp_go(name):
     assert getattr(config, "trail_branches", 0) == (BRANCHES if name == "mtp-go" else 0)
 
 
+@ALL
+def test_the_paper_s_angles_reach_every_network_that_reads_the_yaw(name):
+    scene = SceneConfig(context="polar", angles="radians")
+    options = {**OPTIONS, "agent_frame": False}
+    config = network_config(name, options, HISTORY, scene)
+    assert config.feature_size == 9
+    assert name == "mtp-go" or config.yaw_as_angle
+    assert not getattr(network_config(name, OPTIONS, HISTORY, SCENE), "yaw_as_angle", False)
+
+
 def test_a_task_without_trails_gives_a_network_without_them():
     config = network_config("mtp-go", {**OPTIONS, "trail_branches": 2}, HISTORY, SCENE)
     assert config.trail_branches == 0
