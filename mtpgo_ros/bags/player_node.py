@@ -126,6 +126,7 @@ class BagPlayer:
 
         Raises:
             RecordingError: too few subscribers appeared in time.
+            ConfigurationError: there is no standard input to wait for a line on.
         """
         end = time.monotonic() + wait.timeout_s
         while not stopped() and self._subscribers() < wait.subscribers:
@@ -139,6 +140,10 @@ class BagPlayer:
         while not stopped() and time.monotonic() < start:
             time.sleep(_POLL_S)
         if wait.paused and not stopped():
+            if sys.stdin is None:
+                raise ConfigurationError(
+                    "--start-paused waits for Enter on standard input, which is closed"
+                )
             print("paused: press Enter to start", flush=True)
             while not stopped() and not select.select([sys.stdin], [], [], _POLL_S)[0]:
                 pass
