@@ -83,8 +83,9 @@ class BagPlayer:
                 for connection in bag.connections_of(topic):
                     layout = definitions.layout(connection)
                     require_installed_layout(topic.message_type, layout)
-                self._publishers[topic.name] = self._publisher(topic)
-            except MessageError as error:
+                with node_errors():
+                    self._publishers[topic.name] = self._publisher(topic)
+            except (ConfigurationError, MessageError) as error:
                 print(f"replay: skipping {topic.name}: {error}", file=sys.stderr, flush=True)
         self._topics = [topic for topic in topics if topic.name in self._publishers]
         if not self._topics:

@@ -18,6 +18,7 @@ from pathlib import Path
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
@@ -79,7 +80,10 @@ def check_domain(text: str) -> None:
 
 @contextlib.contextmanager
 def node_errors() -> Iterator[None]:
-    """Report what rclpy refuses while a node is made: its own parameters (use_sim_time) and names.
+    """Report what rclpy refuses while a node or a topic is made.
+
+    These are its own parameters (use_sim_time), names, and two types on one topic, as after a wrong
+    remapping.
 
     Raises:
         ConfigurationError: it refuses something.
@@ -89,6 +93,8 @@ def node_errors() -> Iterator[None]:
     except (ParameterException, NameValidationException) as error:
         text = " ".join(str(error).split()).removesuffix(" ^")
         raise ConfigurationError(f"not accepted by ROS: {text}") from error
+    except rclpy_implementation.RCLError as error:
+        raise ConfigurationError(f"not accepted by ROS: {_first_sentence(error)}") from error
 
 
 def spin(
