@@ -82,8 +82,8 @@ def check_domain(text: str) -> None:
 def node_errors() -> Iterator[None]:
     """Report what rclpy refuses while a node or a topic is made.
 
-    These are its own parameters (use_sim_time), names, and two types on one topic, as after a wrong
-    remapping.
+    These are its own parameters (use_sim_time), names, and two types on one topic, as after a
+    wrong remapping.
 
     Raises:
         ConfigurationError: it refuses something.
