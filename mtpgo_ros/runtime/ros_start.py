@@ -24,6 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import is_unicode
 from mtpgo_ros.runtime.log_folder import choose_log_folder
 
 _CHECK_PERIOD_S = 0.1
@@ -40,8 +41,11 @@ def own_arguments(arguments: Sequence[str]) -> list[str]:
     """Return the arguments without those after ``--ros-args``.
 
     Raises:
-        ConfigurationError: the ROS arguments cannot be read.
+        ConfigurationError: the ROS arguments cannot be read, or an argument is no text in UTF-8.
     """
+    for argument in arguments:
+        if not is_unicode(argument):
+            raise ConfigurationError(f"argument {argument!a} is no text in UTF-8, as ROS needs it")
     try:
         return remove_ros_args(["program", *arguments])[1:]
     except RuntimeError as error:

@@ -59,6 +59,13 @@ def test_ros_arguments_that_cannot_be_read_are_reported_in_a_sentence(arguments)
     assert "/src/" not in str(caught.value)
 
 
+@pytest.mark.parametrize("arguments", [["\udcff.mcap"], ["--ros-args", "-p", "model:=\udcff.pt"]])
+def test_arguments_in_another_encoding_are_reported_in_a_sentence(arguments):
+    """Python has bytes that are no UTF-8 as halves of characters, which rclpy cannot take."""
+    with pytest.raises(ConfigurationError, match=r"udcff\.\w+' is no text in UTF-8"):
+        own_arguments(arguments)
+
+
 def test_what_ros_refuses_about_a_node_is_one_sentence():
     wrong = [Parameter("use_sim_time", value="maybe")]
     with pytest.raises(ConfigurationError, match="'use_sim_time' to 'maybe'"), node_errors():
