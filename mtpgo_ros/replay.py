@@ -33,6 +33,9 @@ _SWITCH_INTERVAL_S = 5e-4
 """Longest time that the reading thread keeps the interpreter (s), a tenth of Python's default;
 chosen: no message waits longer for it."""
 
+_LONGEST_S = 1e10
+"""Longer times on the command line count as this (s): no bag lasts three hundred years."""
+
 
 def main(argv: Sequence[str] | None = None) -> int | None:
     """Entry of the executable ``replay``.
@@ -153,10 +156,10 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
             part = played_part(bag, topics)
         for sentence in part.sentences:
             print(f"replay: {sentence}", file=sys.stderr, flush=True)
-        origin_ns = part.start_ns + round(options.start_offset * 1e9)
+        origin_ns = part.start_ns + _ns(options.start_offset)
         end_ns = part.end_ns
         if options.duration is not None:
-            end_ns = min(end_ns, origin_ns + round(options.duration * 1e9))
+            end_ns = min(end_ns, origin_ns + _ns(options.duration))
         if origin_ns > part.end_ns:
             raise RecordingError(
                 f"--start-offset is {options.start_offset:g} s, but bag {options.bag} lasts only"
@@ -180,6 +183,11 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
                 print(f"played {report.sentence()}", flush=True)
         finally:
             player.close()
+
+
+def _ns(seconds: float) -> int:
+    """Return a time of the command line (ns), of which a number may be as large as it likes."""
+    return round(1e9 * min(seconds, _LONGEST_S))
 
 
 def _of(options: argparse.Namespace) -> str:

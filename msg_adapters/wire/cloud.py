@@ -20,6 +20,10 @@ _DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: 
 _NUMBERS = {np.dtype(code): number for number, code in _DATATYPES.items()}
 
 
+_LARGEST_STEP = (1 << 31) - 1
+"""Largest point_step that numpy takes (bytes)."""
+
+
 def cloud_to_records(message: Any) -> NDArray[Any]:
     """Return a [points] structured view of a cloud's data, with one name per field.
 
@@ -131,6 +135,8 @@ def _record_type(message: Any) -> np.dtype[Any]:
 
 @functools.lru_cache(maxsize=8)  # all clouds of a publisher have the same layout
 def _layout(fields: tuple[tuple[str, int, int, int], ...], step: int, order: str) -> np.dtype[Any]:
+    if step > _LARGEST_STEP:
+        raise MessageError(f"point cloud has point_step {step}, expected at most {_LARGEST_STEP}")
     names: dict[str, None] = {}
     formats, offsets = [], []
     for name, offset, datatype, count in fields:

@@ -228,11 +228,18 @@ def strongest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Floa
 
 
 def with_time_origin(prediction: Prediction, stamp_ns: int) -> Prediction:
-    """Return the same prediction with its times counted from ``stamp_ns`` (ns)."""
+    """Return the same prediction with its times counted from ``stamp_ns`` (ns).
+
+    The states at the stamp are carried there at constant velocity, as the history carries them.
+    """
     if stamp_ns == prediction.stamp_ns:
         return prediction
     shift_s = (prediction.stamp_ns - stamp_ns) * 1e-9
-    return dataclasses.replace(prediction, stamp_ns=stamp_ns, time_s=prediction.time_s + shift_s)
+    initial = prediction.initial.copy()
+    initial[:, :2] -= shift_s * initial[:, 2:]
+    return dataclasses.replace(
+        prediction, stamp_ns=stamp_ns, time_s=prediction.time_s + shift_s, initial=initial
+    )
 
 
 def time_grid(time_s: Float64Array) -> tuple[float, float]:

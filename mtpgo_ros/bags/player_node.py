@@ -83,8 +83,9 @@ class BagPlayer:
                 for connection in bag.connections_of(topic):
                     layout = definitions.layout(connection)
                     require_installed_layout(topic.message_type, layout)
-                self._publishers[topic.name] = self._publisher(topic)
-            except MessageError as error:
+                with node_errors():
+                    self._publishers[topic.name] = self._publisher(topic)
+            except (ConfigurationError, MessageError) as error:
                 print(f"replay: skipping {topic.name}: {error}", file=sys.stderr, flush=True)
         self._topics = [topic for topic in topics if topic.name in self._publishers]
         if not self._topics:
@@ -126,6 +127,7 @@ class BagPlayer:
 
         Raises:
             RecordingError: too few subscribers appeared in time.
+            ConfigurationError: there is no standard input to wait for a line on.
         """
         end = time.monotonic() + wait.timeout_s
         while not stopped() and self._subscribers() < wait.subscribers:
@@ -139,6 +141,10 @@ class BagPlayer:
         while not stopped() and time.monotonic() < start:
             time.sleep(_POLL_S)
         if wait.paused and not stopped():
+            if sys.stdin is None:
+                raise ConfigurationError(
+                    "--start-paused waits for Enter on standard input, which is closed"
+                )
             print("paused: press Enter to start", flush=True)
             while not stopped() and not select.select([sys.stdin], [], [], _POLL_S)[0]:
                 pass

@@ -73,7 +73,8 @@ class NodeStatus:
         nothing_published: none of them is.
         overload: what the last prediction lacks because there are many agents, empty if nothing.
         agents: agents of the last prediction.
-        fallback_agents: those of them predicted at constant velocity.
+        fallback_agents: those of them predicted at constant velocity for want of the model.
+        preferred_agents: those of them predicted at constant velocity because it has been better.
         without_model_in_a_row: consecutive predictions in time in which the model served no agent.
         over_budget_in_a_row: consecutive cycles over budget.
         idle: no prediction is being made at present, so that those three describe the past.
@@ -107,6 +108,7 @@ class NodeStatus:
     overload: str = ""
     agents: int = 0
     fallback_agents: int = 0
+    preferred_agents: int = 0
     without_model_in_a_row: int = 0
     over_budget_in_a_row: int = 0
     idle: bool = False
@@ -235,8 +237,7 @@ def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
         causes.append((ERROR, f"degraded, constant velocity serves: {status.degraded}"))
     if not causes:
         causes = _model_causes(status, events)
-    some = "the model serves every agent" if status.agents else "no agent to be predicted"
-    level, message = worst_first(causes, "no prediction at present" if status.idle else some)
+    level, message = worst_first(causes, _served(status))
     values = {
         **status.model,
         "agents": str(status.agents),
@@ -246,6 +247,20 @@ def _model(name: str, status: NodeStatus, events: EventLog) -> DiagnosticStatus:
     }
     values |= counted(events.counts(), [*BAD_MODEL, "agents_over_limit"])
     return make_status(f"{name}: model", level, message, values)
+
+
+def _served(status: NodeStatus) -> str:
+    """Return whom the model serves where nothing is wrong with it."""
+    if status.idle:
+        return "no prediction at present"
+    if not status.agents:
+        return "no agent to be predicted"
+    if status.preferred_agents:
+        return (
+            f"constant velocity serves {status.preferred_agents} of {status.agents} agents, since"
+            " it has been better"
+        )
+    return "the model serves every agent"
 
 
 def _model_causes(status: NodeStatus, events: EventLog) -> list[Cause]:

@@ -37,7 +37,7 @@ def run_executable(
         stopped: returns whether a signal was received.
         node_class: imports and returns the node's class, a
             :class:`mtpgo_ros.lifecycle.resource_node.ResourceNode`; not called for ``--help`` and
-            ``--version``, which need no rclpy.
+            ``--version``.
 
     Returns:
         0 after a signal, 2 for bad input. Where a part of the node cannot be ended, the process

@@ -101,7 +101,7 @@ class PredictionPipeline:
         model.calibrator.live.clear_stream("clock_reset")
         model.configure(parameters, self.ego_text)
         status.frame_error = status.ego_problem = status.overload = ""
-        status.agents = status.fallback_agents = 0
+        status.agents = status.fallback_agents = status.preferred_agents = 0
         status.without_model_in_a_row = status.over_budget_in_a_row = 0
         self._tracks = TrackHistory(model.predictor.task.history, parameters.max_tracks)
         self.history = HistoryInput(self._tracks, model, events, parameters)
@@ -340,7 +340,9 @@ class PredictionPipeline:
         status.over_budget_in_a_row = status.over_budget_in_a_row + 1 if request.over_budget else 0
         status.agents = len(prediction)
         constant = prediction.source == Source.CONSTANT_VELOCITY
+        preferred = prediction.source == Source.PREFERRED_CONSTANT_VELOCITY
         status.fallback_agents = int(constant.sum())
+        status.preferred_agents = int(preferred.sum())
         if not request.over_budget:
             unserved = 0 < status.agents == status.fallback_agents
             status.without_model_in_a_row = status.without_model_in_a_row + 1 if unserved else 0

@@ -408,7 +408,8 @@ def check(parameters: PredictorParameters) -> None:
             f"parameter model_sha256 is {parameters.model_sha256!r}, expected the 64 digits that"
             " sha256sum prints, or nothing"
         )
-    if not re.fullmatch(r"|(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", parameters.ego_topic):
+    topic = r"|(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*"
+    if not re.fullmatch(topic, parameters.ego_topic, flags=re.ASCII):
         raise ConfigurationError(
             f"parameter ego_topic is {parameters.ego_topic!r}, expected the name of a topic with"
             " nav_msgs/Odometry, or nothing"

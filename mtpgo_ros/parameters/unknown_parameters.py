@@ -18,8 +18,11 @@ from rclpy.parameter import parameter_dict_from_yaml_file
 _SHARED_KEYS = ("/**", "/*", "**", "*")
 """Keys of a parameter file that address nodes of any name."""
 
-_FOREIGN_PREFIXES = ("qos_overrides.", "bond_disable_heartbeat_timeout")
-"""Parameters that rclpy and other libraries read without declaring them at the start."""
+_FOREIGN_PREFIXES = ("bond_disable_heartbeat_timeout",)
+"""Parameters that other libraries read without declaring them at the start."""
+
+_QOS = "qos_overrides."
+"""Begins parameters that rclpy reads for topics whose QoS may be overridden; no topic here is."""
 
 
 def report_unknown_parameters(node: Node, arguments: Sequence[str]) -> None:
@@ -42,6 +45,9 @@ def report_unknown_parameters(node: Node, arguments: Sequence[str]) -> None:
         near = difflib.get_close_matches(name, known, n=1)
         hint = f", did you mean {near[0]}?" if near else "; 'ros2 param list' shows its parameters"
         sentence = f"parameter {name} has no effect: the node has no such parameter"
+        if name.startswith(_QOS):
+            near, hint = [], ""
+            sentence = f"parameter {name} has no effect: the QoS of the node's topics is fixed"
         if name in shared:
             node.get_logger().info(f"{sentence} (given for all nodes){hint if near else ''}")
         else:

@@ -83,7 +83,7 @@ class QualityPublisher:
         message.header.frame_id = self._quality.frame_id
         self._statuses.publish(message)
         self._table.publish(quality_to_array(report.rows(limits), self._types))
-        if self._markers.get_subscription_count():
+        if self._quality.frame_id and self._markers.get_subscription_count():
             self._publish_text(report, verdict)
 
     def _publish_text(self, report: QualityReport, verdict: QualityVerdict) -> None:

@@ -114,6 +114,7 @@ class RiskNode(ResourceNode):
         """Subscribe."""
         adapter, predictions = self._plan_adapter, self._prediction_adapter
         parameters, status = self.parameters, self._status
+        status.start_anew()
         status.topic = self.resolve_topic_name(predictions.topic)
         status.plan_topic = self.resolve_topic_name(adapter.topic)
         refuse_own_topics(
@@ -126,7 +127,7 @@ class RiskNode(ResourceNode):
         )
         self._transform = PlanTransform(self)
         self._assessor = RiskAssessor(parameters, status, status.plan_topic, self._transform.pose)
-        self._last = None
+        self._last, self._checked_s = None, float("-inf")
         self._watch.start()
         with nothing_left_behind(self):
             self._ego = ContextSubscriptions(self, self._assessor.set_ego, None, self.events)
@@ -162,6 +163,8 @@ class RiskNode(ResourceNode):
         return PLANS[self.parameters.plan_type]
 
     def _close(self) -> bool:
+        if self._outputs is not None:
+            self._outputs.withdraw_grid()
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
         self._inputs = []

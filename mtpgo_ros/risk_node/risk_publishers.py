@@ -9,6 +9,8 @@ thread of its own makes it of the newest predictions, at its own rate.
 from __future__ import annotations
 
 import math
+import threading
+from typing import NamedTuple
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
@@ -45,6 +47,22 @@ _CLOCK_SLACK = 0.1
 """Share of a period by which a grid may come early, so that jitter of stamps skips none."""
 
 
+class _Wanted(NamedTuple):
+    """A grid to be made.
+
+    Attributes:
+        prediction: without the ego.
+        center: [2] middle of the grid (m).
+        known: the predictions are not stale.
+        number: of the withdrawals before it.
+    """
+
+    prediction: Prediction
+    center: Float64Array
+    known: bool
+    number: int
+
+
 class RiskPublishers:
     """Publishes ``~/risk``, ``~/risk_steps``, ``~/markers`` and ``~/occupancy``.
 
@@ -71,6 +89,10 @@ class RiskPublishers:
         self._markers: LifecyclePublisher = make(MarkerArray, "~/markers", _QOS)
         self._grid: LifecyclePublisher = make(OccupancyGrid, "~/occupancy", _LATCHED)
         self._grid_ns: int | None = None
+        self._last: _Wanted | None = None  # of the grids that are made
+        self._place: tuple[str, Float64Array] | None = None  # frame and middle of the last grid
+        self._withdrawals = 0
+        self._grid_lock = threading.Lock()  # held while a grid is published or withdrawn
         self._queue = WorkQueue(self._make_grid, 1, "occupancy")
 
     def configure(self, parameters: RiskParameters) -> None:
@@ -97,24 +119,49 @@ class RiskPublishers:
     ) -> None:
         """Publish the occupancy if it is due and has a subscriber; an unknown one at once.
 
+        The last grid is latched. So an unknown one also replaces a known one for subscribers that
+        come later, and one without a place is where the last one was.
+
         Args:
             prediction: without the ego.
-            center: [2] middle of the grid (m); without one there is no grid.
+            center: [2] middle of the grid (m), None if it is not known.
             known: the predictions are not stale.
         """
+        if center is not None:
+            self._place = (prediction.frame_id, center)
+        elif self._place is not None and self._place[0] == prediction.frame_id:
+            center = self._place[1]
         period_ns = (1.0 - _CLOCK_SLACK) * 1e9 / self._parameters.occupancy_rate
         last_ns, now_ns = self._grid_ns, prediction.stamp_ns
         due = not known or last_ns is None or not 0 <= now_ns - last_ns < period_ns
-        if not self._grid.get_subscription_count():
+        heard = self._grid.get_subscription_count() > 0
+        if not heard:
             self._status.occupancy_problem = self._status.occupancy_warning = ""
-            return
-        if center is None or not due:
+        latched = self._last is not None and self._last.known
+        if center is None or not due or not (heard or (latched and not known)):
             return
         self._grid_ns = now_ns
-        self._queue.submit((prediction, center, known))
+        self._last = _Wanted(prediction, center, known, self._withdrawals)
+        self._queue.submit(self._last)
 
-    def _make_grid(self, item: tuple[Prediction, Float64Array, bool]) -> None:
-        prediction, center, known = item
+    def withdraw_grid(self) -> None:
+        """Replace a known grid by an unknown one, before no more are published."""
+        last, self._last = self._last, None
+        if last is None or not last.known or not self._grid.is_activated:
+            return
+        field = unknown_field(self._parameters.grid, last.center)
+        message = self._grid_of(field, last.prediction)
+        with self._grid_lock:
+            self._withdrawals += 1  # The grids that are being made are dropped.
+            self._grid.publish(message)
+
+    def _grid_of(self, field: OccupancyField, prediction: Prediction) -> OccupancyGrid:
+        return field_to_grid(
+            field, self._types, stamp_ns=prediction.stamp_ns, frame_id=prediction.frame_id
+        )
+
+    def _make_grid(self, wanted: _Wanted) -> None:
+        prediction, center, known, number = wanted
         parameters = self._parameters
         try:
             if known:
@@ -128,11 +175,10 @@ class RiskPublishers:
             else:
                 field = unknown_field(parameters.grid, center)
             self._note(field, prediction.time_s)
-            message = field_to_grid(
-                field, self._types, stamp_ns=prediction.stamp_ns, frame_id=prediction.frame_id
-            )
-            if not self._queue.stopped:
-                self._grid.publish(message)
+            message = self._grid_of(field, prediction)
+            with self._grid_lock:
+                if not self._queue.stopped and number == self._withdrawals:
+                    self._grid.publish(message)
         except Exception as error:
             self._events.failure("the occupancy grid could not be published", error)
 

@@ -77,6 +77,10 @@ class RiskStatus:
     occupancy_warning: str = ""
     processing_ms: float = float("nan")
 
+    def start_anew(self) -> None:
+        """Forget what was found before, as at an activation."""
+        vars(self).update(vars(RiskStatus()))
+
 
 def risk_statuses(name: str, status: RiskStatus, events: EventLog) -> list[DiagnosticStatus]:
     """Return the three diagnostic statuses of the node ``name``."""
@@ -170,6 +174,8 @@ def _result_causes(status: RiskStatus) -> list[Cause]:
 
 
 def _result(status: RiskStatus) -> str:
+    if not status.input.usable:
+        return "no predictions have come yet"
     if not status.agents:
         return "no road user"
     return (

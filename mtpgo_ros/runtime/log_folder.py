@@ -25,10 +25,14 @@ def choose_log_folder(program: str) -> list[str]:
     Returns:
         Arguments to be added to those of ROS.
     """
-    wanted = _wanted()
+    try:
+        wanted = _wanted()
+    except RuntimeError as error:  # A ~ that stands for no home.
+        wanted, reason = None, str(error).removesuffix(".")
+    else:
+        reason = "HOME is not set" if wanted is None else f"{wanted} is not writable"
     if wanted is not None and _is_usable(wanted):
         return []
-    reason = "HOME is not set" if wanted is None else f"{wanted} is not writable"
     instead = Path(tempfile.gettempdir()) / f"mtpgo_ros-{os.getuid()}" / "log"
     if _is_usable(instead):
         os.environ["ROS_LOG_DIR"] = str(instead)
@@ -39,7 +43,11 @@ def choose_log_folder(program: str) -> list[str]:
 
 
 def _wanted() -> Path | None:
-    """Return the folder that ROS would take, None if there is no way to find one."""
+    """Return the folder that ROS would take, None if there is no way to find one.
+
+    Raises:
+        RuntimeError: its ``~`` stands for a user who is not known, or has no home.
+    """
     given = os.environ.get("ROS_LOG_DIR")
     if given:
         return Path(given).expanduser()

@@ -18,11 +18,13 @@ from pathlib import Path
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.options import is_unicode
 from mtpgo_ros.runtime.log_folder import choose_log_folder
 
 _CHECK_PERIOD_S = 0.1
@@ -39,8 +41,11 @@ def own_arguments(arguments: Sequence[str]) -> list[str]:
     """Return the arguments without those after ``--ros-args``.
 
     Raises:
-        ConfigurationError: the ROS arguments cannot be read.
+        ConfigurationError: the ROS arguments cannot be read, or an argument is no text in UTF-8.
     """
+    for argument in arguments:
+        if not is_unicode(argument):
+            raise ConfigurationError(f"argument {argument!a} is no text in UTF-8, as ROS needs it")
     try:
         return remove_ros_args(["program", *arguments])[1:]
     except RuntimeError as error:
@@ -79,7 +84,10 @@ def check_domain(text: str) -> None:
 
 @contextlib.contextmanager
 def node_errors() -> Iterator[None]:
-    """Report what rclpy refuses while a node is made: its own parameters (use_sim_time) and names.
+    """Report what rclpy refuses while a node or a topic is made.
+
+    These are its own parameters (use_sim_time), names, and two types on one topic, as after a
+    wrong remapping.
 
     Raises:
         ConfigurationError: it refuses something.
@@ -89,6 +97,8 @@ def node_errors() -> Iterator[None]:
     except (ParameterException, NameValidationException) as error:
         text = " ".join(str(error).split()).removesuffix(" ^")
         raise ConfigurationError(f"not accepted by ROS: {text}") from error
+    except rclpy_implementation.RCLError as error:
+        raise ConfigurationError(f"not accepted by ROS: {_first_sentence(error)}") from error
 
 
 def spin(

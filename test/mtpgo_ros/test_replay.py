@@ -3,6 +3,7 @@
 """The executable ``replay``, over DDS."""
 
 import signal
+import sys
 import time
 
 import numpy as np
@@ -120,6 +121,29 @@ def test_a_signal_while_the_bag_is_opened(signals, monkeypatch, bag, step):
     monkeypatch.setattr("rclpy.try_shutdown", lambda: None)  # the tests go on with it
     assert main([str(bag)]) == 0
     assert not long.ended
+
+
+@pytest.fixture
+def here(monkeypatch, peer):
+    """Let the executable run in this process, of which rclpy goes on."""
+    monkeypatch.setattr("mtpgo_ros.runtime.ros_start.start", lambda arguments: None)
+    monkeypatch.setattr("rclpy.try_shutdown", lambda: None)
+
+
+def test_times_of_any_size_are_answered(signals, here, bag, capsys):
+    ends = ("--rate", "1000", "--delay", "0", "--no-progress")
+    assert main([str(bag), "--duration", "1e300", *ends]) == 0
+    assert "played 27 messages" in capsys.readouterr().out
+    assert main([str(bag), "--start-offset", "1e300", *ends]) == 2
+    assert "--start-offset is 1e+300 s, but bag" in one_line(capsys.readouterr().err)
+
+
+def test_a_paused_start_without_standard_input_is_refused(signals, here, bag, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)  # as Python has it where the file is closed
+    assert main([str(bag), "--start-paused", "--delay", "0", "--no-progress"]) == 2
+    assert "waits for Enter on standard input, which is closed" in one_line(
+        capsys.readouterr().err
+    )
 
 
 def test_a_paused_start_waits_for_a_line(process, peer, bag):

@@ -62,10 +62,15 @@ def test_it_starts_and_ends_with_a_signal_and_bad_input_is_one_sentence(
     running = process("risk")
     monkeypatch.delenv("NOTIFY_SOCKET")
     refused = process("risk", "--ros-args", "-p", "plan_type:=spline")
+    two_types = process("risk", "--ros-args", "-r", "~/health:=/diagnostics")
     running.wait_for("ready: waiting for predictions on /predictor/predictions")
     status, out, err = refused.finish()
     assert (status, out) == (2, "")
     assert err.startswith("risk: parameter plan_type is 'spline', expected one of")
+    status, _, err = two_types.finish()
+    assert status == 2
+    assert "risk: not accepted by ROS: Failed to create publisher" in err
+    assert "Traceback" not in err
     # As a service of systemd it reports that it is ready, a sentence, and signs of life.
     heard: list[str] = []
     while len({line.partition("=")[0] for line in heard}) < 3 or heard.count("WATCHDOG=1") < 2:

@@ -74,6 +74,8 @@ class LaneInput:
         self._place, self._clock = place, clock
         self._lock = threading.Lock()
         self._wanted: tuple[str, ...] = _TOPIC_WANTED
+        self._used: tuple[str, ...] = _TOPIC_WANTED  # of which the lines are, see _given
+        self._file_frame = ""  # of the lines of the wanted file
         self._reader: threading.Thread | None = None
         self._lines, self._lane_frame, self._called = _NONE, "", ""
         self._placed: LaneMap | None = None
@@ -93,25 +95,27 @@ class LaneInput:
         Raises:
             ConfigurationError: the file cannot be used.
         """
-        self._wanted = _given(parameters)
+        self._wanted, self._file_frame = _given(parameters), parameters.lane_frame
         if not parameters.lane_file:
             return ""
         found = read_lane_file(parameters.lane_file, parameters.lane_options)
         lanes = LaneMap(found.lines)
-        self._take(lanes, parameters.lane_frame, parameters.lane_file)
+        self._take(lanes, None, parameters.lane_file, self._wanted)
         return found.sentence
 
     def configure(self, parameters: PredictorParameters) -> None:
         """Read another file, in a thread of its own; the lines stay until that has succeeded."""
         with self._lock:
             same = self._wanted == _given(parameters)
-            self._wanted = _given(parameters)
+            self._wanted, self._file_frame = _given(parameters), parameters.lane_frame
             if same:
-                if parameters.lane_file and self._lane_frame != parameters.lane_frame:
+                # Earlier lines, while the file is read or where it cannot be, keep their frame.
+                of_file = parameters.lane_file and self._used == self._wanted
+                if of_file and self._lane_frame != parameters.lane_frame:
                     self._lane_frame, self._looked_s = parameters.lane_frame, float("-inf")
                 return
         if not parameters.lane_file:
-            self._take(_NONE, "", "")
+            self._take(_NONE, "", "", _TOPIC_WANTED)
             return
         self._reader = threading.Thread(
             target=self._read_again, args=(parameters,), name="lane file", daemon=True
@@ -130,7 +134,7 @@ class LaneInput:
             sentence = f"lane file: {found.sentence}"
         wanted = _given(parameters)
         if lanes is not None:
-            used = self._take(lanes, parameters.lane_frame, parameters.lane_file, wanted)
+            used = self._take(lanes, None, parameters.lane_file, wanted)
         else:
             with self._lock:
                 used = self._wanted == wanted
@@ -150,16 +154,25 @@ class LaneInput:
 
     def continue_with(self, other: LaneInput) -> None:
         """Use the lines of another input, none if it has none."""
-        self._wanted = other._wanted
-        self._take(other._lines, other._lane_frame, other._called)
+        self._wanted, self._file_frame = other._wanted, other._file_frame
+        self._take(other._lines, other._lane_frame, other._called, other._wanted)
 
     def _take(
-        self, lanes: LaneMap, lane_frame: str, called: str, wanted: tuple[str, ...] | None = None
+        self, lanes: LaneMap, lane_frame: str | None, called: str, wanted: tuple[str, ...]
     ) -> bool:
-        """Use lines; return false if others are ``wanted`` by now, as after a slow reading."""
+        """Use lines; return false if others are wanted by now, as after a slow reading.
+
+        Args:
+            lanes: the lines.
+            lane_frame: their frame; None for that of the wanted file, which may change meanwhile.
+            called: where they come from.
+            wanted: of which they are, see :func:`_given`.
+        """
         with self._lock:
-            if wanted is not None and self._wanted != wanted:
+            if self._wanted != wanted:
                 return False
+            self._used = wanted
+            lane_frame = self._file_frame if lane_frame is None else lane_frame
             self._lines, self._lane_frame, self._called = lanes, lane_frame, called
             self._placed, self._problem, self._not_read = None, "", ""
             self._fit, self._looked_s = LaneFit(), float("-inf")

@@ -87,6 +87,10 @@ def test_an_empty_cloud_needs_no_data():
         (cloud([("x", 0, 7, 1)], bytes(7), 4, width=2), "7 bytes of data, expected 8 for 1 x 2"),
         (cloud([("x", 0, 7, 1)] * 2, bytes(4), 4), "two fields of the name 'x'"),
         (
+            cloud([("x", 0, 7, 1)], bytes(4), 2**32 - 1),
+            "point_step 4294967295, expected at most 2147483647",
+        ),
+        (
             cloud([("x", 0, 7, 1)], bytes(16), 4, height=2, width=2, row_step=7),
             "row_step 7, expected at least width x point_step = 8",
         ),

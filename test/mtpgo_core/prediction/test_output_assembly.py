@@ -176,6 +176,15 @@ def test_another_time_origin_moves_the_stamp_and_not_the_instants():
     assert with_time_origin(prediction, prediction.stamp_ns) is prediction
 
 
+def test_the_state_at_the_stamp_moves_with_the_time_origin():
+    prediction = simple_prediction(0.0)
+    state = np.array([[10.0, 20.0, 5.0, -2.0]] * 3)
+    moved = with_time_origin(dataclasses.replace(prediction, initial=state), -300_000_000)
+    assert moved.initial == pytest.approx(np.array([[8.5, 20.6, 5.0, -2.0]] * 3))
+    back = with_time_origin(moved, 0)
+    assert back.initial == pytest.approx(state)
+
+
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 @pytest.mark.parametrize("delay_s", [0.0, 0.0471])
 @pytest.mark.parametrize("step_s", [0.2, 1.0 / 30.0])

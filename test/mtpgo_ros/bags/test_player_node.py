@@ -63,6 +63,21 @@ def test_a_recorded_clock_is_left_out_where_the_player_has_its_own(player):
     assert set(player(clock_hz=0.0)._publishers) == {"/player_ego", "/player_text", "/clock"}
 
 
+def test_topics_that_ros_does_not_accept_are_skipped_with_a_sentence(tmp_path, capsys):
+    with McapWriter(tmp_path / "names.mcap") as writer:
+        for topic in ("/of-another-writer", "/rosout", "/player_text"):
+            writer.add_topic(topic, "std_msgs/msg/String")
+            writer.write(topic, 0, writer.types.make("std_msgs/msg/String", data="text"))
+    with BagReader(tmp_path / "names.mcap") as reader:
+        player = BagPlayer(reader, PlaybackTiming(0, reader.end_ns), reader.topics())
+        assert set(player._publishers) == {"/player_text"}
+        player.close()
+    name, type_ = sorted(capsys.readouterr().err.splitlines())
+    assert "skipping /of-another-writer: not accepted by ROS: Invalid topic name" in name
+    assert "skipping /rosout: not accepted by ROS" in type_
+    assert "rt/rosout with incompatible type" in type_
+
+
 def test_latched_topics_stay_latched(player):
     profiles = {name: p.qos_profile for name, p in player()._publishers.items()}
     assert profiles["/player_ego"].durability is DurabilityPolicy.TRANSIENT_LOCAL

@@ -132,6 +132,8 @@ def test_the_model_does_not_claim_to_serve_where_there_is_nobody(status):
     assert sentence(status, 1) == "no agent to be predicted"
     status.agents = 3
     assert sentence(status, 1) == "the model serves every agent"
+    status.preferred_agents = 2
+    assert sentence(status, 1).startswith("constant velocity serves 2 of 3 agents")
     status.idle = True
     assert sentence(status, 1) == "no prediction at present"
 

@@ -53,6 +53,7 @@ def test_delay_compensation_gives_the_window_at_the_present_time(make):
     assert prediction.stamp_ns == at(0.0)
     assert prediction.time_s[:2] == pytest.approx([0.5, 0.7])
     assert prediction.mean[0, 0, :2, 0] == pytest.approx([5.0, 7.0])
+    assert prediction.initial[:, 0] == pytest.approx([0.0, 12.0, 24.0, 36.0])  # at the stamp
     # A clock behind the stamp gives no negative delay, one far ahead gives none at all.
     assert history.update(traffic(1.0), at(0.9)).stamp_ns == at(1.0)
     assert history.update(traffic(2.0), at(2.6)).stamp_ns == at(2.0)

@@ -105,6 +105,24 @@ def played(models, tmp_path_factory):
     bench.close()
 
 
+def test_the_text_in_the_scene_waits_for_a_frame(models):
+    """Displays report a marker without one as an error."""
+    bench = Bench(models["quick"])
+    tables, texts = [], []
+    bench.peer.create_subscription(Float64MultiArray, "predictor/quality_table", tables.append, 20)
+    bench.peer.create_subscription(MarkerArray, "predictor/quality_markers", texts.append, 20)
+    bench.start()
+    markers = bench.node._pipeline._quality_publisher._markers
+    bench.until(lambda: markers.get_subscription_count() > 0)
+    seen = len(tables)
+    bench.until(lambda: len(tables) >= seen + 2)
+    assert texts == []
+    bench.predict(weaving_traffic(0.0))
+    bench.until(lambda: texts)
+    assert texts[0].markers[0].header.frame_id == "map"
+    bench.close()
+
+
 def test_the_same_scores_from_a_bag(played, tmp_path, capsys):
     _, rows, _, _, bag = played
     out = tmp_path / "scores.json"

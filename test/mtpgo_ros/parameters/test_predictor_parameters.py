@@ -51,6 +51,7 @@ def test_the_choices_are_those_that_the_adapters_offer():
         ({"lane_file": "/dev/zero"}, ["parameter lane_file: ", "a pipe or a device"]),
         ({"model_sha256": "abc"}, ["model_sha256", "'abc'", "64 digits"]),
         ({"ego_topic": "a b"}, ["ego_topic", "'a b'", "nav_msgs/Odometry"]),
+        ({"ego_topic": "/é"}, ["ego_topic", "'/é'", "nav_msgs/Odometry"]),
         ({"ego_class": "tank"}, ["ego_class", "'tank'", "'truck'"]),
         ({"ego_length": 0.0}, ["ego_length", "0.1 to 100"]),
         ({"rate": 0.5}, ["input_timeout", "rate", "2 s"]),

@@ -91,7 +91,8 @@ def test_constant_velocity_serves_where_the_model_has_been_worse(bench):
     assert values["served_by_vehicle_moving"] == "constant velocity"
     model_m, constant_m = map(float, values["error_m_model_and_cv_vehicle_moving"].split())
     assert model_m > 1.0 > constant_m
-    b.status("model", OK, fallback_agents="0")  # it works, it is only worse
+    # It works, it is only worse.
+    b.status("model", OK, f"constant velocity serves {AGENTS} of {AGENTS}", fallback_agents="0")
 
 
 def test_what_an_observation_teaches_is_served_with_the_prediction_that_it_starts(

@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
+from nav_msgs.msg import OccupancyGrid, Path
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from risk_bench import PATIENT_S, TYPES, RiskBench
 from risk_scene import ERROR, OK, WARN, prediction
+from ros_helpers import LATCHED
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
@@ -226,6 +227,69 @@ def test_deactivated_it_publishes_nothing_and_starts_again(bench):
     bench.until(lambda: bench.node.count_subscribers(f"{NAMESPACE}/risk/risk") > 0)
     bench.plan()
     assert (bench.predict(prediction())["unknown"] == Unknown.KNOWN).all()
+
+
+def test_what_was_found_before_a_deactivation_is_not_reported_after_it(bench):
+    given = prediction()
+    given.covariance[1] = np.nan
+    bench.predict(given)
+    bench.status("result", ERROR, "1 of 2 road users is unknown")
+    assert str(bench.node.trigger_deactivate()).endswith("SUCCESS")
+    bench.status("result", WARN, "not active")
+    assert str(bench.node.trigger_activate()).endswith("SUCCESS")
+    bench.status("result", OK, "no predictions have come yet")
+    values = {value.key: value.value for value in bench.statuses["result"].values}
+    assert values["agents"] == "0"
+    bench.until(lambda: bench.predictor.get_subscription_count() > 0)
+    bench.until(lambda: bench.planner.get_subscription_count() > 0)
+
+
+def grids_heard_late(bench):
+    """Subscribe to the latched grid anew, and return the grids that come."""
+    heard = []
+    late = bench.peer.create_subscription(OccupancyGrid, "risk/occupancy", heard.append, LATCHED)
+    return late, heard
+
+
+def test_a_grid_of_the_past_is_taken_back_for_those_who_come_later():
+    bench = RiskBench("/risk_latched")
+    try:
+        bench.start()
+        bench.plan()
+        assert set(bench.grid_of(prediction()).data) != {-1}
+        listener = next(s for s in bench.peer.subscriptions if s.topic_name.endswith("occupancy"))
+        bench.peer.destroy_subscription(listener)
+        bench.until(lambda: bench.node.count_subscribers("/risk_latched/risk/occupancy") == 0)
+        before = len(bench.got["risk"])
+        bench.node.set_parameters([Parameter("prediction_timeout", value=0.05)])
+        bench.until(lambda: len(bench.got["risk"]) > before)
+        late, heard = grids_heard_late(bench)
+        bench.until(lambda: heard and set(heard[-1].data) == {-1})
+        bench.peer.destroy_subscription(late)
+    finally:
+        bench.close()
+
+
+def test_a_grid_is_not_left_behind_by_a_node_that_is_deactivated(bench):
+    assert set(bench.grid_of(prediction()).data) != {-1}
+    assert str(bench.node.trigger_deactivate()).endswith("SUCCESS")
+    bench.until(lambda: set(bench.got["occupancy"][-1].data) == {-1})
+    assert str(bench.node.trigger_activate()).endswith("SUCCESS")
+    bench.until(lambda: bench.predictor.get_subscription_count() > 0)
+    bench.until(lambda: bench.planner.get_subscription_count() > 0)
+
+
+def test_a_grid_without_plan_and_road_users_stays_where_it_was():
+    bench = RiskBench("/risk_placeless")
+    try:
+        bench.start()
+        grid = bench.grid_of(prediction())
+        assert max(grid.data) > 0
+        empty = bench.grid_of(prediction(x=()))
+        assert set(empty.data) == {0}
+        assert empty.info.origin == grid.info.origin
+    finally:
+        bench.close()
 
 
 def test_a_message_package_that_is_missing_is_named(bench):

@@ -42,6 +42,15 @@ def test_another_folder_is_chosen_and_said(monkeypatch, tmp_path, capsys, given)
     assert (given or "HOME is not set") in said
 
 
+@pytest.mark.parametrize("name", ["ROS_LOG_DIR", "ROS_HOME"])
+def test_the_home_of_nobody_is_another_folder(monkeypatch, tmp_path, capsys, name):
+    monkeypatch.setenv("ROS_LOG_DIR", "")  # restored after the test
+    monkeypatch.setenv(name, "~nobody_of_this_name/log")
+    assert choose_log_folder("predictor") == []
+    assert os.environ["ROS_LOG_DIR"].startswith(str(tmp_path / "temporary"))
+    assert "Could not determine home directory: log files go to" in capsys.readouterr().err
+
+
 def test_without_any_folder_no_files_are_written(monkeypatch, capsys):
     monkeypatch.setattr(tempfile, "tempdir", "/proc")
     assert choose_log_folder("predictor") == ["--ros-args", "--disable-external-lib-logs"]

@@ -8,6 +8,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.validate_full_topic_name import validate_full_topic_name
+from std_msgs.msg import Float64, String
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_ros.runtime.ros_start import check_domain, node_errors, own_arguments, spin
@@ -58,12 +59,26 @@ def test_ros_arguments_that_cannot_be_read_are_reported_in_a_sentence(arguments)
     assert "/src/" not in str(caught.value)
 
 
+@pytest.mark.parametrize("arguments", [["\udcff.mcap"], ["--ros-args", "-p", "model:=\udcff.pt"]])
+def test_arguments_in_another_encoding_are_reported_in_a_sentence(arguments):
+    """Python has bytes that are no UTF-8 as halves of characters, which rclpy cannot take."""
+    with pytest.raises(ConfigurationError, match=r"udcff\.\w+' is no text in UTF-8"):
+        own_arguments(arguments)
+
+
 def test_what_ros_refuses_about_a_node_is_one_sentence():
     wrong = [Parameter("use_sim_time", value="maybe")]
     with pytest.raises(ConfigurationError, match="'use_sim_time' to 'maybe'"), node_errors():
         Node("refused", parameter_overrides=wrong)
     with pytest.raises(ConfigurationError, match=r"Invalid topic name: .*'/a b'"), node_errors():
         validate_full_topic_name("/a b")
+    node = Node("two_types", cli_args=["--ros-args", "-r", "texts:=numbers"])
+    node.create_publisher(Float64, "numbers", 1)
+    refused = pytest.raises(ConfigurationError, match=r"not accepted by ROS: .*incompatible")
+    with refused as caught, node_errors():
+        node.create_publisher(String, "texts", 1)
+    assert ", at /" not in str(caught.value)  # positions in the sources of ROS
+    node.destroy_node()
     with pytest.raises(ZeroDivisionError), node_errors():
         _ = 1 / 0  # a defect keeps its traceback
 

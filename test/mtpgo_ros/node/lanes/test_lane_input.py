@@ -215,3 +215,37 @@ def test_what_was_read_too_late_is_not_used(bench, tmp_path, monkeypatch):
     bench.wait()
     bench.lanes.take_markings(LaneMap([np.array([[-500.0, 2.0], [2000.0, 2.0]])]), "map")
     assert bench.lanes.values()["lanes"] == str(path)
+
+
+def test_a_frame_that_is_set_while_the_file_is_read_is_that_of_its_lines(
+    bench, tmp_path, monkeypatch
+):
+    """As `ros2 param load` does: one parameter after the other, without a pause."""
+    path = lane_file(tmp_path / "lanes.geojson")
+    found = lane_input.read_lane_file(path, parameters(path).lane_options)
+
+    def slow(*_):
+        bench.lanes.configure(parameters(path, lane_frame="map"))
+        return found
+
+    monkeypatch.setattr(lane_input, "read_lane_file", slow)
+    bench.lanes.pose_in = lambda *frames: Pose2(0.0, -1.0, 0.0)
+    bench.lanes.configure(parameters(path))
+    bench.wait()
+    bench.observe("odom")
+    assert bench.d_l() == pytest.approx(0.0)
+
+
+def test_the_frame_of_a_file_that_cannot_be_used_is_not_that_of_the_earlier_lines(bench, tmp_path):
+    bad = tmp_path / "bad"
+    bad.write_text("nothing")
+    bench.lanes.take_markings(LaneMap([np.array([[-500.0, 2.0], [2000.0, 2.0]])]), "map")
+    bench.observe("map")
+    other = parameters(bad, lane_frame="site")
+    bench.lanes.configure(other)
+    bench.wait()
+    bench.lanes.configure(other)  # as with any other parameter that changes, or a new ego
+    bench.observe("map")
+    (problem,) = bench.lanes.limitations()
+    assert "neither XML nor JSON" in problem
+    assert len(bench.placed[-1]) == 1
