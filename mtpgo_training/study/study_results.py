@@ -134,9 +134,9 @@ def ranking(rows: Sequence[Json], column: str) -> list[Json]:
     """Return the rows from the smallest value on.
 
     ``value`` is that of the column; ``apart``: whether its interval and that of the row before do
-    not overlap, None where there is none (a baseline is not trained: its value is compared with the
-    interval of the other row); ``cv``: constant velocity for the same road users; ``beats_cv``:
-    whether the mean is below it, None of baselines and where it is unknown.
+    not overlap, None where there is none (a baseline is not trained: its value is compared with
+    the interval of the other row); ``cv``: constant velocity for the same road users;
+    ``beats_cv``: whether the mean is below it, None of baselines and where it is unknown.
 
     Args:
         rows: see :func:`results`.
