@@ -34,6 +34,19 @@ EXPECTED_NEES = 2.0
 """Average of the NEES of a position where the covariance is right: its two degrees of freedom."""
 
 
+def step_at(time_s: float, steps: int, step_s: float) -> int | None:
+    """Return the index of the horizon step at a time, None if there is none.
+
+    Args:
+        time_s: the time ahead (s).
+        steps: H.
+        step_s: time between two of them (s).
+    """
+    step = round(time_s / step_s)
+    exact = abs(step * step_s - time_s) < 1e-6
+    return step - 1 if exact and 1 <= step <= steps else None
+
+
 def average(values: Array) -> float:
     """Mean over the agents for which ``values`` [...] is defined, NaN if there is none."""
     known = np.isfinite(values)

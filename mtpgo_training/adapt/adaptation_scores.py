@@ -58,8 +58,8 @@ def score_site(predictions: SitePredictions) -> SiteScores:
     straight = np.linalg.norm(predictions.constant_velocity - truth, axis=-1)
     coverage: dict[float, float] = {}
     for time_s in metrics.TIMES_S:
-        step = round(time_s / predictions.step_s) - 1
-        known = moving & (mask[:, step] if step < mask.shape[1] else False)
+        step = metrics.step_at(time_s, mask.shape[1], predictions.step_s)
+        known = moving & mask[:, step] if step is not None else np.zeros_like(moving)
         coverage[time_s] = float(inside[known, step].mean()) if known.any() else float("nan")
     return SiteScores(
         int(moving.sum()),

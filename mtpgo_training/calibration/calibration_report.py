@@ -19,6 +19,7 @@ from mtpgo_core.quality.metrics import (
     TIMES_S,
     Array,
     radius_squared,
+    step_at,
 )
 from mtpgo_core.schema import BoolArray
 from mtpgo_core.task.calibration import GROUPS, is_moving
@@ -40,7 +41,8 @@ class CalibrationScores:
 
     Attributes:
         agents: predictions of which at least one step is known.
-        times_s: times ahead of the next four (s).
+        times_s: times ahead of the next four (s): those of ``TIMES_S`` at which there is a step,
+            else the end of the horizon.
         known: predictions that are known at each time.
         coverage: share of the truths inside the heaviest mode's 90 % ellipse.
         sigma_m: standard deviation of the heaviest mode, the fourth root of its determinant (m).
@@ -64,8 +66,8 @@ class CalibrationScores:
 def score_samples(samples: CalibrationSamples) -> CalibrationScores:
     """Score predictions; calibrate the samples first to score what that brings."""
     horizon = samples.distance.shape[1]
-    reached = [s for s in TIMES_S if round(s / samples.step_s) <= horizon]
-    times_s = tuple(reached) or (horizon * samples.step_s,)
+    reached = [s for s in TIMES_S if step_at(s, horizon, samples.step_s) is not None]
+    times_s = tuple(reached) or (round(horizon * samples.step_s, 6),)
     known, coverage, sigma, nll = [], [], [], []
     for time_s in times_s:
         step = round(time_s / samples.step_s) - 1

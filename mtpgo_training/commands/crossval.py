@@ -15,6 +15,7 @@ from mtpgo_training.commands.arguments.argument_types import (
     positive_integer,
     positive_number,
     require_given,
+    require_none,
     require_one_budget,
 )
 from mtpgo_training.commands.arguments.data_arguments import (
@@ -32,6 +33,9 @@ from mtpgo_training.commands.arguments.next_command import same_command
 from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS
 from mtpgo_training.table_format import to_text
 from mtpgo_training.training.recipes.named_configs import config_names
+
+STRIDE_S = 1.0
+"""Time between two scored instants by default (s)."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -94,7 +98,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add(
         "--stride",
         type=positive_number,
-        default=1.0,
+        default=STRIDE_S,
         metavar="S",
         help="time between two scored instants (s; default 1)",
     )
@@ -232,6 +236,19 @@ def _compare(args: argparse.Namespace) -> int:
         raise ConfigurationError(
             "--compare is given with a configuration, --data or --out, expected two folders only"
         )
+    given = {
+        "--folds": args.folds is not None,
+        "--minutes-per-fold": args.minutes_per_fold is not None,
+        "--steps-per-fold": args.steps_per_fold is not None,
+        "--epochs-per-fold": args.epochs_per_fold is not None,
+        "--init-from": args.init_from is not None,
+        "--set": bool(args.set),
+        "--seed": args.seed is not None,
+        "--stride": args.stride != STRIDE_S,
+        "--tracker": args.tracker != list(OBSERVATIONS),
+        "--jobs": args.jobs != 1,
+    }
+    require_none(given, "--compare", "which trains and scores nothing")
     first, second = map(read_results, args.compare)
     names = [path.resolve().name for path in args.compare]
     print(to_text(comparison_table(first, second, names, manoeuvres=args.manoeuvres)))

@@ -23,6 +23,7 @@ from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
 from mtpgo_core.task.model_file import shipped_models
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.atomic_files import require_writable, write_text
+from mtpgo_training.commands.arguments.argument_types import require_none
 from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
@@ -51,6 +52,28 @@ from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS, RECORDED,
 if TYPE_CHECKING:
     from mtpgo_core.prediction.model_runner import ModelRunner
     from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
+
+
+STRIDE_S = 0.2
+"""Time between two scored instants by default (s)."""
+
+OF_A_RUN: dict[str, object] = {
+    "policy": None,
+    "stride": None,
+    "one_sample": False,
+    "tracker": RECORDED,
+    "tracker_seed": None,
+    "calibration": None,
+    "prefer": None,
+    "kde_samples": 0,
+    "no_centre": False,
+    "min_future": 0.0,
+    "seeds": False,
+    "jobs": 1,
+    "cluster": "",
+    "resume": None,
+}
+"""Options that say how models are run and scored, with their defaults."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -89,7 +112,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="bags of recorded predictions; without --data, what they observed is the truth",
     )
     add("--policy", choices=GRAPH_POLICIES, help="graph policy, the model's own by default")
-    add("--stride", type=float, default=0.2, help="time between two instants (s)")
+    add("--stride", type=float, metavar="S", help="time between two instants (s; default 0.2)")
     add("--min-future", type=float, default=0.0, help="leave out agents observed for less (s)")
     add(
         "--one-sample",
@@ -159,6 +182,10 @@ def run(args: argparse.Namespace) -> int:
             raise ConfigurationError(
                 "--results is given with --model, --data, --predictions, --json or --report"
             )
+        given = {
+            _option(name): getattr(args, name) != default for name, default in OF_A_RUN.items()
+        }
+        require_none(given, "--results", "which are of earlier evaluations")
         from mtpgo_training.reports.markdown import markdown_table, read_results
 
         print(markdown_table([(path.stem, read_results(path)) for path in args.results]))
@@ -190,7 +217,7 @@ def run(args: argparse.Namespace) -> int:
     runners = load_models(args.model)
     settings = Settings(
         args.policy,
-        args.stride,
+        STRIDE_S if args.stride is None else args.stride,
         not args.no_centre,
         args.min_future,
         args.one_sample,
@@ -253,6 +280,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _option(name: str) -> str:
+    """Return an option as it is given on the command line."""
+    return f"--{name.replace('_', '-')}"
+
+
 def _with_data(args: argparse.Namespace) -> bool:
     """Return whether a directory of recordings is given."""
     return any(name == "data" for name, _ in args.data_options)
@@ -268,7 +300,7 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigurationError("neither --model nor --predictions is given, expected one")
     if args.model and not args.predictions and not args.data_options:
         raise ConfigurationError("--model is given without --data, expected recordings")
-    if not args.stride > 0:
+    if args.stride is not None and not args.stride > 0:
         raise ConfigurationError(f"--stride is {args.stride}, expected more than 0")
     if not args.min_future >= 0:
         raise ConfigurationError(f"--min-future is {args.min_future}, expected at least 0")
@@ -285,6 +317,16 @@ def _check(args: argparse.Namespace) -> None:
     if args.predictions and args.policy is not None:
         raise ConfigurationError(
             "--policy is given with --predictions, whose graphs were chosen by the node"
+        )
+    for option in ("stride", "no_centre"):
+        if args.predictions and getattr(args, option) != OF_A_RUN[option]:
+            raise ConfigurationError(
+                f"{_option(option)} is given with --predictions, all of which are "
+                "scored as the node published them"
+            )
+    if args.seeds and len(args.model) < 2:
+        raise ConfigurationError(
+            f"--seeds is given with {len(args.model)} model(s), expected several of one recipe"
         )
     if args.predictions and args.one_sample:
         raise ConfigurationError("--one-sample is given with --predictions, which have a past")

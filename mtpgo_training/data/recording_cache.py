@@ -38,6 +38,9 @@ FORMAT = 1
 
 _INDEX = "entry.json"
 
+_ROWS = ("frame", "track", "position", "velocity", "acceleration", "yaw", "key")
+"""What of a recording's rows and tracks columns are computed from."""
+
 _LOCKS = 16
 """Lock files that all entries share; chosen: few files, and few processes that wait for others."""
 
@@ -82,8 +85,10 @@ class RecordingCache:
             "settings": settings,
             "name": recording.name,
             "sha256": recording.sha256,
-            # A part of a recording has the hash of the whole.
-            "rows": _checksum(recording.frame, recording.track, recording.position),
+            # A part of a recording has the hash of the whole, and the same files may be read with
+            # other columns, units or topics.
+            "rows": _checksum(*(getattr(recording, column) for column in _ROWS)),
+            "times": [float(recording.frame_rate), int(recording.start_time_ns)],
         }
         return self.entry(facts, make, code=(make, *code))
 

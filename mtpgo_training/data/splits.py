@@ -134,8 +134,9 @@ def _by_recording(recordings: Sequence[NamedRecording], data: DataConfig, seed: 
         use: 0 if getattr(data, use) else _count(getattr(data, f"{use}_fraction"), len(free))
         for use in ("validation", "test")
     }
+    to_train = 0 if chosen["train"] else 1  # of those that no list names, left to train on
     for use, count in wanted.items():
-        count = max(0, min(count, len(drawn) - 1))
+        count = max(0, min(count, len(drawn) - to_train))
         chosen[use] |= set(drawn[:count])
         drawn = drawn[count:]
         rest -= chosen[use]
@@ -272,7 +273,7 @@ def _check_weights(recordings: Sequence[NamedRecording], data: DataConfig) -> No
 
     A directory that was not given is allowed: one configuration may serve several data sets.
     """
-    known = {item.name for item in recordings}
+    known = {name for item in recordings for name in (item.name, f"{item.source}/{item.whole}")}
     sources = {item.source for item in recordings}
     for name in data.source_weight:
         source = name.split("/", 1)[0]

@@ -10,7 +10,7 @@ from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.atomic_files import read_json
-from mtpgo_training.evaluation.scores.score_summary import TITLES
+from mtpgo_training.evaluation.scores.score_summary import titles_of
 from mtpgo_training.reports.tables import HEADINGS, INTERVAL_KEYS, score_cells
 from mtpgo_training.table_format import Row, Table, to_markdown
 
@@ -43,9 +43,10 @@ def markdown_table(results: Sequence[tuple[str, Json]]) -> str:
         results: name and content of each; there is no column of names if all are empty.
     """
     named = any(name for name, _ in results)
-    heads = ["protocol", "model", *(title.replace("%", " %") for title in TITLES.values())]
+    titles = titles_of(*(content["models"] for _, content in results))
+    heads = ["protocol", "model", *(title.replace("%", " %") for title in titles.values())]
     lines = [
-        [name, protocol, model, *score_cells(content, model, protocol, 2, INTERVAL_KEYS)]
+        [name, protocol, model, *score_cells(content, model, protocol, 2, INTERVAL_KEYS, titles)]
         for name, content in results
         for protocol in HEADINGS
         for model, protocols in content["models"].items()

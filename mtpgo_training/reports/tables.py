@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from mtpgo_training.evaluation.scores.score_summary import TITLES, value_text
+from mtpgo_training.evaluation.scores.score_summary import TITLES, titles_of, value_text
 from mtpgo_training.reports.series import PROTOCOL, colour, series_names
 from mtpgo_training.table_format import Cell, Row, Table
 
@@ -41,9 +41,14 @@ _GROUP_TEXTS = {
 
 
 def score_cells(
-    content: Json, model: str, protocol: str, digits: int, with_interval: Collection[str]
+    content: Json,
+    model: str,
+    protocol: str,
+    digits: int,
+    with_interval: Collection[str],
+    keys: Collection[str] = TITLES,
 ) -> list[Cell]:
-    """Return the averages of a model, in the columns of ``TITLES``.
+    """Return the averages of a model, a column for each of the keys.
 
     Args:
         content: of the evaluation.
@@ -51,6 +56,7 @@ def score_cells(
         protocol: ``all`` or ``centre``.
         digits: after the point.
         with_interval: the values that are given with their interval over recordings.
+        keys: names of the values.
     """
     scores = content["models"][model][protocol]
     intervals = content["intervals"].get(model, {}).get(protocol, {})
@@ -61,19 +67,19 @@ def score_cells(
             interval_text(intervals.get(key)) if key in with_interval else "",
             best=key in _LOWER_IS_BETTER and _is_least(scores[key], [row[key] for row in others]),
         )
-        for key in TITLES
+        for key in keys
     ]
 
 
 def result_tables(content: Json) -> list[Table]:
     """Return the main table of each protocol with all intervals, and those over seeds."""
-    tables = []
+    tables, titles = [], titles_of(content["models"])
     for protocol, heading in HEADINGS.items():
         rows = [
             Row(
                 name,
                 [
-                    *score_cells(content, name, protocol, 3, TITLES),
+                    *score_cells(content, name, protocol, 3, titles, titles),
                     _relative_cell(content, name, protocol),
                 ],
                 colour(content, name) if protocol == PROTOCOL else None,
@@ -82,7 +88,7 @@ def result_tables(content: Json) -> list[Table]:
             for name, protocols in content["models"].items()
             if protocol in protocols
         ]
-        heads = ["", *TITLES.values(), "ADE / cv"]
+        heads = ["", *titles.values(), "ADE / cv"]
         if rows:
             tables.append(Table(heads, rows, f"Results: {heading}", _TEXTS[protocol]))
     return tables + [_seeds_table(group, row) for group, row in content["seeds"].items()]

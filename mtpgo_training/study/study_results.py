@@ -134,8 +134,9 @@ def ranking(rows: Sequence[Json], column: str) -> list[Json]:
     """Return the rows from the smallest value on.
 
     ``value`` is that of the column; ``apart``: whether its interval and that of the row before do
-    not overlap, None where there is no interval; ``cv``: constant velocity for the same road
-    users; ``beats_cv``: whether the mean is below it, None of baselines and where it is unknown.
+    not overlap, None where there is none (a baseline is not trained: its value is compared with
+    the interval of the other row); ``cv``: constant velocity for the same road users;
+    ``beats_cv``: whether the mean is below it, None of baselines and where it is unknown.
 
     Args:
         rows: see :func:`results`.
@@ -148,8 +149,11 @@ def ranking(rows: Sequence[Json], column: str) -> list[Json]:
     for row in known:
         value = row["values"][column]
         apart = None
-        if before is not None and None not in (before["high"], value["low"]):
-            apart = bool(value["low"] > before["high"])
+        if before is not None and (before["trained"] or row["trained"]):
+            low = value["low"] if row["trained"] else value["mean"]
+            other = before["values"][column]
+            high = other["high"] if before["trained"] else other["mean"]
+            apart = None if None in (low, high) else bool(low > high)
         cv = row["cv"].get(column)
         beats = None if cv is None else value["mean"] < cv["mean"]
         found.append(
@@ -162,5 +166,5 @@ def ranking(rows: Sequence[Json], column: str) -> list[Json]:
                 "beats_cv": beats,
             }
         )
-        before = value
+        before = row
     return found

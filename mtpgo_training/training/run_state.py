@@ -119,10 +119,15 @@ class TrainingRun:
         )
 
     def _epochs_since_best(self) -> int:
-        """Return the number of epochs on the likelihood alone since the best one."""
+        """Return the number of epochs on the likelihood alone from the best to the last validated.
+
+        What an epoch after that is worth is not known.
+        """
+        epoch = self.state.epoch
+        validated = epoch - epoch % self.config.trainer.validate_every_epochs
         return sum(
             self.loss_weights(epoch).ewta == 0.0
-            for epoch in range(self.state.best_epoch, self.state.epoch)
+            for epoch in range(self.state.best_epoch, validated)
         )
 
     def loss_weights(self, epoch: int | None = None) -> LossWeights:

@@ -151,8 +151,8 @@ class TrainerConfig:
         precision: one of ``PRECISIONS``. Validation is always in full precision.
         loader_workers: additional processes that cut the scenes; 0 for none.
         validate_every_epochs: epochs between validations; the last epoch is always validated.
-        patience_epochs: stop after this many epochs on the likelihood without a better
-            validation; 0 for never.
+        patience_epochs: stop at a validation this many epochs on the likelihood or more after the
+            best one; 0 for never.
         checkpoint_minutes: time between two checkpoints within an epoch (min); one is also written
             at the end of every epoch.
     """

@@ -66,6 +66,22 @@ def require_given(given: Mapping[str, object], unless: str) -> None:
         raise ConfigurationError(f"{missing} is not given, expected it unless with {unless}")
 
 
+def require_none(given: Mapping[str, bool], beside: str, why: str) -> None:
+    """Check that no option is given which another one leaves without an effect.
+
+    Args:
+        given: name of each option, and whether it is given.
+        beside: the other one.
+        why: what of it leaves them without one, the end of the sentence.
+
+    Raises:
+        ConfigurationError: one is given.
+    """
+    found = next((name for name, value in given.items() if value), None)
+    if found is not None:
+        raise ConfigurationError(f"{found} is given with {beside}, {why}")
+
+
 def require_one_budget(kind: str, minutes: float | None, steps: int | None) -> None:
     """Check that a training gets minutes or steps.
 

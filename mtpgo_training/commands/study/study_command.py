@@ -15,6 +15,7 @@ from mtpgo_training.commands.arguments.argument_types import (
     positive_integer,
     positive_number,
     require_given,
+    require_none,
     require_one_budget,
 )
 from mtpgo_training.commands.arguments.data_arguments import (
@@ -247,6 +248,8 @@ def _check(args: argparse.Namespace) -> tuple[int, int]:
     """
     given = {"the study": args.study, "--out": args.out, "--data": args.data_options}
     require_given(given, "--list")
+    if args.measure:
+        raise ConfigurationError("--measure is given without --list, expected both")
     require_one_budget("run", args.minutes_per_run, args.steps_per_run)
     if args.part is None:
         return 1, 1
@@ -329,6 +332,18 @@ def _configs(
 
 
 def _list(args: argparse.Namespace) -> int:
+    given = {
+        "--rows": args.rows is not None,
+        "--data-set": args.data_set is not None,
+        "--config": args.config is not None,
+        "--set": bool(args.set),
+        "--data": bool(args.data_options),
+        "--out": args.out is not None,
+        "--minutes-per-run": args.minutes_per_run is not None,
+        "--steps-per-run": args.steps_per_run is not None,
+        "--epochs-per-run": args.epochs_per_run is not None,
+    }
+    require_none(given, "--list", "which lists all rows of the paper's configurations")
     from mtpgo_training.study.study_costs import costs_table
     from mtpgo_training.study.study_rows import STUDIES, find_study
     from mtpgo_training.table_format import to_text

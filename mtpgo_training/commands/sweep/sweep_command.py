@@ -138,6 +138,11 @@ def _require_once(args: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: something does.
     """
+    if args.devices is not None:
+        raise ConfigurationError(
+            f"--devices is {args.devices} with --sweep, whose runs have one process each; --jobs "
+            "is the number of runs at the same time"
+        )
     fixed = {setting.partition("=")[0]: "--set" for setting in args.set}
     for key, option in OPTIONS_OF_KEYS.items():
         if getattr(args, option) is not None:

@@ -9,9 +9,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from mtpgo_training.data.manoeuvres import MANOEUVRES
 from mtpgo_training.data.summary.recording_defects import KINDS, Defect, DefectList
-from mtpgo_training.data.summary.recording_summary import HORIZON_S, RecordingSummary
+from mtpgo_training.data.summary.recording_summary import (
+    HORIZON_S,
+    QUANTILES,
+    RecordingSummary,
+)
 from mtpgo_training.table_format import Row, Table, to_text
 
 MOST_LINES = 5
@@ -134,19 +140,17 @@ class DataSummary:
         return Table(heads, rows)
 
     def _speeds(self) -> Table:
-        """Return the speeds of each class, over the recordings by their rows."""
+        """Return the speeds of each class, over the rows of all recordings."""
         rows = []
         for name, count in self.classes.items():
-            entries = [r.speed[name] for r in self.recordings if name in r.speed]
-            weight = sum(e["rows"] for e in entries)
-            moving = [(e, e["rows"] * e["moving"]) for e in entries if "max" in e]
-            total = sum(w for _, w in moving)
+            found = [r for r in self.recordings if name in r.speed]
+            weight = sum(r.speed[name]["rows"] for r in found)
+            moving = [r for r in found if "max" in r.speed[name]]
+            total = sum(_moving_rows(r, name) for r in moving)
             share = total / weight if weight else 0.0
             cells = [str(count), f"{100 * share:.0f} %"]
-            for key in ("q05", "q50", "q95"):
-                mean = sum(e[key] * w for e, w in moving) / total if total else None
-                cells.append(_number(mean))
-            cells.append(_number(max((e["max"] for e, _ in moving), default=None)))
+            cells += [_number(value) for value in _quantiles(moving, name)]
+            cells.append(_number(max((r.speed[name]["max"] for r in moving), default=None)))
             rows.append(Row(name, cells))
         return Table(
             ("class", "road users", "moving", "5 % m/s", "median m/s", "95 % m/s", "max m/s"), rows
@@ -172,6 +176,25 @@ class DataSummary:
             if item.count > MOST_LINES:
                 lines.append(f"    ... and {item.count - MOST_LINES} more")
         return "\n".join(lines)
+
+
+def _moving_rows(recording: RecordingSummary, name: str) -> float:
+    """Return the number of rows of a class in which it moves."""
+    return recording.speed[name]["rows"] * recording.speed[name]["moving"]
+
+
+def _quantiles(recordings: Sequence[RecordingSummary], name: str) -> list[float | None]:
+    """Return the ``QUANTILES`` of a class's speeds over the moving rows of recordings (m/s)."""
+    if not recordings:
+        return [None] * len(QUANTILES)
+    if len(recordings) == 1:
+        return [recordings[0].speed[name][f"q{round(100 * q):02d}"] for q in QUANTILES]
+    speeds = np.concatenate([r.moving_mps[name] for r in recordings])
+    shares = [np.full(n := len(r.moving_mps[name]), _moving_rows(r, name) / n) for r in recordings]
+    order = np.argsort(speeds, kind="stable")
+    weight = np.concatenate(shares)[order]
+    level = (np.cumsum(weight) - 0.5 * weight) / weight.sum()
+    return np.interp(QUANTILES, level, speeds[order]).tolist()
 
 
 def _duration(seconds: float) -> str:

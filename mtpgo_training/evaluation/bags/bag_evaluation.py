@@ -175,10 +175,25 @@ def evaluate_bags(
             )
         for name, own in matched.by_recording.items():
             part = _RecordingEvaluation(name, recordings[name], min_future_s, runners)
-            part.score_bag(result, bag_called, own, baselines=name not in done)
-            part.score_models(result, bag_called, own, first=name not in done)
-            done.add(name)
+            for once in _by_pass(own):
+                part.score_bag(result, bag_called, once, baselines=name not in done)
+                part.score_models(result, bag_called, once, first=name not in done)
+                result.evaluation.honesty.finish()
+                done.add(name)
     return result
+
+
+def _by_pass(predictions: Sequence[Prediction]) -> list[list[Prediction]]:
+    """Return predictions of a recording by the times that it was played, each ascending in time.
+
+    What was observed in one of them is the future of the next one.
+    """
+    passes: list[list[Prediction]] = []
+    for prediction in predictions:
+        if not passes or prediction.stamp_ns <= passes[-1][-1].stamp_ns:
+            passes.append([])
+        passes[-1].append(prediction)
+    return passes
 
 
 def _by_calibration(predictions: Sequence[Prediction]) -> dict[str, int]:

@@ -157,19 +157,12 @@ def agent_honesty(
     )
 
 
-def _at(time_s: int, steps: int, dt_s: float) -> int | None:
-    """Return the horizon step at a time, None if there is none."""
-    step = round(time_s / dt_s) - 1
-    exact = abs((step + 1) * dt_s - time_s) < 1e-6
-    return step if exact and 0 <= step < steps else None
-
-
 def _coverage(given: PredictedPaths, path: Array, spread: Array, dt_s: float) -> Values:
     values: Values = {}
     unknown = np.full(len(given), np.nan)
     has = np.isfinite(spread[:, 0, 0, 0])
     for time_s in SPREAD_TIMES_S:
-        k = _at(time_s, given.mask.shape[1], dt_s)
+        k = metrics.step_at(time_s, given.mask.shape[1], dt_s)
         if k is None:
             values |= {f"variance_{time_s}s": unknown, f"squared_error_{time_s}s": unknown}
             continue
@@ -179,7 +172,7 @@ def _coverage(given: PredictedPaths, path: Array, spread: Array, dt_s: float) ->
         trace = spread[:, k, 0, 0] + spread[:, k, 1, 1]
         values[f"variance_{time_s}s"] = np.where(seen, trace, np.nan)
     for time_s in TIMES_S:
-        k = _at(time_s, given.mask.shape[1], dt_s)
+        k = metrics.step_at(time_s, given.mask.shape[1], dt_s)
         level, ellipse, nll = unknown.copy(), unknown.copy(), unknown.copy()
         rows = has & given.mask[:, k] if k is not None else np.zeros(len(given), dtype=bool)
         if rows.any():

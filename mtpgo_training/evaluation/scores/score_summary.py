@@ -185,6 +185,15 @@ def _reliability(levels: pd.DataFrame) -> Json:
     return {"level": list(LEVELS), "observed": average(levels)["inside"].tolist()}
 
 
+def titles_of(*averages: Averages) -> dict[str, str]:
+    """Return :data:`TITLES`, and of :data:`KDE_TITLES` those of which there are values."""
+    rows = [
+        row for found in averages for protocols in found.values() for row in protocols.values()
+    ]
+    given = (key for key in KDE_TITLES if any(row.get(key) is not None for row in rows))
+    return TITLES | {key: KDE_TITLES[key] for key in given}
+
+
 def averages_table(averages: Averages, protocol: str = "all") -> Table:
     """Return a row of averages for each model; columns without any value are left out.
 

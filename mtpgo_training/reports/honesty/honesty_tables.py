@@ -175,7 +175,7 @@ def comparison_table(content: Json) -> Table | None:
             cells += [value_text(row[key], 2) for key in ("ade_to_cv", "ade_to_ca")]
             cells += [WORSE_MARK if row["worse"] else "-", str(row["n"])]
             rows.append(Row(f"{group}: {name}", cells, colour(content, name)))
-    heads = ["ADE m", "model", "cv", "ca", "/ cv", "/ ca", "never worse", "agents"]
+    heads = ["ADE m", "model", "cv", "ca", "/ cv", "/ ca", "> 2 % worse", "agents"]
     if not rows:
         return None
     return Table(heads, rows, "Against simple motion", _COMPARISON_TEXT)

@@ -151,3 +151,11 @@ def test_the_nees_of_a_true_mixture_is_two_whatever_its_shape():
     np.testing.assert_allclose(
         metrics.mixture_nees(*one, truth[:, None]), metrics.nees(*one, truth[:, None])
     )
+
+
+@pytest.mark.parametrize(
+    ("time_s", "step_s", "step"),
+    [(1, 0.2, 4), (3, 0.2, 14), (5, 0.2, 24), (5.2, 0.2, None), (1, 0.4, None), (2, 0.4, 4)],
+)
+def test_a_time_between_two_steps_or_beyond_the_horizon_has_none(time_s, step_s, step):
+    assert metrics.step_at(time_s, 25, step_s) == step

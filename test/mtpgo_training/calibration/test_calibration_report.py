@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scores before and after a calibration, and each site by a fit to the others."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from calibration_sets import VEHICLE, random_samples, with_distance
@@ -104,3 +106,12 @@ def test_the_table_has_a_row_for_each_group_and_site_with_road_users():
     text = to_text(table)
     assert text.splitlines()[1].split()[:2] == ["moving", "600"]
     assert "nan" not in text
+
+
+def test_what_lies_between_two_steps_is_not_said_to_be_at_a_time():
+    """No step of 0.4 s is at 1, 3 or 5 s: the end of the horizon is given, with its time."""
+    samples = dataclasses.replace(random_samples(1, steps=12), step_s=0.4)
+    assert score_samples(samples).times_s == (4.8,)
+    assert set(moving_scores(samples)) == {"moving_n", "coverage_90_moving_4.8s"}
+    samples = dataclasses.replace(random_samples(1, steps=12), step_s=0.5)
+    assert score_samples(samples).times_s == (1, 3, 5)

@@ -195,3 +195,13 @@ def test_what_cannot_be_is_one_sentence(place, capsys, more, sentence):
 def test_what_is_missing_is_named(place, capsys):
     assert cli.main(["crossval", str(place / "c.yaml"), "--out", str(place / "refused")]) == 2
     assert "--data is not given, expected it unless with --compare" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "more",
+    [["--folds", "a"], ["--stride", "2"], ["--tracker", "recorded"], ["--set", "seed=2"]],
+)
+def test_what_a_comparison_does_not_do_is_refused(capsys, more):
+    assert cli.main(["crossval", "--compare", "a", "b", *more]) == 2
+    sentence = f"{more[0]} is given with --compare, which trains and scores nothing"
+    assert sentence in capsys.readouterr().err

@@ -294,6 +294,20 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
             ["--model", "default", "--data", "DATA", "--layout", "ind", "--jobs", "0"],
             "--jobs is 0",
         ),
+        (
+            ["--predictions", "NONE", "--stride", "1"],
+            "--stride is given with --predictions, all of which are scored as the node published",
+        ),
+        (["--predictions", "NONE", "--no-centre"], "--no-centre is given with --predictions"),
+        (
+            ["--model", "default", "--data", "DATA", "--layout", "ind", "--seeds"],
+            r"--seeds is given with 1 model\(s\), expected several of one recipe",
+        ),
+        (
+            ["--results", "FILE", "--stride", "1"],
+            "--stride is given with --results, which are of earlier evaluations",
+        ),
+        (["--results", "FILE", "--kde-samples", "200"], "--kde-samples is given with --results"),
         (["--results", "FILE"], "holds no results, expected a file of"),
         (["--results", "NONE"], "cannot be read"),
         (["--results", "OTHER"], "holds no results"),
@@ -310,7 +324,8 @@ def test_bad_input_is_one_sentence(arguments, sentence, data, tmp_path, capsys):
     given = [
         re.sub("DATA|NONE|FILE|OTHER|SHORT", lambda m: str(places[m[0]]), a) for a in arguments
     ]
-    quiet = [] if "--results" in given else STRIDE[:2] if "--stride" not in given else []
+    own = {"--results", "--predictions", "--stride"} & set(given)
+    quiet = [] if own else STRIDE[:2]
     assert main(["evaluate", *quiet, *given]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""

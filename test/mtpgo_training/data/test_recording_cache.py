@@ -14,6 +14,7 @@ from traffic import braking_cars
 
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.recording_cache import RecordingCache, default_folder
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import SceneDataset
@@ -88,6 +89,45 @@ def test_everything_that_determines_an_entry_makes_another(tmp_path):
                 cache=cache)  # fmt: skip
         counts.append(len(entries(tmp_path)))
     assert counts == [2, 2, 4, 5, 7]
+
+
+@pytest.mark.parametrize(
+    "changed", ["frame_rate: 10", "speed_unit: km/h", "heading_unit: deg", "columns: no speed"]
+)
+def test_files_read_in_another_way_are_other_rows(tmp_path, changed):
+    """The files and their positions are the same: only what is said of the columns changes."""
+    folder, cache = tmp_path / "own", RecordingCache(tmp_path / "cache")
+    folder.mkdir()
+    lines = [f"{i},{f},{0.36 * f:.3f},{4 * i},36,1" for f in range(80) for i in range(2)]
+    (folder / "a.csv").write_text("\n".join(["id,f,x,y,v,h", *lines]))
+    said = {
+        "columns": "{track: id, frame: f, x: x, y: y, speed: v, heading: h}",
+        "frame_rate": "25",
+        "speed_unit": "m/s",
+        "heading_unit": "rad",
+    }
+
+    def velocity_and_yaw(cache):
+        path = tmp_path / "columns.yaml"
+        path.write_text("".join(f"{key}: {value}\n" for key, value in said.items()))
+        (recording,) = load_recordings(
+            folder, "table", None, ReadingOptions(columns=path), cache=cache
+        )
+        data = DataConfig(restart_probability=0.5, tracker_share=0.5)
+        source = prepare(recording, HISTORY, SCENE, data, training=True, seed=4, cache=cache)
+        views = [view.windows.instants for view in source.views]
+        steps = source.future.at(np.array([0]), recording.stamp_ns(40), 3, 0.2).velocity
+        return [np.concatenate([v.velocity.ravel(), v.yaw, v.stamp_ns]) for v in views] + [steps]
+
+    before = velocity_and_yaw(cache)
+    key, _, value = changed.partition(": ")
+    said[key] = "{track: id, frame: f, x: x, y: y}" if key == "columns" else value
+    for kept, plain in zip(velocity_and_yaw(cache), velocity_and_yaw(None), strict=True):
+        np.testing.assert_array_equal(kept, plain)
+    assert any(
+        len(one) != len(other) or not np.array_equal(one, other, equal_nan=True)
+        for one, other in zip(before, velocity_and_yaw(cache), strict=True)
+    )
 
 
 def test_a_changed_file_is_read_again(tmp_path):

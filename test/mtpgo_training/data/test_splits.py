@@ -15,7 +15,7 @@ from mtpgo_training.data.data_sources import DataSource, read_sources
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.splits import USES, NamedRecording, split, window_s
 from mtpgo_training.data.writers.ind_writer import write_ind
-from mtpgo_training.scenes.prepared_recording import prepare
+from mtpgo_training.scenes.prepared_recording import prepare, source_weight
 from mtpgo_training.training.training_config import DataConfig
 
 HISTORY = HistoryConfig()
@@ -187,6 +187,31 @@ def test_fractions_of_recordings_are_drawn_for_the_test_too():
     assert [len(getattr(splits, use)) for use in USES] == [7, 1, 2]
     # The draw for validation is the one without a test.
     assert splits.validation == split(pool, DataConfig(validation_fraction=0.1), 5).validation
+
+
+def test_where_the_training_is_named_all_others_can_be_drawn():
+    named = DataConfig(train=("01",), validation_fraction=0.1, test_fraction=0.5)
+    splits = split(recordings(20.0, 20.0, 20.0), named, seed=1)
+    assert [len(getattr(splits, use)) for use in USES] == [1, 1, 1]
+    assert splits.train[0].name == "cars/01"
+    splits = split(recordings(20.0, 20.0), DataConfig(train=("01",)), seed=1)
+    assert [item.name for item in splits.validation] == ["cars/02"]
+
+
+def test_the_weight_of_a_recording_is_that_of_its_parts():
+    """As a study and a sweep split: first by time, then the parts by their names."""
+    data = dataclasses.replace(BY_TIME, source_weight={"cars/01": 2.0})
+    parts = split(recordings(200.0, 200.0), data, 1, GUARD_S)
+    pool = [item for use in USES for item in getattr(parts, use)]
+    again = dataclasses.replace(
+        data, split="recording", validation=tuple(item.name for item in parts.validation),
+        test=tuple(item.name for item in parts.test), train=tuple(i.name for i in parts.train),
+    )  # fmt: skip
+    assert split(pool, again, 1) == parts
+    weights = {item.whole: source_weight(item, again) for item in parts.train}
+    assert weights == {"01": 2.0, "02": 1.0}
+    with pytest.raises(ConfigurationError, match="source_weight names 'cars/03'"):
+        split(pool, dataclasses.replace(again, source_weight={"cars/03": 2.0}), 1)
 
 
 def test_a_weight_for_a_recording_that_is_not_there_is_refused():

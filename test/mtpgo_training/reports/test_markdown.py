@@ -9,6 +9,7 @@ from known_scores import json_content
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.reports.markdown import markdown_table, read_results
+from mtpgo_training.reports.tables import result_tables
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +23,19 @@ def test_markdown_has_values_intervals_and_warnings(content):
     assert lines[2].startswith("| all | x-seed1 | 1.25 (1.00 to 1.50) |")
     assert lines[-1] == "- Note: x-seed1 was trained on 01."
     assert len({line.count("|") for line in lines[:5]}) == 1
+
+
+def test_likelihoods_by_kernels_have_columns_where_there_are_some(content):
+    assert "kde" not in markdown_table([("", content)])
+    other = copy.deepcopy(content)
+    other["models"]["x-seed1"]["all"] |= {"anll_kde": 1.5, "fnll_kde": 2.5}
+    lines = markdown_table([("one", content), ("two", other)]).splitlines()
+    assert lines[0].endswith("| ANLL kde | FNLL kde |")
+    assert lines[2].endswith("| - | - |")
+    assert lines[5].endswith("| 1.50 | 2.50 |")
+    results, *_ = result_tables(other)
+    assert results.heads[-3:] == ["ANLL kde", "FNLL kde", "ADE / cv"]
+    assert [str(cell) for cell in results.rows[0].cells[-3:-1]] == ["1.500", "2.500"]
 
 
 def test_a_file_without_results_is_refused(tmp_path):

@@ -29,8 +29,9 @@ TRAINING = {
 }
 
 
-def write_scores(folder, row, seed, ade, cv=2.0):
+def write_scores(folder, row, seed, ade, cv=2.0, ca=None):
     values = {"model": {"ade": ade, "anll": -1.0, "anll_kde": -3.0}, "cv": {"ade": cv}}
+    values["ca"] = {"ade": ca}
     content = {"row": row, "seed": seed, "training": TRAINING, "values": values, "by_class": {}}
     write_text(folder.run(row, seed).scores, json.dumps(content))
 
@@ -79,6 +80,24 @@ def test_ranking_says_who_is_worse_than_constant_velocity(content):
         ("cv", None),
         ("seq2seq", False),
     ]
+
+
+def test_a_baseline_is_apart_from_an_interval_that_does_not_hold_it(tmp_path):
+    """The interval of MTP-GO1 is 1 +- 0.248, of Seq2Seq 2.5 +- 0.248."""
+    folder = StudyFolder(tmp_path)
+    study, rows = rows_of(STUDIES["comparison"], "ca", "cv", "seq2seq", "mtp-go1", "gnn-rnn")
+
+    def apart(cv, ca):
+        for seed, off in ((1, -0.1), (2, 0.0), (3, 0.1)):
+            write_scores(folder, "mtp-go1", seed, 1.0 + off, cv, ca=ca)
+            write_scores(folder, "seq2seq", seed, 2.5 + off, cv, ca=ca)
+        write_scores(folder, "gnn-rnn", 1, 3.0, cv, ca=ca)
+        ranking = results(study, "highd", folder, rows, [1, 2, 3], {})["rankings"]["ade"]
+        return [(row["name"], row["apart"]) for row in ranking]
+
+    first, last = ("mtp-go1", None), ("gnn-rnn", None)  # one seed has no interval
+    assert apart(1.1, 1.2) == [first, ("cv", False), ("ca", None), ("seq2seq", True), last]
+    assert apart(1.5, 2.4) == [first, ("cv", True), ("ca", None), ("seq2seq", False), last]
 
 
 def test_studies_without_a_row_of_constant_velocity_tell_it_as_well(tmp_path):

@@ -65,6 +65,18 @@ def test_patience_counts_only_epochs_on_the_likelihood_alone():
     assert run.finished
 
 
+def test_patience_waits_for_a_validation():
+    """With a validation every third epoch nothing is known of the two after the best one."""
+    run = new_run(with_options(trainer={"patience_epochs": 2, "validate_every_epochs": 3}))
+    finished = []
+    for run.state.epoch in range(7):
+        run.state.best_epoch = 3 if run.state.epoch >= 3 else 0
+        finished.append(run.finished)
+    assert finished == [False] * 6 + [True]
+    run.state.best_epoch, run.state.epoch = 0, 2
+    assert not run.finished  # before the first validation, from which a checkpoint is exported
+
+
 def test_teacher_forcing_falls_to_zero_with_the_warm_up_of_the_losses():
     run = new_run(
         with_options(epochs=10, calibration_epochs=2, warm_up_share=0.5, teacher_forcing=0.8)

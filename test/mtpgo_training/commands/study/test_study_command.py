@@ -150,6 +150,8 @@ def test_a_study_of_two_rows_interrupted_continued_and_with_a_failed_run(
         (("--part", "3/2"), "layers", "--part is '3/2', expected I/N"),
         (("--set", "model.depth=3"), "layers", "depth"),
         (("--minutes-per-run", "1"), "layers", "expected one"),
+        (("--measure",), "layers", "--measure is given without --list, expected both"),
+        (("--list",), "layers", "is given with --list, which lists all rows of the paper's"),
     ],
 )
 def test_bad_input_is_one_sentence(place, capsys, given, study, message):

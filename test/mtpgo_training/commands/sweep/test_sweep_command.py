@@ -142,6 +142,7 @@ def test_a_sweep_from_its_first_run_to_its_table(place, inline, capsys, monkeypa
         (["--sweep", "name=a,b"], "--sweep names name, which does not change what is trained"),
         (["--sweep", "seed"], "expected KEY=VALUE"),
         (["--jobs", "2"], "--jobs is 2 without --sweep"),
+        (["--sweep", "seed=1,2", "--devices", "2"], "--devices is 2 with --sweep, whose runs"),
         (["--sweep", "seed=1,2", "--out", "{cars}"], "holds no sweep, expected a new folder"),
     ],
 )

@@ -52,3 +52,20 @@ def test_a_defect_of_a_speed_does_not_fill_the_line():
     recording = braking_cars("01", tracks=1)
     recording.velocity[0] = [1e300, 0.0]
     assert " 1e+300 " in DataSummary([summarise(recording)]).to_text()
+
+
+def test_quantiles_of_speeds_are_those_of_all_rows():
+    """A slow recording and a fast one: the mean of their quantiles would be those of neither."""
+    fast, slow = braking_cars("01", tracks=6, seconds=60.0), braking_cars("02", tracks=3)
+    slow.velocity[:] *= 0.1
+    speeds = np.linalg.norm(np.concatenate([fast.velocity, slow.velocity]), axis=1)
+    expected = np.quantile(speeds[speeds > 0.5], [0.05, 0.5, 0.95])
+    summary = DataSummary([summarise(fast), summarise(slow)])
+    (line,) = (line for line in summary.to_text().splitlines() if line.startswith("car "))
+    found = [float(cell) for cell in line.split()[-4:-1]]
+    np.testing.assert_allclose(found, expected, atol=0.15)
+    (alone,) = (
+        line for line in DataSummary([summarise(slow)]).to_text().splitlines() if "car  " in line
+    )
+    own = np.linalg.norm(slow.velocity, axis=1)
+    assert float(alone.split()[-3]) == round(float(np.median(own[own > 0.5])), 1)

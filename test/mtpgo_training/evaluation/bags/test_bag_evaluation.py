@@ -160,6 +160,37 @@ def test_of_two_predictions_of_a_stamp_the_last_one_is_scored_and_that_is_said(t
     assert warning.startswith(f"3 of the 14 predictions in {path}")
 
 
+def test_a_recording_that_was_played_twice_is_not_known_before_it_is_played_again(tmp_path):
+    """Played at two times: baselines and models see only what was observed in their own pass."""
+    recording, adapter = make_recording(duration_s=20.0), INPUTS["pointcloud2"]
+
+    def played(name, times):
+        with McapWriter(tmp_path / name) as out:
+            out.add_topic("/objects", adapter.message_type)
+            out.add_topic("/predictions", "sensor_msgs/msg/PointCloud2")
+            for later_ns in range(0, times * 40 * 10**9, 40 * 10**9):
+                for number, states in enumerate(recording.states()):
+                    now = dataclasses.replace(states, stamp_ns=states.stamp_ns + later_ns)
+                    out.write("/objects", now.stamp_ns, adapter.from_states(now, out.types))
+                    if number % 4 or number > 140:
+                        continue
+                    one = perfect_prediction(recording, number)
+                    one = dataclasses.replace(one, stamp_ns=now.stamp_ns)
+                    message = prediction_to_pointcloud2(one, out.types)
+                    out.write("/predictions", now.stamp_ns, message)
+        return evaluate_bags([tmp_path / name], {"01": recording}, {})
+
+    once, twice = played("once", 1), played("twice", 2)
+    assert scores(twice, "twice")["n"] == 2 * scores(once, "once")["n"]
+    assert scores(twice, "twice")["ade"] == pytest.approx(0.0, abs=1e-6)
+    for baseline in ("cv", "ca", "ctrv"):
+        assert scores(twice, baseline) == scores(once, baseline)
+    jumps = twice.evaluation.honesty.jumps()
+    own = jumps[jumps["model"] == "twice"]["jump"]
+    assert len(own) > 100
+    assert own.max() == pytest.approx(0.0, abs=1e-6)
+
+
 def test_a_played_recording_that_is_not_given_is_a_warning(bag, recording):
     early = recording.between(None, 4.0)
     result = evaluate_bags([bag], {"01": early}, {})
