@@ -4,6 +4,7 @@
 
 import os
 import sys
+import zlib
 from pathlib import Path
 
 TEST = Path(__file__).resolve().parent
@@ -16,7 +17,7 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 # Separate simultaneous test runs on one machine, and always the processes of one run (pytest -n).
 # Domains up to 101 do not use the ports that Linux assigns to clients.
 PROCESS = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-RUN = int(os.environ.get("PYTEST_XDIST_TESTRUNUID", f"{os.getpid():x}"), 16)
+RUN = zlib.crc32(os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid())).encode())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(1 + (2 * RUN + PROCESS) % 100)
 os.environ.pop("RMW_IMPLEMENTATION", None)
