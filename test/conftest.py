@@ -4,6 +4,7 @@
 
 import os
 import sys
+import zlib
 from pathlib import Path
 
 TEST = Path(__file__).resolve().parent
@@ -13,10 +14,12 @@ from needed_packages import is_installed, left_out, missing_for  # noqa: E402  f
 
 # By default rclpy does not check the types of message fields and publishes wrong values.
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
-# Separate simultaneous test runs on one machine. Domains up to 101 do not use the ports that
-# Linux assigns to clients.
+# Separate simultaneous test runs on one machine, and always the processes of one run (pytest -n).
+# Domains up to 101 do not use the ports that Linux assigns to clients.
+PROCESS = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+RUN = zlib.crc32(os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid())).encode())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+os.environ["ROS_DOMAIN_ID"] = str(1 + (2 * RUN + PROCESS) % 100)
 os.environ.pop("RMW_IMPLEMENTATION", None)
 # One thread per process, as on the robot: reproducible, and no overload on a busy machine.
 # MTPGO_TEST_THREADS=2 gives the numerical tests two; their fixtures read OMP_NUM_THREADS.

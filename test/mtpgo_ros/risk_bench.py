@@ -88,8 +88,11 @@ class RiskBench:
     def count(self, name):
         return self.node.events.counts().get(name, 0)
 
-    def plan(self, *, frame_id="map", step_s=10.0, x=(0.0, 0.0)):
-        """Send a plan and wait until it has come; by default the ego stands at the origin."""
+    def plan(self, *, frame_id="map", step_s=PATIENT_S, x=(0.0, 0.0)):
+        """Send a plan and wait until it has come; by default the ego stands at the origin.
+
+        It lasts longer than any pause of the machine.
+        """
         before, now_ns = self.count("plans"), self.node.get_clock().now().nanoseconds
         poses = [
             TYPES.make(

@@ -36,11 +36,14 @@ from msg_adapters.registry import INPUTS
 from msg_adapters.types import RclpyTypes
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import Prediction, TrackedStates, tracked_states
+from mtpgo_ros.diagnostics.event_log import RECENT_S
 from mtpgo_ros.node.inference.prediction_request import PredictionRequest
 from mtpgo_ros.node.predictor_node import PredictorNode
 
 ROOT = Path(__file__).resolve().parents[2]
-LIMIT_S = 60.0
+LIMIT_S = 100.0
+"""Only a broken machine reaches this (s); a node has been seen to need 37 s for its start."""
+
 START_NS = 1_700_000_000_000_000_000
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _namespaces = itertools.count()
@@ -124,7 +127,9 @@ class Bench:
         self, model: Path | str, objects_type: type | None = PointCloud2, **parameters: Any
     ) -> None:
         self.namespace = f"/bench{next(_namespaces)}"
-        given = {"model": str(model), "diagnostic_period": 0.1, **parameters}
+        # Silence, as in a pause of the machine, does not stand in the place of another status.
+        usual = {"diagnostic_period": 0.1, "input_timeout": LIMIT_S}
+        given = {"model": str(model), **usual, **parameters}
         self.node = PredictorNode(
             namespace=self.namespace,
             parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
@@ -168,13 +173,18 @@ class Bench:
         return self
 
     def be_patient(self) -> Bench:
-        """Give the model unlimited time, so that a busy machine changes no outcome."""
+        """Give the model unlimited time, so that a busy machine changes no outcome.
+
+        For the same reason an event is recent, and reported as WARN, for as long as tests wait.
+        """
         limit_ns = round(LIMIT_S * 1e9)
         self.node._pipeline._request = lambda window, stamp_ns, received_ns: PredictionRequest(
             window, stamp_ns, received_ns, budget_ns=limit_ns, deadline_ns=limit_ns
         )
         # Nor does a cycle that took long leave fewer agents to the model in the next.
         self.node._pipeline._load.allowed_s = lambda budget, period_s: LIMIT_S
+        begin_s, rate = time.monotonic(), RECENT_S / LIMIT_S
+        self.node.events._clock = lambda: begin_s + rate * (time.monotonic() - begin_s)
         return self
 
     def until(self, condition: Callable[[], Any], limit_s: float = LIMIT_S) -> None:

@@ -4,7 +4,6 @@
 
 import re
 import threading
-import time
 import tracemalloc
 
 import hostile_models
@@ -14,6 +13,9 @@ from mtpgo_core.errors import ModelFileError
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.task import model_trial
 from mtpgo_core.task.model_file import find_model, is_shipped, read_model
+
+PATIENCE_S = 200.0
+"""Longest wait for the end of a process (s); chosen: a busy machine's."""
 
 WITHOUT_TORCH = {
     "writes_a_file": "uses torch.from_file, which no model needs",
@@ -64,8 +66,7 @@ def written(tmp_path):
 
 
 @pytest.fixture
-def small_limits(monkeypatch):
-    monkeypatch.setattr(model_trial, "PROCESSOR_TIME_S", 1)
+def little_memory(monkeypatch):
     monkeypatch.setattr(model_trial, "MEMORY_MB", 300)
 
 
@@ -93,7 +94,7 @@ def test_it_is_refused_before_torch_sees_it(written, name, monkeypatch):
 
 
 @pytest.mark.parametrize("name", BY_TRIAL)
-def test_it_is_refused_by_the_other_process(written, name, monkeypatch, small_limits):
+def test_it_is_refused_by_the_other_process(written, name, monkeypatch, little_memory):
     monkeypatch.setattr("torch.jit.load", None)
     with pytest.raises(ModelFileError, match=BY_TRIAL[name]) as caught:
         ModelRunner.load(written(name))
@@ -112,20 +113,20 @@ def test_the_graph_is_checked_here_as_well(written):
             ModelRunner.load(written(name), trusted=True)
 
 
-def test_a_model_that_computes_too_long_ends_the_other_process(written, small_limits):
+def test_a_model_that_computes_too_long_ends_the_other_process(written, monkeypatch):
+    monkeypatch.setattr(model_trial, "PROCESSOR_TIME_S", 1)
     path = written("loops_in_loops")
     text = refusal(ModelRunner.load, path)
     assert "computes for more than 1 s of processor time" in text
 
 
-def test_loading_is_interrupted_by_a_request_to_stop(written):
+def test_loading_is_interrupted_by_a_request_to_stop(written, monkeypatch):
+    monkeypatch.setattr(model_trial, "PROCESSOR_TIME_S", 10_000)  # the model does not end before
     path = written("loops_in_loops")
     asked = threading.Event()
     threading.Timer(0.3, asked.set).start()
-    start = time.monotonic()
     with pytest.raises(ModelFileError, match="was interrupted"):
         ModelRunner.load(path, stopped=asked.is_set)
-    assert time.monotonic() - start < 3.0
     assert model_trial._worker is None
 
 
@@ -140,9 +141,10 @@ def test_an_interrupt_from_the_keyboard_ends_the_trial(written):
 
 def test_the_other_process_ends_after_a_while(model_file, monkeypatch):
     monkeypatch.setattr(model_trial, "IDLE_S", 0.05)
-    model_trial.start_trials()
-    worker = model_trial._worker
-    worker.wait(timeout=10)
+    with model_trial._one_at_a_time:  # which its end waits for
+        model_trial.start_trials()
+        worker = model_trial._worker
+    worker.wait(timeout=PATIENCE_S)
     model_trial.end_trials()
     assert model_trial._worker is None
 

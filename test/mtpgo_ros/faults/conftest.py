@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fault_harness import FaultHarness
+from fault_harness import PATIENT_S, FaultHarness
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,8 @@ def start_predictor(models):
 @pytest.fixture(scope="session")
 def node(models):
     """A predictor of point clouds, shared by the faults of values, identities and layouts."""
-    one = FaultHarness(models["quick"], use_tracker_covariance=True, own_diagnostics=True)
+    options = {"own_diagnostics": True, "input_timeout": PATIENT_S}
+    one = FaultHarness(models["quick"], use_tracker_covariance=True, **options)
     yield one
     one.close()
 
@@ -36,6 +37,7 @@ def node(models):
 @pytest.fixture(scope="session")
 def marker_node(models):
     """A predictor of markers, shared in the same way."""
-    one = FaultHarness(models["quick"], kind="markers", own_diagnostics=True)
+    options = {"own_diagnostics": True, "input_timeout": PATIENT_S}
+    one = FaultHarness(models["quick"], kind="markers", **options)
     yield one
     one.close()

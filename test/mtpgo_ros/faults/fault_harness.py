@@ -42,8 +42,15 @@ LOST_AFTER_S = 5.0
 
 _SENT_AT_MOST = 3
 
-LIMIT_S = 15.0
+LIMIT_S = 60.0
 """Only a broken machine reaches this (s)."""
+
+PATIENT_S = 60.0
+"""An ``input_timeout`` that no pause of the machine reaches (s): the input is not stale, which
+would stand in the place of what a test waits for."""
+
+REPORT_S = 0.1
+"""Time between two diagnostics (s)."""
 
 PERIOD_S = 0.2
 """Time between two observations of the stream (s): the node's default rate."""
@@ -104,7 +111,7 @@ class FaultHarness:
         **parameters: Any,
     ) -> None:
         self.namespace = f"/faults{next(_numbers)}"
-        given = {"model": model, "diagnostic_period": 0.1, **parameters}
+        given = {"model": model, "diagnostic_period": REPORT_S, **parameters}
         # A process that outlives its module has its own: other tests record the usual topic.
         diagnostics = f"{self.namespace}/diagnostics" if own_diagnostics else "/diagnostics"
         remapped = ["-r", f"__ns:={self.namespace}", "-r", f"/diagnostics:={diagnostics}"]
@@ -203,7 +210,7 @@ class FaultHarness:
     def answer(self, stamp_ns: int) -> Answer:
         """Wait for the prediction with this stamp; exactly one may come."""
         self.until(
-            lambda: self._answered(stamp_ns),
+            lambda: self.answered(stamp_ns),
             f"a prediction of {stamp_ns}",
         )
         found = [a for a in self.answers if a.prediction.stamp_ns == stamp_ns]
@@ -249,13 +256,14 @@ class FaultHarness:
         for _ in range(_SENT_AT_MOST):
             states = self.states(agents, **options)
             self.send(states)
-            if self.comes_true(partial(self._answered, states.stamp_ns), LOST_AFTER_S):
+            if self.comes_true(partial(self.answered, states.stamp_ns), LOST_AFTER_S):
                 break
         prediction = self.answer(states.stamp_ns).prediction
         self.check(prediction, states)
         return prediction
 
-    def _answered(self, stamp_ns: int) -> bool:
+    def answered(self, stamp_ns: int) -> bool:
+        """Return whether a prediction with this stamp has come."""
         return any(a.prediction.stamp_ns == stamp_ns for a in self.answers)
 
     # What must hold.
@@ -327,36 +335,38 @@ class FaultHarness:
 
     def level(self, name: str, level: bytes, word: str = "") -> Any:
         """Wait until a status has this level and ``word`` in its message; return the status."""
-        self.until(
-            lambda: (
-                name in self.statuses
-                and self.statuses[name].level == level
-                and word in self.statuses[name].message
-            ),
-            f"status {name} at {level!r} with {word!r}",
-        )
+        what = f"status {name} at {level!r} with {word!r}"
+        self.until(lambda: self._has(name, level, word), what)
         return self.statuses[name]
 
-    def level_while_healthy(self, name: str, level: bytes, agents: int = 4) -> None:
-        """Stream healthy observations until a status has this level, for example OK again."""
+    def level_while_healthy(self, name: str, level: bytes, word: str = "") -> Any:
+        """Stream healthy observations until a status has this level and word: OK again, or others.
+
+        For every level that silence would end: after a pause of the machine, too, the next
+        observation brings it back.
+        """
         end_s = time.monotonic() + LIMIT_S
-        while not (name in self.statuses and self.statuses[name].level == level):
+        while not self._has(name, level, word):
             assert time.monotonic() < end_s, f"status {name} is {self._last.get(name)}"
-            self.healthy(agents)
+            self.healthy()
             self.spin_for(0.5 * PERIOD_S)
+        return self.statuses[name]
+
+    def _has(self, name: str, level: bytes, word: str) -> bool:
+        found = self.statuses.get(name)
+        return found is not None and found.level == level and word in found.message
 
     def said(self, name: str, level: bytes, word: str) -> bool:
         """Return whether a status has ever had this level with ``word`` in its message."""
         return any(n == name and v == level and word in m for n, v, m in self.seen)
 
-    def call(self, kind: type, service: str, request: Any, limit_s: float = LIMIT_S) -> Any:
-        """Return the answer of one of the node's services; it must come within the limit (s)."""
+    def call(self, kind: type, service: str, request: Any) -> Any:
+        """Return the answer of one of the node's services."""
         client = self.peer.create_client(kind, f"predictor/{service}")
         self.until(client.service_is_ready)
         future = client.call_async(request)
-        answered = self.comes_true(future.done, limit_s)
+        self.until(future.done, f"an answer of {service}")
         self.peer.destroy_client(client)
-        assert answered, f"{service} did not answer within {limit_s} s"
         return future.result()
 
     def close(self) -> None:

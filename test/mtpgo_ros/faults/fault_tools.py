@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -93,21 +92,21 @@ class SimulatedClock:
 
 
 def change_state(node: FaultHarness, transition: str | int, label: str = "") -> bool:
-    """Return whether a transition, by name or id, was accepted; the answer must come soon."""
+    """Return whether a transition, by name or id, was accepted."""
     number = TRANSITIONS.get(transition, transition) if not label else 0
     request = ChangeState.Request(transition=Transition(id=number, label=label))
-    return bool(node.call(ChangeState, "change_state", request, 5.0).success)
+    return bool(node.call(ChangeState, "change_state", request).success)
 
 
 def state_of(node: FaultHarness) -> str:
     """Return the state of the life cycle."""
-    return str(node.call(GetState, "get_state", GetState.Request(), 5.0).current_state.label)
+    return str(node.call(GetState, "get_state", GetState.Request()).current_state.label)
 
 
 def set_parameters(node: FaultHarness, **values: Any) -> list[Any]:
     """Set parameters one by one; return the results."""
     request = SetParameters.Request(parameters=parameters_of(values))
-    return list(node.call(SetParameters, "set_parameters", request, 5.0).results)
+    return list(node.call(SetParameters, "set_parameters", request).results)
 
 
 def set_together(node: FaultHarness, service: str = "", **values: Any) -> Any:
@@ -136,19 +135,17 @@ def swap_models(node: FaultHarness, *models: Path | str) -> list[Any]:
 def reconnected(node: FaultHarness) -> None:
     """Wait until the node has subscribed to the harness' publisher and answers."""
     node.until(lambda: node.objects.get_subscription_count() > 0, "a subscription")
-    end_s = time.monotonic() + 10.0
-    # The node's side of discovery may end later: what is sent before is lost.
-    while time.monotonic() < end_s:
+
+    def answers():
+        """Return whether an observation has an answer; lost ones have none.
+
+        The node's side of discovery may end later: what is sent before is lost.
+        """
         states = node.states()
         node.send(states)
-        if node.comes_true(
-            lambda wanted=states: any(
-                a.prediction.stamp_ns == wanted.stamp_ns for a in node.answers
-            ),
-            0.3,
-        ):
-            return
-    raise AssertionError(f"no answer after reconnecting: {node.statuses}")
+        return node.comes_true(lambda: node.answered(states.stamp_ns), 0.3)
+
+    node.until(answers, "an answer after reconnecting")
 
 
 def sources(node: FaultHarness, first: int = 0) -> np.ndarray:
@@ -162,6 +159,7 @@ class Resources:
     """Threads and memory of the node's process, to be as before after the faults."""
 
     def __init__(self, node: FaultHarness) -> None:
+        self._node = node
         self._status = Path(f"/proc/{node.process.popen.pid}/status")
         self.threads, self.memory_mb = self._read()
 
@@ -172,7 +170,11 @@ class Resources:
         return int(values["Threads"]), int(values["VmRSS"].split()[0]) / 1024.0
 
     def check(self) -> None:
-        """Check that no thread was left and that memory has not grown by more than 64 MB."""
-        threads, memory_mb = self._read()
-        assert threads <= self.threads, f"{threads} threads, {self.threads} before"
+        """Check that no thread was left and that memory has not grown by more than 64 MB.
+
+        A thread that was told to end may take a moment for it.
+        """
+        what = f"the end of all but {self.threads} threads"
+        self._node.until(lambda: self._read()[0] <= self.threads, what)
+        _, memory_mb = self._read()
         assert memory_mb < self.memory_mb + 64.0, f"{memory_mb} MB, {self.memory_mb} before"

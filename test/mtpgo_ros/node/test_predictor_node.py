@@ -25,6 +25,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.types import RclpyTypes
 from mtpgo_core.schema import Source
+from mtpgo_ros.node.history_input import LONGEST_DELAY_S
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -152,7 +153,7 @@ def test_life_cycle_by_services(bench):
 
 
 def test_parameters_by_services(bench):
-    b = bench()
+    b = bench(input_timeout=1.0)
 
     def set_together(**values):
         request = SetParametersAtomically.Request(parameters=parameters_of(values))
@@ -309,12 +310,23 @@ def test_the_ego_comes_by_topic_and_a_missing_one_is_reported(bench):
 
 def test_delay_compensation_shifts_the_horizon_and_keeps_the_stamp(bench):
     b = bench(delay_compensation=True, stamp_tolerance=3600.0)
-    now_ns = b.node.get_clock().now().nanoseconds - 100_000_000
-    states = traffic(0.0, agents=2)
-    states = type(states)(**{**vars(states), "stamp_ns": now_ns})
-    prediction = b.predict(states)
+
+    def live():
+        """Return the prediction of an observation that is a tenth of a second old."""
+        now_ns = b.node.get_clock().now().nanoseconds - 100_000_000
+        b.node._pipeline.history.reset()
+        states = traffic(0.0, agents=2)
+        return b.predict(type(states)(**{**vars(states), "stamp_ns": now_ns}))
+
+    begin_ns = b.node.get_clock().now().nanoseconds
+    prediction = live()
+    while b.count("delay_not_compensated"):  # a busy machine took too long
+        b.node.events.reset()
+        begin_ns = b.node.get_clock().now().nanoseconds
+        prediction = live()
     delay_s = prediction.time_s[0] - 0.2
-    assert 0.1 <= delay_s < 0.5
+    took_s = 1e-9 * (b.node.get_clock().now().nanoseconds - begin_ns)
+    assert 0.1 <= delay_s < min(0.1 + took_s, LONGEST_DELAY_S)
     assert prediction.mean[0, 0, :, 0] == pytest.approx(10.0 * prediction.time_s, abs=1e-3)
     # An old recording without its clock cannot be compensated; it is predicted all the same.
     b.node._pipeline.history.reset()

@@ -143,7 +143,7 @@ def test_a_plan_that_is_too_long_is_refused_before_it_is_decoded(bench):
 
 
 def test_a_plan_at_the_speed_of_a_jet_gives_no_low_risk(bench):
-    bench.plan(x=(0.0, 1e4))
+    bench.plan(step_s=10.0, x=(0.0, 1e4))
     assert (bench.predict(prediction())["unknown"] == Unknown.NO_PLAN).all()
     bench.status("plan", ERROR, "moves 1e+04 m in 10 s")
 

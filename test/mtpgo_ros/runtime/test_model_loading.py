@@ -9,7 +9,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from ros_helpers import spin_until
+from ros_helpers import LIMIT_S, spin_until
 
 from mtpgo_core.errors import ModelFileError
 from mtpgo_core.task import model_trial
@@ -88,5 +88,5 @@ def test_a_signal_ends_a_node_that_is_loading_a_model(process, hostile):
     (trial,) = node.children()
     status, _, err = predictor.interrupt(signal.SIGTERM)
     assert (status, err) == (0, "")
-    psutil.wait_procs([trial], timeout=10)
+    psutil.wait_procs([trial], timeout=LIMIT_S)
     assert not trial.is_running()

@@ -23,6 +23,10 @@ from mtpgo_training.export.exporter import export_model
 
 ROOT = Path(__file__).resolve().parents[3]
 
+ATTEMPTS = 3
+"""The recordings are played in real time, so a machine that pauses misses cycles; a node that
+misses them misses them each time."""
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -57,14 +61,17 @@ def demo(*arguments: str, cwd: Path) -> subprocess.CompletedProcess:
     )
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_the_node_predicts_all_road_users_in_every_cycle(folder, model, tmp_path):
     given = ["--layout", "ind", "--model", str(model), "--all", "-p", "ratte:=1"]
-    done = demo(str(folder), *given, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "predictor: parameter ratte has no effect" in done.stdout
     output = tmp_path / "demo_output"
-    content = json.loads((output / "summary.json").read_text())
+    for _ in range(ATTEMPTS):
+        done = demo(str(folder), *given, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        content = json.loads((output / "summary.json").read_text())
+        if not content["missed_cycles"]:
+            break
+    assert "predictor: parameter ratte has no effect" in done.stdout
     # 8.2 s and 3.2 s at 5 Hz, both ends included; two road users.
     assert content["cycles"] == content["scenes"] == 42 + 17
     assert content["predictions_published"] == 2 * 59

@@ -35,7 +35,7 @@ def test_a_process_is_stopped_at_the_end_and_killed_after_an_exception(tmp_path)
 
 
 def test_waiting_ends_with_the_condition_or_the_timeout():
-    begin = time.monotonic()
-    assert wait_until(lambda: True, 10.0)
+    begin_s = time.monotonic()
+    assert wait_until(lambda: True, 3600.0)
     assert not wait_until(lambda: False, 0.05)
-    assert time.monotonic() - begin < 5.0
+    assert time.monotonic() - begin_s >= 0.05

@@ -105,7 +105,7 @@ def test_a_page_of_a_live_topic(bag, tmp_path, capsys):
     playing = [str(bag), "--wait-for-subscribers", "1", "--no-progress", "--clock-rate", "0"]
     with ChildProcess("replay", [*playing, "--loop"], tmp_path / "replay.log", {}) as replay:
         source = DataSource(Path("/objects"), "bag")
-        assert view_live("/objects", source, ViewOptions(), {"html": page}, 2.0) == 0
+        assert view_live("/objects", source, ViewOptions(), {"html": page}, 5.0) == 0
         replay.check()
     told = capsys.readouterr().out
     assert "2 road users" in told

@@ -70,7 +70,8 @@ def test_messages_can_be_read_when_they_are_flushed(tmp_path, name, monkeypatch)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_messages_are_not_flushed_before_they_are_due(tmp_path, name):
+def test_messages_are_not_flushed_before_they_are_due(tmp_path, name, monkeypatch):
+    monkeypatch.setattr(live_bag_writer, "FLUSH_PERIOD_S", 3600.0)
     bag = begun(tmp_path / name)
     write(bag, 0, 3)
     bag.flush_if_due()

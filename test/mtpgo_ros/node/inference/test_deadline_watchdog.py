@@ -39,12 +39,15 @@ def test_an_overdue_request_is_claimed_not_before_its_budget_ends(watchdog, over
     assert one.claimed
 
 
-def test_requests_are_answered_in_the_order_of_their_deadlines(watchdog, overdue):
+def test_requests_are_answered_in_the_order_of_their_deadlines(overdue):
+    watchdog = DeadlineWatchdog(overdue.put)
     late, soon = request("late", 0.2), request("soon", 0.001)
     watchdog.watch(late)
     watchdog.watch(soon)
+    watchdog.start()  # with both known, however long that took
     assert overdue.get(timeout=LIMIT_S) is soon
     assert overdue.get(timeout=LIMIT_S) is late
+    assert watchdog.stop(LIMIT_S)
 
 
 def test_a_claimed_request_is_left_alone(watchdog, overdue):

@@ -12,6 +12,9 @@ from mtpgo_ros.node.inference.inference_worker import InferenceWorker
 from mtpgo_ros.node.inference.prediction_request import PredictionRequest
 
 LONG_NS = 60_000_000_000
+ENOUGH_NS = 1_000_000_000
+"""A budget in which the model begins, but does not end before it is released (ns)."""
+
 LIMIT_S = 30.0
 
 
@@ -110,7 +113,7 @@ def test_while_none_is_to_be_skipped_the_waiting_ones_are_answered_in_order(scen
 
 
 def test_over_budget_the_fallback_answers_and_the_late_result_is_dropped(scene):
-    scene.submit("a", budget_ns=300_000_000)  # enough for the model to begin
+    scene.submit("a", budget_ns=ENOUGH_NS)
     scene.until(lambda: scene.published == ["fallback a"])
     scene.go.release()
     scene.until(lambda: scene.counts["late_results_dropped"] == 1)
@@ -119,7 +122,7 @@ def test_over_budget_the_fallback_answers_and_the_late_result_is_dropped(scene):
 
 
 def test_a_request_that_waits_behind_a_stuck_model_is_answered_too(scene):
-    scene.submit("a", budget_ns=300_000_000)  # enough for the model to begin
+    scene.submit("a", budget_ns=ENOUGH_NS)
     scene.until(lambda: scene.published == ["fallback a"])
     scene.submit("b", budget_ns=1_000_000)
     scene.until(lambda: scene.published == ["fallback a", "fallback b"])
