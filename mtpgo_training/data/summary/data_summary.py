@@ -194,7 +194,7 @@ def _quantiles(recordings: Sequence[RecordingSummary], name: str) -> list[float 
     order = np.argsort(speeds, kind="stable")
     weight = np.concatenate(shares)[order]
     level = (np.cumsum(weight) - 0.5 * weight) / weight.sum()
-    return np.interp(QUANTILES, level, speeds[order]).tolist()
+    return [float(value) for value in np.interp(QUANTILES, level, speeds[order])]
 
 
 def _duration(seconds: float) -> str:

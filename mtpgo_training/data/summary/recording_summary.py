@@ -191,7 +191,8 @@ def _speeds(
     speed = np.where(np.isfinite(speed), speed, moved)
     kind = recording.agent_class[recording.track]
     groups = {str(names[i]): kind == i for i in np.unique(kind)}
-    out, kept = {}, {}
+    out: dict[str, dict[str, float]] = {}
+    kept: dict[str, Float64Array] = {}
     for name, rows in {"all": np.ones(len(kind), dtype=np.bool_), **groups}.items():
         values = speed[rows & np.isfinite(speed)]
         moving = values[values > MOVING_MPS]

@@ -77,7 +77,7 @@ _ROW = np.dtype(
         *((key, "f4") for key in KEYS),
     ]
 )
-"""An agent in memory, 68 bytes."""
+"""An agent in memory, 76 bytes."""
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,13 @@ def _units(
 ) -> list[Unit]:
     read = functools.partial(_read, layout=layout, classes=classes, site=site)
     return [
-        Unit(name, layout, tuple(files), functools.partial(read, name, tuple(files)))
+        Unit(
+            name,
+            layout,
+            tuple(files),
+            functools.partial(read, name, tuple(files)),
+            {"location": site(files[0])},  # of the folder, not of what is in the files
+        )
         for name in select_names(list(found), names, directory)
         # Vehicles first: "vehicle" and "veh" come after "pedestrian" and "ped".
         for files in [[found[name][kind] for kind in sorted(found[name], reverse=True)]]

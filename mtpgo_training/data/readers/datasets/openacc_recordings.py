@@ -51,11 +51,22 @@ def openacc_units(
     """
     found = grouped_files(directory, _FILES, "OpenACC's .csv files")
     units = [
-        Unit(name, "openacc", (path,), functools.partial(_read, name, path))
+        Unit(
+            name,
+            "openacc",
+            (path,),
+            functools.partial(_read, name, path),
+            {"location": _campaign(path)},  # of the folder, not of what is in the file
+        )
         for name in select_names(list(found), names, directory)
         for path in found[name].values()
     ]
     return units if names else without_foreign(units, lambda path: _names_line(path) is not None)
+
+
+def _campaign(path: Path) -> str:
+    """Return the campaign, the folder that a file is in."""
+    return path.resolve().parent.name
 
 
 def _names_line(path: Path) -> int | None:
@@ -100,7 +111,7 @@ def _read(name: str, path: Path) -> Iterator[Recording]:
             files=(path,),
             sha256=sha256_of([path]),
             classes=OWN_NAMES,
-            location=path.resolve().parent.name,
+            location=_campaign(path),
         ),
     )
 

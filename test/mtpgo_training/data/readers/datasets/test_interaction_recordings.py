@@ -9,6 +9,7 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.readers.reading_options import ReadingOptions
+from mtpgo_training.data.recording_cache import RecordingCache
 
 VEHICLES = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width\n"
 PEDESTRIANS = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy\n"
@@ -29,6 +30,15 @@ def interaction(tmp_path):
         PEDESTRIANS + "P1,1,100,pedestrian/bicycle,8,9,1,0.5\n"
     )
     return tmp_path
+
+
+def test_the_site_of_a_folder_that_was_renamed_is_not_the_one_in_the_cache(interaction, tmp_path):
+    cache, folder = RecordingCache(tmp_path / "cache"), interaction / "recorded_trackfiles/DR_B"
+    (recording,) = load_recordings(folder, "interaction", cache=cache)
+    assert recording.location == "DR_B"
+    folder = folder.rename(folder.with_name("DR_C"))
+    (recording,) = load_recordings(folder, "interaction", cache=cache)
+    assert recording.location == "DR_C"
 
 
 def test_interaction(interaction, caplog):

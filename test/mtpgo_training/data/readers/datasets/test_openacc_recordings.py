@@ -8,6 +8,7 @@ import pytest
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass
 from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.recording_cache import RecordingCache
 
 FACTS = (
     "Date,26,2,2019\nVehicle_order,A(one),B(two)\nNumber_of_vehicles,2\nACC,1\n"
@@ -32,6 +33,16 @@ def test_a_platoon(tmp_path):
     assert recording.agent_class.tolist() == [AgentClass.CAR] * 2
     assert recording.track_id.tolist() == [1, 2]
     assert np.isnan(recording.yaw).all()
+
+
+def test_the_campaign_of_a_folder_that_was_renamed_is_not_the_one_in_the_cache(tmp_path):
+    cache, folder = RecordingCache(tmp_path / "cache"), tmp_path / "unsorted"
+    folder.mkdir()
+    (folder / "part2.csv").write_text(FACTS + ROWS)
+    (recording,) = load_recordings(folder, "openacc", cache=cache)
+    assert recording.location == "unsorted"
+    (recording,) = load_recordings(folder.rename(tmp_path / "Ispra"), "openacc", cache=cache)
+    assert recording.location == "Ispra"
 
 
 def test_defects(tmp_path):
