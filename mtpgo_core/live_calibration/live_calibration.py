@@ -53,7 +53,8 @@ class LiveCalibration:
         self.options = options
         self.tracker = SigmaTracker(options, horizon_steps)
         self.preference = ModelPreference(options)
-        self._matcher = OutcomeMatcher(history, MemoryLimits(modes=1))
+        self._limits, self._max_gap_s = MemoryLimits(modes=1), history.max_gap_s
+        self._matcher = OutcomeMatcher(history, self._limits)
         self._served = ServedTables()
         self._now_ns: int | None = None
         self._lock = threading.Lock()
@@ -83,8 +84,9 @@ class LiveCalibration:
         corrected = prediction
         if self.options.learns_factors:
             corrected = apply_factors(prediction, group, log_sigma)
+        spacing_s = self._limits.spacing_s(float(prediction.time_s[-1]), self._max_gap_s)
         with self._lock:
-            learn = self._served.add(prediction.stamp_ns, log_sigma)
+            learn = self._served.add(prediction.stamp_ns, log_sigma, spacing_s)
         if learn:
             self._matcher.add(corrected, window)
         if self.options.prefer != BEST:

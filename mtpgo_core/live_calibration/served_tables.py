@@ -58,16 +58,24 @@ class ServedTables:
         """Forget all."""
         self._tables.clear()
 
-    def add(self, stamp_ns: int, log_sigma: Float64Array) -> bool:
-        """Keep the table of a prediction; return whether its outcome shall be learned from."""
+    def add(self, stamp_ns: int, log_sigma: Float64Array, spacing_s: float = 0.0) -> bool:
+        """Keep the table of a prediction; return whether its outcome shall be learned from.
+
+        Args:
+            stamp_ns: of the prediction (ns).
+            log_sigma: see :class:`ServedTable`.
+            spacing_s: the memory of outcomes keeps no prediction that comes sooner after the last
+                one (s): long horizons. One that is not learned from must not stand for any time.
+        """
         last = self._tables[-1] if self._tables else None
-        span_s = _LONGEST_SPAN_S if last is None else (stamp_ns - last.stamp_ns) * 1e-9
+        longest_s = max(_LONGEST_SPAN_S, 2.0 * spacing_s)
+        span_s = longest_s if last is None else (stamp_ns - last.stamp_ns) * 1e-9
         if span_s < 0.0:
             self.clear()
-            span_s = _LONGEST_SPAN_S
-        if span_s < _SHORTEST_SPAN_S:
+            span_s = longest_s
+        if span_s < max(_SHORTEST_SPAN_S, spacing_s):
             return False
-        self._tables.append(ServedTable(stamp_ns, min(span_s, _LONGEST_SPAN_S), log_sigma))
+        self._tables.append(ServedTable(stamp_ns, min(span_s, longest_s), log_sigma))
         return True
 
     def find(self, stamp_ns: NDArray[np.int64]) -> tuple[NDArray[np.intp], list[ServedTable]]:

@@ -56,6 +56,15 @@ class MemoryLimits:
     def __post_init__(self) -> None:
         check_options(self, "memory.")
 
+    def spacing_s(self, horizon_s: float, max_gap_s: float) -> float:
+        """Return the least time between two predictions of which both are kept (s).
+
+        Args:
+            horizon_s: how far they reach (s).
+            max_gap_s: how long the truth of a step may come after it (s).
+        """
+        return (horizon_s + max_gap_s) / self.cycles
+
 
 @dataclass(frozen=True)
 class KeptPrediction:
@@ -162,7 +171,7 @@ class PredictionMemory:
             new = _with_modes(new, room)
         if len(new.time_s) == 0:
             return True
-        spacing_ns = (float(new.time_s[-1]) + self._max_gap_s) * 1e9 / self._limits.cycles
+        spacing_ns = 1e9 * self._limits.spacing_s(float(new.time_s[-1]), self._max_gap_s)
         if self._last_ns is not None and new.stamp_ns - self._last_ns < spacing_ns:
             return False
         self._last_ns = new.stamp_ns

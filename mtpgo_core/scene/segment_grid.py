@@ -80,7 +80,7 @@ class SegmentGrid:
     def distance_m(self, point: Float64Array) -> float:
         """Return the distance from the nearest of [p, 2] points to a segment (m).
 
-        It is that to the cell of a segment, so that it may be a cell too small.
+        It is that to the cell of a segment, so that it may be the cell's diagonal too small.
         """
         smallest = np.inf
         for one in point:

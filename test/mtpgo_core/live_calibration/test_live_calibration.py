@@ -28,10 +28,11 @@ class Road:
         served, shipped: the last prediction as published and as the model gave it.
     """
 
-    def __init__(self, options=ONLINE, offset_m=0.0):
+    def __init__(self, options=ONLINE, offset_m=0.0, horizon_steps=25):
         config = HistoryConfig()
         self.history = TrackHistory(config)
-        self.live = LiveCalibration(options, config, 25)
+        self.live = LiveCalibration(options, config, horizon_steps)
+        self.horizon_steps = horizon_steps
         self.offset_m = offset_m
         self.step = 0
 
@@ -59,7 +60,7 @@ class Road:
     def predict(self, by_model=None):
         window = self.history.window()
         window = window.select(window.valid[:, -1])
-        cv = predict_constant_velocity(window, horizon_steps=25, dt_s=0.2, modes=2)
+        cv = predict_constant_velocity(window, horizon_steps=self.horizon_steps, dt_s=0.2, modes=2)
         mean = cv.mean.copy()
         source = np.full(len(cv), Source.MODEL, dtype=np.uint8)
         if by_model is not None:
@@ -101,6 +102,23 @@ def test_a_factor_is_learned_at_its_own_time_ahead():
     road.drive(1.6)  # nothing is known of predictions beyond this time
     assert (road.sigma()[:4] != 1.0).all()
     assert (road.sigma()[8:] == 1.0).all()
+
+
+def test_a_long_horizon_does_not_slow_down_what_is_learned_of_the_first_steps():
+    """Of 30 s ahead the memory keeps a prediction each second, and learns from all of these."""
+    usual = Road(offset_m=2.0)
+    far = Road(offset_m=2.0, horizon_steps=150)
+    for road in (usual, far):
+        road.drive(10.0)
+    gained = np.log(far.sigma()[:5]), np.log(usual.sigma()[:5])
+    assert (gained[1] > 0.3).all()
+    np.testing.assert_allclose(*gained, rtol=0.2)
+
+
+def test_what_lies_far_ahead_is_learned_from():
+    road = Road(offset_m=200.0, horizon_steps=150)
+    road.drive(34.0)
+    assert road.sigma()[140] > 1.1
 
 
 def test_sigma_does_not_shrink_along_the_horizon_whatever_the_factors():
