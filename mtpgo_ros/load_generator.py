@@ -29,6 +29,7 @@ from mtpgo_ros.runtime.executable import (
     not_negative,
     positive,
     stop_on_signals,
+    tell,
 )
 
 LAST_ANSWER_S = 1.0
@@ -87,7 +88,7 @@ def main(argv: Sequence[str] | None = None) -> int | None:
         plan = LoadPlan(**{name: getattr(options, name) for name in LoadPlan.__annotations__})
         result = _measure(plan, stopped)
         options.output.write_text(json.dumps(result), encoding="utf-8")
-        print("done", flush=True)
+        tell("done")
     except OSError as error:
         status = fail("load_generator", f"{options.output} cannot be written: {error.strerror}")
     except MtpgoError as error:
@@ -110,7 +111,7 @@ def _measure(plan: LoadPlan, stopped: Callable[[], bool]) -> dict[str, Any]:
     over = threading.Event()
     publishing = threading.Thread(target=_publish, args=(plan, node, stopped, over), daemon=True)
     publishing.start()
-    print("ready: publishing", flush=True)
+    tell("ready: publishing")
     try:
         spin(node, over.is_set)
     finally:

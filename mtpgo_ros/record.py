@@ -24,6 +24,7 @@ from mtpgo_ros.runtime.executable import (
     leave,
     positive,
     stop_on_signals,
+    tell,
 )
 
 NOTHING_CAME = 1
@@ -57,12 +58,10 @@ def main(argv: Sequence[str] | None = None) -> int | None:
         known = predictor_types(predictor_of(options))
         recorded = record(options.output, topics_of(options), known, until)
         status = 0 if recorded.messages else NOTHING_CAME
-        stream = sys.stdout if recorded.messages else sys.stderr
-        print(
-            f"{'' if recorded.messages else 'record: '}{recorded.sentence}",
-            file=stream,
-            flush=True,
-        )
+        if recorded.messages:
+            tell(recorded.sentence)
+        else:
+            tell(f"record: {recorded.sentence}", error=True)
     except MtpgoError as error:
         status = fail("record", error)
     rclpy.try_shutdown()

@@ -27,6 +27,7 @@ from mtpgo_ros.runtime.executable import (
     not_negative,
     positive,
     stop_on_signals,
+    tell,
 )
 
 _SWITCH_INTERVAL_S = 5e-4
@@ -145,17 +146,17 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
         with interruptible():  # A bag without an index is read as a whole.
             lanes = None if options.lane_file is None else read_lane_file(options.lane_file, how)
             if lanes is not None:
-                print(f"replay: lane file: {lanes.sentence}", file=sys.stderr, flush=True)
+                tell(f"replay: lane file: {lanes.sentence}", error=True)
             bag = files.enter_context(BagReader(options.bag))
             topics = bag.topics(options.topics)
             if lanes is not None:
                 topics = [topic for topic in topics if topic.name != LANES_TOPIC]
             for topic, reason in bag.skipped().items():
                 if options.topics is None or topic in {chosen.name for chosen in topics}:
-                    print(f"replay: skipping {topic}: {reason}", file=sys.stderr, flush=True)
+                    tell(f"replay: skipping {topic}: {reason}", error=True)
             part = played_part(bag, topics)
         for sentence in part.sentences:
-            print(f"replay: {sentence}", file=sys.stderr, flush=True)
+            tell(f"replay: {sentence}", error=True)
         origin_ns = part.start_ns + _ns(options.start_offset)
         end_ns = part.end_ns
         if options.duration is not None:
@@ -180,7 +181,7 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
                 report = player.run(stopped, loop=options.loop, progress=not options.no_progress)
                 if not report.messages and not stopped():
                     raise RecordingError(f"bag {options.bag} has no message to play{_of(options)}")
-                print(f"played {report.sentence()}", flush=True)
+                tell(f"played {report.sentence()}")
         finally:
             player.close()
 

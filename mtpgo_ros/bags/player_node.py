@@ -27,6 +27,7 @@ from mtpgo_core.errors import ConfigurationError, MessageError, RecordingError
 from mtpgo_core.schema import Float64Array
 from mtpgo_ros.bags.installed_types import require_installed_layout
 from mtpgo_ros.bags.playback import Message, PlaybackTiming, Report, Sinks, play
+from mtpgo_ros.runtime.executable import tell
 from mtpgo_ros.runtime.ros_start import node_errors
 
 LANES_TOPIC = "/lane_markings"
@@ -86,7 +87,7 @@ class BagPlayer:
                 with node_errors():
                     self._publishers[topic.name] = self._publisher(topic)
             except (ConfigurationError, MessageError) as error:
-                print(f"replay: skipping {topic.name}: {error}", file=sys.stderr, flush=True)
+                tell(f"replay: skipping {topic.name}: {error}", error=True)
         self._topics = [topic for topic in topics if topic.name in self._publishers]
         if not self._topics:
             self.close()
@@ -145,7 +146,7 @@ class BagPlayer:
                 raise ConfigurationError(
                     "--start-paused waits for Enter on standard input, which is closed"
                 )
-            print("paused: press Enter to start", flush=True)
+            tell("paused: press Enter to start")
             while not stopped() and not select.select([sys.stdin], [], [], _POLL_S)[0]:
                 pass
         return not stopped()
@@ -222,7 +223,7 @@ class _Progress:
         self._bar = tqdm(
             total=(timing.end_ns - timing.origin_ns) * 1e-9,
             desc="replay",
-            disable=hidden,
+            disable=hidden or sys.stderr is None,
             bar_format="{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s",
         )
 

@@ -21,6 +21,7 @@ from msg_adapters.bags.live.live_bag_writer import LiveBagWriter
 from msg_adapters.types import message_class
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_ros.bags.installed_types import installed_definition, require_installed_layout
+from mtpgo_ros.runtime.executable import tell
 from mtpgo_ros.runtime.ros_start import node_errors, spin
 
 _DEPTH = 200
@@ -85,7 +86,7 @@ def record(
     with LiveBagWriter(path) as bag:
         with node_errors():
             node = Recorder(bag, topics, known)
-        print(f"ready: recording {', '.join(topics)} into {path}", flush=True)
+        tell(f"ready: recording {', '.join(topics)} into {path}")
         try:
             spin(node, stopped, handled=lambda: bag.messages)
             bag.close()

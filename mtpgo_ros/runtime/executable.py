@@ -79,10 +79,26 @@ def return_free_memory() -> None:
         libc.malloc_trim(0)
 
 
+def tell(sentence: str, *, error: bool = False) -> None:
+    """Print a line on stdout, or on stderr; the work goes on where that is closed or not read.
+
+    A script may end reading after the line that it waits for.
+    """
+    stream = sys.stderr if error else sys.stdout
+    if stream is None:  # as Python has it where the file is closed
+        return
+    try:
+        print(sentence, file=stream, flush=True)
+    except OSError:
+        # What waits to be written would fail again at the end of the process.
+        with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), stream.fileno())
+
+
 def fail(program: str, error: object) -> int:
     """Print one sentence on stderr and return the exit status of bad input."""
     sentence = " ".join(str(error).split())
-    print(f"{program}: {sentence}", file=sys.stderr, flush=True)
+    tell(f"{program}: {sentence}", error=True)
     return BAD_INPUT
 
 
@@ -92,8 +108,10 @@ def leave(status: int) -> NoReturn:
     A thread inside the model cannot be interrupted, and the interpreter's normal exit would wait
     for it or crash. Call this after all files are closed.
     """
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError):
+            if stream is not None:
+                stream.flush()
     os._exit(status)
 
 
@@ -182,7 +200,7 @@ def answered(
     if ROS_ARGUMENTS in own:
         own = own[: own.index(ROS_ARGUMENTS)]
     if "--version" in own:
-        print(version_text(program), flush=True)
+        tell(version_text(program))
         return True
     if importlib.util.find_spec("rclpy") is None:
         sentence = (

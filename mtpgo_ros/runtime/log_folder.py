@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from pathlib import Path
+
+from mtpgo_ros.runtime.executable import tell
 
 _WITHOUT_FILES = ["--ros-args", "--disable-external-lib-logs"]
 """Arguments with which ROS writes no log files."""
@@ -69,4 +70,4 @@ def _is_usable(folder: Path) -> bool:
 
 
 def _say(program: str, sentence: str) -> None:
-    print(f"{program}: {sentence}", file=sys.stderr, flush=True)
+    tell(f"{program}: {sentence}", error=True)

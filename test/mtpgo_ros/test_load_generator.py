@@ -15,7 +15,7 @@ from mtpgo_ros.load_generator import main
         (["-o", "x", "--input-rate", "0"], ["0 given", "above 0"]),
     ],
 )
-def test_a_wrong_argument_is_one_line(arguments, words, capsys):
+def test_a_wrong_argument_is_one_line(signals, arguments, words, capsys):
     with pytest.raises(SystemExit) as caught:
         main(arguments)
     assert caught.value.code == 2

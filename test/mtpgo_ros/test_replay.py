@@ -3,6 +3,7 @@
 """The executable ``replay``, over DDS."""
 
 import signal
+import subprocess
 import sys
 import time
 
@@ -166,6 +167,21 @@ def test_a_paused_start_without_standard_input_is_refused(signals, here, bag, ca
     assert "waits for Enter on standard input, which is closed" in one_line(
         capsys.readouterr().err
     )
+
+
+@pytest.mark.parametrize("ending", ["| true", ">&-", "2>&-"])
+def test_the_bag_is_played_where_nobody_reads_what_is_said(bag, ending):
+    """A reader that has ended, closed standard output, closed standard error."""
+    played = f"{sys.executable} -m mtpgo_ros.replay {bag} --rate 1000 --delay 0 {ending}"
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {played}"],
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Error" not in done.stderr
 
 
 def test_a_paused_start_waits_for_a_line(process, peer, bag):

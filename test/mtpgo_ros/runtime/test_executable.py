@@ -7,6 +7,7 @@ import contextlib
 import os
 import platform
 import signal
+import sys
 import threading
 
 import pytest
@@ -20,6 +21,7 @@ from mtpgo_ros.runtime.executable import (
     not_negative,
     positive,
     stop_on_signals,
+    tell,
     tune_allocator,
 )
 
@@ -31,6 +33,19 @@ def test_the_allocator_is_tuned_if_it_is_glibcs():
 def test_an_error_is_one_line_on_stderr_and_status_two(capsys):
     assert fail("program", ValueError("no\n   good")) == 2
     assert capsys.readouterr().err == "program: no good\n"
+
+
+@pytest.mark.parametrize("error", [False, True])
+def test_a_line_that_nobody_reads_is_no_error(monkeypatch, error):
+    name = "stderr" if error else "stdout"
+    read, write = os.pipe()
+    os.close(read)
+    with open(write, "w", encoding="utf-8") as stream:
+        monkeypatch.setattr(sys, name, stream)
+        tell("into nowhere", error=error)
+        tell("and again", error=error)
+    monkeypatch.setattr(sys, name, None)  # as where the file is closed
+    tell("into nothing", error=error)
 
 
 def test_wrong_arguments_are_one_line(capsys):
