@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import RecordingError, listed
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_lines import (
     SEPARATORS,
@@ -316,18 +316,8 @@ def require_columns(
             )
     raise RecordingError(
         f"{path} has no column {missing[0]!r}, expected the columns {', '.join(wanted)}; it has "
-        f"{_listed(header)}"
+        f"{listed(header, _MOST_COLUMNS, _LONGEST_NAME)}"
     )
-
-
-def _listed(header: Sequence[str]) -> str:
-    """Return the first names of columns, for a sentence."""
-    names = [
-        name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME] + "..." for name in header
-    ]
-    shown = [name if name.isprintable() and name else repr(name) for name in names[:_MOST_COLUMNS]]
-    more = f" and {len(names) - _MOST_COLUMNS} more" if len(names) > _MOST_COLUMNS else ""
-    return ", ".join(shown) + more or "none"
 
 
 def cells_of(line: str, separator: str) -> list[str]:

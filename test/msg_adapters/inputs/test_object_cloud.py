@@ -132,6 +132,7 @@ XY_ID = [field("x", 0, 7), field("y", 4, 7), field("id_0", 8, 6)]
     ("message", "sentence"),
     [
         (cloud(XY_ID[:2], b"\0" * 12, 12), r"lacks the field id_0 .* fields are x, y"),
+        (cloud([field("x", 0, 7), field("i\nd", 4, 7)], b"\0" * 8, 8), r"fields are x, 'i\\nd'$"),
         (cloud(XY_ID, b"\0" * 20, 12, width=2), "has 20 bytes of data, expected 24"),
         (cloud([*XY_ID, field("z", 12, 8)], b"\0" * 12, 12), "'z' ends at byte 20"),
         (cloud([*XY_ID, field("x", 0, 7)], b"\0" * 12, 12), "two fields of the name 'x'"),

@@ -14,7 +14,7 @@ from msg_adapters.adapter import InputAdapter
 from msg_adapters.bags.bag_definitions import obstacle
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.registry import INPUTS, adapter_for_type
-from mtpgo_core.errors import MessageError, RecordingError
+from mtpgo_core.errors import MessageError, RecordingError, listed
 from mtpgo_training.data.recording_bag import LANES_TOPIC, OBJECTS_TOPIC
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
@@ -157,9 +157,7 @@ def _chosen(
     ]
     remark = ""
     if left_out:
-        remark = (
-            f"messages of another type than {message_type} are left out: {', '.join(left_out)}"
-        )
+        remark = f"messages of another type than {message_type} are left out: {listed(left_out)}"
     connections, adapter = tuple(usable[name, message_type]), adapter_for_type(message_type)
     return ObjectsTopic(name, connections, adapter, tuple(others), remark)
 
@@ -168,7 +166,7 @@ def _listed(reader: DecodingBagReader) -> str:
     found = dict.fromkeys(
         f"{c.topic} ({c.msgtype or 'without a type'})" for c in reader.connections
     )
-    return ", ".join(found) or "no topic"
+    return listed(list(found)) if found else "no topic"
 
 
 def _held(reader: DecodingBagReader, connections: Sequence[Connection]) -> int:
