@@ -35,18 +35,21 @@ class ConfigurationError(MtpgoError):
     """A parameter or configuration value that is not allowed."""
 
 
-def listed(names: Sequence[str], most: int = 100, longest: int = 256) -> str:
-    """Return names from a file or a message as part of one line.
+def found_names(
+    names: Sequence[str], most: int = 100, longest: int = 256, none: str = "none"
+) -> str:
+    """Return names that were found in a file or a message as part of one line.
 
     Args:
         names: any texts; one that cannot be printed as it is stands in quotes, with escapes.
         most: so many of the first are shown, the others counted.
         longest: characters that are shown of each.
+        none: text where there are no names.
     """
     first = [name if len(name) <= longest else name[:longest] + "..." for name in names[:most]]
     shown = [name if name.isprintable() and name else repr(name) for name in first]
     more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(shown) + more or "none"
+    return ", ".join(shown) + more or none
 
 
 def reason_of(error: BaseException) -> str:

@@ -32,7 +32,7 @@ from msg_adapters.bags.stored_bag import (
     is_unfinished_bag,
     tell_once,
 )
-from mtpgo_core.errors import MessageError, RecordingError, listed, reason_of
+from mtpgo_core.errors import MessageError, RecordingError, found_names, reason_of
 
 _LATCHED_BY_NAME = frozenset({"tf_static", "robot_description", "map"})
 """Topics latched by convention, in any namespace, for bags whose writer left the QoS out."""
@@ -170,7 +170,7 @@ class BagReader:
             if name not in held:
                 raise RecordingError(
                     f"bag {self.path} has no messages on topic {name}, it holds"
-                    f" {listed(sorted(held))}"
+                    f" {found_names(sorted(held))}"
                 )
         return [held[name] for name in dict.fromkeys(absolute)]
 

@@ -19,7 +19,7 @@ from msg_adapters.conversions import finite, positive, stamp_to_ns, to_header_fr
 from msg_adapters.types import Types
 from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud
 from msg_adapters.wire.input_limits import Content
-from mtpgo_core.errors import MessageError, listed
+from mtpgo_core.errors import MessageError, found_names
 from mtpgo_core.schema import Float64Array, KeyArray, TrackedStates, tracked_states
 
 KEY_FIELDS = ("id_0", "id_1", "id_2", "id_3")
@@ -66,7 +66,7 @@ def decode_cloud(
     if missing:
         raise MessageError(
             f"point cloud lacks the field {', '.join(missing)} of tracked objects, its fields "
-            f"are {listed(names)}"
+            f"are {found_names(names)}"
         )
     if "mode" in names and "step" in names:
         raise MessageError(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from msg_adapters.conversions import stamp_to_ns
 from msg_adapters.predictions.prediction_cloud import REQUIRED_FIELDS, prediction_from_pointcloud2
-from mtpgo_core.errors import MessageError, RecordingError, listed
+from mtpgo_core.errors import MessageError, RecordingError, found_names
 from mtpgo_core.schema import Prediction
 
 if TYPE_CHECKING:
@@ -78,16 +78,16 @@ def _prediction_topic(reader: DecodingBagReader, topic: str | None) -> list[Any]
         names = {c.topic for c in clouds if _holds_predictions(reader, c)}
         if len(names) > 1:
             raise RecordingError(
-                f"{reader.path} has predictions on the topics {listed(sorted(names))}, "
+                f"{reader.path} has predictions on the topics {found_names(sorted(names))}, "
                 "expected the choice of one (mtpgo view: --predictions, mtpgo evaluate: --topic)"
             )
         chosen = [c for c in clouds if c.topic in names]
         expected = f"a {_CLOUD} with the fields of predictions, as the node publishes them"
     if not chosen:
         topics = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
-        there = listed(topics) if topics else "no topic"
         raise NoPredictionsError(
-            f"{reader.path} has no predictions, it has {there}; expected {expected}"
+            f"{reader.path} has no predictions, it has "
+            f"{found_names(topics, none='no topic')}; expected {expected}"
         )
     return chosen
 

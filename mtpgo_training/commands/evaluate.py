@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -74,6 +75,14 @@ OF_A_RUN: dict[str, object] = {
     "resume": None,
 }
 """Options that say how models are run and scored, with their defaults."""
+
+WITHOUT_EFFECT = (
+    (("policy",), "whose graphs were chosen by the node"),
+    (("stride", "no_centre"), "all of which are scored as the node published them"),
+    (("one_sample",), "which have a past"),
+    (("calibration", "prefer"), "which were calibrated by the node"),
+)
+"""Those that do nothing for recorded predictions, and why."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -182,10 +191,7 @@ def run(args: argparse.Namespace) -> int:
             raise ConfigurationError(
                 "--results is given with --model, --data, --predictions, --json or --report"
             )
-        given = {
-            _option(name): getattr(args, name) != default for name, default in OF_A_RUN.items()
-        }
-        require_none(given, "--results", "which are of earlier evaluations")
+        require_none(_given(args, OF_A_RUN), "--results", "which are of earlier evaluations")
         from mtpgo_training.reports.markdown import markdown_table, read_results
 
         print(markdown_table([(path.stem, read_results(path)) for path in args.results]))
@@ -280,9 +286,9 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _option(name: str) -> str:
-    """Return an option as it is given on the command line."""
-    return f"--{name.replace('_', '-')}"
+def _given(args: argparse.Namespace, names: Iterable[str]) -> dict[str, bool]:
+    """Return options of a run as they are written, and whether each is given."""
+    return {f"--{name.replace('_', '-')}": getattr(args, name) != OF_A_RUN[name] for name in names}
 
 
 def _with_data(args: argparse.Namespace) -> bool:
@@ -314,27 +320,13 @@ def _check(args: argparse.Namespace) -> None:
         )
     if args.policy == "ego":
         raise ConfigurationError("--policy is 'ego' but a recording has no ego, expected another")
-    if args.predictions and args.policy is not None:
-        raise ConfigurationError(
-            "--policy is given with --predictions, whose graphs were chosen by the node"
-        )
-    for option in ("stride", "no_centre"):
-        if args.predictions and getattr(args, option) != OF_A_RUN[option]:
-            raise ConfigurationError(
-                f"{_option(option)} is given with --predictions, all of which are "
-                "scored as the node published them"
-            )
+    if args.predictions:
+        for names, why in WITHOUT_EFFECT:
+            require_none(_given(args, names), "--predictions", why)
     if args.seeds and len(args.model) < 2:
         raise ConfigurationError(
             f"--seeds is given with {len(args.model)} model(s), expected several of one recipe"
         )
-    if args.predictions and args.one_sample:
-        raise ConfigurationError("--one-sample is given with --predictions, which have a past")
-    for option in ("calibration", "prefer"):
-        if args.predictions and getattr(args, option) is not None:
-            raise ConfigurationError(
-                f"--{option} is given with --predictions, which were calibrated by the node"
-            )
     if args.one_sample and (args.calibration == ONLINE or args.prefer == BEST):
         raise ConfigurationError(
             "--one-sample is given with --calibration online or --prefer best, which learn from a "

@@ -12,7 +12,7 @@ from typing import Any
 
 import jinja2
 
-from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.errors import ConfigurationError, found_names
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.reports.figures import draw_figures
@@ -163,7 +163,7 @@ def _file_name(model: str) -> str:
 
 def _subtitle(content: Json) -> str:
     names = list(content["recordings"])
-    shown = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+    shown = found_names(names, 12, none="")
     return f"On {len(names)} recording{'s' if len(names) != 1 else ''}: {shown}."
 
 

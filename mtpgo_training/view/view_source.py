@@ -13,7 +13,13 @@ from pathlib import Path
 from msg_adapters.bags.bag_reader import DecodingBagReader, bag_name, is_bag
 from msg_adapters.conversions import reading
 from msg_adapters.predictions import NoPredictionsError
-from mtpgo_core.errors import ConfigurationError, FrameError, MessageError, RecordingError
+from mtpgo_core.errors import (
+    ConfigurationError,
+    FrameError,
+    MessageError,
+    RecordingError,
+    found_names,
+)
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
 from mtpgo_core.schema import Prediction
 from mtpgo_training.data.data_sources import DataSource
@@ -132,7 +138,7 @@ def _one_recording(source: DataSource) -> Recording:
                 "mtpgo: %s of %s is shown, and not %s; --recordings chooses",
                 found[0].name,
                 source.directory,
-                ", ".join(others[:8]) + (f" and {len(others) - 8} more" if others[8:] else ""),
+                found_names(others, 8),
             )
         return found[0]
     raise RecordingError(f"{source.directory}: no road user is in {', '.join(names)}")

@@ -4,7 +4,7 @@
 
 import pytest
 
-from mtpgo_core.errors import listed
+from mtpgo_core.errors import found_names
 
 
 @pytest.mark.parametrize(
@@ -18,8 +18,9 @@ from mtpgo_core.errors import listed
     ],
 )
 def test_foreign_names_are_part_of_one_line(names, text):
-    assert listed(names) == text
+    assert found_names(names) == text
 
 
 def test_limits_can_be_smaller():
-    assert listed(["abc", "def", "g"], most=2, longest=2) == "ab..., de... and 1 more"
+    assert found_names([], none="no topic") == "no topic"
+    assert found_names(["abc", "def", "g"], most=2, longest=2) == "ab..., de... and 1 more"

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from mtpgo_core.errors import RecordingError, listed
+from mtpgo_core.errors import RecordingError, found_names
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_lines import (
     SEPARATORS,
@@ -316,7 +316,7 @@ def require_columns(
             )
     raise RecordingError(
         f"{path} has no column {missing[0]!r}, expected the columns {', '.join(wanted)}; it has "
-        f"{listed(header, _MOST_COLUMNS, _LONGEST_NAME)}"
+        f"{found_names(header, _MOST_COLUMNS, _LONGEST_NAME)}"
     )
 
 

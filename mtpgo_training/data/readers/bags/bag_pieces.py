@@ -24,7 +24,7 @@ from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.inputs.ego_odometry import EGO_NAME, EgoOdometry
 from msg_adapters.inputs.lane_markers import lanes_from_markers
 from msg_adapters.inputs.odometry import ODOMETRY
-from mtpgo_core.errors import FrameError, MessageError, RecordingError, listed
+from mtpgo_core.errors import FrameError, MessageError, RecordingError, found_names
 from mtpgo_core.frames import moves_with_vehicle
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.stream_guard import MessageStatus, StreamGuard
@@ -238,7 +238,8 @@ class PieceReader:
             alike = [n for n in names[1:] if _near(n, self._topic) == _near(names[0], self._topic)]
             if alike:
                 self.remarks.append(
-                    f"{self._where}: {names[0]} is read with the objects, and not {listed(alike)}"
+                    f"{self._where}: {names[0]} is read with the objects, and not"
+                    f" {found_names(alike)}"
                 )
             found += [c for c in there if c.topic == names[0]]
         return found
@@ -417,7 +418,7 @@ def _odometry(reader: DecodingBagReader, topic: str) -> list[Connection]:
     there = [c for c in reader.connections if c.msgtype == ODOMETRY and not obstacle(c)]
     found = [c for c in there if c.topic == "/" + topic.lstrip("/")]
     if not found:
-        names = listed(sorted({c.topic for c in there}))
+        names = found_names(sorted({c.topic for c in there}))
         raise RecordingError(
             f"{reader.path} has no {ODOMETRY} on the topic {topic} of the ego, expected one of its"
             f" topics of that type: {names}"

@@ -14,7 +14,7 @@ from msg_adapters.adapter import InputAdapter
 from msg_adapters.bags.bag_definitions import obstacle
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.registry import INPUTS, adapter_for_type
-from mtpgo_core.errors import MessageError, RecordingError, listed
+from mtpgo_core.errors import MessageError, RecordingError, found_names
 from mtpgo_training.data.recording_bag import LANES_TOPIC, OBJECTS_TOPIC
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
@@ -157,7 +157,9 @@ def _chosen(
     ]
     remark = ""
     if left_out:
-        remark = f"messages of another type than {message_type} are left out: {listed(left_out)}"
+        remark = (
+            f"messages of another type than {message_type} are left out: {found_names(left_out)}"
+        )
     connections, adapter = tuple(usable[name, message_type]), adapter_for_type(message_type)
     return ObjectsTopic(name, connections, adapter, tuple(others), remark)
 
@@ -166,7 +168,7 @@ def _listed(reader: DecodingBagReader) -> str:
     found = dict.fromkeys(
         f"{c.topic} ({c.msgtype or 'without a type'})" for c in reader.connections
     )
-    return listed(list(found)) if found else "no topic"
+    return found_names(list(found), none="no topic")
 
 
 def _held(reader: DecodingBagReader, connections: Sequence[Connection]) -> int:

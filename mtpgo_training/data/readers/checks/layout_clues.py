@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import RecordingError, found_names
 from mtpgo_training.data.readers.drone_files import detect_layout
 
 _MOST_FILES = 2000
@@ -68,8 +68,7 @@ def what_is_there(directory: Path, layout: str) -> str:
             others.setdefault(found, path)
     for found, path in others.items():
         return f"{path} is of the layout {found!r}"
-    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-    return f"it has {', '.join(names[:_MOST_NAMES])}{more}" if names else ""
+    return f"it has {found_names(names, _MOST_NAMES)}" if names else ""
 
 
 def is_of_another(path: Path, layout: str) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from mtpgo_core.class_map import ClassMap
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import RecordingError, found_names
 from mtpgo_core.options import is_unicode
 from mtpgo_training.data.readers.drone_files import NoRecordingsError, existing_directory
 from mtpgo_training.data.readers.file_hash import sha256_of
@@ -98,10 +98,9 @@ def nuscenes_units(
                 )
             )
     if left:
-        more = f" and {len(there) - _MOST_SCENES} more" if len(there) > _MOST_SCENES else ""
         raise RecordingError(
             f"{directory} has no scene {sorted(left)[0]!r}, it has "
-            f"{', '.join(there[:_MOST_SCENES])}{more}"
+            f"{found_names(there, _MOST_SCENES)}"
         )
     return units
 

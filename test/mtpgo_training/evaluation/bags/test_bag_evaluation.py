@@ -27,6 +27,30 @@ def scores(result, name):
     return result.evaluation.scores.averages()[name]["all"]
 
 
+def written(path, recording, published, passes_ns=(0,)):
+    """Write a bag of a recording's objects and of the predictions published on its instants.
+
+    Args:
+        path: of the bag.
+        recording: what is observed, once for each pass.
+        published: returns the predictions of an instant by its number.
+        passes_ns: what is added to the stamps of each pass (ns).
+    """
+    adapter = INPUTS["pointcloud2"]
+    with McapWriter(path) as out:
+        out.add_topic("/objects", adapter.message_type)
+        out.add_topic("/predictions", "sensor_msgs/msg/PointCloud2")
+        for later_ns in passes_ns:
+            for number, states in enumerate(recording.states()):
+                now = dataclasses.replace(states, stamp_ns=states.stamp_ns + later_ns)
+                out.write("/objects", now.stamp_ns, adapter.from_states(now, out.types))
+                for one in published(number):
+                    one = dataclasses.replace(one, stamp_ns=now.stamp_ns)
+                    message = prediction_to_pointcloud2(one, out.types)
+                    out.write("/predictions", now.stamp_ns, message)
+    return path
+
+
 @pytest.mark.parametrize("from_bag", [True, False])
 def test_online_and_offline_agree_to_a_millimetre(bag, recording, runner, from_bag):
     truth = observed_recordings([bag]) if from_bag else {"01": recording}
@@ -89,22 +113,17 @@ def test_bags_with_the_online_calibration_show_what_it_changes(bag, runner, tmp_
 
 def test_a_filtered_cloud_is_left_out_and_alone_refused(tmp_path):
     recording = make_recording(duration_s=6.0)
-    adapter = INPUTS["pointcloud2"]
 
     def bag(name, whole):
-        with McapWriter(tmp_path / name) as out:
-            out.add_topic("/objects", adapter.message_type)
-            out.add_topic("/predictions", "sensor_msgs/msg/PointCloud2")
-            for number, states in enumerate(recording.states()):
-                out.write("/objects", states.stamp_ns, adapter.from_states(states, out.types))
-                if number > 10:
-                    continue
-                one = perfect_prediction(recording, number)
-                if number >= whole:
-                    one.mean[:, 0, 7] = np.nan  # as the decoder fills what is missing
-                message = prediction_to_pointcloud2(one, out.types)
-                out.write("/predictions", states.stamp_ns, message)
-        return tmp_path / name
+        def published(number):
+            if number > 10:
+                return ()
+            one = perfect_prediction(recording, number)
+            if number >= whole:
+                one.mean[:, 0, 7] = np.nan  # as the decoder fills what is missing
+            return (one,)
+
+        return written(tmp_path / name, recording, published)
 
     part, none = bag("part", 5), bag("none", 0)
     result = evaluate_bags([part], observed_recordings([part]), {}, own_clock=False)
@@ -119,18 +138,15 @@ def test_a_filtered_cloud_is_left_out_and_alone_refused(tmp_path):
 @pytest.mark.parametrize(("fallback", "said"), [(1, False), (2, True)])
 def test_constant_velocity_in_place_of_the_model_is_a_warning(tmp_path, fallback, said):
     recording = make_recording(duration_s=6.0)
-    adapter, path = INPUTS["pointcloud2"], tmp_path / "busy"
-    with McapWriter(path) as out:
-        out.add_topic("/objects", adapter.message_type)
-        out.add_topic("/predictions", "sensor_msgs/msg/PointCloud2")
-        for number, states in enumerate(recording.states()):
-            out.write("/objects", states.stamp_ns, adapter.from_states(states, out.types))
-            if number >= 10:
-                continue
-            one = perfect_prediction(recording, number)
-            source = Source.CONSTANT_VELOCITY if number < fallback else Source.MODEL
-            one = dataclasses.replace(one, source=np.full(len(one), source, dtype=np.uint8))
-            out.write("/predictions", states.stamp_ns, prediction_to_pointcloud2(one, out.types))
+
+    def published(number):
+        if number >= 10:
+            return ()
+        one = perfect_prediction(recording, number)
+        source = Source.CONSTANT_VELOCITY if number < fallback else Source.MODEL
+        return (dataclasses.replace(one, source=np.full(len(one), source, dtype=np.uint8)),)
+
+    path = written(tmp_path / "busy", recording, published)
     result = evaluate_bags([path], observed_recordings([path]), {}, own_clock=False)
     found = [one for one in result.warnings if "constant velocity in place of the model" in one]
     assert len(found) == said
@@ -141,19 +157,15 @@ def test_constant_velocity_in_place_of_the_model_is_a_warning(tmp_path, fallback
 
 def test_of_two_predictions_of_a_stamp_the_last_one_is_scored_and_that_is_said(tmp_path):
     recording = make_recording(duration_s=6.0)
-    adapter, path = INPUTS["pointcloud2"], tmp_path / "two"
-    with McapWriter(path) as out:
-        out.add_topic("/objects", adapter.message_type)
-        out.add_topic("/predictions", "sensor_msgs/msg/PointCloud2")
-        for number, states in enumerate(recording.states()):
-            out.write("/objects", states.stamp_ns, adapter.from_states(states, out.types))
-            if number > 10:
-                continue
-            right = perfect_prediction(recording, number)
-            wrong = dataclasses.replace(right, mean=right.mean + 3.0)
-            for one in (wrong, right) if number < 3 else (right,):
-                message = prediction_to_pointcloud2(one, out.types)
-                out.write("/predictions", states.stamp_ns, message)
+
+    def published(number):
+        if number > 10:
+            return ()
+        right = perfect_prediction(recording, number)
+        wrong = dataclasses.replace(right, mean=right.mean + 3.0)
+        return (wrong, right) if number < 3 else (right,)
+
+    path = written(tmp_path / "two", recording, published)
     result = evaluate_bags([path], observed_recordings([path]), {}, own_clock=False)
     assert scores(result, "two")["ade"] == pytest.approx(0.0, abs=1e-6)
     (warning,) = (one for one in result.warnings if "have the stamp of a later one" in one)
@@ -162,23 +174,16 @@ def test_of_two_predictions_of_a_stamp_the_last_one_is_scored_and_that_is_said(t
 
 def test_a_recording_that_was_played_twice_is_not_known_before_it_is_played_again(tmp_path):
     """Played at two times: baselines and models see only what was observed in their own pass."""
-    recording, adapter = make_recording(duration_s=20.0), INPUTS["pointcloud2"]
+    recording = make_recording(duration_s=20.0)
+
+    def published(number):
+        wanted = number % 4 == 0 and number <= 140
+        return (perfect_prediction(recording, number),) if wanted else ()
 
     def played(name, times):
-        with McapWriter(tmp_path / name) as out:
-            out.add_topic("/objects", adapter.message_type)
-            out.add_topic("/predictions", "sensor_msgs/msg/PointCloud2")
-            for later_ns in range(0, times * 40 * 10**9, 40 * 10**9):
-                for number, states in enumerate(recording.states()):
-                    now = dataclasses.replace(states, stamp_ns=states.stamp_ns + later_ns)
-                    out.write("/objects", now.stamp_ns, adapter.from_states(now, out.types))
-                    if number % 4 or number > 140:
-                        continue
-                    one = perfect_prediction(recording, number)
-                    one = dataclasses.replace(one, stamp_ns=now.stamp_ns)
-                    message = prediction_to_pointcloud2(one, out.types)
-                    out.write("/predictions", now.stamp_ns, message)
-        return evaluate_bags([tmp_path / name], {"01": recording}, {})
+        passes_ns = range(0, times * 40 * 10**9, 40 * 10**9)
+        path = written(tmp_path / name, recording, published, passes_ns)
+        return evaluate_bags([path], {"01": recording}, {})
 
     once, twice = played("once", 1), played("twice", 2)
     assert scores(twice, "twice")["n"] == 2 * scores(once, "once")["n"]
