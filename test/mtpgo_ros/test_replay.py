@@ -92,9 +92,10 @@ def test_the_executable_plays_every_message_with_the_clock(process, peer, bag, t
         listener.spin_until(lambda player=player: player.popen.poll() is not None)
         status, out, err = player.finish()
         assert status == 0, err
-        if listener.comes_true(lambda: len(listener.objects) == 26, 5.0) and (
-            len(listener.ticks) > 50
-        ):
+        whole = listener.comes_true(
+            lambda: len(listener.objects) == 26 and listener.egos and lines, 5.0
+        )
+        if whole and len(listener.ticks) > 50:
             break
     assert listener.objects == [40_000_000 * k for k in range(26)]
     assert listener.egos == ["3"]
