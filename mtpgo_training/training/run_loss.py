@@ -49,6 +49,8 @@ class BatchLoss(nn.Module):
                 self.model,
                 huber_delta=options.huber_delta,
                 progress=self.run.state.epoch / options.main_epochs,
+                mean_weight=options.mean_weight,
+                heaviest_weight=options.heaviest_weight,
             )
             return accumulated_loss(self.model, micro_batches(batch), loss)
         return batch_loss(

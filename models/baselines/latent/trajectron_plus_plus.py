@@ -66,11 +66,13 @@ class TrajectronPlusPlus(TrajectoryPredictor):
         self.mixture = MixtureHead(context, modes)  # p(z | x)
         self.future = nn.LSTM(3, config.future_hidden, batch_first=True, bidirectional=True)
         self.posterior_head = nn.Linear(context + 2 * config.future_hidden, modes)  # q(z | x, y)
+        # z is appended to the context (one of M): weights as of one layer that takes both.
+        reach = (context + modes) ** -0.5
         self.of_context = nn.Linear(context, hidden)
-        self.of_latent = nn.Parameter(torch.randn(modes, hidden))
+        self.of_latent = nn.Parameter(torch.empty(modes, hidden).uniform_(-reach, reach))
         self.of_control = nn.Linear(2, hidden, bias=False)
         self.first_hidden = nn.Linear(context, hidden)
-        self.first_of_latent = nn.Parameter(torch.randn(modes, hidden))
+        self.first_of_latent = nn.Parameter(torch.empty(modes, hidden).uniform_(-reach, reach))
         self.decoder = nn.GRUCell(hidden, hidden)
         self.control = ControlHead(hidden, 1, 2)
         self.noise = NoiseHead(hidden, 1)

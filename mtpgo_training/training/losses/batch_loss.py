@@ -14,8 +14,7 @@ from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_training.training.losses.ewta_loss import ewta_loss
 from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
 from mtpgo_training.training.losses.likelihood_loss import (
-    expected_huber_loss,
-    heaviest_huber_loss,
+    huber_terms,
     negative_log_likelihood,
 )
 from mtpgo_training.training.losses.schedules import LossWeights
@@ -43,8 +42,8 @@ def training_loss(
         fields: a batch from :func:`mtpgo_training.scenes.scene_dataset.dense`.
         weights: of EWTA and NLL. The covariance is computed only where NLL counts.
         huber_delta: see :func:`.ewta_loss.ewta_loss`.
-        mean_weight: weight of :func:`.likelihood_loss.expected_huber_loss`, relative to NLL.
-        heaviest_weight: weight of :func:`.likelihood_loss.heaviest_huber_loss`, relative to NLL.
+        mean_weight: see :func:`.likelihood_loss.huber_terms`, relative to NLL.
+        heaviest_weight: as ``mean_weight``.
         likelihood: the negative log-likelihood, one of :mod:`.likelihood_loss`.
         teacher_forcing: feed the observed states to the roll-out.
         summed: the EWTA loss is the paper's sum, see :func:`.ewta_loss.ewta_loss`; ``likelihood``
@@ -70,14 +69,15 @@ def training_loss(
         )
     if with_covariance:
         loss = loss + weights.nll * likelihood(log_weight, mean, covariance, target, mask)
-        if mean_weight > 0.0:
-            loss = loss + weights.nll * mean_weight * expected_huber_loss(
-                log_weight, mean, target, mask, huber_delta
-            )
-        if heaviest_weight > 0.0:
-            loss = loss + weights.nll * heaviest_weight * heaviest_huber_loss(
-                log_weight, mean, target, mask, huber_delta
-            )
+        loss = loss + weights.nll * huber_terms(
+            log_weight,
+            mean,
+            target,
+            mask,
+            huber_delta=huber_delta,
+            mean_weight=mean_weight,
+            heaviest_weight=heaviest_weight,
+        )
     return loss
 
 

@@ -124,6 +124,36 @@ def heaviest_huber_loss(
     return loss.sum() / mask.sum().clamp(min=1e-6)
 
 
+def huber_terms(
+    log_weight: Tensor,
+    mean: Tensor,
+    target: Tensor,
+    mask: Tensor,
+    *,
+    huber_delta: float,
+    mean_weight: float,
+    heaviest_weight: float,
+) -> Tensor:
+    """Return the sum of the Huber losses that are added to any network's objective, a scalar.
+
+    Args:
+        log_weight: see :func:`expected_huber_loss`, like the next four.
+        mean: [B, N, M, H, S].
+        target: [B, N, H, S].
+        mask: [B, N, H].
+        huber_delta: error at which the loss turns from quadratic to linear (m and m/s).
+        mean_weight: weight of :func:`expected_huber_loss`; 0 leaves it out.
+        heaviest_weight: weight of :func:`heaviest_huber_loss`; 0 leaves it out.
+    """
+    loss = mean.new_zeros(())
+    given = (log_weight, mean, target, mask, huber_delta)
+    if mean_weight > 0.0:
+        loss = loss + mean_weight * expected_huber_loss(*given)
+    if heaviest_weight > 0.0:
+        loss = loss + heaviest_weight * heaviest_huber_loss(*given)
+    return loss
+
+
 def mode_likelihood_loss(
     log_weight: Tensor, mean: Tensor, covariance: Tensor, target: Tensor, mask: Tensor
 ) -> Tensor:

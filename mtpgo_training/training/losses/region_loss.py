@@ -12,11 +12,17 @@ from torch.nn.functional import one_hot
 
 from models.baselines.transformers.mm_transformer import MMTransformer
 from mtpgo_training.training.losses.ewta_loss import huber_per_mode, mean_distance
-from mtpgo_training.training.losses.likelihood_loss import negative_log_likelihood
+from mtpgo_training.training.losses.likelihood_loss import huber_terms, negative_log_likelihood
 
 
 def region_loss(
-    model: MMTransformer, fields: Mapping[str, Tensor], *, huber_delta: float, progress: float
+    model: MMTransformer,
+    fields: Mapping[str, Tensor],
+    *,
+    huber_delta: float,
+    progress: float,
+    mean_weight: float = 0.0,
+    heaviest_weight: float = 0.0,
 ) -> Tensor:
     """Return the sum of the regression, confidence, area and spread losses, a scalar.
 
@@ -25,6 +31,9 @@ def region_loss(
     :func:`confidence_loss`. Spread, not in the publication: the likelihood of the truth under
     proposals and scores that are held, which trains the covariances alone.
 
+    The Huber losses of :func:`.likelihood_loss.huber_terms`, not in the publication either, may be
+    added.
+
     Where the end is not observed, the proposal nearest to what is observed stands for the region.
 
     Args:
@@ -32,6 +41,8 @@ def region_loss(
         fields: a batch from :func:`mtpgo_training.scenes.scene_dataset.dense`.
         huber_delta: error at which the Huber loss turns from quadratic to linear (m).
         progress: share of the training that is done; not used.
+        mean_weight: of a Huber loss; 0 as in the publication.
+        heaviest_weight: of a Huber loss; 0 as in the publication.
     """
     target, mask = fields["target"][..., :2], fields["weight"]
     given = (fields["x"], fields["valid"])
@@ -47,7 +58,16 @@ def region_loss(
     confidence = (confidence_loss(log_weight, distance, judged) * weight).sum()
     spread = negative_log_likelihood(log_weight.detach(), mean.detach(), covariance, target, mask)
     steps = mask.sum().clamp(min=1e-6)
-    return regression.sum() / steps + confidence / weight.sum().clamp(min=1e-6) + spread
+    added = huber_terms(
+        log_weight,
+        mean,
+        target,
+        mask,
+        huber_delta=huber_delta,
+        mean_weight=mean_weight,
+        heaviest_weight=heaviest_weight,
+    )
+    return regression.sum() / steps + confidence / weight.sum().clamp(min=1e-6) + spread + added
 
 
 def confidence_loss(log_weight: Tensor, distance: Tensor, mine: Tensor) -> Tensor:
