@@ -51,6 +51,15 @@ def test_untrained_is_nearly_constant_velocity():
     assert (spread[..., 1:] > spread[..., :-1]).all()
 
 
+def test_the_latent_enters_as_in_one_layer_with_the_context():
+    """Its weights are no larger than those of a layer that takes both."""
+    torch.manual_seed(0)
+    model = TrajectronPlusPlus(TrajectronConfig(modes=5, hidden=32))
+    reach = (model.encoder.size + 5) ** -0.5
+    for weights in (model.of_latent, model.first_of_latent):
+        assert 0.9 * reach < float(weights.detach().abs().max()) < reach
+
+
 @torch.no_grad()
 def test_without_covariances_the_means_are_the_same():
     model, scene = wild(), make_scene(2, 5, steps=6, dtype=torch.float32)

@@ -10,6 +10,7 @@ import torch
 from mtpgo_training.training.losses.likelihood_loss import (
     expected_huber_loss,
     heaviest_huber_loss,
+    huber_terms,
     mode_likelihood_loss,
     negative_log_likelihood,
     trajectory_likelihood_loss,
@@ -224,3 +225,15 @@ def test_the_huber_loss_of_the_heaviest_mode_pulls_no_other_mode():
     assert mean.grad[0, 0, 1, :, 0].all()
     assert not mean.grad[0, 0, 0].any()
     assert log_weight.grad is None
+
+
+def test_the_huber_terms_are_added_by_their_weights():
+    """Losses 0.125 and 2.5 of two modes with weights 0.25 and 0.75: expected 1.90625."""
+    mean = torch.tensor([0.5, 3.0]).view(1, 1, 2, 1, 1)
+    log_weight = torch.tensor([0.25, 0.75]).log().view(1, 1, 2)
+    given = log_weight, mean, torch.zeros(1, 1, 1, 1), torch.ones(1, 1, 1)
+    for mean_weight, heaviest_weight, expected in ((0, 0, 0), (2, 0, 3.8125), (1, 4, 11.90625)):
+        value = huber_terms(
+            *given, huber_delta=1.0, mean_weight=mean_weight, heaviest_weight=heaviest_weight
+        )
+        assert float(value) == pytest.approx(expected)
