@@ -13,7 +13,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from mtpgo_ros.lifecycle.node_executable import run_executable
-from mtpgo_ros.runtime.executable import leave, share_interpreter, stop_on_signals, tune_allocator
+from mtpgo_ros.runtime.executable import (
+    leave,
+    share_interpreter,
+    stop_on_signals,
+    tune_allocator,
+    use_small_pages,
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
@@ -27,6 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     """
     stopped = stop_on_signals()
     tune_allocator()
+    use_small_pages()
     share_interpreter()
     return run_executable("predictor", __doc__, argv, stopped, _node_class)
 

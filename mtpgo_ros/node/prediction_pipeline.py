@@ -33,6 +33,7 @@ from mtpgo_ros.node.ego.ego_subscription import ego_source
 from mtpgo_ros.node.frame_transform import FixedFrameTransform, FrameTransform, NoTransform
 from mtpgo_ros.node.history_input import HistoryInput
 from mtpgo_ros.node.inference.inference_worker import InferenceWorker
+from mtpgo_ros.node.inference.late_cycle import late_cycle
 from mtpgo_ros.node.inference.prediction_request import PredictionRequest
 from mtpgo_ros.node.lanes.lane_input import no_pose
 from mtpgo_ros.node.lanes.lane_transform import LaneTransform
@@ -335,7 +336,8 @@ class PredictionPipeline:
         status = self._status
         self._published_s, self._unanswered_since_s = time.monotonic(), None
         self._events.count("predictions")
-        self._events.count("deadline_misses", int(latency_ns > request.deadline_ns))
+        if latency_ns > request.deadline_ns:
+            self._events.count("deadline_misses", reason=late_cycle(request, published_ns))
         status.latency.add(latency_ns * 1e-6)
         status.over_budget_in_a_row = status.over_budget_in_a_row + 1 if request.over_budget else 0
         status.agents = len(prediction)

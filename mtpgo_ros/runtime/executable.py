@@ -35,6 +35,10 @@ _interruptible = False
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -2, -3, -8
 
 
+_PR_SET_THP_DISABLE = 41
+"""From linux/prctl.h."""
+
+
 def tune_allocator() -> bool:
     """Make glibc keep the memory that a prediction frees for the next one.
 
@@ -58,6 +62,21 @@ def tune_allocator() -> bool:
         (_M_TOP_PAD, 64 << 20),
     )
     return all(libc.mallopt(name, value) == 1 for name, value in settings)
+
+
+def use_small_pages() -> bool:
+    """Let Linux give this process no huge pages; call it before memory is used.
+
+    numpy asks for them where an array has 4 MB or more, and with the settings of
+    :func:`tune_allocator` these arrays are on the heap, as is all that comes to their place after
+    them. Minutes later the kernel replaces 512 pages of 4 kB there by one of 2 MB, also where most
+    of them have never been used, so that the resident memory grows in steps that no code explains.
+
+    Returns:
+        Whether the setting was made; false if the system has none.
+    """
+    libc = ctypes.CDLL(None)
+    return hasattr(libc, "prctl") and libc.prctl(_PR_SET_THP_DISABLE, 1, 0, 0, 0) == 0
 
 
 def share_interpreter() -> None:

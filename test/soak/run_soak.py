@@ -18,9 +18,11 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -34,6 +36,9 @@ SETTLING_S = 300.0
 """Memory of the first five minutes is not judged (s), as in the promise."""
 
 SAMPLE_S = 10.0
+MOST_LINES = 20
+"""Warnings of the node's log that are printed, such as where the time of a late cycle went."""
+
 LARGEST_SLOPE_MB = 1.0
 """Largest growth of the resident memory in ten minutes (MB)."""
 
@@ -77,14 +82,14 @@ def main() -> int:
     return 1 if faults else 0
 
 
-def start(model: str, *parameters: str) -> subprocess.Popen[bytes]:
-    """Start a node."""
+def start(model: str, log: IO[bytes] | int, *parameters: str) -> subprocess.Popen[bytes]:
+    """Start a node whose log goes into a file, or to ``subprocess.DEVNULL``."""
     given = [f"model:={model}", *parameters]
     options = [part for text in given for part in ("-p", text)]
     return subprocess.Popen(
         [sys.executable, "-m", "mtpgo_ros.predictor", "--ros-args", *options],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        stdout=log,
+        stderr=subprocess.STDOUT,
     )
 
 
@@ -162,7 +167,8 @@ def _predict(seconds: float, model: str) -> list[str]:
     node.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, 10)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    predictor = start(model)
+    log = tempfile.TemporaryFile()  # noqa: SIM115  closed with the process
+    predictor = start(model, log)
     traffic, types = RingTraffic(AGENTS), RclpyTypes()
     samples: list[Sample] = []
     begin = time.monotonic()
@@ -202,6 +208,11 @@ def _predict(seconds: float, model: str) -> list[str]:
         f" {missed['deadline_misses']}, failed cycles {missed['cycles_failed']}, latency p99"
         f" {counts.get('latency_ms_p99', '?')} ms"
     )
+    log.seek(0)
+    lines = log.read().decode(errors="replace").splitlines()
+    warnings = [line for line in lines if "[WARN]" in line or "[ERROR]" in line]
+    for line in warnings[:MOST_LINES]:
+        print(f"  {line}")
     faults += [f"prediction: {name} is {n}" for name, n in missed.items() if n not in ("0", "")]
     return faults
 
@@ -234,7 +245,7 @@ def _configure(cycles: int, model: str) -> list[str]:
     node = Node("soak_configure")
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    predictor = start(model, "autostart:=false")
+    predictor = start(model, subprocess.DEVNULL, "autostart:=false")
     client = node.create_client(ChangeState, "predictor/change_state")
     steps = (
         Transition.TRANSITION_CONFIGURE,

@@ -64,6 +64,7 @@ class InferenceWorker:
 
     def submit(self, request: PredictionRequest) -> None:
         """Make ``request`` the next one to run, instead of those that still wait."""
+        request.submitted_ns = time.monotonic_ns()
         longest = 0 if self.skips else _LONGEST_QUEUE - 1
         with self._condition:
             surplus = max(0, len(self._waiting) - longest)
@@ -109,12 +110,16 @@ class InferenceWorker:
 
     def _answer(self, request: PredictionRequest) -> None:
         prediction = None
+        computed_ns = time.thread_time_ns()
+        request.begun_ns = time.monotonic_ns()
         try:
             prediction = self._predict(request.window)
         except Exception as error:
             self._events.failure(
                 "the model failed, constant velocity serves", error, "model_failures"
             )
+        request.computed_ns = time.thread_time_ns() - computed_ns
+        request.predicted_ns = time.monotonic_ns()
         if not request.claim():
             self._events.count("late_results_dropped")
         elif prediction is not None:

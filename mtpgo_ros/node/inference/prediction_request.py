@@ -28,6 +28,10 @@ class PredictionRequest:
         over_budget: the fallback answers because the model was not ready.
         scored: set once earlier predictions are scored by the observation, so that what was
             learned from it is served in each run.
+        submitted_ns: when it was submitted, 0 before (ns of the monotonic clock).
+        begun_ns: when the model began with it, 0 before (ns of the monotonic clock).
+        predicted_ns: when the model's answer was there, 0 before (ns of the monotonic clock).
+        computed_ns: processor time of the worker's thread in the model (ns).
     """
 
     window: HistoryWindow
@@ -37,6 +41,10 @@ class PredictionRequest:
     deadline_ns: int
     over_budget: bool = False
     scored: threading.Event = field(default_factory=threading.Event, repr=False)
+    submitted_ns: int = 0
+    begun_ns: int = 0
+    predicted_ns: int = 0
+    computed_ns: int = 0
     _claim: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     @property

@@ -153,6 +153,8 @@ def test_a_late_prediction_is_published_and_counted_as_a_missed_deadline(make):
     setup.pipeline._publish(request, setup.pipeline._predict(window))
     assert len(setup.prediction()) == 4
     assert setup.events.counts() == {"predictions": 1, "deadline_misses": 1}
+    (line,) = setup.logger.warnings
+    assert line.startswith("deadline missed: a prediction came ")
 
 
 def test_consecutive_cycles_over_budget_are_counted(make):

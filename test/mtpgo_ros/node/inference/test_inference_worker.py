@@ -197,3 +197,13 @@ def test_every_request_is_answered_once_or_skipped(seed):
     assert worker.stop(LIMIT_S)
     assert set(answers.values()) == {1}
     assert sum(answers.values()) + counts["cycles_skipped"] == 200
+
+
+def test_a_request_knows_the_times_that_it_has_been_through(scene):
+    request = PredictionRequest("one", 0, time.monotonic_ns(), LONG_NS, 2 * LONG_NS)
+    scene.worker.submit(request)
+    scene.go.release()
+    scene.until(lambda: scene.published)
+    times = (request.received_ns, request.submitted_ns, request.begun_ns, request.predicted_ns)
+    assert list(times) == sorted(times)
+    assert 0 <= request.computed_ns <= time.monotonic_ns() - request.begun_ns
