@@ -123,7 +123,7 @@ def largest_difference(scenes: int, phase: str, seed: int = 0) -> float:
     model, aim = make_model(seed).requires_grad_(True).train(), PHASES[phase]
     plain = ReferenceMTPGO(model.config, model.state_dict())
     batch = arc_batch(scenes, model.config, seed)
-    loss, mine = gradients(lambda: batch_loss(model, batch, aim, huber_delta=1.0), model)
+    loss, mine = gradients(lambda: batch_loss(model, batch, aim), model)
     other, theirs = gradients(lambda: plain_loss(plain, batch, aim), plain)
     worst = abs(loss - other) / abs(other)
     floor = 1e-6 * float(torch.stack([g.norm() for g in mine.values()]).norm())
@@ -157,7 +157,7 @@ def make_step(name: str, phase: str, scenes: int, rank: int = 0, processes: int 
     def step() -> float:
         optimiser.zero_grad(set_to_none=True)
         if name == "ours":
-            loss = share * batch_loss(model, batch, aim, huber_delta=1.0)
+            loss = share * batch_loss(model, batch, aim)
         else:
             loss = share * plain_loss(plain, batch, aim)
         loss.backward()

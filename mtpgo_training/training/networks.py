@@ -50,8 +50,8 @@ class OwnObjective:
     Attributes:
         name: in the log.
         loss: of a dense batch, a scalar averaged over its observed agent-steps; called with the
-            network, the batch, and by name ``huber_delta``, ``mean_weight``, ``heaviest_weight``
-            and ``progress``, the share of the epochs that are done.
+            network, the batch, and by name ``progress``, the share of the epochs that are done,
+            and ``huber``, the Huber losses to be added.
     """
 
     name: str

@@ -11,6 +11,7 @@ from torch_geometric.data import Batch
 
 from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
 from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
+from mtpgo_training.training.losses.huber_terms import HuberTerms
 from mtpgo_training.training.losses.likelihood_loss import (
     mode_likelihood_loss,
     negative_log_likelihood,
@@ -28,6 +29,7 @@ class BatchLoss(nn.Module):
         self.model = run.model
         self.run = run
         options = run.config.optimisation
+        self.huber = HuberTerms(options.huber_delta, options.mean_weight, options.heaviest_weight)
         self.likelihood: Likelihood = negative_log_likelihood
         if options.reduction == "sum":
             self.likelihood = summed_negative_log_likelihood
@@ -47,20 +49,16 @@ class BatchLoss(nn.Module):
             loss = functools.partial(
                 own.loss,
                 self.model,
-                huber_delta=options.huber_delta,
                 progress=self.run.state.epoch / options.main_epochs,
-                mean_weight=options.mean_weight,
-                heaviest_weight=options.heaviest_weight,
+                huber=self.huber,
             )
             return accumulated_loss(self.model, micro_batches(batch), loss)
         return batch_loss(
             self.model,
             batch,
             self.run.loss_weights(),
-            huber_delta=options.huber_delta,
             # The means do not change while the covariances are trained.
-            mean_weight=0.0 if calibrates else options.mean_weight,
-            heaviest_weight=0.0 if calibrates else options.heaviest_weight,
+            huber=HuberTerms(self.huber.delta) if calibrates else self.huber,
             likelihood=mode_likelihood_loss if calibrates else self.likelihood,
             teacher_forcing=teacher_forcing,
             summed=self.run.averages_agents,

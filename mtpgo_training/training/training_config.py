@@ -61,9 +61,9 @@ class OptimisationConfig:
         clip_norm: largest norm of the gradient.
         huber_delta: error at which the EWTA loss turns linear (m, m/s).
         mean_weight: weight of the expected Huber loss relative to the likelihood; 0 as in the
-            paper, see :func:`mtpgo_training.training.losses.likelihood_loss.expected_huber_loss`.
+            paper, see :func:`mtpgo_training.training.losses.huber_terms.expected_huber_loss`.
         heaviest_weight: weight of the Huber loss of the heaviest component, see
-            :func:`mtpgo_training.training.losses.likelihood_loss.heaviest_huber_loss`; 0 as in the
+            :func:`mtpgo_training.training.losses.huber_terms.heaviest_huber_loss`; 0 as in the
             paper.
         likelihood: ``step``: the paper's, a mixture at every step (eq. 27); ``trajectory``: a
             mixture of whole trajectories, see

@@ -13,10 +13,8 @@ from torch_geometric.data import Batch
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_training.training.losses.ewta_loss import ewta_loss
 from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
-from mtpgo_training.training.losses.likelihood_loss import (
-    huber_terms,
-    negative_log_likelihood,
-)
+from mtpgo_training.training.losses.huber_terms import NO_TERMS, HuberTerms
+from mtpgo_training.training.losses.likelihood_loss import negative_log_likelihood
 from mtpgo_training.training.losses.schedules import LossWeights
 
 Fields = Mapping[str, Tensor]
@@ -28,9 +26,7 @@ def training_loss(
     fields: Fields,
     weights: LossWeights,
     *,
-    huber_delta: float,
-    mean_weight: float = 0.0,
-    heaviest_weight: float = 0.0,
+    huber: HuberTerms = NO_TERMS,
     likelihood: Likelihood = negative_log_likelihood,
     teacher_forcing: bool = False,
     summed: bool = False,
@@ -41,9 +37,7 @@ def training_loss(
         model: the network.
         fields: a batch from :func:`mtpgo_training.scenes.scene_dataset.dense`.
         weights: of EWTA and NLL. The covariance is computed only where NLL counts.
-        huber_delta: see :func:`.ewta_loss.ewta_loss`.
-        mean_weight: see :func:`.likelihood_loss.huber_terms`, relative to NLL.
-        heaviest_weight: as ``mean_weight``.
+        huber: added to NLL, by weights relative to it; its delta is that of the EWTA loss, too.
         likelihood: the negative log-likelihood, one of :mod:`.likelihood_loss`.
         teacher_forcing: feed the observed states to the roll-out.
         summed: the EWTA loss is the paper's sum, see :func:`.ewta_loss.ewta_loss`; ``likelihood``
@@ -65,19 +59,11 @@ def training_loss(
     loss = mean.new_zeros(())
     if weights.ewta > 0.0:
         loss = loss + weights.ewta * ewta_loss(
-            mean, target, mask, weights.winners, huber_delta, summed=summed
+            mean, target, mask, weights.winners, huber.delta, summed=summed
         )
     if with_covariance:
         loss = loss + weights.nll * likelihood(log_weight, mean, covariance, target, mask)
-        loss = loss + weights.nll * huber_terms(
-            log_weight,
-            mean,
-            target,
-            mask,
-            huber_delta=huber_delta,
-            mean_weight=mean_weight,
-            heaviest_weight=heaviest_weight,
-        )
+        loss = loss + weights.nll * huber(log_weight, mean, target, mask)
     return loss
 
 
@@ -86,9 +72,7 @@ def batch_loss(
     batch: Batch,
     weights: LossWeights,
     *,
-    huber_delta: float,
-    mean_weight: float = 0.0,
-    heaviest_weight: float = 0.0,
+    huber: HuberTerms = NO_TERMS,
     likelihood: Likelihood = negative_log_likelihood,
     teacher_forcing: bool = False,
     summed: bool = False,
@@ -103,9 +87,7 @@ def batch_loss(
         model: the network.
         batch: graphs of :class:`mtpgo_training.scenes.scene_dataset.SceneDataset`.
         weights: this and the other arguments as in :func:`training_loss`.
-        huber_delta: see :func:`training_loss`.
-        mean_weight: see :func:`training_loss`.
-        heaviest_weight: see :func:`training_loss`.
+        huber: see :func:`training_loss`.
         likelihood: see :func:`training_loss`.
         teacher_forcing: see :func:`training_loss`.
         summed: average over the agents instead of the agent-steps; see :func:`training_loss`.
@@ -114,9 +96,7 @@ def batch_loss(
         training_loss,
         model,
         weights=weights,
-        huber_delta=huber_delta,
-        mean_weight=mean_weight,
-        heaviest_weight=heaviest_weight,
+        huber=huber,
         likelihood=likelihood,
         teacher_forcing=teacher_forcing,
         summed=summed,

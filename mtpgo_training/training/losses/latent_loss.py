@@ -10,17 +10,16 @@ from collections.abc import Mapping
 from torch import Tensor
 
 from models.baselines.latent.trajectron_plus_plus import TrajectronPlusPlus
-from mtpgo_training.training.losses.likelihood_loss import huber_terms, trajectory_log_prob
+from mtpgo_training.training.losses.huber_terms import NO_TERMS, HuberTerms
+from mtpgo_training.training.losses.likelihood_loss import trajectory_log_prob
 
 
 def latent_loss(
     model: TrajectronPlusPlus,
     fields: Mapping[str, Tensor],
     *,
-    huber_delta: float,
     progress: float,
-    mean_weight: float = 0.0,
-    heaviest_weight: float = 0.0,
+    huber: HuberTerms = NO_TERMS,
 ) -> Tensor:
     """Return -(E_q[log p(y | x, z)] - beta KL(q(z | x, y) || p(z | x)) + alpha I(x; z)), a scalar.
 
@@ -35,10 +34,8 @@ def latent_loss(
     Args:
         model: the network.
         fields: a batch from :func:`mtpgo_training.scenes.scene_dataset.dense`.
-        huber_delta: see :func:`.likelihood_loss.huber_terms`, like the weights.
         progress: share of the training that is done, which determines beta.
-        mean_weight: of a Huber loss; 0 as in the publication.
-        heaviest_weight: of a Huber loss; 0 as in the publication.
+        huber: added to the objective; by default nothing, as in the publication.
     """
     target, mask = fields["target"][..., :2], fields["weight"]
     context, start = model.encode(fields["x"], fields["valid"], fields["static"])
@@ -54,15 +51,7 @@ def latent_loss(
     bound = (expected - beta * divergence(log_posterior, log_prior)) * weight
     information = mutual_information(log_prior, weight) * weight.sum()
     gain = bound.sum() + config.information_weight * information
-    return -gain / mask.sum().clamp(min=1e-6) + huber_terms(
-        log_prior,
-        mean,
-        target,
-        mask,
-        huber_delta=huber_delta,
-        mean_weight=mean_weight,
-        heaviest_weight=heaviest_weight,
-    )
+    return -gain / mask.sum().clamp(min=1e-6) + huber(log_prior, mean, target, mask)
 
 
 def divergence(log_q: Tensor, log_p: Tensor) -> Tensor:

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The negative log-likelihood, eq. (27) of the paper, and an expected Huber loss to go with it.
+"""The negative log-likelihood, eq. (27) of the paper, and likelihoods to use in its place.
 
 The paper sums over the horizon. Here the losses are averages over the observed agent-steps,
 weighted by ``mask``, so that their value does not depend on how many futures of a batch are known;
@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from models.gaussian_mixture import mixture_nll, mode_log_prob
-from mtpgo_training.training.losses.ewta_loss import huber_per_mode, mean_distance, observed_agents
+from mtpgo_training.training.losses.ewta_loss import mean_distance, observed_agents
 
 NEAREST_SCALE_M = 0.2
 """Difference of two modes' mean errors at which the nearer one is e times as likely to be taken
@@ -79,79 +79,6 @@ def trajectory_likelihood_loss(
     of_mode = trajectory_log_prob(mean, covariance, target, mask) / correlated_steps
     of_agent = -correlated_steps * torch.logsumexp(log_weight + of_mode, dim=-1)
     return _mean_of_steps(of_agent, mask)
-
-
-def expected_huber_loss(
-    log_weight: Tensor, mean: Tensor, target: Tensor, mask: Tensor, huber_delta: float = 1.0
-) -> Tensor:
-    """Return the Huber loss of the components averaged with their mixture weights, a scalar.
-
-    Not in the paper. The likelihood's gradient with respect to a mean is divided by the variance,
-    so agents with a certain future dominate it and uncertain ones hardly count, and nothing in it
-    prefers that the heaviest component is near the truth, which is what ADE measures. This term
-    does.
-
-    Args:
-        log_weight: [B, N, M] log mixture weights.
-        mean: [B, N, M, H, S] predicted states.
-        target: [B, N, H, S] observed states; any finite value where not observed.
-        mask: [B, N, H] weight of each step, 0 where not observed.
-        huber_delta: error at which the loss turns from quadratic to linear (m and m/s).
-    """
-    loss = huber_per_mode(mean, target, mask, huber_delta)
-    return (log_weight.exp() * loss).sum() / mask.sum().clamp(min=1e-6)
-
-
-def heaviest_huber_loss(
-    log_weight: Tensor, mean: Tensor, target: Tensor, mask: Tensor, huber_delta: float = 1.0
-) -> Tensor:
-    """Return the Huber loss of the component with the largest weight, a scalar.
-
-    Not in the paper. The heaviest component is what most consumers take for the prediction.
-    :func:`expected_huber_loss` draws all components to the middle in proportion to their weights;
-    this term draws the heaviest alone, and the others may be distinct futures.
-
-    Args:
-        log_weight: [B, N, M] log mixture weights; only their order matters.
-        mean: [B, N, M, H, S] predicted states.
-        target: [B, N, H, S] observed states; any finite value where not observed.
-        mask: [B, N, H] weight of each step, 0 where not observed.
-        huber_delta: error at which the loss turns from quadratic to linear (m and m/s).
-    """
-    heaviest = log_weight.detach().argmax(dim=-1)[..., None, None, None]
-    path = mean.gather(2, heaviest.expand(-1, -1, 1, *mean.shape[3:]))
-    loss = huber_per_mode(path, target, mask, huber_delta)
-    return loss.sum() / mask.sum().clamp(min=1e-6)
-
-
-def huber_terms(
-    log_weight: Tensor,
-    mean: Tensor,
-    target: Tensor,
-    mask: Tensor,
-    *,
-    huber_delta: float,
-    mean_weight: float,
-    heaviest_weight: float,
-) -> Tensor:
-    """Return the sum of the Huber losses that are added to any network's objective, a scalar.
-
-    Args:
-        log_weight: see :func:`expected_huber_loss`, like the next four.
-        mean: [B, N, M, H, S].
-        target: [B, N, H, S].
-        mask: [B, N, H].
-        huber_delta: error at which the loss turns from quadratic to linear (m and m/s).
-        mean_weight: weight of :func:`expected_huber_loss`; 0 leaves it out.
-        heaviest_weight: weight of :func:`heaviest_huber_loss`; 0 leaves it out.
-    """
-    loss = mean.new_zeros(())
-    given = (log_weight, mean, target, mask, huber_delta)
-    if mean_weight > 0.0:
-        loss = loss + mean_weight * expected_huber_loss(*given)
-    if heaviest_weight > 0.0:
-        loss = loss + heaviest_weight * heaviest_huber_loss(*given)
-    return loss
 
 
 def mode_likelihood_loss(

@@ -12,17 +12,16 @@ from torch.nn.functional import one_hot
 
 from models.baselines.transformers.mm_transformer import MMTransformer
 from mtpgo_training.training.losses.ewta_loss import huber_per_mode, mean_distance
-from mtpgo_training.training.losses.likelihood_loss import huber_terms, negative_log_likelihood
+from mtpgo_training.training.losses.huber_terms import NO_TERMS, HuberTerms
+from mtpgo_training.training.losses.likelihood_loss import negative_log_likelihood
 
 
 def region_loss(
     model: MMTransformer,
     fields: Mapping[str, Tensor],
     *,
-    huber_delta: float,
     progress: float,
-    mean_weight: float = 0.0,
-    heaviest_weight: float = 0.0,
+    huber: HuberTerms = NO_TERMS,
 ) -> Tensor:
     """Return the sum of the regression, confidence, area and spread losses, a scalar.
 
@@ -31,23 +30,19 @@ def region_loss(
     :func:`confidence_loss`. Spread, not in the publication: the likelihood of the truth under
     proposals and scores that are held, which trains the covariances alone.
 
-    The Huber losses of :func:`.likelihood_loss.huber_terms`, not in the publication either, may be
-    added.
-
     Where the end is not observed, the proposal nearest to what is observed stands for the region.
 
     Args:
         model: the network.
         fields: a batch from :func:`mtpgo_training.scenes.scene_dataset.dense`.
-        huber_delta: error at which the Huber loss turns from quadratic to linear (m).
         progress: share of the training that is done; not used.
-        mean_weight: of a Huber loss; 0 as in the publication.
-        heaviest_weight: of a Huber loss; 0 as in the publication.
+        huber: added to the objective, by default nothing, as in the publication; its delta is that
+            of the regression, too.
     """
     target, mask = fields["target"][..., :2], fields["weight"]
     given = (fields["x"], fields["valid"])
     log_weight, mean, covariance = model.roll_out(*given, fields["static"], None, True, None, None)
-    error = huber_per_mode(mean, target, mask, huber_delta)  # [B, N, K]
+    error = huber_per_mode(mean, target, mask, huber.delta)  # [B, N, K]
     distance = mean_distance(mean.detach(), target, mask)
     complete = mask[..., -1:] > 0.0
     nearest = one_hot(distance.argmin(dim=-1), model.modes).bool()
@@ -58,15 +53,7 @@ def region_loss(
     confidence = (confidence_loss(log_weight, distance, judged) * weight).sum()
     spread = negative_log_likelihood(log_weight.detach(), mean.detach(), covariance, target, mask)
     steps = mask.sum().clamp(min=1e-6)
-    added = huber_terms(
-        log_weight,
-        mean,
-        target,
-        mask,
-        huber_delta=huber_delta,
-        mean_weight=mean_weight,
-        heaviest_weight=heaviest_weight,
-    )
+    added = huber(log_weight, mean, target, mask)
     return regression.sum() / steps + confidence / weight.sum().clamp(min=1e-6) + spread + added
 
 

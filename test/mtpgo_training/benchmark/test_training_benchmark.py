@@ -23,9 +23,7 @@ def test_no_parameter_is_left_out_of_the_comparison():
     model = training.make_model().requires_grad_(True)
     batch = training.arc_batch(2, model.config)
     aim = training.PHASES["NLL"]
-    _, grads = training.gradients(
-        lambda: training.batch_loss(model, batch, aim, huber_delta=1.0), model
-    )
+    _, grads = training.gradients(lambda: training.batch_loss(model, batch, aim), model)
     missing = set(dict(model.named_parameters())) - set(grads)
     assert missing == {"motion.inner", "motion.inner_bias"}  # there is one hidden layer
 

@@ -20,6 +20,7 @@ from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import dense, validation_scenes
 from mtpgo_training.training.losses import gradient_accumulation
 from mtpgo_training.training.losses.batch_loss import batch_loss, training_loss
+from mtpgo_training.training.losses.huber_terms import HuberTerms
 from mtpgo_training.training.losses.likelihood_loss import (
     negative_log_likelihood,
     trajectory_likelihood_loss,
@@ -49,16 +50,14 @@ def model():
 def test_a_blend_is_the_sum_of_its_parts(model, batches):
     def loss(ewta, nll):
         with torch.no_grad():
-            return float(
-                training_loss(model, batches[2], LossWeights(1, ewta, nll), huber_delta=1.0)
-            )
+            return float(training_loss(model, batches[2], LossWeights(1, ewta, nll)))
 
     assert loss(0.3, 0.7) == pytest.approx(0.3 * loss(1.0, 0.0) + 0.7 * loss(0.0, 1.0), rel=1e-4)
 
 
 def test_the_first_phase_leaves_the_covariance_alone(model, batches):
     model.zero_grad(set_to_none=True)
-    training_loss(model, batches[2], LossWeights(2, 1.0, 0.0), huber_delta=1.0).backward()
+    training_loss(model, batches[2], LossWeights(2, 1.0, 0.0)).backward()
     touched = {n.split(".")[0] for n, p in model.named_parameters() if p.grad is not None}
     assert "noise" not in touched
     assert {"encoder", "decoder", "control"} <= touched
@@ -127,12 +126,12 @@ def test_the_network_gets_the_trails_and_sizes_of_the_scenes(on_trails):
     torch.testing.assert_close(fields["static"][known][:, 8:], expected)
     aim = LossWeights(1, 0.0, 1.0)
     with torch.no_grad():
-        value = training_loss(network, fields, aim, huber_delta=1.0)
+        value = training_loss(network, fields, aim)
         output = network(fields["x"], fields["valid"], fields["static"], None, fields["trails"])
         expected = negative_log_likelihood(*output, fields["target"], fields["weight"])
         none = {**fields, "trails": torch.zeros_like(fields["trails"])}
         torch.testing.assert_close(value, expected)
-        assert not torch.equal(training_loss(network, none, aim, huber_delta=1.0), value)
+        assert not torch.equal(training_loss(network, none, aim), value)
 
 
 def test_the_loss_of_a_batch_is_that_of_its_micro_batches_with_trails(on_trails, monkeypatch):
@@ -142,7 +141,7 @@ def test_the_loss_of_a_batch_is_that_of_its_micro_batches_with_trails(on_trails,
     assert len(gradient_accumulation.micro_batches(batch)) > 1
     likelihood = functools.partial(trajectory_likelihood_loss, correlated_steps=5.0)
     aim = LossWeights(1, 0.5, 0.5)
-    options = {"huber_delta": 1.0, "mean_weight": 0.5, "likelihood": likelihood}
+    options = {"huber": HuberTerms(mean_weight=0.5), "likelihood": likelihood}
     whole = training_loss(network, dense(batch), aim, **options)
     parts = batch_loss(network, batch, aim, **options)
     torch.testing.assert_close(parts, whole, rtol=1e-5, atol=1e-6)
@@ -156,7 +155,6 @@ def test_no_tensor_with_trails_is_left_on_the_cpu(on_trails):
         copy.deepcopy(network).to("meta"),
         fields,
         LossWeights(1, 0.3, 0.7),
-        huber_delta=1.0,
         likelihood=likelihood,
     )
     loss.backward()
@@ -183,7 +181,7 @@ def test_nothing_is_left_on_the_cpu_when_training_is_elsewhere(batches, name, ai
     network = build_network(name, options, HISTORY, SCENE).to("meta")
     fields = {key: value.to("meta") for key, value in batches[0].items()}
     loss = training_loss(
-        network, fields, aim, huber_delta=1.0, mean_weight=1.0, teacher_forcing=True
+        network, fields, aim, huber=HuberTerms(mean_weight=1.0), teacher_forcing=True
     )
     loss.backward()
     assert loss.device.type == "meta"

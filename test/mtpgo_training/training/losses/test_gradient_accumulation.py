@@ -82,7 +82,7 @@ def fields() -> dict[str, Tensor]:
 
 
 def loss_of(model: nn.Module, aim: LossWeights) -> functools.partial[Tensor]:
-    return functools.partial(training_loss, model, weights=aim, huber_delta=1.0)
+    return functools.partial(training_loss, model, weights=aim)
 
 
 def gradients(model: nn.Module) -> list[Tensor | None]:

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The likelihoods against torch's distributions and by hand, the expected Huber loss by hand."""
+"""The likelihoods against torch's distributions and by hand."""
 
 import math
 
@@ -8,9 +8,6 @@ import pytest
 import torch
 
 from mtpgo_training.training.losses.likelihood_loss import (
-    expected_huber_loss,
-    heaviest_huber_loss,
-    huber_terms,
     mode_likelihood_loss,
     negative_log_likelihood,
     trajectory_likelihood_loss,
@@ -48,17 +45,6 @@ def test_nll_is_the_weighted_mean_of_a_mixture_of_distributions():
     expected = float((each * mask).sum() / mask.sum())
     value = negative_log_likelihood(log_weight, mean, covariance, target, mask)
     assert float(value) == pytest.approx(expected, rel=1e-4)
-
-
-def test_the_expected_huber_loss_is_weighted_by_the_mixture_and_trains_the_weights():
-    mean = torch.tensor([0.5, 3.0]).view(1, 1, 2, 1, 1)
-    logits = torch.zeros(1, 1, 2, requires_grad=True)
-    log_weight = torch.log_softmax(logits, dim=-1)
-    value = expected_huber_loss(log_weight, mean, torch.zeros(1, 1, 1, 1), torch.ones(1, 1, 1))
-    assert float(value.detach()) == pytest.approx(0.5 * 0.125 + 0.5 * 2.5)
-    value.backward()
-    gradient = logits.grad.flatten()
-    assert gradient[0] < 0.0 < gradient[1]  # towards the nearer component
 
 
 @pytest.mark.parametrize("correlated_steps", [1.0, 2.0])
@@ -215,25 +201,3 @@ def test_weights_learn_which_mode_is_nearest_and_covariances_the_error_of_every_
     assert (far[:2, 0, 0] < 0.0).all()  # its variance grows where it errs
     assert not far[2:].any()  # not observed
     assert not covariance.grad[..., 2:, 2:].any()  # the position alone
-
-
-def test_the_huber_loss_of_the_heaviest_mode_pulls_no_other_mode():
-    log_weight, mean, _, target = two_modes([0.4, 0.6], 3.0)
-    loss = heaviest_huber_loss(log_weight, mean, target, torch.ones(1, 1, 4))
-    assert float(loss.detach()) == pytest.approx(2.5)  # Huber of 3 m, delta 1
-    loss.backward()
-    assert mean.grad[0, 0, 1, :, 0].all()
-    assert not mean.grad[0, 0, 0].any()
-    assert log_weight.grad is None
-
-
-def test_the_huber_terms_are_added_by_their_weights():
-    """Losses 0.125 and 2.5 of two modes with weights 0.25 and 0.75: expected 1.90625."""
-    mean = torch.tensor([0.5, 3.0]).view(1, 1, 2, 1, 1)
-    log_weight = torch.tensor([0.25, 0.75]).log().view(1, 1, 2)
-    given = log_weight, mean, torch.zeros(1, 1, 1, 1), torch.ones(1, 1, 1)
-    for mean_weight, heaviest_weight, expected in ((0, 0, 0), (2, 0, 3.8125), (1, 4, 11.90625)):
-        value = huber_terms(
-            *given, huber_delta=1.0, mean_weight=mean_weight, heaviest_weight=heaviest_weight
-        )
-        assert float(value) == pytest.approx(expected)

@@ -54,7 +54,7 @@ def test_proposals_are_dealt_to_the_regions_in_turn(model):
 @pytest.mark.parametrize("end", [3, 2])
 def test_only_proposals_of_the_region_are_drawn_to_the_truth(model, end):
     """Or the nearest one, where the end is not observed."""
-    region_loss(model, batch(end), huber_delta=1.0, progress=0.0).backward()
+    region_loss(model, batch(end), progress=0.0).backward()
     touched = (model.first_path.grad.abs().sum(dim=-1) > 0.0).tolist()
     assert touched == ([False, True, False, True] if end == 3 else touched)
     assert sum(touched) == (2 if end == 3 else 1)
@@ -63,13 +63,13 @@ def test_only_proposals_of_the_region_are_drawn_to_the_truth(model, end):
 
 def test_the_covariances_learn_alone(model):
     """They get a gradient, and without them the rest has the same one."""
-    region_loss(model, batch(3), huber_delta=1.0, progress=0.0).backward()
+    region_loss(model, batch(3), progress=0.0).backward()
     assert model.noise.sigma_1.weight.grad.abs().sum() > 0.0
     before = model.path.weight.grad.clone()
     with torch.no_grad():
         model.noise.sigma_1.bias.add_(1.0)
     model.zero_grad()
-    region_loss(model, batch(3), huber_delta=1.0, progress=0.0).backward()
+    region_loss(model, batch(3), progress=0.0).backward()
     torch.testing.assert_close(model.path.weight.grad, before)
 
 
