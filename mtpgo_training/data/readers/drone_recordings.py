@@ -24,9 +24,10 @@ from mtpgo_core.schema import Float64Array
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_lines import line_in_file
 from mtpgo_training.data.readers.csv_table import read_header, read_table
-from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout
+from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout, find_drone_files
 from mtpgo_training.data.readers.file_hash import sha256_of
-from mtpgo_training.data.readers.reading_options import classes_of
+from mtpgo_training.data.readers.reading_options import ReadingOptions, classes_of
+from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.tables.track_rows import LONGEST_S
 from mtpgo_training.data.recording import Recording, first_and_last
 
@@ -145,6 +146,28 @@ DRONE_READERS: dict[str, Callable[[DroneFiles, ClassMap], Recording]] = {
         name: functools.partial(read_ind, layout=name) for name in ("ind", "round", "unid", "exid")
     },
 }
+
+
+def drone_units(
+    layout: str, directory: Path, names: Sequence[str] | None, options: ReadingOptions
+) -> list[Unit]:
+    """Return the files of each recording in a directory.
+
+    Args:
+        layout: a name in ``DRONE_READERS``.
+        directory: with the files.
+        names: of the recordings wanted, None for all.
+        options: what else is said about the files.
+
+    Raises:
+        RecordingError: the directory has no such files, or a name is missing.
+    """
+
+    def unit(files: DroneFiles) -> Unit:
+        read = DRONE_READERS[layout]
+        return Unit(files.name, layout, files.all, lambda: iter([read(files, options.classes)]))
+
+    return [unit(files) for files in find_drone_files(directory, names)]
 
 
 def _place(path: Path, row: int) -> str:

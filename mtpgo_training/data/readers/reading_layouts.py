@@ -87,17 +87,6 @@ def finder_of(layout: str) -> UnitFinder:
             from mtpgo_training.data.readers.bags.bag_recordings import bag_units
 
             return bag_units
-    return partial(_drone_units, layout)
+    from mtpgo_training.data.readers.drone_recordings import drone_units
 
-
-def _drone_units(
-    layout: str, directory: Path, names: Sequence[str] | None, options: ReadingOptions
-) -> list[Unit]:
-    from mtpgo_training.data.readers.drone_files import DroneFiles, find_drone_files
-    from mtpgo_training.data.readers.drone_recordings import DRONE_READERS
-
-    def unit(files: DroneFiles) -> Unit:
-        read = DRONE_READERS[layout]
-        return Unit(files.name, layout, files.all, lambda: iter([read(files, options.classes)]))
-
-    return [unit(files) for files in find_drone_files(directory, names)]
+    return partial(drone_units, layout)
