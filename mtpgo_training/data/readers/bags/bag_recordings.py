@@ -13,9 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.bags.bag_reader import DecodingBagReader, bag_name, is_bag
+from msg_adapters.bags.bag_reader import (
+    DecodingBagReader,
+    bag_name,
+    is_bag,
+    is_or_begins_as_bag,
+)
 from msg_adapters.bags.sqlite_file import files_left_beside
-from msg_adapters.bags.stored_bag import bag_files
+from msg_adapters.bags.stored_bag import bag_files, without_packed_copies
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.track_index import sort_keys
@@ -71,7 +76,7 @@ def bag_units(
     Raises:
         RecordingError: no bag there.
     """
-    if is_bag(directory):
+    if is_or_begins_as_bag(directory):
         bags = [directory]
     elif directory.is_file():
         raise RecordingError(
@@ -79,7 +84,9 @@ def bag_units(
         )
     else:
         existing_directory(directory, "a bag or a directory with bags")
-        bags = [path for path in visible_files(directory.iterdir(), directory) if is_bag(path)]
+        bags = without_packed_copies(
+            [path for path in visible_files(directory.iterdir(), directory) if is_bag(path)]
+        )
         if not bags:
             raise NoRecordingsError(
                 f"{directory} has no bags, expected .mcap files (or .db3, .bag) or rosbag2"

@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 import yaml
+from backports import zstd
 from fleet import write_bag
 from traffic import braking_cars
 
@@ -147,3 +148,25 @@ def test_missing_odometry_is_reported_with_the_reason(tmp_path, capsys):
     assert status == 2
     assert "has no tracked object on its topic /objects: the nearest pose to" in error
     assert error.count("\n") == 1
+
+
+def test_bags_of_any_name_and_links_to_bags_are_recordings(tmp_path):
+    write_bag(tmp_path / "a.mcap", cars(1, 10.0))
+    whole = load_recordings(tmp_path / "a.mcap", "bag")[0]
+    stored = (tmp_path / "a.mcap").rename(tmp_path / "5f70")
+    (chosen,) = load_recordings(stored, "bag")
+    assert (chosen.name, chosen.sha256) == ("5f70", whole.sha256)
+    links = tmp_path / "links"
+    links.mkdir()
+    for name in ("monday", "tuesday"):
+        (links / f"{name}.mcap").symlink_to(stored)
+    assert [r.name for r in load_recordings(links, "bag")] == ["monday", "tuesday"]
+    np.testing.assert_array_equal(chosen.position, whole.position)
+
+
+def test_a_bag_that_lies_beside_its_compressed_copy_is_one_recording(tmp_path):
+    write_bag(tmp_path / "a.mcap", cars(1, 10.0))
+    packed = zstd.compress((tmp_path / "a.mcap").read_bytes())
+    (tmp_path / "a.mcap.zst").write_bytes(packed)
+    (tmp_path / "b.mcap.zst").write_bytes(packed)
+    assert [r.name for r in load_recordings(tmp_path, "bag")] == ["a", "b"]
