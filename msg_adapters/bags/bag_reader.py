@@ -264,9 +264,16 @@ class DecodingBagReader(BagReader):
         return self
 
     def skipped(self) -> dict[str, str]:
-        """Return the topics whose messages cannot be decoded, and why, as far as is known."""
-        reasons = {c.topic: obstacle(c) for c in reversed(self._filled())}
-        return {topic: reason for topic, reason in reasons.items() if reason}
+        """Return the topics with messages that cannot be decoded, and why, as far as is known."""
+        decoded = {c.topic for c in self._filled() if not obstacle(c)}
+        found: dict[str, str] = {}
+        for connection in self._filled():
+            reason = obstacle(connection)
+            if reason and connection.topic in decoded:
+                reason = f"{counted(connection.msgcount)} of it cannot be read, {reason}"
+            if reason:
+                found.setdefault(connection.topic, reason)
+        return found
 
     def messages(
         self,

@@ -139,7 +139,7 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
         skipped = reader.skipped()
         if skipped:
             listed = "; ".join(f"{topic}: {reason}" for topic, reason in skipped.items())
-            remark(f"{path}: topics that cannot be read are skipped: {listed}")
+            remark(f"{path}: what cannot be read is left out: {listed}")
         topic = objects_topic(reader, options.bags.topic_of(name))
         if topic.others:
             remark(
