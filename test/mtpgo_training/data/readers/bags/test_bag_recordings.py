@@ -170,3 +170,21 @@ def test_a_bag_that_lies_beside_its_compressed_copy_is_one_recording(tmp_path):
     (tmp_path / "a.mcap.zst").write_bytes(packed)
     (tmp_path / "b.mcap.zst").write_bytes(packed)
     assert [r.name for r in load_recordings(tmp_path, "bag")] == ["a", "b"]
+
+
+@pytest.mark.parametrize("files", [[], ["drive_0.mcap"]])
+def test_a_folder_of_metadata_alone_is_one_sentence(tmp_path, files, capsys):
+    (tmp_path / "drive").mkdir()
+    about = {"rosbag2_bagfile_information": {"version": 9, "relative_file_paths": files}}
+    (tmp_path / "drive" / "metadata.yaml").write_text(yaml.safe_dump(about))
+    reason = "No such file or directory" if files else "names no file in its metadata.yaml"
+    folder, output = tmp_path / "drive", tmp_path / "out.mcap"
+    for command in (
+        ["data", folder, "--layout", "bag", "--no-cache"],
+        ["convert", "bag", folder, "-o", output],
+    ):
+        assert call(*command) == 2
+        (sentence,) = capsys.readouterr().err.splitlines()
+        assert str(folder) in sentence
+        assert reason in sentence
+    assert not output.exists()
