@@ -41,7 +41,7 @@ from mtpgo_training.data.readers.drone_files import (
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
-from mtpgo_training.data.readers.tables.frame_grid import FREE_RATE
+from mtpgo_training.data.readers.tables.frame_grid import FREE_RATE, TOLERANCE_STEPS
 from mtpgo_training.data.recording import Int64Array, Recording
 
 _ROUNDING_S = 1e-6
@@ -218,7 +218,7 @@ def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:
         # One that gives the stamps as they are, else the first that is near enough.
         rates = sorted(off_s, key=lambda rate: off_s[rate] > _ROUNDING_S)
         for rate in rates:
-            if off_s[rate] < 1e-4:
+            if off_s[rate] < min(1e-4, TOLERANCE_STEPS / rate):
                 return frame.astype(np.int64), rate
     return np.round(elapsed_s * FREE_RATE).astype(np.int64), FREE_RATE
 

@@ -239,9 +239,9 @@ def _objects(path: Path) -> Iterator[dict[str, Any]]:
                     more = stream.read(max(_AT_ONCE, len(text) - place))
                     if not more or len(text) - place > _LONGEST_RECORD:
                         # Some sentences of the library end in "at", before a place in a part.
-                        reason = error.msg.removesuffix(" at").removesuffix(" starting")
+                        what = error.msg.removesuffix(" at").removesuffix(" starting")
                         raise RecordingError(
-                            f"{path} cannot be read as JSON: {reason}"
+                            f"{path} cannot be read as JSON: {what}"
                             + ("" if more else ", the file may be truncated")
                         ) from error
                     text, place = text[place:] + more, 0

@@ -9,6 +9,7 @@ import pytest
 import yaml
 from backports import zstd
 from fleet import write_bag
+from odd_bags import states_at, write_stream
 from traffic import braking_cars
 
 from msg_adapters.registry import INPUTS
@@ -188,3 +189,13 @@ def test_a_folder_of_metadata_alone_is_one_sentence(tmp_path, files, capsys):
         assert str(folder) in sentence
         assert reason in sentence
     assert not output.exists()
+
+
+def test_two_sensors_with_stamps_near_each_other_have_no_rate_of_their_own(tmp_path):
+    lidar = [(n / 10, states_at(n / 10)) for n in range(20)]
+    # Never the same distance from the other's: 0.1207 ms at the least.
+    radar = [(t, states_at(t, ids=(8, 9))) for t in (0.0001207 + n * 0.0970003 for n in range(20))]
+    messages = sorted([*lidar, *radar], key=lambda message: message[0])
+    write_stream(tmp_path / "two.mcap", messages)
+    (recording,) = load_recordings(tmp_path, "bag")
+    assert recording.frame_rate == 1000.0
