@@ -8,6 +8,7 @@ asked for are opened, each by its own encoding and definition.
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
@@ -28,6 +29,7 @@ from msg_adapters.bags.stored_bag import (
     METADATA,
     SUFFIXES,
     StoredBag,
+    begins_as_bag,
     has_bag_suffix,
     is_unfinished_bag,
     tell_once,
@@ -39,15 +41,26 @@ _LATCHED_BY_NAME = frozenset({"tf_static", "robot_description", "map"})
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether a path looks like a bag, without opening it."""
+    """Return whether a path is named as a bag is, without opening it."""
     if path.is_dir():
         return (path / METADATA).is_file() or is_unfinished_bag(path)
     return has_bag_suffix(path) and path.is_file()
 
 
+def is_or_begins_as_bag(path: Path) -> bool:
+    """Return whether a path that a user chose is a bag, whatever the name of a file ends in.
+
+    In a folder only names tell the bags: a copy may lie beside one, and any other SQLite file.
+    """
+    return is_bag(path) or (path.is_file() and begins_as_bag(path))
+
+
 def bag_name(path: Path) -> str:
-    """Return the name of a bag: that of its directory, or of its file without the ending."""
-    name = path.resolve().name
+    """Return the name of a bag: that of its directory, or of its file without the ending.
+
+    A link has its own name: in stores of large files what it leads to is named by a hash.
+    """
+    name = Path(os.path.abspath(path)).name
     suffix = next((s for s in SUFFIXES if name.lower().endswith(s)), "")
     return name[: len(name) - len(suffix)] if path.is_file() else name
 
@@ -251,9 +264,16 @@ class DecodingBagReader(BagReader):
         return self
 
     def skipped(self) -> dict[str, str]:
-        """Return the topics whose messages cannot be decoded, and why, as far as is known."""
-        reasons = {c.topic: obstacle(c) for c in reversed(self._filled())}
-        return {topic: reason for topic, reason in reasons.items() if reason}
+        """Return the topics with messages that cannot be decoded, and why, as far as is known."""
+        decoded = {c.topic for c in self._filled() if not obstacle(c)}
+        found: dict[str, str] = {}
+        for connection in self._filled():
+            reason = obstacle(connection)
+            if reason and connection.topic in decoded:
+                reason = f"{counted(connection.msgcount)} of it cannot be read, {reason}"
+            if reason:
+                found.setdefault(connection.topic, reason)
+        return found
 
     def messages(
         self,

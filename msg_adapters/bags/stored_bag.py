@@ -16,7 +16,7 @@ import shutil
 import sqlite3
 import tempfile
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -51,7 +51,16 @@ from msg_adapters.bags.sqlite_file import (
 )
 from mtpgo_core.errors import RecordingError, reason_of
 
-SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag", ".bag.active")
+_PACKED = (".zstd", ".zst")
+"""Endings that rosbag2 and the program zstd add to the name of a file that they compress."""
+
+SUFFIXES = (
+    ".mcap",
+    ".db3",
+    *(ending + packed for ending in (".mcap", ".db3") for packed in _PACKED),
+    ".bag",
+    ".bag.active",
+)
 """How the names of a bag's files end, in small letters or capitals."""
 
 _SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
@@ -75,6 +84,19 @@ def has_bag_suffix(path: Path) -> bool:
     return path.name.lower().endswith(SUFFIXES)
 
 
+def begins_as_bag(path: Path) -> bool:
+    """Return whether a file begins as one of a bag does, also a compressed one, whatever its name.
+
+    False where it cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            begin = stream.read(len(_SQLITE))
+    except OSError:
+        return False
+    return begin.startswith((MAGIC, _SQLITE, MAGIC_ROS1, _ZSTD))
+
+
 def bag_files(folder: Path) -> list[Path]:
     """Return the files of a folder that are named as a bag's, the numbered ones by number."""
 
@@ -85,7 +107,20 @@ def bag_files(folder: Path) -> list[Path]:
     # macOS lays a ._NAME.mcap beside each file.
     shown = (path for path in folder.iterdir() if not path.name.startswith("."))
     found = [path for path in shown if has_bag_suffix(path) and path.is_file()]
-    return sorted(found, key=order)
+    return sorted(without_packed_copies(found), key=order)
+
+
+def without_packed_copies(paths: Collection[Path]) -> list[Path]:
+    """Return paths without the compressed files beside which the files themselves lie.
+
+    The program zstd keeps what it compresses, and so does a recorder that is killed meanwhile.
+    """
+    there = set(paths)
+    return [
+        path
+        for path in paths
+        if not (path.suffix.lower() in _PACKED and path.with_suffix("") in there)
+    ]
 
 
 def is_unfinished_bag(folder: Path) -> bool:
@@ -103,12 +138,29 @@ def is_unfinished_bag(folder: Path) -> bool:
 
 
 def _stem(path: Path) -> str:
-    return re.sub(r"\.(mcap|db3)(\.zstd)?$", "", path.name, flags=re.IGNORECASE)
+    return re.sub(r"\.(mcap|db3)(\.zstd?)?$", "", path.name, flags=re.IGNORECASE)
 
 
 def _bag_name(path: Path) -> str:
     match = _NUMBERED.fullmatch(_stem(path))
     return match[1] if match else _stem(path)
+
+
+def _with_missing(files: Sequence[Path]) -> list[Path]:
+    """Return the files of a bag, and those that their numbers tell to be missing between them.
+
+    The first ones may be missing on purpose, as recorders delete them where space is short; and
+    numbers far from each other are times, which count nothing.
+    """
+    matches = [_NUMBERED.fullmatch(_stem(file)) for file in files]
+    number = {int(match[2]): file for match, file in zip(matches, files, strict=True) if match}
+    if len(number) < len(files) or max(number) - min(number) >= 2 * len(files):
+        return list(files)
+    suffix = files[0].name.removeprefix(_stem(files[0]))
+    return [
+        number.get(n) or files[0].with_name(f"{_bag_name(files[0])}_{n}{suffix}")
+        for n in range(min(number), max(number) + 1)
+    ]
 
 
 def mcap_connection(
@@ -273,7 +325,7 @@ class StoredBag:
                     f"{self.path} {self._about.problem} and holds the bags"
                     f" {', '.join(sorted(names))}, expected one of them"
                 )
-            return files
+            return _with_missing(files)
         named = [self._present(name) for name in self._about.files]
         if not any(file.is_file() for file in named):
             others = bag_files(self.path)
@@ -302,12 +354,13 @@ class StoredBag:
 
     def _present(self, name: str) -> Path:
         """Return a file that the metadata name, as it is called now."""
-        suffix = ".zstd"
-        for other in (name, name.removesuffix(suffix), name + suffix):
+        plain = next((name.removesuffix(e) for e in _PACKED if name.endswith(e)), name)
+        names = dict.fromkeys((name, plain, *(plain + ending for ending in _PACKED)))
+        for other in names:
             if (self.path / other).is_file():
                 return self.path / other
         # Cameras and Windows write names in capitals.
-        wanted = {name.lower(), name.lower().removesuffix(suffix), name.lower() + suffix}
+        wanted = {other.lower() for other in names}
         alike = [path for path in bag_files(self.path) if path.name.lower() in wanted]
         return alike[0] if alike else self.path / name
 
@@ -337,12 +390,22 @@ class StoredBag:
             self._files.append(file)
 
     def _inflated(self, file: Path) -> Path:
-        """Return a copy of a compressed file, or of as much of it as there is."""
-        packed = file.suffix.lower() == ".zstd"
+        """Return a copy of a compressed file, or of as much of it as there is.
+
+        Raises:
+            McapError: nothing of it can be decompressed.
+        """
+        packed = file.suffix.lower() in _PACKED
         target = self._temporary_folder() / (file.stem if packed else file.name)
-        cut_or_damaged = suppress(EOFError, zstd.ZstdError)
-        with zstd.open(file, "rb") as stream, target.open("wb") as out, cut_or_damaged:
-            shutil.copyfileobj(stream, out)
+        try:
+            with zstd.open(file, "rb") as stream, target.open("wb") as out:
+                shutil.copyfileobj(stream, out)
+        except (EOFError, zstd.ZstdError) as error:
+            if not target.stat().st_size:
+                raise McapError(
+                    "it is compressed by Zstandard, and cut off or damaged before anything of it"
+                    " can be decompressed"
+                ) from error
         return target
 
     def _sqlite(self, file: Path) -> _SqliteStorage:

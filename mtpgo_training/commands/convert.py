@@ -127,9 +127,10 @@ def _copy(args: argparse.Namespace) -> int:
         )
     copied = copy_bag(source.directory, args.output, progress=sys.stderr.isatty())
     for topic, reason in copied.skipped.items():
-        print(f"mtpgo: topic {topic} is left out: {reason}", file=sys.stderr)
+        what = "is copied in part" if topic in copied.topics else "is left out"
+        print(f"mtpgo: topic {topic} {what}: {reason}", file=sys.stderr)
     print(
-        f"{copied.path}: {copied.topics} topic(s), {copied.duration_s:.1f} s, "
+        f"{copied.path}: {len(copied.topics)} topic(s), {copied.duration_s:.1f} s, "
         f"{copied.messages} messages"
     )
     return 0

@@ -107,14 +107,14 @@ class CopiedBag:
 
     Attributes:
         path: the file or directory.
-        topics: number of topics.
+        topics: names of the topics.
         messages: number of messages.
         duration_s: from the first to the last message (s).
-        skipped: topics that were left out -> why.
+        skipped: topics that were left out, in whole or in part -> why.
     """
 
     path: Path
-    topics: int
+    topics: frozenset[str]
     messages: int
     duration_s: float
     skipped: dict[str, str]
@@ -184,7 +184,7 @@ def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
             raise RecordingError(f"nothing was written to {output}: {bag} has no message")
         duration_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
     return CopiedBag(
-        output, len({one.topic for one in copied}), target.messages, duration_s, skipped
+        output, frozenset(one.topic for one in copied), target.messages, duration_s, skipped
     )
 
 

@@ -172,7 +172,7 @@ def _bag_of(source: DataSource, recording: str) -> Path | None:
     """Return the bag that a recording was read from, None if it was not a bag."""
     if source.layout != "bag":
         return None
-    if is_bag(source.directory):
+    if source.directory.is_file() or is_bag(source.directory):
         return source.directory
     bags = [path for path in sorted(source.directory.iterdir()) if is_bag(path)]
     named = [path for path in bags if recording == bag_name(path)]

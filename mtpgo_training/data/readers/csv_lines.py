@@ -70,6 +70,8 @@ def kind_of_other_file(path: Path) -> str:
         tag = bytes_of.startswith(b"<")  # may be in any case, the others are codes
         if (begin.lower() if tag else begin).startswith(bytes_of):
             return kind
+    if begin and not begin.strip(b"\0"):
+        return "no text but zero bytes at its beginning, expected CSV"
     # Every second byte of English text in UTF-16 is zero.
     if b"\0" in begin.rstrip(b"\0"):
         return "no text, expected CSV in UTF-8"

@@ -53,6 +53,17 @@ def test_messages_of_another_encoding_on_a_topic_are_left_out_and_counted(tmp_pa
         assert bag.skipped() == {"/talk": "its 1 messages in 'json' are left out"}
 
 
+@pytest.mark.parametrize("json_first", [True, False])
+def test_what_is_not_decoded_of_a_topic_is_told_whichever_comes_first(tmp_path, json_first):
+    other = ("/talk", TEXT, "jsonschema", "{}", "json", b"{}")
+    channels = [other, TALK] if json_first else [TALK, other]
+    with DecodingBagReader(write(tmp_path / "bag.mcap", *channels)) as bag:
+        assert bag.skipped() == {
+            "/talk": "1 message of it cannot be read, its messages are encoded as 'json', "
+            "expected 'cdr'"
+        }
+
+
 def heard(path, topic="/talk"):
     with DecodingBagReader(path) as bag:
         found = [m for _, _, m in bag.messages([c for c in bag.connections if c.topic == topic])]

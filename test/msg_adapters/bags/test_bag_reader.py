@@ -7,7 +7,13 @@ import pytest
 from mcap.writer import Writer as McapLibraryWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from msg_adapters.bags.bag_reader import BagReader, DecodingBagReader, is_bag
+from msg_adapters.bags.bag_reader import (
+    BagReader,
+    DecodingBagReader,
+    bag_name,
+    is_bag,
+    is_or_begins_as_bag,
+)
 from msg_adapters.bags.bag_types import bag_typestore
 from msg_adapters.bags.mcap_writer import McapWriter, _qos
 from msg_adapters.registry import INPUTS
@@ -87,6 +93,26 @@ def test_messages_are_decoded_in_order_of_time(tmp_path, storage):
     assert found[0][-1].data == "3"
     states = INPUTS["pointcloud2"].to_states(found[-1][-1])
     np.testing.assert_array_equal(states.position, states_at(0.2).position)
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("name", ["drive", "drive.mcap.bak", "drive.sqlite", "drive.db3.part"])
+def test_a_file_that_is_chosen_is_a_bag_by_what_it_holds(tmp_path, storage, name):
+    folder = write_bag(tmp_path / "bag", seconds=0.2, storage=storage)
+    path = next(f for f in folder.iterdir() if f.suffix != ".yaml").rename(tmp_path / name)
+    assert is_or_begins_as_bag(path)
+    assert not is_bag(path)  # in a folder a name tells
+    assert bag_name(path) == name
+    (tmp_path / "text").write_text("no bag")
+    assert not is_or_begins_as_bag(tmp_path / "text")
+
+
+def test_a_link_to_a_bag_has_its_own_name(tmp_path):
+    folder = write_bag(tmp_path / "bag", seconds=0.2)
+    stored = (folder / "bag.mcap").rename(tmp_path / "SHA256E-s9--5f70")
+    (tmp_path / "drive.mcap").symlink_to(stored)
+    assert bag_name(tmp_path / "drive.mcap") == "drive"
+    assert bag_name(tmp_path / "bag" / "..") == tmp_path.name
 
 
 def _nothing(tmp_path):

@@ -132,6 +132,29 @@ def test_a_missing_split_is_a_loss(tmp_path):
     assert "20 messages (1.9 s) lost" in sentence
 
 
+@pytest.mark.parametrize(("kept", "missing"), [((0, 1, 3, 4), (2,)), ((2, 3, 4), ())])
+def test_numbers_tell_which_split_is_missing_where_there_are_no_metadata(tmp_path, kept, missing):
+    path = tmp_path / "bag"
+    write_split(path, files=5)
+    (path / "metadata.yaml").unlink()
+    for place in set(range(5)) - set(kept):
+        (path / f"bag_{place}.mcap").unlink()
+    numbers, losses = read(path)
+    assert numbers == [20 * place + n for place in kept for n in range(20)]
+    assert len(losses) == len(missing)
+    for place, sentence in zip(missing, losses, strict=True):
+        assert f"bag_{place}.mcap cannot be read (No such file or directory)" in sentence
+        assert "up to 2.1 s lost, of how many messages is not known" in sentence
+
+
+def test_times_in_the_names_of_files_number_none_of_them(tmp_path):
+    path = tmp_path / "bag"
+    write_split(path, files=2)
+    (path / "metadata.yaml").unlink()
+    (path / "bag_1.mcap").rename(path / "bag_20240501120000.mcap")
+    assert read(path) == (list(range(40)), [])
+
+
 def test_files_that_the_metadata_do_not_name_yet_are_read_as_well(tmp_path, caplog):
     path = tmp_path / "bag"
     about = write_split(path)
@@ -216,6 +239,39 @@ def test_compressed_files_are_read_also_where_they_are_cut(tmp_path, listed):
         assert numbers[:200] == list(range(200))
         assert numbers == list(range(len(numbers)))
         assert len(losses) == 1
+
+
+def test_the_program_zstd_may_have_compressed_a_file(tmp_path):
+    path = tmp_path / "bag"
+    write_split(path, files=2)
+    for file in bag_files(path):
+        file.with_name(f"{file.name}.zst").write_bytes(zstd.compress(file.read_bytes()))
+        file.unlink()
+    assert read(path) == (list(range(40)), [])
+    (path / "metadata.yaml").unlink()
+    assert is_unfinished_bag(path)
+    assert read(path) == (list(range(40)), [])
+    assert bag_name(path / "bag_1.mcap.zst") == "bag_1"
+
+
+def test_a_file_that_lies_beside_its_compressed_copy_is_read_once(tmp_path):
+    path = tmp_path / "bag"
+    write_split(path, files=2)
+    (path / "metadata.yaml").unlink()
+    (path / "bag_0.mcap.zst").write_bytes(zstd.compress((path / "bag_0.mcap").read_bytes()))
+    (path / "bag_1.mcap.zstd").write_bytes(b"\x28\xb5\x2f\xfd")  # its compression was stopped
+    assert read(path) == (list(range(40)), [])
+
+
+def test_a_compressed_file_that_is_cut_at_its_beginning_is_not_called_empty(tmp_path):
+    path = tmp_path / "bag.mcap.zstd"
+    path.write_bytes(zstd.compress(b"\x89MCAP0\r\n" + bytes(range(256)))[:40])
+    with pytest.raises(
+        RecordingError,
+        match=r"bag\.mcap\.zstd cannot be read .*: it is compressed by Zstandard, and cut off or "
+        r"damaged before anything of it can be decompressed$",
+    ):
+        StoredBag(path)
 
 
 def test_compressed_messages_are_read_without_metadata(tmp_path):

@@ -4,6 +4,7 @@
 
 import pytest
 from fleet import write_bag
+from odd_bags import OddBag, bytes_of, states_at
 from rosbags.highlevel import AnyReader
 from traffic import braking_cars
 
@@ -77,3 +78,17 @@ def test_a_bag_is_not_converted_onto_itself(tmp_path, capsys):
         assert cli.main(["convert", "bag", str(path), "-o", str(output)]) == 2
         assert "which is read, expected another output" in capsys.readouterr().err
     assert {file.name: file.read_bytes() for file in path.iterdir()} == before
+
+
+def test_topics_that_are_copied_in_part_are_not_called_left_out(tmp_path, capsys):
+    with OddBag(tmp_path / "a.mcap") as bag:
+        bag.add(bag.objects(), bytes_of(states_at(0.0)), 0.0)
+        for topic in ("/objects", "/scene"):
+            other = bag.channel(topic, "a.B", "{}", language="jsonschema", encoding="json")
+            bag.add(other, b"{}", 1.0)
+    out = str(tmp_path / "out")
+    assert cli.main(["convert", "bag", str(tmp_path / "a.mcap"), "--raw", "-o", out]) == 0
+    assert sorted(capsys.readouterr().err.splitlines()) == [
+        "mtpgo: topic /objects is copied in part: its 1 messages in 'json' are left out",
+        "mtpgo: topic /scene is left out: its messages are encoded as 'json', expected 'cdr'",
+    ]

@@ -16,8 +16,8 @@ from msg_adapters.bags.bag_definitions import obstacle
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.stored_bag import tell_once
 from msg_adapters.conversions import reading, stamp_to_ns
-from msg_adapters.inputs.odometry import ODOMETRY, pose_of
-from mtpgo_core.errors import MessageError
+from msg_adapters.inputs.odometry import ODOMETRY, dated_pose, pose_of
+from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import PoseBuffer, to_fixed_frame
 from mtpgo_core.schema import TrackedStates
 from mtpgo_training.data.readers.bags.bag_topics import nearest_first, shared_namespaces
@@ -42,6 +42,7 @@ class BagPoses:
     def __init__(self, reader: DecodingBagReader, near: str = "") -> None:
         self._reader, self._near = reader, near
         self._poses: dict[str, tuple[str, PoseBuffer]] = {}
+        self._unusable: dict[str, str] = {}
         self._tree: TransformTree | None = None
         self._from_tree: dict[str, tuple[str, PoseBuffer] | None] = {}
         self._odometry = [
@@ -54,12 +55,20 @@ class BagPoses:
                     parent, child = message.header.frame_id, message.child_frame_id
                     if child in ("", parent):
                         continue
-                    stamp_ns, pose = stamp_to_ns(message.header.stamp), pose_of(message)
                     fixed, poses = found.setdefault(child, (parent, PoseBuffer(WHOLE_BAG_S)))
                     if fixed == parent:
-                        poses.add(stamp_ns, pose)
+                        self._add(poses, message)
             # Of several topics with the same frame, the first is used.
             self._poses = {**found, **self._poses}
+
+    def _add(self, poses: PoseBuffer, message: Any) -> None:
+        """Add the pose of an odometry, or keep why it is none."""
+        if poses.add(stamp_to_ns(message.header.stamp), pose_of(message)):
+            return
+        try:
+            dated_pose(message, "an odometry")
+        except MessageError as error:
+            self._unusable.setdefault(message.child_frame_id, str(error))
 
     def _odometry_topics(self) -> list[str]:
         return nearest_first({connection.topic for connection in self._odometry}, self._near)
@@ -91,7 +100,14 @@ class BagPoses:
         if found is None:
             return states
         fixed, poses = found
-        return to_fixed_frame(states, poses.at(states.stamp_ns), fixed)
+        try:
+            pose = poses.at(states.stamp_ns)
+        except FrameError as error:
+            reason = self._unusable.get(states.frame_id)
+            if reason is None:
+                raise
+            raise FrameError(f"{error}; {reason}") from error
+        return to_fixed_frame(states, pose, fixed)
 
     def is_apart(self, frame: str) -> bool:
         """Return whether the bag's transforms tell how frames move, but nothing of this one."""

@@ -13,9 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.bags.bag_reader import DecodingBagReader, bag_name, is_bag
+from msg_adapters.bags.bag_reader import (
+    DecodingBagReader,
+    bag_name,
+    is_bag,
+    is_or_begins_as_bag,
+)
 from msg_adapters.bags.sqlite_file import files_left_beside
-from msg_adapters.bags.stored_bag import bag_files
+from msg_adapters.bags.stored_bag import bag_files, without_packed_copies
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.track_index import sort_keys
@@ -36,7 +41,7 @@ from mtpgo_training.data.readers.drone_files import (
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
-from mtpgo_training.data.readers.tables.frame_grid import FREE_RATE
+from mtpgo_training.data.readers.tables.frame_grid import FREE_RATE, TOLERANCE_STEPS
 from mtpgo_training.data.recording import Int64Array, Recording
 
 _ROUNDING_S = 1e-6
@@ -71,7 +76,7 @@ def bag_units(
     Raises:
         RecordingError: no bag there.
     """
-    if is_bag(directory):
+    if is_or_begins_as_bag(directory):
         bags = [directory]
     elif directory.is_file():
         raise RecordingError(
@@ -79,7 +84,9 @@ def bag_units(
         )
     else:
         existing_directory(directory, "a bag or a directory with bags")
-        bags = [path for path in visible_files(directory.iterdir(), directory) if is_bag(path)]
+        bags = without_packed_copies(
+            [path for path in visible_files(directory.iterdir(), directory) if is_bag(path)]
+        )
         if not bags:
             raise NoRecordingsError(
                 f"{directory} has no bags, expected .mcap files (or .db3, .bag) or rosbag2"
@@ -132,7 +139,7 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
         skipped = reader.skipped()
         if skipped:
             listed = "; ".join(f"{topic}: {reason}" for topic, reason in skipped.items())
-            remark(f"{path}: topics that cannot be read are skipped: {listed}")
+            remark(f"{path}: what cannot be read is left out: {listed}")
         topic = objects_topic(reader, options.bags.topic_of(name))
         if topic.others:
             remark(
@@ -211,7 +218,7 @@ def _frames(stamps_ns: Int64Array) -> tuple[Int64Array, float]:
         # One that gives the stamps as they are, else the first that is near enough.
         rates = sorted(off_s, key=lambda rate: off_s[rate] > _ROUNDING_S)
         for rate in rates:
-            if off_s[rate] < 1e-4:
+            if off_s[rate] < min(1e-4, TOLERANCE_STEPS / rate):
                 return frame.astype(np.int64), rate
     return np.round(elapsed_s * FREE_RATE).astype(np.int64), FREE_RATE
 

@@ -223,7 +223,7 @@ def _objects(path: Path) -> Iterator[dict[str, Any]]:
     """Yield the objects of a JSON list one after the other, without the whole file in memory."""
     decoder = json.JSONDecoder()
     try:
-        with path.open(encoding="utf-8") as stream:
+        with path.open(encoding="utf-8-sig") as stream:
             text = stream.read(_AT_ONCE).lstrip()
             if not text.startswith("["):
                 raise RecordingError(f"{path} is no JSON list, expected a table of nuScenes")
@@ -238,8 +238,10 @@ def _objects(path: Path) -> Iterator[dict[str, Any]]:
                 except json.JSONDecodeError as error:
                     more = stream.read(max(_AT_ONCE, len(text) - place))
                     if not more or len(text) - place > _LONGEST_RECORD:
+                        # Some sentences of the library end in "at", before a place in a part.
+                        what = error.msg.removesuffix(" at").removesuffix(" starting")
                         raise RecordingError(
-                            f"{path} cannot be read as JSON: {error.msg}"
+                            f"{path} cannot be read as JSON: {what}"
                             + ("" if more else ", the file may be truncated")
                         ) from error
                     text, place = text[place:] + more, 0

@@ -13,6 +13,10 @@ TOLERANCE_S = 1e-3
 """Deviation of a time from a grid (s) that is rounding; chosen: times are often whole
 milliseconds, and at 30 m/s it is 3 cm."""
 
+TOLERANCE_STEPS = 0.25
+"""Deviation of a time from a grid, in steps of the grid, that is rounding; chosen: any times at
+all are within half a step of a grid."""
+
 FREE_RATE = 1000.0
 """Frame rate of times without a fixed rate (Hz); chosen: finer than any tracker's jitter."""
 
@@ -38,7 +42,8 @@ def frames_of_times(time_s: Float64Array) -> tuple[Int64Array, float]:
     for step_s in (np.median(steps_s), steps_s.min()) if len(steps_s) else ():
         for rate in _candidates(_rate(steps_s, float(step_s))):
             number = np.round(distinct * rate)
-            fits = np.abs(number / rate - distinct) <= TOLERANCE_S
+            tolerance_s = min(TOLERANCE_S, TOLERANCE_STEPS / rate)
+            fits = np.abs(number / rate - distinct) <= tolerance_s
             if fits.all() and (np.diff(number) > 0).all():
                 return np.round(elapsed_s * rate).astype(np.int64), rate
     return np.round(elapsed_s * FREE_RATE).astype(np.int64), FREE_RATE if len(steps_s) else 10.0

@@ -196,7 +196,7 @@ def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Ar
     With them the times (s) or frame numbers of the rows without a position, which are left out.
     """
     given = columns.columns.given()
-    dates = columns.time_unit == "date"
+    dates, lasting = columns.time_unit == "date", False
     wanted = list(given.values())
     unit, first_line = "line", columns.form.first_line
     if path.suffix.lower() in (".parquet", ".pq"):
@@ -207,13 +207,20 @@ def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Ar
         require_once(path, header, wanted)
         table = read_parquet(path, [written[header.index(name)] for name in wanted])
         table.columns = pd.Index(wanted)
-        # Dates are dates, whatever unit numbers would have.
-        dates |= "time" in given and pd.api.types.is_datetime64_any_dtype(table[given["time"]])
+        # Dates and durations are such, whatever unit numbers would have.
+        kind = table[given["time"]].dtype if "time" in given else None
+        lasting = pd.api.types.is_timedelta64_dtype(kind)
+        dates = not lasting and (dates or pd.api.types.is_datetime64_any_dtype(kind))
+        if lasting:
+            table[given["time"]] = table[given["time"]].dt.total_seconds()
     else:
         texts = [given[name] for name in ("track", "agent_class", "recording") if name in given]
         texts += [given["time"]] if "time" in given and dates else []
         numbers = [name for name in wanted if name not in texts]
         table = read_table(path, texts=texts, unchecked=numbers, form=columns.form)
+        if columns.decimal == ",":
+            # Names that were written as numbers: 3,0 is 3, as 3.0 is elsewhere.
+            table[texts] = table[texts].replace(r"^(\s*\d+),(0+\s*)$", r"\1.\2", regex=True)
     instants = table[given["time"] if "time" in given else given["frame"]]
     position = [given["x"], given["y"]]
     form = STANDARD_FORM if unit == "row" else columns.form
@@ -240,7 +247,7 @@ def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Ar
             place = source.place_of(table, int(np.argmax(bad)))
             raise RecordingError(f"{place}: the recording has no name, expected one in each row")
     if "time" in table:
-        factor = TIMES_S[columns.time_unit]
+        factor = 1.0 if lasting else TIMES_S[columns.time_unit]
         table["time_s"] = _dates(table, source) if dates else table["time"] * factor
         if dates:
             return table, _seconds(_times_of(instants).dropna()).to_numpy(np.float64)
@@ -256,6 +263,9 @@ def _known_numbers(column: pd.Series) -> Float64Array:
 
 
 def _times_of(column: pd.Series) -> pd.Series:
+    if not pd.api.types.is_datetime64_any_dtype(column):
+        # ISO 8601 allows a decimal comma, which Python's log writes; pandas does not know it.
+        column = column.replace(r"(?<=\d),(?=\d)", ".", regex=True)
     return pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
 
 

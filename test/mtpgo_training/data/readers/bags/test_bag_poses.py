@@ -136,3 +136,12 @@ def test_messages_of_poses_that_cannot_be_used_are_left_out(tmp_path, kind, capl
     lifted = BagPoses(reader, "/r2/objects").lift(seen(1.0))
     np.testing.assert_allclose(lifted.position, [[-998.0, 1.0]])
     assert "a message is left out: message of object cannot be read as" in caplog.text
+
+
+def test_odometry_without_an_orientation_is_the_reason_why_no_pose_is_known(tmp_path):
+    pose = Pose2(x=4.0, y=0.0, yaw=math.nan)
+    poses = poses_of(tmp_path / "a.mcap", [(0.0, pose, {}), (1.0, pose, {})])
+    with pytest.raises(
+        FrameError, match=r"no pose .*; an odometry has the pose \(4, 0\) m, yaw nan"
+    ):
+        poses.lift(seen(0.5))

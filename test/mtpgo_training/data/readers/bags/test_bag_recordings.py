@@ -7,7 +7,9 @@ import json
 import numpy as np
 import pytest
 import yaml
+from backports import zstd
 from fleet import write_bag
+from odd_bags import states_at, write_stream
 from traffic import braking_cars
 
 from msg_adapters.registry import INPUTS
@@ -147,3 +149,53 @@ def test_missing_odometry_is_reported_with_the_reason(tmp_path, capsys):
     assert status == 2
     assert "has no tracked object on its topic /objects: the nearest pose to" in error
     assert error.count("\n") == 1
+
+
+def test_bags_of_any_name_and_links_to_bags_are_recordings(tmp_path):
+    write_bag(tmp_path / "a.mcap", cars(1, 10.0))
+    whole = load_recordings(tmp_path / "a.mcap", "bag")[0]
+    stored = (tmp_path / "a.mcap").rename(tmp_path / "5f70")
+    (chosen,) = load_recordings(stored, "bag")
+    assert (chosen.name, chosen.sha256) == ("5f70", whole.sha256)
+    links = tmp_path / "links"
+    links.mkdir()
+    for name in ("monday", "tuesday"):
+        (links / f"{name}.mcap").symlink_to(stored)
+    assert [r.name for r in load_recordings(links, "bag")] == ["monday", "tuesday"]
+    np.testing.assert_array_equal(chosen.position, whole.position)
+
+
+def test_a_bag_that_lies_beside_its_compressed_copy_is_one_recording(tmp_path):
+    write_bag(tmp_path / "a.mcap", cars(1, 10.0))
+    packed = zstd.compress((tmp_path / "a.mcap").read_bytes())
+    (tmp_path / "a.mcap.zst").write_bytes(packed)
+    (tmp_path / "b.mcap.zst").write_bytes(packed)
+    assert [r.name for r in load_recordings(tmp_path, "bag")] == ["a", "b"]
+
+
+@pytest.mark.parametrize("files", [[], ["drive_0.mcap"]])
+def test_a_folder_of_metadata_alone_is_one_sentence(tmp_path, files, capsys):
+    (tmp_path / "drive").mkdir()
+    about = {"rosbag2_bagfile_information": {"version": 9, "relative_file_paths": files}}
+    (tmp_path / "drive" / "metadata.yaml").write_text(yaml.safe_dump(about))
+    reason = "No such file or directory" if files else "names no file in its metadata.yaml"
+    folder, output = tmp_path / "drive", tmp_path / "out.mcap"
+    for command in (
+        ["data", folder, "--layout", "bag", "--no-cache"],
+        ["convert", "bag", folder, "-o", output],
+    ):
+        assert call(*command) == 2
+        (sentence,) = capsys.readouterr().err.splitlines()
+        assert str(folder) in sentence
+        assert reason in sentence
+    assert not output.exists()
+
+
+def test_two_sensors_with_stamps_near_each_other_have_no_rate_of_their_own(tmp_path):
+    lidar = [(n / 10, states_at(n / 10)) for n in range(20)]
+    # Never the same distance from the other's: 0.1207 ms at the least.
+    radar = [(t, states_at(t, ids=(8, 9))) for t in (0.0001207 + n * 0.0970003 for n in range(20))]
+    messages = sorted([*lidar, *radar], key=lambda message: message[0])
+    write_stream(tmp_path / "two.mcap", messages)
+    (recording,) = load_recordings(tmp_path, "bag")
+    assert recording.frame_rate == 1000.0

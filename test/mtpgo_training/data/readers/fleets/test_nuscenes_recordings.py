@@ -95,6 +95,7 @@ def test_scenes_by_name_and_tables_larger_than_a_portion(folder, monkeypatch):
     ("table", "edit", "sentence"),
     [
         ("sample", lambda t: t[:-20], "sample.json cannot be read as JSON: "),
+        ("log", lambda t: t[:12], "log.json cannot be read as JSON: Unterminated string, the fi"),
         ("sample", lambda t: "{}", "sample.json is no JSON list, expected a table of nuScenes"),
         ("sample", lambda t: t.replace("timestamp", "time", 1), "record 1 has no field"),
         (
@@ -129,3 +130,9 @@ def test_what_is_missing_is_named(folder, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(RecordingError, match=r"has no recordings, expected nuScenes"):
         load_recordings(tmp_path / "empty", "nuscenes")
+
+
+def test_tables_that_an_editor_of_windows_has_saved_are_read(folder):
+    for path in (folder / "v1.0-mini").iterdir():
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert len(load_recordings(folder, "nuscenes")) == 2

@@ -36,6 +36,22 @@ def test_times_without_a_rate_are_milliseconds():
     assert (frame.tolist(), rate) == ([0, 0], 10.0)
 
 
+def test_tracks_of_several_rates_without_a_common_one_are_milliseconds():
+    tracks = (np.arange(50) / 10, np.arange(50) / 8, 0.013 + np.arange(50) / 25)
+    times = np.concatenate(tracks)
+    frame, rate = frames_of_times(times)
+    assert rate == 1000.0  # not 521.3 Hz, of whose grid any time is within a millisecond
+    np.testing.assert_array_equal(frame, np.round(times * 1000))
+
+
+@pytest.mark.parametrize("rate", [240.0, 480.0, 500.0, 1000.0, 2000.0])
+def test_fast_sensors_keep_their_rate(rate):
+    number = np.array([0, 1, 2, 3, 5, 6, 7, 40, 41, 42, 900])
+    frame, found = frames_of_times(np.round(number / rate, 6))
+    np.testing.assert_array_equal(frame, number)
+    assert found == pytest.approx(rate, rel=1e-5)
+
+
 def test_frames_are_counted_in_their_common_step():
     frame, rate = without_common_step(np.array([780, 790, 810, 780]), 25.0)
     assert (frame.tolist(), rate) == ([0, 1, 3, 0], 2.5)

@@ -304,6 +304,16 @@ def test_dates_of_parquet_have_their_own_unit(parquet, unit):
         parquet(BY_TIME | {"time_unit": unit}, t=times.where(np.arange(6) != 2))
 
 
+@pytest.mark.parametrize("unit", ["s", "ns", "date"])
+def test_durations_of_parquet_have_their_own_unit(parquet, unit):
+    pandas = pytest.importorskip("pandas")
+    times = pandas.timedelta_range("2s", periods=6, freq="100ms").to_series(index=range(6))
+    (recording,) = parquet({**BY_TIME, "time_unit": unit}, t=times)
+    assert (recording.frame_rate, recording.duration_s) == (10.0, 0.5)
+    with pytest.raises(RecordingError, match="row 3, column 't': an empty cell, expected a finit"):
+        parquet({**BY_TIME, "time_unit": unit}, t=times.where(times.index != 2))
+
+
 def test_nested_columns_of_parquet(parquet):
     pose = [{"position": {"x": float(i), "y": 2.0}, "note": "a"} for i in range(6)]
     columns = {"x": "pose.position.x", "y": "pose.position.y"}
@@ -488,3 +498,21 @@ def test_groups_of_digits_have_the_marks_of_any_language(read, mark):
     text = ROWS.replace(",-2\n", f",-1{mark}002.5\n")
     (recording,) = read(text, POSITIONS | {"thousands": mark})
     assert recording.position[0].tolist() == [20.0, -1002.5]
+
+
+def test_dates_may_have_a_decimal_comma(read):
+    rows = "".join(f'"2024-05-01 12:00:00,{n}00",1,{n},0\n' for n in range(5))
+    (recording,) = read("t,id,x,y\n" + rows, {**BY_TIME, "time_unit": "date"})
+    assert (recording.frame_rate, recording.frame.tolist()) == (10.0, [0, 1, 2, 3, 4])
+    assert recording.start_time_ns == 1_714_564_800 * 10**9
+
+
+def test_numbers_of_road_users_and_classes_may_have_a_decimal_comma(read):
+    rows = "".join(f"{f};{i},0;{f},5;0;2,0\n" for i in (2, 10) for f in range(3))
+    columns = {**POSITIONS["columns"], "class": "c"}
+    description = {**POSITIONS, "columns": columns, "separator": ";", "decimal": ","}
+    (recording,) = read("f;id;x;y;c\n" + rows, description)
+    assert recording.track_id.tolist() == [2, 10]
+    assert recording.agent_class.tolist() == [2, 2]
+    (recording,) = read("f;id;x;y;c\n" + rows.replace("10,0;", "1,05;"), description)
+    assert recording.find_tracks(keys_from_texts(["1,05"])) >= 0
