@@ -160,8 +160,9 @@ class _Loading(threading.Thread):
             with self._no_cycle_skipped:
                 loaded = ModelHost(self._parameters)
                 loaded.warm_up(permanent=False)
-            if time.monotonic() < self._end_s:
-                self._host.replace_by(loaded)
+            if time.monotonic() > self._end_s:
+                raise self._too_late()
+            self._host.replace_by(loaded)
         except Exception as error:
             self._error = error
         finally:
@@ -176,9 +177,12 @@ class _Loading(threading.Thread):
         """
         while not self._done.wait(_WAIT_S):
             if time.monotonic() > self._end_s:
-                raise ModelFileError(
-                    f"model {self._parameters.model} was not loaded within {LIMIT_S:g} s"
-                )
+                raise self._too_late()
             yield
         if self._error is not None:
             raise self._error
+
+    def _too_late(self) -> ModelFileError:
+        return ModelFileError(
+            f"model {self._parameters.model} was not loaded within {LIMIT_S:g} s"
+        )
