@@ -75,6 +75,7 @@ class McapWriter:
                 f"{path} exists and is no bag of the kind asked for: not replaced"
             )
         self._connections: dict[str, Connection] = {}
+        self._added: dict[tuple[str, str], Connection] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._folder = self._temporary_folder()
@@ -127,7 +128,7 @@ class McapWriter:
         depth: int = _DEPTH,
         definition: str = "",
     ) -> None:
-        """Add a topic.
+        """Add a topic; one that had this type before it got another one goes on as it was.
 
         Args:
             topic: absolute name.
@@ -140,6 +141,10 @@ class McapWriter:
         Raises:
             RecordingError: the definition of the type is not installed, or the disk is full.
         """
+        earlier = self._added.get((topic, message_type))
+        if earlier is not None and earlier is not self._connections[topic]:
+            self._connections[topic] = earlier
+            return
         store = bag_typestore()
         if definition:
             store = get_typestore(Stores.EMPTY)
@@ -151,6 +156,7 @@ class McapWriter:
             self._connections[topic] = self._writer.add_connection(
                 topic, message_type, typestore=store, offered_qos_profiles=[qos]
             )
+            self._added[topic, message_type] = self._connections[topic]
         except (OSError, WriterError) as error:
             raise self._not_written(error) from error
 

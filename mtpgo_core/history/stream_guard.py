@@ -13,6 +13,12 @@ longer than any delay between two sensors of one tracker."""
 _CONFIRMATIONS = 3
 """Consecutive messages that confirm a small jump of the clock or a change of frame. Chosen: two
 can be an accident of two publishers, more would delay the new stream."""
+_MOST_PATIENCE = 8
+"""Factor on the confirmations of a jump of the clock, at most, where two publishers have different
+clocks; chosen: a clock that was really set back is then believed after some seconds."""
+_DOUBT_NS = 60_000_000_000
+"""After this long without a message from behind there is one clock again (ns); chosen: six periods
+of the slowest publisher."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +78,10 @@ class StreamGuard:
     """Distinguishes single odd messages from a stream whose clock or frame has changed.
 
     A single message in another frame, or one from the recent past, is taken as an error; three in
-    a row are taken as a change. A message older than the whole history can only mean that the
-    clock was set back.
+    a row are taken as a change. A message older than the whole history means that the clock was
+    set back. It was not if a message then goes on where the clock had been: two publishers have
+    different clocks, and each would clear the history of the other. The next jump back therefore
+    needs twice as many messages in a row, so that the publisher whose clock is ahead is served.
 
     Args:
         keep_ns: length of the history (ns).
@@ -93,6 +101,8 @@ class StreamGuard:
         self.frame_id: str | None = None
         self._unexpected_frame = ""
         self._unexpected = self._late = 0
+        self._set_back_from_ns: int | None = None
+        self._patience, self._doubted_ns = 1, 0
 
     def classify(self, stamp_ns: int, frame_id: str | None) -> MessageStatus:
         """Return the status of the next message, and track it unless its frame is unexpected.
@@ -105,7 +115,11 @@ class StreamGuard:
         if status is MessageStatus.UNEXPECTED_FRAME:
             return status
         if status is not MessageStatus.CONTINUES:
+            set_back_from_ns, patience = self.newest_ns, self._patience
             self.clear()
+            if status is MessageStatus.CLOCK_RESET:
+                self._set_back_from_ns, self._patience = set_back_from_ns, patience
+                self._doubted_ns = stamp_ns
         self._unexpected = 0
         self.frame_id = frame_id if frame_id is not None else self.frame_id
         self.newest_ns = stamp_ns if self.newest_ns is None else max(stamp_ns, self.newest_ns)
@@ -121,6 +135,16 @@ class StreamGuard:
                 return MessageStatus.UNEXPECTED_FRAME
             return MessageStatus.NEW_FRAME
         behind_ns = self.newest_ns - stamp_ns
-        self._late = self._late + 1 if behind_ns > LATE_NS else 0
-        jumped = behind_ns > self._keep_ns or self._late >= _CONFIRMATIONS
+        if -behind_ns > LATE_NS and stamp_ns > (self._set_back_from_ns or stamp_ns):
+            self._set_back_from_ns = None
+            self._patience = min(2 * self._patience, _MOST_PATIENCE)
+            self._doubted_ns = stamp_ns
+        if behind_ns > LATE_NS:
+            self._late, self._doubted_ns = self._late + 1, self.newest_ns
+        else:
+            self._late = 0
+            if stamp_ns - self._doubted_ns > _DOUBT_NS:
+                self._patience = 1
+        needed = self._patience * (1 if behind_ns > self._keep_ns else _CONFIRMATIONS)
+        jumped = self._late >= needed
         return MessageStatus.CLOCK_RESET if jumped else MessageStatus.CONTINUES

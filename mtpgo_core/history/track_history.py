@@ -21,7 +21,8 @@ older than the newest stamp by more than     used, but too old to be predicted (
 ``max_extrapolation_s``                      another publisher's clock is ahead
 stamp older than the whole window, or the    the clock jumped back (a bag loops): the history
 third message in a row older than the        is cleared and starts with this message
-newest by more than 0.5 s                    (``clock_reset``)
+newest by more than 0.5 s                    (``clock_reset``); after a jump that a newer message
+                                             showed to be none, twice as many in a row are needed
 another frame                                message rejected (``frame_changed``); the third in a
                                              row in one new frame starts a new history in it
 empty message                                only the time advances

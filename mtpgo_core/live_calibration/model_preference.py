@@ -17,14 +17,18 @@ MARGIN = 0.02
 """By which share the other predictor's displacement error must be smaller before it takes over;
 chosen: below the difference that a few road users make."""
 
+LEAST_M = 0.01
+"""By how much it must be smaller (m); chosen: less than a tracker knows, as of road users that
+stand or whom both predict alike."""
+
 
 class ModelPreference:
     """Compares the displacement errors of model and constant velocity, group by group.
 
     Both are averaged over all steps of the horizon that have become known, with exponential
     forgetting over ``prefer_time_s``. Constant velocity is preferred once it has been better by
-    :data:`MARGIN` for ``prefer_time_s`` without a break, with at least ``prefer_agents`` road
-    users in that time, and until the model has been better for as long.
+    :data:`MARGIN` and :data:`LEAST_M` for ``prefer_time_s`` without a break, with at least
+    ``prefer_agents`` road users in that time, and until the model has been better for as long.
 
     Args:
         options: time and number; may be replaced.
@@ -92,7 +96,9 @@ class ModelPreference:
         """Change the preference where the other predictor has been better for long enough."""
         served = self.constant_velocity.astype(np.intp)
         rows = np.arange(len(GROUPS))
-        other_better = self._sum[rows, 1 - served] < (1.0 - MARGIN) * self._sum[rows, served]
+        present = self._sum[rows, served]
+        margin = np.maximum(MARGIN * present, LEAST_M * self._weight)
+        other_better = self._sum[rows, 1 - served] < present - margin
         other_better &= self.agents >= self.options.prefer_agents
         self._better_s = np.where(other_better, self._better_s + seconds, 0.0)
         change = self._better_s >= self.options.prefer_time_s

@@ -30,6 +30,10 @@ _LEAST_UPRIGHT = 0.5
 of a lidar, less than the 90 degrees of a camera's optical frame."""
 
 
+_MOST_FRAMES = 8
+"""Pairs of frames of which poses are kept; chosen above what one topic has."""
+
+
 class FrameTransform(Protocol):
     """Transforms observations into the fixed frame."""
 
@@ -73,7 +77,8 @@ class FixedFrameTransform:
     def __init__(self, node: Node, fixed_frame: str, events: EventLog) -> None:
         self._node, self._events = node, events
         self._fixed_frame = fixed_frame
-        self._poses = PoseBuffer(set_back_s=1e-9 * LATE_NS)
+        # By the names of parent and child: two publishers may share the topic.
+        self._poses: dict[tuple[str, str], PoseBuffer] = {}
         # Objects are transformed on the thread of their subscription.
         self._lock = threading.Lock()
         self._odometry_frames = ("", "")
@@ -92,10 +97,12 @@ class FixedFrameTransform:
             self._events.count("odometry_refused", reason=f"message on {topic} left out: {error}")
             return
         with self._lock:
-            if frames != self._odometry_frames:
-                self._poses.clear()
-                self._odometry_frames = frames
-            self._poses.add(stamp_ns, pose)
+            self._odometry_frames = frames
+            poses = self._poses.pop(frames, None) or PoseBuffer(set_back_s=1e-9 * LATE_NS)
+            poses.add(stamp_ns, pose)
+            self._poses[frames] = poses  # as the newest
+            if len(self._poses) > _MOST_FRAMES:
+                del self._poses[next(iter(self._poses))]
 
     def apply(self, states: TrackedStates) -> TrackedStates:
         """Return the states in the fixed frame.
@@ -111,8 +118,9 @@ class FixedFrameTransform:
 
     def _pose(self, states: TrackedStates) -> Pose2:
         with self._lock:
-            if self._odometry_frames == (self._fixed_frame, states.frame_id):
-                return self._poses.at(states.stamp_ns)
+            poses = self._poses.get((self._fixed_frame, states.frame_id))
+            if poses is not None:
+                return poses.at(states.stamp_ns)
         if self._tf is not None:
             return self._tf.pose(self._fixed_frame, states.frame_id, states.stamp_ns)
         parent, child = self._odometry_frames
@@ -126,7 +134,8 @@ class FixedFrameTransform:
     def clear(self) -> None:
         """Forget the past: the clock was set back."""
         with self._lock:
-            self._poses.clear()
+            for poses in self._poses.values():
+                poses.clear()
         if self._tf is not None:
             self._tf.clear()
 

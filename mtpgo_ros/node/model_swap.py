@@ -106,7 +106,9 @@ class ModelSwap:
             )
         if self.busy:
             raise ConfigurationError("another swap is under way")
-        self._under_way = loading = _Loading(host, parameters, self._no_cycle_skipped())
+        self._under_way = loading = _Loading(
+            host, parameters, self._no_cycle_skipped(), lambda: self._current() is host
+        )
         loading.start()
         await loading
         if self._current() is not host:
@@ -139,6 +141,8 @@ class _Loading(threading.Thread):
         host: whose model is replaced.
         parameters: the name of the new one.
         no_cycle_skipped: the context in which it is loaded.
+        in_use: returns whether the host still is the node's. Where the node was cleaned up
+            meanwhile nothing is replaced: the calibration file may be that of another host by now.
     """
 
     def __init__(
@@ -146,10 +150,11 @@ class _Loading(threading.Thread):
         host: ModelHost,
         parameters: PredictorParameters,
         no_cycle_skipped: AbstractContextManager[None],
+        in_use: Callable[[], bool],
     ) -> None:
         super().__init__(name="model swap", daemon=True)
         self._host, self._parameters = host, parameters
-        self._no_cycle_skipped = no_cycle_skipped
+        self._no_cycle_skipped, self._in_use = no_cycle_skipped, in_use
         self._end_s = time.monotonic() + LIMIT_S
         self._error: Exception | None = None
         self._done = threading.Event()
@@ -160,7 +165,9 @@ class _Loading(threading.Thread):
             with self._no_cycle_skipped:
                 loaded = ModelHost(self._parameters)
                 loaded.warm_up(permanent=False)
-            if time.monotonic() < self._end_s:
+            if time.monotonic() > self._end_s:
+                raise self._too_late()
+            if self._in_use():
                 self._host.replace_by(loaded)
         except Exception as error:
             self._error = error
@@ -176,9 +183,12 @@ class _Loading(threading.Thread):
         """
         while not self._done.wait(_WAIT_S):
             if time.monotonic() > self._end_s:
-                raise ModelFileError(
-                    f"model {self._parameters.model} was not loaded within {LIMIT_S:g} s"
-                )
+                raise self._too_late()
             yield
         if self._error is not None:
             raise self._error
+
+    def _too_late(self) -> ModelFileError:
+        return ModelFileError(
+            f"model {self._parameters.model} was not loaded within {LIMIT_S:g} s"
+        )

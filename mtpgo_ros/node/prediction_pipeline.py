@@ -26,7 +26,7 @@ from mtpgo_core.prediction.finite_output import publishable
 from mtpgo_core.prediction.output_assembly import select, with_time_origin, without_agent
 from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
-from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.event_log import REPEAT_S, EventLog
 from mtpgo_ros.diagnostics.input_watch import InputWatch
 from mtpgo_ros.node.context_subscriptions import ContextSubscriptions
 from mtpgo_ros.node.ego.ego_subscription import ego_source
@@ -90,7 +90,7 @@ class PredictionPipeline:
         self._node, self._model, self._publishers = node, model, publishers
         self._parameters, self._events, self._status = parameters, events, status
         self._class_map = class_map(parameters.class_map)
-        self.ego_text = ""
+        self.ego_text, self._ego_chosen_s = "", float("-inf")
         # Observations come on the thread of their subscription, all else on the executor's.
         self._history_lock = threading.Lock()
         self.watch = InputWatch()
@@ -361,6 +361,12 @@ class PredictionPipeline:
     def _on_ego(self, text: str) -> None:
         changed, self.ego_text = text != self.ego_text, text
         self._model.configure(self._parameters, text)
-        if changed and not self._parameters.ego_id:
-            line = f"ego is {text!r:.80}" if text else "no ego is chosen any more"
+        if not changed or self._parameters.ego_id:
+            return
+        line = f"ego is {text!r:.80}" if text else "no ego is chosen any more"
+        before_s, self._ego_chosen_s = self._ego_chosen_s, time.monotonic()
+        if self._ego_chosen_s - before_s > REPEAT_S:
             self._node.get_logger().info(line)
+        else:
+            also = f", the choice before is {self._ego_chosen_s - before_s:.2g} s old"
+            self._events.log("ego_id", line + also)

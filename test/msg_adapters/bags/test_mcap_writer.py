@@ -52,6 +52,17 @@ def test_the_offered_qos_is_stored(tmp_path):
     assert (profile.depth, profile.deadline) == (10, INFINITE)
 
 
+def test_a_topic_that_gets_its_first_type_again_goes_on(tmp_path):
+    with McapWriter(tmp_path / "bag.mcap") as bag:
+        for time_ns, kind in enumerate(("Float64", "Int64", "Float64")):
+            bag.add_topic("/x", f"std_msgs/msg/{kind}")
+            assert bag.type_of("/x") == f"std_msgs/msg/{kind}"
+            bag.write_bytes("/x", time_ns, FLOAT)
+    with BagReader(tmp_path / "bag.mcap") as stored:
+        found = {c.msgtype: c.msgcount for c in stored.connections}
+    assert found == {"std_msgs/msg/Float64": 2, "std_msgs/msg/Int64": 1}
+
+
 @pytest.mark.parametrize("name", ["bag", "bag.mcap"])
 def test_an_earlier_bag_is_replaced_only_where_asked_for(tmp_path, name):
     path = tmp_path / name

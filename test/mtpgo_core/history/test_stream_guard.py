@@ -72,3 +72,46 @@ def test_a_cleared_guard_accepts_anything(guard):
     guard.clear()
     assert (guard.newest_ns, guard.frame_id) == (None, None)
     assert statuses(guard, (1, "odom")) == [OK]
+
+
+def two_clocks(guard, behind_ms, late_ones, cycles):
+    """Return how often the clock was reset by messages from behind among those of 5 Hz."""
+    found = []
+    for cycle in range(cycles):
+        newest_ms = 10_200 + 200 * cycle
+        behind = [(newest_ms - behind_ms + 200 * k // late_ones, "map") for k in range(late_ones)]
+        found += statuses(guard, (newest_ms, "map"), *behind)
+    return found.count(RESET)
+
+
+@pytest.mark.parametrize(
+    ("behind_ms", "late_ones", "resets"), [(5000, 1, 1), (5000, 3, 2), (2000, 4, 1), (800, 6, 2)]
+)
+def test_two_publishers_with_different_clocks_do_not_clear_each_other_forever(
+    guard, behind_ms, late_ones, resets
+):
+    assert two_clocks(guard, behind_ms, late_ones, cycles=50) == resets
+    assert guard.newest_ns == 20_000 * MS
+
+
+def test_after_two_clocks_the_later_one_may_end(guard):
+    two_clocks(guard, 5000, 3, cycles=50)
+    alone = statuses(guard, *[(15_100 + 100 * k, "map") for k in range(10)])
+    assert alone.count(RESET) == 1
+    assert guard.newest_ns == 16_000 * MS
+
+
+def test_a_bag_that_loops_is_believed_at_once_each_time(guard):
+    for _ in range(5):
+        assert statuses(guard, (1000, "map"), (1100, "map"), (9900, "map"), (10_000, "map")) == [
+            RESET,
+            OK,
+            OK,
+            OK,
+        ]
+
+
+def test_the_doubt_ends_when_nothing_comes_from_behind(guard):
+    two_clocks(guard, 5000, 1, cycles=5)
+    assert statuses(guard, (71_000, "map"), (5000, "map")) == [OK, OK]
+    assert statuses(guard, (72_000, "map"), (133_000, "map"), (5000, "map")) == [OK, OK, RESET]

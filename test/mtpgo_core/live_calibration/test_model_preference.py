@@ -42,6 +42,14 @@ def test_a_short_while_or_a_small_difference_changes_nothing():
     assert not preference.constant_velocity.any()
 
 
+def test_less_than_a_tracker_knows_changes_nothing():
+    preference = ModelPreference(OPTIONS)
+    assert pass_time(preference, 200, 1e-6, 1e-7) == pass_time(preference, 200, 0.011, 0.002) == []
+    assert len(pass_time(preference, 200, 0.03, 0.015)) == 1
+    assert pass_time(preference, 200, 0.01, 0.015) == []
+    assert len(pass_time(preference, 200, 0.015, 0.03)) == 1
+
+
 def test_too_few_road_users_change_nothing():
     preference = ModelPreference(OPTIONS)
     pass_time(preference, 200, 2.0, 1.0, agents=2)

@@ -135,6 +135,20 @@ def test_the_publishers_type_counts_whatever_a_topic_is_called(recording, strang
     assert one.texts(names[0]) == [names[0]]
 
 
+def test_a_publisher_that_comes_back_after_one_of_another_type_is_recorded(recording, stranger):
+    one = recording("/x")
+    one.peer = stranger
+    for number, (kind, data) in enumerate([(String, "a"), (Float32, 1.5), (String, "b")]):
+        publisher = one.publisher("/x", 10, kind)
+        publisher.publish(kind(data=data))
+        one.until(lambda number=number: one.bag.messages == number + 1)
+        stranger.destroy_publisher(publisher)
+        one.until(lambda: not one.node.get_publishers_info_by_topic("/x"))
+    assert one.node.remarks() == ""
+    one.bag.close()
+    assert one.texts("/x") == ["a", 1.5, "b"]
+
+
 def test_a_later_publisher_that_offers_less_is_heard_as_well(recording):
     one = recording("/x")
     first = one.publish("/x", LATCHED, "a")

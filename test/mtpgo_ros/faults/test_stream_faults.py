@@ -3,6 +3,7 @@
 """Streams that stop, change or carry nothing usable, over real DDS."""
 
 import dataclasses
+import time
 
 import numpy as np
 import pytest
@@ -90,6 +91,29 @@ def test_a_latched_publisher_of_the_ego_beside_a_volatile_one(node):
     node.process.wait_for("ego is '2'", node.spin)
     node.fresh().healthy()
     node.level_while_healthy("model", OK)
+
+
+def test_two_publishers_of_different_egos(node):
+    qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    one, other = (node.peer.create_publisher(String, "ego_id", qos) for _ in range(2))
+    node.fresh().healthy()
+
+    def chosen():
+        """Return the log's lines about the ego."""
+        return [line for line in node.process.err if "ego is" in line]
+
+    def repeated():
+        """Return whether the log sums up that the ego changes all the time."""
+        for publisher, name in ((one, "2"), (other, "3")):
+            publisher.publish(String(data=name))
+            node.spin_for(0.05)
+        return any("the choice before is" in line and "more since" in line for line in chosen())
+
+    before, begin_s = len(chosen()), time.monotonic()
+    node.until(repeated, "a line with the number of changes")
+    # One every five seconds, and the first as information.
+    assert len(chosen()) - before <= 2 + (time.monotonic() - begin_s) / 5.0
+    node.healthy()
 
 
 def test_empty_arrays(node):

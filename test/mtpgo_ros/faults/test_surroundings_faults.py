@@ -173,6 +173,21 @@ def test_odometry_of_another_frame(node, odometry):
     node.level("input", ERROR, "'trailer'")
 
 
+def test_odometry_of_another_frame_beside_the_right_one(node, odometry):
+    def answered():
+        """Return whether an observation has an answer; what is sent before discovery is lost."""
+        states = in_vehicle(node)
+        odometry.publish(pose(node.time_s))
+        for other in ({"child": "trailer"}, {"parent": "earth"}):
+            odometry.publish(pose(node.time_s, **other))
+        let_handle(node)
+        node.send(states)
+        return node.comes_true(lambda: node.answered(states.stamp_ns), 0.5)
+
+    node.fresh()
+    node.until(answered, "an answer with three kinds of odometry")
+
+
 def test_odometry_that_is_late(node, odometry):
     node.fresh()
     odometry.publish(pose(node.time_s - 5.0))

@@ -16,6 +16,8 @@ from fault_tools import (
 )
 from ros_helpers import START_NS, message_of, traffic
 
+from mtpgo_core.identity import keys_from_integers
+
 
 @pytest.fixture(scope="module")
 def node(start_predictor):
@@ -166,6 +168,23 @@ def test_a_clock_that_jumps_back(node):
         node.healthy()
     node.time_s += 8.0
     assert node.said("input", WARN, "backwards")
+
+
+def test_two_publishers_whose_clocks_differ_by_more_than_the_history(node):
+    node.fresh().healthy()
+    node.time_s += 100.0  # no earlier jump of the clock counts any more
+    node.healthy(steps=2)
+    first = len(node.answers)
+    with node.counts(clock_reset=1, behind=27):
+        for _ in range(10):
+            newest = node.states()
+            node.predict(newest)
+            behind = traffic(node.time_s - 5.0, 3)
+            node.send(dataclasses.replace(behind, key=keys_from_integers(range(101, 104))))
+    # All with the later clock, and the one of the jump: the rate is kept.
+    assert len(node.answers) - first <= 11
+    node.healthy()
+    assert node.said("input", WARN, "two publishers with different clocks")
 
 
 def test_a_clock_that_jumps_forward(node):

@@ -104,15 +104,28 @@ def test_odometry_that_is_none_is_counted_and_changes_nothing(transform):
     assert line == "message on /odometry left out: odometry has no stamp, expected the pose's time"
 
 
+def test_odometry_of_another_frame_on_the_topic_takes_no_pose_away(transform):
+    for step in range(4):
+        transform.add_odometry(odometry(0.1 * step, 100.0))
+        transform.add_odometry(odometry(0.1 * step, 0.0, child="imu"))
+        transform.add_odometry(odometry(0.1 * step, 7.0, parent="map"))
+    states = transform.apply(traffic(0.1, agents=1, frame_id="base_link"))
+    assert states.position[0, 0] == pytest.approx(100.0)
+    # Of many frames the last ones are kept.
+    for number in range(8):
+        transform.add_odometry(odometry(0.3, 0.0, child=f"wheel_{number}"))
+    with pytest.raises(FrameError, match="it gives 'wheel_7' in 'odom'"):
+        transform.apply(traffic(0.1, agents=1, frame_id="base_link"))
+
+
 def test_poses_of_other_frames_are_not_mixed(transform):
     transform.add_odometry(odometry(0.0, 100.0))
     transform.add_odometry(odometry(0.1, 0.0, child="camera"))
     transform.add_odometry(odometry(0.2, 200.0))
     states = transform.apply(traffic(0.2, agents=1, frame_id="base_link"))
     assert states.position[0, 0] == pytest.approx(200.0)
-    # The pose of 0.0 s was dropped with the change of frames: it is 0.2 s before the first one.
-    states = transform.apply(traffic(0.0, agents=1, frame_id="base_link"))
-    assert states.position == pytest.approx(np.array([[200.0, -1.0]]))
+    states = transform.apply(traffic(0.1, agents=1, frame_id="base_link"))
+    assert states.position == pytest.approx(np.array([[150.0, 1.0]]))
 
 
 def test_an_optical_frame_of_a_camera_is_refused(monkeypatch):
