@@ -232,8 +232,8 @@ def odometry(stamp_ns, frame_id="odom", child_frame_id="lidar"):
 
 def newest_ns(transform):
     """Return the time of the newest pose that the node knows."""
-    times = transform._poses._stamp
-    return times[-1] if times else 0
+    # A copy: odometry of other frames may come meanwhile.
+    return max((one._stamp[-1] for one in [*transform._poses.values()] if len(one)), default=0)
 
 
 def call(one, kind, service, request):

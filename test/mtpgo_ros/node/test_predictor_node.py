@@ -198,7 +198,8 @@ def test_objects_in_the_vehicles_frame_are_transformed_by_odometry(bench):
         message.pose.pose.orientation.z = message.pose.pose.orientation.w = np.sqrt(0.5)
         message.twist.twist.linear.x = 5.0
         odometry.publish(message)
-    b.until(lambda: len(b.node._pipeline.transform._poses) == 2)
+    poses = b.node._pipeline.transform._poses
+    b.until(lambda: sum(map(len, poses.values())) == 2)
     prediction = b.predict(traffic(0.1, agents=2, frame_id="base_link"))
     assert prediction.frame_id == "odom"
     # Agent 2, at 12 + 1 m ahead, moving ahead at 10 m/s: in odom it moves along y.
