@@ -265,14 +265,15 @@ class DecodingBagReader(BagReader):
 
     def skipped(self) -> dict[str, str]:
         """Return the topics with messages that cannot be decoded, and why, as far as is known."""
-        decoded = {c.topic for c in self._filled() if not obstacle(c)}
+        reasons = [(connection, obstacle(connection)) for connection in self._filled()]
+        decoded = {connection.topic for connection, reason in reasons if not reason}
         found: dict[str, str] = {}
-        for connection in self._filled():
-            reason = obstacle(connection)
-            if reason and connection.topic in decoded:
+        for connection, reason in reasons:
+            if not reason:
+                continue
+            if connection.topic in decoded:
                 reason = f"{counted(connection.msgcount)} of it cannot be read, {reason}"
-            if reason:
-                found.setdefault(connection.topic, reason)
+            found.setdefault(connection.topic, reason)
         return found
 
     def messages(

@@ -34,9 +34,8 @@ _interruptible = False
 # From glibc's malloc.h.
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -2, -3, -8
 
-
+# From linux/prctl.h.
 _PR_SET_THP_DISABLE = 41
-"""From linux/prctl.h."""
 
 
 def tune_allocator() -> bool:

@@ -47,8 +47,8 @@ MOST_EARLY = 64
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": TRIES - 1,
     "distributed.worker.multiprocessing-method": "spawn",
-    # A look at the stack of each process every 10 ms, which nobody reads here, took a tenth of the
-    # time of small items (measured).
+    # Dask's profiler looks at the stack of each process every 10 ms. Its result is not used here,
+    # and it took a tenth of the time of small items (measured).
     "distributed.worker.profile.enabled": False,
     # A process that outgrows its share of the memory is ended and its item tried once more.
     # Results are small: there is nothing to move to the disk, and nothing to wait for.

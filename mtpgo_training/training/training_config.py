@@ -59,7 +59,7 @@ class OptimisationConfig:
         learning_rate_floor: share of the peak at the end of ``cosine``.
         weight_decay: of AdamW; 0 is Adam.
         clip_norm: largest norm of the gradient.
-        huber_delta: error at which the EWTA loss turns linear (m, m/s).
+        huber_delta: error at which the EWTA and the Huber losses turn linear (m, m/s).
         mean_weight: weight of the expected Huber loss relative to the likelihood; 0 as in the
             paper, see :func:`mtpgo_training.training.losses.huber_terms.expected_huber_loss`.
         heaviest_weight: weight of the Huber loss of the heaviest component, see

@@ -129,8 +129,8 @@ def _read(unit: Unit) -> Iterator[Recording]:
         yield from unit.read()
     except RecordingError as error:
         # A plain table may describe the columns of any layout, and the files of a bag be missing.
-        alike = unit.layout == "table" or not unit.files
-        other = "" if alike else is_of_another(unit.files[0], unit.layout)
+        tells_nothing = unit.layout == "table" or not unit.files
+        other = "" if tells_nothing else is_of_another(unit.files[0], unit.layout)
         if not other or repr(other) in str(error):
             raise
         raise RecordingError(f"{error}; it is of the layout {other!r}") from error
