@@ -42,8 +42,8 @@ FROM python:3.12-slim AS slim
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 # PyTorch's own tests and its headers, 125 MB, are not needed to run a model.
 RUN pip install --index-url https://download.pytorch.org/whl/cpu "torch>=2.13,<3" \
- && rm -rf /usr/local/lib/python3.12/site-packages/torch/test \
-      /usr/local/lib/python3.12/site-packages/torch/include
+ && cd "$(python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')" \
+ && rm -rf torch/test torch/include
 WORKDIR /src
 COPY . .
 # hadolint ignore=DL3013
