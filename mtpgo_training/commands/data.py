@@ -35,6 +35,7 @@ from mtpgo_training.commands.arguments.pool_arguments import (
 from mtpgo_training.data.summary.data_summary import DataSummary
 from mtpgo_training.data.summary.recording_defects import Defect
 from mtpgo_training.data.summary.recording_summary import RecordingSummary
+from mtpgo_training.parallel.fork_server import start_fork_server
 from mtpgo_training.parallel.work_item import Failure
 from mtpgo_training.parallel.work_pool import work_through
 from mtpgo_training.reports.recordings.description import Describing
@@ -80,6 +81,7 @@ def run(args: argparse.Namespace) -> int:
     for _, path in outputs:
         if path is not None:
             require_writable(path)
+    start_fork_server(pool, Describing.__module__)
     describing = Describing(cache_from(args), args.resume, args.picture is not None)
     picture: Any = None
     summaries: list[RecordingSummary] = []

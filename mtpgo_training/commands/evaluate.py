@@ -48,6 +48,7 @@ from mtpgo_training.commands.arguments.pool_arguments import (
 )
 from mtpgo_training.data.data_sources import SourceJob, named_recordings
 from mtpgo_training.data.readers.reading_options import AS_USUAL
+from mtpgo_training.parallel.fork_server import start_fork_server
 from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS, RECORDED, SIMULATED
 
 if TYPE_CHECKING:
@@ -214,6 +215,7 @@ def run(args: argparse.Namespace) -> int:
         prepare_folder(args.report)
     if args.json is not None:
         require_writable(args.json)
+    start_fork_server(pool, "mtpgo_training.evaluation.parallel_evaluation")
     # Imported here: torch takes seconds to load, and the parser does not need it.
     from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
     from mtpgo_training.evaluation.evaluator import Settings, load_models

@@ -12,6 +12,8 @@ from typing import Any, TypeVar
 
 from mtpgo_core.errors import ConfigurationError, MtpgoError
 from mtpgo_training.data.code_hash import code_sha256
+from mtpgo_training.parallel.dask_settings import dask_settings
+from mtpgo_training.parallel.fork_server import start_fork_server
 from mtpgo_training.parallel.pool_options import PoolOptions
 from mtpgo_training.parallel.work_item import LOG, Failure, WorkItem, attempt, attempt_elsewhere
 
@@ -24,18 +26,15 @@ R = TypeVar("R")
 TIMEOUT_S = 10.0
 """Time within which a scheduler and its first worker must answer (s); chosen: a network's."""
 
-TRIES = 2
-"""Tries of an item whose process ends, as when the memory is full; chosen: once may be another's
-fault."""
-
 AT_ONCE = 2
 """Batches that a process has at the same time: one that it works on, and the next. Without the
 next it would wait for one after each batch, which took 15 ms (measured)."""
 
-BATCH_S = 0.3
-"""Time that a batch of small items should take (s); chosen: handing it out costs 5 % of that."""
+BATCH_S = 1.0
+"""Time that a batch of small items should take (s); chosen: handing it out and taking its results
+costs 15 ms of the processes together (measured)."""
 
-LARGEST_BATCH = 16
+LARGEST_BATCH = 32
 """Items handed out together at most; chosen: they are lost together if their process ends."""
 
 LOOK_S = 2.0
@@ -43,32 +42,6 @@ LOOK_S = 2.0
 
 MOST_EARLY = 64
 """Results that wait for one of an earlier item, per process; chosen, bounds the memory."""
-
-_SETTINGS = {
-    "distributed.scheduler.allowed-failures": TRIES - 1,
-    "distributed.worker.multiprocessing-method": "spawn",
-    # Dask's profiler looks at the stack of each process every 10 ms. Its result is not used here,
-    # and it took a tenth of the time of small items (measured).
-    "distributed.worker.profile.enabled": False,
-    # A process that outgrows its share of the memory is ended and its item tried once more.
-    # Results are small: there is nothing to move to the disk, and nothing to wait for.
-    "distributed.worker.memory.target": False,
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,
-    "distributed.worker.memory.terminate": 0.95,
-    "distributed.comm.timeouts.connect": f"{TIMEOUT_S:g}s",
-    # As Dask has it, a process returns memory to the system as soon as it is free (64 kB), only to
-    # get it back zeroed for the next array: models took half as long again (measured). All threads
-    # share one heap, and one core, since there is a process for each.
-    "distributed.nanny.pre-spawn-environ": {
-        "MALLOC_ARENA_MAX": 1,
-        "MALLOC_TRIM_THRESHOLD_": 1 << 30,
-        "MALLOC_MMAP_THRESHOLD_": 32 << 20,
-        "OMP_NUM_THREADS": 1,
-        "MKL_NUM_THREADS": 1,
-        "OPENBLAS_NUM_THREADS": 1,
-    },
-}
 
 
 def work_through(
@@ -93,7 +66,8 @@ def work_through(
         for item in items:
             yield attempt(function, item)
         return
-    with _settings(), _client(options, len(items)) as client:
+    start_fork_server(options, function.__module__)
+    with dask_settings(), _client(options, len(items)) as client:
         if options.cluster:
             _require_same_code(client, options.cluster, function)
         yield from _elsewhere(client, function, items)
@@ -170,17 +144,6 @@ def _batch_size(spent_s: float, done: int) -> int:
     if not done:
         return 1
     return max(1, min(LARGEST_BATCH, int(BATCH_S * done / max(spent_s, 1e-9))))
-
-
-@contextlib.contextmanager
-def _settings() -> Iterator[None]:
-    """Let Dask treat processes that end as :data:`_SETTINGS` say."""
-    # Imported here, as below: without the extra `fleet`, one process does all.
-    import dask
-    import distributed  # noqa: F401  its own settings must be there before they are replaced
-
-    with dask.config.set(_SETTINGS):
-        yield
 
 
 @contextlib.contextmanager

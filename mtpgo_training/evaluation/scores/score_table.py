@@ -192,14 +192,20 @@ class ScoreTable:
             column: np.array([self._code(column, name) for name in names], dtype=np.int64)
             for column, names in other._names.items()
         }
-        for rows in other._rows:
-            own = rows.copy()
-            for column in _NAMED:
-                own[column] = codes[column][rows[column]]
-            self._rows.append(own)
+        rows = other._joined()
+        own = rows.copy()
+        for column in _NAMED:
+            own[column] = codes[column][rows[column]]
+        self._rows.append(own)
         for group, sums in other._sums.items():
             named = (int(codes[c][code]) for c, code in zip(_NAMED, group, strict=False))
             self._add_group((*named, *group[len(_NAMED) :]), sums)
+
+    def _joined(self) -> NDArray[Any]:
+        """Return the rows of all agents in one array, which replaces those of each instant."""
+        if len(self._rows) != 1:
+            self._rows = [np.concatenate(self._rows) if self._rows else np.empty(0, dtype=_ROW)]
+        return self._rows[0]
 
     def agents(self) -> pd.DataFrame:
         """Return a row for each scored agent.
@@ -207,7 +213,7 @@ class ScoreTable:
         Columns: :data:`GROUPS` (``manoeuvres`` as bits) and ``site``; ``stamp_ns`` (ns) and
         ``track`` (index in the recording); ``speed_mps`` then (m/s); :data:`KEYS`.
         """
-        rows = np.concatenate(self._rows) if self._rows else np.empty(0, dtype=_ROW)
+        rows = self._joined()
         groups = self._labels({column: rows[column] for column in GROUPS})
         others = [column for column in _ROW.names or () if column not in GROUPS]
         return pd.concat([groups, pd.DataFrame({c: rows[c] for c in others})], axis=1)
@@ -305,12 +311,16 @@ def totals(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """
     if isinstance(table.columns, pd.MultiIndex):
         return table.groupby(list(by), observed=True, dropna=False).sum()
-    groups = [table[name] for name in by]
-    columns = {key: table[key].astype(np.float64).groupby(groups, observed=True) for key in KEYS}
-    parts = {
-        "sum": pd.DataFrame({key: values.sum() for key, values in columns.items()}),
-        "count": pd.DataFrame({key: values.count() for key, values in columns.items()}),
-    }
+    groups = table.groupby(list(by), observed=True)
+    index = groups.size().index
+    place = groups.ngroup().fillna(-1).to_numpy(np.int64)  # -1 without a group
+    sums, counts = {}, {}
+    for key in KEYS:  # one by one: as float64 all of them would be as large as the table
+        values = table[key].to_numpy(np.float64)
+        known = np.isfinite(values) & (place >= 0)
+        counts[key] = np.bincount(place[known], minlength=len(index))
+        sums[key] = np.bincount(place[known], values[known], minlength=len(index))
+    parts = {"sum": pd.DataFrame(sums, index), "count": pd.DataFrame(counts, index)}
     return pd.concat(parts, axis=1)
 
 
@@ -327,10 +337,10 @@ def scores_by(agents: pd.DataFrame, by: Sequence[str]) -> dict[Any, dict[str, fl
         by: columns.
     """
     total = totals(agents, by)
-    counts = total["count"]
+    counts = total["count"][["ade", "fde"]].to_dict("index")
     return {
         group: {key: none(value) for key, value in row.items()}
-        | {"n": int(counts.at[group, "ade"]), "n_final": int(counts.at[group, "fde"])}
+        | {"n": int(counts[group]["ade"]), "n_final": int(counts[group]["fde"])}
         for group, row in average(total).to_dict("index").items()
     }
 

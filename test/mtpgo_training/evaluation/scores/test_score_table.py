@@ -109,6 +109,33 @@ def test_merging_keeps_names_that_came_in_another_order():
     assert steps.loc[("b", "02", 1), "displacement"] == 2.0
 
 
+def test_totals_are_sums_in_double_precision_over_the_agents_with_a_group():
+    agents = two_sites().agents()
+    agents["ade"] = np.float32(0.1)
+    agents["fde"] = np.where(np.arange(len(agents)) % 3 == 0, np.nan, agents["fde"])
+    agents["users"] = np.where(np.arange(len(agents)) % 4 == 0, None, "some")
+    found = totals(agents, ["users", "motion"])
+    for (users, motion), row in found.iterrows():
+        some = agents[(agents["users"] == users) & (agents["motion"] == motion)]
+        for key in KEYS:
+            values = some[key].to_numpy(np.float64)
+            values = values[np.isfinite(values)]
+            assert row["sum", key] == pytest.approx(values.sum(), rel=1e-12)
+            assert row["count", key] == len(values)
+    assert len(found) == 3
+    assert found["count", "ade"].sum() == np.arange(len(agents)).astype(bool).sum() - 2
+    assert average(totals(agents, ["model"])).at["m", "ade"] == float(np.float32(0.1))
+
+
+def test_a_merged_table_is_sent_as_one_array():
+    table, instants = ScoreTable(), ScoreTable()
+    for _ in range(500):
+        add(instants, 1.0, n=1)
+    table.merge(instants)
+    assert len(table) == 500
+    assert len(pickle.dumps(table)) < 500 * 76 + 5000
+
+
 def test_values_that_are_not_finite_are_not_defined():
     table = ScoreTable()
     add(table, np.array([1.0, np.inf, 1.0, 1.0, np.inf]), spread=None)
