@@ -13,13 +13,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from mtpgo_ros.lifecycle.node_executable import run_executable
-from mtpgo_ros.runtime.executable import (
-    leave,
-    share_interpreter,
-    stop_on_signals,
-    tune_allocator,
-    use_small_pages,
-)
+from mtpgo_ros.runtime.allocator import tune_allocator, use_small_pages
+from mtpgo_ros.runtime.executable import leave, share_interpreter, stop_on_signals
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:

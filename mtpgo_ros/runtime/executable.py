@@ -1,12 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by the executables: exit status, signals, arguments, and settings of the allocator."""
+"""Shared by the executables: exit status, signals and arguments."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
-import ctypes
 import importlib.util
 import math
 import os
@@ -31,52 +30,6 @@ _received: list[int] = []
 _interruptible = False
 """Whether the main thread is in a block of :func:`interruptible`."""
 
-# From glibc's malloc.h.
-_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -2, -3, -8
-
-# From linux/prctl.h.
-_PR_SET_THP_DISABLE = 41
-
-
-def tune_allocator() -> bool:
-    """Make glibc keep the memory that a prediction frees for the next one.
-
-    By default glibc returns blocks above a threshold to the system immediately and requests them
-    again, page by page, in the next cycle: with many agents that takes longer than the model. The
-    disadvantage is that the process keeps its peak memory.
-
-    Returns:
-        Whether the settings were made; false if the C library is not glibc.
-    """
-    libc = ctypes.CDLL(None)
-    if not hasattr(libc, "gnu_get_libc_version"):
-        return False
-    # Bytes; chosen: blocks up to 32 MB (glibc's maximum) come from the heap, of which 1 GB may be
-    # free before it is trimmed, and which grows in steps of 64 MB. One heap for all threads: what
-    # one of them frees serves the others, 40 MB less with 64 road users (measured).
-    settings = (
-        (_M_ARENA_MAX, 1),
-        (_M_MMAP_THRESHOLD, 1 << 25),
-        (_M_TRIM_THRESHOLD, 1 << 30),
-        (_M_TOP_PAD, 64 << 20),
-    )
-    return all(libc.mallopt(name, value) == 1 for name, value in settings)
-
-
-def use_small_pages() -> bool:
-    """Let Linux give this process no huge pages; call it before memory is used.
-
-    numpy asks for them where an array has 4 MB or more, and with the settings of
-    :func:`tune_allocator` these arrays are on the heap, as is all that comes to their place after
-    them. Minutes later the kernel replaces 512 pages of 4 kB there by one of 2 MB, also where most
-    of them have never been used, so that the resident memory grows in steps that no code explains.
-
-    Returns:
-        Whether the setting was made; false if the system has none.
-    """
-    libc = ctypes.CDLL(None)
-    return hasattr(libc, "prctl") and libc.prctl(_PR_SET_THP_DISABLE, 1, 0, 0, 0) == 0
-
 
 def share_interpreter() -> None:
     """Let threads take turns ten times as often as by default.
@@ -85,16 +38,6 @@ def share_interpreter() -> None:
     it needs the interpreter, and a service call needs it some ten times.
     """
     sys.setswitchinterval(0.0005)
-
-
-def return_free_memory() -> None:
-    """Return freed memory to the system; call it once after a memory-intensive step.
-
-    Reading a TorchScript file frees some 80 MB (measured) that the process would otherwise keep.
-    """
-    libc = ctypes.CDLL(None)
-    if hasattr(libc, "malloc_trim"):  # glibc's
-        libc.malloc_trim(0)
 
 
 def tell(sentence: str, *, error: bool = False) -> None:

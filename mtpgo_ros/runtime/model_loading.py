@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from mtpgo_core.task.model_file import find_model, is_shipped, read_model
 from mtpgo_core.task.model_trial import start_trials
-from mtpgo_ros.runtime.executable import return_free_memory, stop_requested
+from mtpgo_ros.runtime.allocator import return_free_memory
+from mtpgo_ros.runtime.executable import stop_requested
 
 if TYPE_CHECKING:
     from mtpgo_core.prediction.model_runner import ModelRunner

@@ -5,9 +5,7 @@
 import argparse
 import contextlib
 import os
-import platform
 import signal
-import subprocess
 import sys
 import threading
 
@@ -23,24 +21,7 @@ from mtpgo_ros.runtime.executable import (
     positive,
     stop_on_signals,
     tell,
-    tune_allocator,
 )
-
-
-def test_the_allocator_is_tuned_if_it_is_glibcs():
-    assert tune_allocator() == (platform.libc_ver()[0] == "glibc")
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="a setting of Linux")
-def test_the_process_gets_no_huge_pages():
-    """In a process of its own, which keeps the setting."""
-    program = (
-        "from mtpgo_ros.runtime.executable import use_small_pages; import sys; "
-        "set_here = use_small_pages(); "
-        "print(set_here, [x for x in open('/proc/self/status') if x.startswith('THP_enabled')])"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout == "True ['THP_enabled:\\t0\\n']\n", done.stderr
 
 
 def test_an_error_is_one_line_on_stderr_and_status_two(capsys):
