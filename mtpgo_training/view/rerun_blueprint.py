@@ -30,7 +30,7 @@ COLOUR_NAMES = {
 }
 """Names of the colours of classes."""
 
-LEAST_M = 50.0
+LEAST_M = 30.0
 """Least width of what is shown (m); chosen: a few road users near each other in their place."""
 
 _AWAY, _ABOVE = 0.25, 0.68
@@ -69,7 +69,7 @@ def scene_blueprint(name: str, position: Float64Array, scored: bool) -> rrb.Blue
     errors = rrb.TimeSeriesView(origin="errors", name="errors of predictions (m)")
     below = rrb.Horizontal(errors, meaning, column_shares=[5, 2]) if scored else meaning
     return rrb.Blueprint(
-        rrb.Vertical(seen, below, row_shares=[3, 1]),
+        rrb.Vertical(seen, below, row_shares=[3 if scored else 5, 1]),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="time"),
     )
@@ -88,7 +88,7 @@ def legend(kinds: Collection[AgentClass], scored: bool) -> rr.TextDocument:
         *colours,
         "**grey**: predicted at constant velocity",
         "**lines**: modes, the thicker the likelier",
-        f"**ellipses**: {100 * ELLIPSE_LEVEL:.0f} % of the true positions after {times} s",
+        f"**ellipses**: {100 * ELLIPSE_LEVEL:.0f} % of the truth after {times} s",
         *(["**dashed**: what happened"] if scored else []),
         f"**dots**: the last {PAST_S:g} s",
     ]

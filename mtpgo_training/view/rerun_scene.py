@@ -36,8 +36,9 @@ APPLICATION = "mtpgo view"
 HEIGHT_M = 1.5
 """Height of a drawn box (m)."""
 
-MODE_M, TRUTH_M, LINE_M = 0.2, 0.08, 0.05
-"""Half the width of the heaviest mode, of what happened, and of other lines (m)."""
+MODE, TRUTH, LINE, DOT = 1.3, 0.7, 0.6, 1.0
+"""Half the width of the heaviest mode, of what happened and of other lines, and radius of a past
+position: in points on the screen, as a pedestrian has other metres than a motorway."""
 
 _TIMELINE = "time"
 
@@ -58,7 +59,8 @@ class RerunScene:
     """
 
     def __init__(self, name: str, *, viewer: bool, scored: bool) -> None:
-        self._stream = rr.RecordingStream(f"{APPLICATION}: {name}")
+        # Rerun takes no slashes, which topics have.
+        self._stream = rr.RecordingStream(f"{APPLICATION}: {name.strip('/').replace('/', ' ')}")
         self._name, self._scored = name, scored
         self._origin: Float64Array | None = None
         self._looks = False
@@ -107,7 +109,9 @@ class RerunScene:
     def log_lanes(self, lanes: tuple[Float64Array, ...]) -> None:
         """Show lane markings: [k, 2] points each (m)."""
         lines = [self._placed(line) for line in lanes if len(line) > 1]
-        strips = rr.LineStrips3D(lines, colors=[colour_bytes(LANE)], radii=[LINE_M])
+        strips = rr.LineStrips3D(
+            lines, colors=[colour_bytes(LANE)], radii=rr.Radius.ui_points(LINE)
+        )
         self._stream.log("scene/lanes", strips, static=True)
 
     def log_states(self, time_s: float, states: TrackedStates, names: list[str]) -> None:
@@ -130,7 +134,9 @@ class RerunScene:
         yaw = np.nan_to_num(np.where(np.isfinite(states.yaw), states.yaw, course))
         centre = self._placed(states.position)
         colours = np.array([colour_bytes(c) for c in class_colours(states.agent_class)])
-        past = rr.Points3D(centre, colors=faded(colours.reshape(-1, 3), 0.5), radii=[LINE_M])
+        past = rr.Points3D(
+            centre, colors=faded(colours.reshape(-1, 3), 0.5), radii=rr.Radius.ui_points(DOT)
+        )
         self._stream.log(PAST, past)
         centre[:, 2] = HEIGHT_M / 2.0
         half = np.concatenate([size, np.full((len(states), 1), HEIGHT_M)], axis=1) / 2.0
@@ -182,10 +188,12 @@ class RerunScene:
         modes = rr.LineStrips3D(
             strips,
             colors=faded(np.array(colours).reshape(-1, 3), 0.2 + 0.8 * share_of),
-            radii=MODE_M * (0.3 + 0.7 * share_of),
+            radii=rr.Radius.ui_points(MODE * (0.4 + 0.6 * share_of)),
         )
         ellipses = rr.LineStrips3D(
-            rings, colors=faded(np.array(ring_colours).reshape(-1, 3), 0.6), radii=[LINE_M]
+            rings,
+            colors=faded(np.array(ring_colours).reshape(-1, 3), 0.6),
+            radii=rr.Radius.ui_points(LINE),
         )
         self._at(time_s)
         self._predicted_s = time_s
@@ -196,7 +204,9 @@ class RerunScene:
         """Show what happened next, dashed: [k, 2] points of each road user (m)."""
         placed = [self._placed(way, 0.3) for way in ways if len(way) > 1]
         dashes = [way[i : i + 2] for way in placed for i in range(0, len(way) - 1, 2)]
-        strips = rr.LineStrips3D(dashes, colors=[colour_bytes(TEXT)], radii=[TRUTH_M])
+        strips = rr.LineStrips3D(
+            dashes, colors=[colour_bytes(TEXT)], radii=rr.Radius.ui_points(TRUTH)
+        )
         self._at(time_s)
         self._stream.log("scene/what_happened", strips)
 

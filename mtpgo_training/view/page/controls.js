@@ -7,6 +7,8 @@ const STAGES = ["not calibrated", "calibration of the model file", "calibrated o
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const LEAST_FIT_SCALE = 3.2;  // pixels per metre at which boxes can be told from each other
 
+const PRESSED_BY_SPACE = "button, input[type=checkbox]";
+
 const byId = (id) => document.getElementById(id);
 
 class Viewer {
@@ -267,6 +269,12 @@ class Viewer {
     }
     new ResizeObserver(() => this.change({})).observe(view);
     document.addEventListener("keydown", (e) => this.onKey(e));
+    // What the mouse pressed keeps no keys: a space plays and pauses then, as everywhere.
+    document.addEventListener("click", (e) => {
+      if (e.detail && document.activeElement.matches(PRESSED_BY_SPACE)) {
+        document.activeElement.blur();
+      }
+    });
   }
 
   turn() { this.camera.angle += Math.PI / 2; this.change({}); }
@@ -335,7 +343,7 @@ class Viewer {
       Escape: () => this.change({ selected: null, followed: false }),
     };
     const act = keys[e.key] || keys[e.key.toLowerCase()];
-    if (!act || (e.key === " " && e.target.tagName === "BUTTON")) return;
+    if (!act || (e.key === " " && e.target.matches(PRESSED_BY_SPACE))) return;
     e.preventDefault();
     act();
   }

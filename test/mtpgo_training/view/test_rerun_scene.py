@@ -91,7 +91,7 @@ def test_every_class_has_the_name_of_its_colour():
     assert len(set(COLOUR_NAMES.values())) == len(AgentClass)
     text = str(legend([AgentClass.TRUCK, AgentClass.CAR], True).text.as_arrow_array()[0])
     assert text.startswith("- **blue**: car\n- **orange**: truck\n")
-    assert "90 % of the true positions after 1, 3 and 5 s" in text
+    assert "90 % of the truth after 1, 3 and 5 s" in text
     assert "what happened" in text
     assert "what happened" not in str(legend([], False).text.as_arrow_array()[0])
 
