@@ -40,6 +40,12 @@ MODE, TRUTH, LINE, DOT = 1.3, 0.7, 0.6, 1.0
 """Half the width of the heaviest mode, of what happened and of other lines, and radius of a past
 position: in points on the screen, as a pedestrian has other metres than a motorway."""
 
+DASH_M = 1.0
+"""Least length of a dash, and of the gap behind it (m); chosen: a pedestrian's way has some."""
+
+CURVES = (CLASS_COLOURS[AgentClass.VAN], CLASS_COLOURS[AgentClass.TRUCK])
+"""Colours of the curves of errors; chosen: those that are seen on the viewer's dark ground."""
+
 _TIMELINE = "time"
 
 
@@ -203,7 +209,7 @@ class RerunScene:
     def log_truth(self, time_s: float, ways: list[Float64Array]) -> None:
         """Show what happened next, dashed: [k, 2] points of each road user (m)."""
         placed = [self._placed(way, 0.3) for way in ways if len(way) > 1]
-        dashes = [way[i : i + 2] for way in placed for i in range(0, len(way) - 1, 2)]
+        dashes = [dash for way in placed for dash in _dashes(way)]
         strips = rr.LineStrips3D(
             dashes, colors=[colour_bytes(TEXT)], radii=rr.Radius.ui_points(TRUTH)
         )
@@ -211,9 +217,10 @@ class RerunScene:
         self._stream.log("scene/what_happened", strips)
 
     def name_errors(self, names: Mapping[str, str]) -> None:
-        """Name the curves of errors: name in :meth:`log_error` -> text in the viewer."""
-        for name, text in names.items():
-            self._stream.log(f"errors/{name}", rr.SeriesLines(names=[text]), static=True)
+        """Name two curves of errors: name in :meth:`log_error` -> text in the viewer."""
+        for (name, text), colour in zip(names.items(), CURVES, strict=True):
+            line = rr.SeriesLines(names=[text], colors=[colour_bytes(colour)])
+            self._stream.log(f"errors/{name}", line, static=True)
 
     def log_error(self, time_s: float, name: str, value: float) -> None:
         """Add a value to a curve (m); what is not known is left out."""
@@ -292,3 +299,10 @@ def _log_seen(
     if until_s <= end_s + 1e-3:
         target.log_error(until_s, "ade", average(seen.ade_m))
         target.log_error(until_s, "final", average(seen.final_m))
+
+
+def _dashes(way: Float64Array) -> list[Float64Array]:
+    """Return every second piece of [k, 3] a way (m), of ``DASH_M`` on the average or more."""
+    mean_m = float(np.linalg.norm(np.diff(way, axis=0), axis=1).mean())
+    steps = int(np.clip(np.ceil(DASH_M / max(mean_m, 1e-6)), 1, len(way) - 1))
+    return [way[i : i + steps + 1] for i in range(0, len(way) - 1, 2 * steps)]

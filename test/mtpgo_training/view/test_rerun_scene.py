@@ -84,6 +84,20 @@ def test_a_prediction_is_shown_for_no_longer_than_a_second(scene, file, tmp_path
     assert rows_of(tmp_path / "b.rrd", "/scene/predictions", "Clear") == 0
 
 
+@pytest.mark.parametrize("step_m", [0.0, 0.05, 0.3, 2.0])
+def test_what_happened_is_dashed_at_every_speed(step_m):
+    from mtpgo_training.view.rerun_scene import DASH_M, _dashes
+
+    way = np.stack([step_m * np.arange(60), np.zeros(60), np.zeros(60)], axis=-1)
+    dashes = _dashes(way)
+    assert all(len(dash) > 1 for dash in dashes)
+    lengths = [dash[-1, 0] - dash[0, 0] for dash in dashes]
+    if step_m:
+        assert len(dashes) > 1
+        np.testing.assert_allclose(lengths[:-1], max(DASH_M, step_m), atol=step_m)
+        assert sum(lengths) == pytest.approx(59 * step_m / 2, abs=DASH_M)
+
+
 def test_every_class_has_the_name_of_its_colour():
     from mtpgo_training.view.rerun_blueprint import COLOUR_NAMES, legend
 
