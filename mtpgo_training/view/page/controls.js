@@ -210,7 +210,7 @@ class Viewer {
     const w = canvas.clientWidth, h = canvas.clientHeight, theme = this.painter.theme;
     canvas.width = Math.round(w * ratio); canvas.height = Math.round(h * ratio);
     g.scale(ratio, ratio);
-    const { end, horizon, errors: points, largestError: top } = this.timeline;
+    const { end, horizon, errorPieces: pieces, largestError: top } = this.timeline;
     // Times lie above those of the slider, whose thumb is 16 pixels wide.
     const bar = byId("slider").getBoundingClientRect(), left = canvas.getBoundingClientRect().left;
     const [x0, x1] = [bar.left - left + 8, bar.right - left - 8];
@@ -220,10 +220,11 @@ class Viewer {
     g.strokeStyle = theme.classes.car;
     g.fillStyle = theme.classes.car;
     g.lineWidth = 1.5;
-    g.beginPath();
-    points.forEach(([t, v], i) => g[i ? "lineTo" : "moveTo"](x(t), y(v)));
-    g.stroke();
-    if (points.length) {
+    for (const points of pieces) {
+      g.globalAlpha = 1;
+      g.beginPath();
+      points.forEach(([t, v], i) => g[i ? "lineTo" : "moveTo"](x(t), y(v)));
+      g.stroke();
       g.lineTo(x(points[points.length - 1][0]), h);
       g.lineTo(x(points[0][0]), h);
       g.globalAlpha = 0.12;
@@ -237,7 +238,7 @@ class Viewer {
     g.textAlign = "right";
     const text = this.narrow ? `${top.toFixed(1)} m`
       : `error at ${horizon.toFixed(0)} s, up to ${top.toFixed(1)} m`;
-    if (points.length) g.fillText(text, w - 2, 11);
+    if (pieces.length) g.fillText(text, w - 2, 11);
   }
 
   // Input

@@ -120,6 +120,20 @@ class TestInABrowser:
         )
         assert rows == [3, 3, 1]
 
+    def test_the_curve_does_not_lead_over_a_time_without_predictions(self, browser):
+        times = browser.value(
+            """(() => {
+              const agents = new Map([[0, { ade: 1, final: 2, inside: 1 }]]);
+              const predictions = [0, 0.2, 0.4, 60, 60.2].map((t) => ({ t, delay: 0, agents }));
+              const timeline = new Timeline({
+                frameS: new Float32Array([0, 90]), head: { horizon_s: 5 }, tracks: [], predictions,
+              });
+              return timeline.errorPieces.map((piece) => piece.map(([t]) => t));
+            })()"""
+        )
+        np.testing.assert_allclose(times[0], [5.0, 5.2, 5.4])
+        np.testing.assert_allclose(times[1], [65.0, 65.2])
+
     def test_a_road_user_far_away_does_not_empty_the_view(self, browser):
         found = browser.value(
             """(() => {
