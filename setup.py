@@ -81,7 +81,7 @@ EXTRAS = {
     # The documentation site; MkDocs 2 has another configuration and no plugins.
     "docs": ["latex2mathml>=3.77,<4", "mkdocs>=1.6,<2", "mkdocs-material>=9.6,<10"],
     # Animations, films (imageio-ffmpeg carries ffmpeg) and rerun; the viewer's page needs none.
-    "view": ["imageio-ffmpeg>=0.5,<0.9", "matplotlib>=3.8,<4", "rerun-sdk>=0.24,<0.42"],
+    "view": ["imageio-ffmpeg>=0.5,<0.9", "matplotlib>=3.8,<4", "rerun-sdk>=0.27,<0.42"],
     "test": TEST,
     "development": [
         *TEST,

@@ -166,7 +166,7 @@ def _show(
     """Show what comes in the viewer of rerun, until a time (s, monotonic) or the user ends it."""
     from mtpgo_training.view.rerun_scene import RerunScene
 
-    target = RerunScene(topics.objects, viewer=True)
+    target = RerunScene(topics.objects, viewer=True, scored=False)
     shown, growing = LiveScene(target, topics, lanes), GrowingBag(bag)
     try:
         while time.monotonic() < end_s:

@@ -18,30 +18,24 @@ from numpy.typing import NDArray
 from mtpgo_core.class_size import known_sizes
 from mtpgo_core.frames import rotate
 from mtpgo_core.quality.metrics import average
-from mtpgo_core.schema import BoolArray, Float64Array, Source
+from mtpgo_core.schema import Float64Array, Source
 from mtpgo_training.reports.drawn_bodies import class_colours, shown_modes
 from mtpgo_training.view.ellipse_rings import ellipse_rings
-from mtpgo_training.view.view_colours import FALLBACK_COLOUR
+from mtpgo_training.view.view_colours import FALLBACK_COLOUR, GROUND, LANE, ROAD, TEXT
 from mtpgo_training.view.view_scene import (
+    PAST_S,
+    STALE_S,
     SeenPrediction,
     TrackWays,
     ViewScene,
     drawn_yaws,
     ellipse_indices,
+    positions_together,
     shown_frames,
 )
 
-GROUND, ROAD, LANE, TEXT = "#f4f5f3", "#e6e8e8", "#b9bfc5", "#1c2126"
-
-PAST_S, STALE_S = 3.0, 1.0
-"""Length of the past that is drawn, and longest time for which a prediction is (s); chosen."""
-
 MARGIN_M, LEAST_M = 8.0, 60.0
 """Margin around the road users, and least width of the picture (m); chosen."""
-
-APART_M, APART_RANGES = 200.0, 10.0
-"""A position this far (m) and so many interquartile ranges from the median is not what the picture
-is made for; chosen beyond every site: a road user that a tracker has far away would empty it."""
 
 LOWEST, HIGHEST = 0.42, 0.62
 """Limits of the height of the picture relative to its width; chosen."""
@@ -65,7 +59,7 @@ class ScenePainter:
         self._scene, recording = scene, scene.recording
         self._frames = shown_frames(scene)
         self.times_s = [scene.since_start_s(recording.stamp_ns(int(f))) for f in self._frames]
-        together = _together(recording.position)
+        together = positions_together(recording.position)
         self._angle = _turn(recording.position[together])
         self._ways = TrackWays(scene)
         self._position = rotate(recording.position, -self._angle)
@@ -212,14 +206,6 @@ class ScenePainter:
         return (
             f" | error of the predictions of {horizon_s:.0f} s ago {average(seen.final_m):.1f} m"
         )
-
-
-def _together(position: Float64Array) -> BoolArray:
-    """Return [rows] which of [rows, 2] positions (m) lie where most of them do."""
-    low, middle, high = np.nanquantile(position, [0.25, 0.5, 0.75], axis=0)
-    with np.errstate(invalid="ignore"):
-        near = np.abs(position - middle) <= APART_M + APART_RANGES * (high - low)
-    return np.asarray(near.all(axis=1))
 
 
 def _turn(position: Float64Array) -> float:

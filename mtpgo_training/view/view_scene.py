@@ -12,7 +12,7 @@ import numpy as np
 from mtpgo_core.identity import key_to_text
 from mtpgo_core.prediction.prediction_queries import without_missing_steps
 from mtpgo_core.quality.metrics import ade, fde, is_inside, nees, top_mode
-from mtpgo_core.schema import MOVING_MPS, Float64Array, KeyArray, Prediction
+from mtpgo_core.schema import MOVING_MPS, BoolArray, Float64Array, KeyArray, Prediction
 from mtpgo_training.data.ground_truth import FutureTable
 from mtpgo_training.data.recording import Int64Array, Recording
 
@@ -25,6 +25,13 @@ ELLIPSE_TIMES_S = (1.0, 3.0, 5.0)
 FRAME_S = 0.09
 """Frames closer to the one before are left out (s); chosen: the page draws between frames of 10 Hz
 without a visible difference."""
+
+PAST_S, STALE_S = 3.0, 1.0
+"""Length of the past that is drawn, and longest time for which a prediction is (s); chosen."""
+
+APART_M, APART_RANGES = 200.0, 10.0
+"""A position this far (m) and so many interquartile ranges from the median is not what the picture
+is made for; chosen beyond every site: a road user that a tracker has far away would empty it."""
 
 
 @dataclass(frozen=True)
@@ -171,6 +178,14 @@ def ellipse_indices(time_s: Float64Array) -> Int64Array:
     last_s = float(time_s[known[-1]])
     wanted = [t for t in ELLIPSE_TIMES_S if t <= last_s + 1e-6] or [last_s]
     return np.unique([int(known[np.argmin(np.abs(time_s[known] - t))]) for t in wanted])
+
+
+def positions_together(position: Float64Array) -> BoolArray:
+    """Return [rows] which of [rows, 2] positions (m) lie where most of them do."""
+    low, middle, high = np.nanquantile(position, [0.25, 0.5, 0.75], axis=0)
+    with np.errstate(invalid="ignore"):
+        near = np.abs(position - middle) <= APART_M + APART_RANGES * (high - low)
+    return np.asarray(near.all(axis=1))
 
 
 def drawn_speeds(recording: Recording) -> Float64Array:

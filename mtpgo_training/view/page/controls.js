@@ -7,6 +7,8 @@ const STAGES = ["not calibrated", "calibration of the model file", "calibrated o
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const LEAST_FIT_SCALE = 3.2;  // pixels per metre at which boxes can be told from each other
 
+const PRESSED_BY_SPACE = "button, input[type=checkbox]";
+
 const byId = (id) => document.getElementById(id);
 
 class Viewer {
@@ -208,7 +210,7 @@ class Viewer {
     const w = canvas.clientWidth, h = canvas.clientHeight, theme = this.painter.theme;
     canvas.width = Math.round(w * ratio); canvas.height = Math.round(h * ratio);
     g.scale(ratio, ratio);
-    const { end, horizon, errors: points, largestError: top } = this.timeline;
+    const { end, horizon, errorPieces: pieces, largestError: top } = this.timeline;
     // Times lie above those of the slider, whose thumb is 16 pixels wide.
     const bar = byId("slider").getBoundingClientRect(), left = canvas.getBoundingClientRect().left;
     const [x0, x1] = [bar.left - left + 8, bar.right - left - 8];
@@ -218,10 +220,11 @@ class Viewer {
     g.strokeStyle = theme.classes.car;
     g.fillStyle = theme.classes.car;
     g.lineWidth = 1.5;
-    g.beginPath();
-    points.forEach(([t, v], i) => g[i ? "lineTo" : "moveTo"](x(t), y(v)));
-    g.stroke();
-    if (points.length) {
+    for (const points of pieces) {
+      g.globalAlpha = 1;
+      g.beginPath();
+      points.forEach(([t, v], i) => g[i ? "lineTo" : "moveTo"](x(t), y(v)));
+      g.stroke();
       g.lineTo(x(points[points.length - 1][0]), h);
       g.lineTo(x(points[0][0]), h);
       g.globalAlpha = 0.12;
@@ -235,7 +238,7 @@ class Viewer {
     g.textAlign = "right";
     const text = this.narrow ? `${top.toFixed(1)} m`
       : `error at ${horizon.toFixed(0)} s, up to ${top.toFixed(1)} m`;
-    if (points.length) g.fillText(text, w - 2, 11);
+    if (pieces.length) g.fillText(text, w - 2, 11);
   }
 
   // Input
@@ -267,6 +270,12 @@ class Viewer {
     }
     new ResizeObserver(() => this.change({})).observe(view);
     document.addEventListener("keydown", (e) => this.onKey(e));
+    // What the mouse pressed keeps no keys: a space plays and pauses then, as everywhere.
+    document.addEventListener("click", (e) => {
+      if (e.detail && document.activeElement.matches(PRESSED_BY_SPACE)) {
+        document.activeElement.blur();
+      }
+    });
   }
 
   turn() { this.camera.angle += Math.PI / 2; this.change({}); }
@@ -335,7 +344,7 @@ class Viewer {
       Escape: () => this.change({ selected: null, followed: false }),
     };
     const act = keys[e.key] || keys[e.key.toLowerCase()];
-    if (!act || (e.key === " " && e.target.tagName === "BUTTON")) return;
+    if (!act || (e.key === " " && e.target.matches(PRESSED_BY_SPACE))) return;
     e.preventDefault();
     act();
   }

@@ -7,7 +7,7 @@ const PAST_S = 3;
 const THEMES = {
   light: {
     ground: "#f4f5f3", road: "rgba(120,130,140,.10)", lane: "#b9bfc5", text: "#1c2126",
-    truth: "#15191d", before: "#b3541e", fallback: "#7b858e", halo: "#f4f5f3",
+    truth: "#15191d", before: "#a00000", fallback: "#7b858e", halo: "#f4f5f3",
     classes: {
       car: "#1f6fd1", van: "#56b4e9", truck: "#d9730d", bus: "#4b1f82", trailer: "#6b3a12",
       motorcycle: "#00695c", bicycle: "#8cc81e", pedestrian: "#e0246b", animal: "#b8a04a",
@@ -16,7 +16,7 @@ const THEMES = {
   },
   dark: {
     ground: "#11161c", road: "rgba(150,165,180,.10)", lane: "#4a5561", text: "#e8ecef",
-    truth: "#f2f4f5", before: "#ffb27a", fallback: "#6f7b86", halo: "#11161c",
+    truth: "#f2f4f5", before: "#ff4d4d", fallback: "#6f7b86", halo: "#11161c",
     classes: {
       car: "#5aa9ff", van: "#9be3ff", truck: "#ff9838", bus: "#a06bff", trailer: "#c07a3a",
       motorcycle: "#1fa893", bicycle: "#b6e34d", pedestrian: "#ff6aa0", animal: "#e3cf8a",

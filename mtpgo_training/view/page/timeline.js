@@ -69,6 +69,12 @@ class Timeline {
       const { final, m } = this.means[k], known = p.t + this.horizon;
       if (m && known <= this.end + 1e-3) this.errors.push([known, final / m]);
     });
+    // Pieces of that curve: none leads over a time without predictions.
+    this.errorPieces = [];
+    this.errors.forEach((point, i) => {
+      if (!i || point[0] - this.errors[i - 1][0] > STALE_S) this.errorPieces.push([]);
+      this.errorPieces[this.errorPieces.length - 1].push(point);
+    });
     this.largestError = Math.max(1, ...this.errors.map(([, error]) => error));
   }
 

@@ -57,6 +57,19 @@ def test_every_topic_and_the_frame_follow():
     assert "map" not in {panel.get("followTf") for panel in panels.values()}
 
 
+def test_the_panels_of_foxglove_have_their_titles_in_lichtblick_too():
+    panels = json.loads(foxglove_layout(NAMES))["configById"].values()
+    titles = [(p["foxglovePanelTitle"], p["lichtblickPanelTitle"]) for p in panels if "paths" in p]
+    assert len(titles) == 3
+    assert all(one == other for one, other in titles)
+
+
+def test_north_is_up_in_both_viewers():
+    views = yaml.safe_load(rviz_layout(NAMES))["Visualization Manager"]["Views"]
+    camera = json.loads(foxglove_layout(NAMES))["configById"]["3D!predictor"]["cameraState"]
+    assert views["Current"]["Angle"] == camera["thetaOffset"] == 0
+
+
 def test_names_are_expanded_as_ros_does():
     names = DisplayNames(namespace="a/b", node="n")
     assert names.topic("x") == "/a/b/x"

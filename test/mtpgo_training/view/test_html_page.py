@@ -66,6 +66,19 @@ def text(browser, name):
     return browser.value(f'document.getElementById("{name}").innerText')
 
 
+def press(browser, key):
+    code = {" ": ("Space", 32), "Tab": ("Tab", 9)}[key]
+    for kind in ("keyDown", "keyUp"):
+        browser.call(
+            "Input.dispatchKeyEvent",
+            type=kind,
+            key=key,
+            code=code[0],
+            windowsVirtualKeyCode=code[1],
+            **({"text": key} if kind == "keyDown" and key == " " else {}),
+        )
+
+
 @needs_browser
 @pytest.mark.timeout(300)
 class TestInABrowser:
@@ -106,6 +119,20 @@ class TestInABrowser:
             })()"""
         )
         assert rows == [3, 3, 1]
+
+    def test_the_curve_does_not_lead_over_a_time_without_predictions(self, browser):
+        times = browser.value(
+            """(() => {
+              const agents = new Map([[0, { ade: 1, final: 2, inside: 1 }]]);
+              const predictions = [0, 0.2, 0.4, 60, 60.2].map((t) => ({ t, delay: 0, agents }));
+              const timeline = new Timeline({
+                frameS: new Float32Array([0, 90]), head: { horizon_s: 5 }, tracks: [], predictions,
+              });
+              return timeline.errorPieces.map((piece) => piece.map(([t]) => t));
+            })()"""
+        )
+        np.testing.assert_allclose(times[0], [5.0, 5.2, 5.4])
+        np.testing.assert_allclose(times[1], [65.0, 65.2])
 
     def test_a_road_user_far_away_does_not_empty_the_view(self, browser):
         found = browser.value(
@@ -203,6 +230,49 @@ class TestInABrowser:
             browser.wait_for("!viewer.dirty")
             seen.add(browser.value(PICTURE))
         assert len(seen) == 7
+
+    def test_space_plays_except_on_what_the_keyboard_has_chosen(self, browser):
+        x, y = browser.value(
+            """(() => {
+              const r = document.getElementById("past").getBoundingClientRect();
+              return [r.x + r.width / 2, r.y + r.height / 2];
+            })()"""
+        )
+        for kind in ("mousePressed", "mouseReleased"):
+            browser.call(
+                "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1
+            )
+        assert not browser.value('document.getElementById("past").checked')
+        press(browser, " ")
+        assert browser.value("viewer.playing")
+        assert not browser.value('document.getElementById("past").checked')
+        press(browser, " ")
+        assert not browser.value("viewer.playing")
+        browser.value('document.getElementById("past").focus()')
+        press(browser, "Tab")
+        assert browser.value("document.activeElement.id") == "truth"
+        press(browser, " ")
+        assert not browser.value("viewer.playing")
+        assert not browser.value('document.getElementById("truth").checked')
+
+    def test_everything_has_its_place_in_a_small_window(self, browser):
+        slide(browser, 7.0)
+        browser.value("viewer.change({ selected: viewer.present[0].index })")
+        browser.resize(800, 600)
+        browser.wait_for("document.documentElement.clientWidth === 800 && !viewer.dirty")
+        rows = "new Set([...document.querySelectorAll('#switches > *')].map((e) => Math.round("
+        rows += "e.getBoundingClientRect().y + e.getBoundingClientRect().height / 2))).size"
+        assert browser.value(rows) == 1
+        inside = """["scores", "agent", "legend"].map((name) => {
+          const own = document.getElementById(name).getBoundingClientRect();
+          const all = document.querySelector("main").getBoundingClientRect();
+          return own.top >= all.top && own.bottom <= all.bottom && own.right <= all.right;
+        })"""
+        assert browser.value(inside) == [True, True, True]
+        browser.resize(800, 360)
+        browser.wait_for("document.documentElement.clientHeight === 360 && !viewer.dirty")
+        assert browser.value(inside) == [True, True, True]
+        browser.resize(1280, 800)
 
     def test_it_fits_a_phone(self, browser):
         browser.resize(390, 780, mobile=True, scale=2)

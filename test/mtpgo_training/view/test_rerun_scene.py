@@ -3,6 +3,7 @@
 """The file of rerun, read back by rerun."""
 
 import dataclasses
+import re
 import resource
 import subprocess
 import sys
@@ -11,31 +12,102 @@ import numpy as np
 import pytest
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.schema import AgentClass
+from mtpgo_training.reports.drawn_bodies import CLASS_COLOURS
+from mtpgo_training.view.view_colours import GROUND, colour_bytes
 
 rerun = pytest.importorskip("rerun", reason="the extra view (rerun-sdk) is not installed")
 
 
-def test_the_file_has_road_users_modes_ellipses_truth_and_errors(scene, tmp_path):
+def told_of(path, *options):
+    """Return what rerun tells about a file."""
+    command = [sys.executable, "-m", "rerun", "rrd", "print", *options, str(path)]
+    read = subprocess.run(command, capture_output=True, text=True, check=True)
+    return read.stdout + read.stderr
+
+
+def rows_of(path, entity, part=""):
+    """Return how many rows of an entity there are."""
+    found = re.findall(rf"with (\d+) rows .* - {re.escape(entity)} .*{part}", told_of(path, "-v"))
+    return sum(map(int, found))
+
+
+@pytest.fixture(scope="module")
+def file(scene, tmp_path_factory):
     from mtpgo_training.view.rerun_scene import log_scene
 
-    log_scene(scene, tmp_path / "a.rrd")
-    read = subprocess.run(
-        [sys.executable, "-m", "rerun", "rrd", "print", "-v", str(tmp_path / "a.rrd")],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    told = read.stdout + read.stderr
+    path = tmp_path_factory.mktemp("rerun") / "a.rrd"
+    log_scene(scene, path)
+    return path
+
+
+def test_the_file_has_road_users_modes_ellipses_truth_and_errors(file):
+    told = told_of(file, "-v")
     for part in (
-        "/scene/road_users",
+        "/scene/road_users/car",
+        "/scene/road_users/truck",
+        "/scene/past",
         "/scene/lanes",
         "/scene/predictions/modes",
         "/scene/predictions/ellipses",
         "/scene/what_happened",
         "/errors/ade",
         "/errors/final",
+        "/legend",
     ):
-        assert part in told, part
+        assert f" {part} " in told, part
+
+
+def test_a_less_likely_mode_is_lighter_though_rerun_draws_no_transparent_lines(file):
+    told = told_of(file, "-vvv", "--entity", "/scene/predictions/modes")
+    ground = np.array(colour_bytes(GROUND))
+    for kind in (AgentClass.CAR, AgentClass.TRUCK):
+        own = np.array(colour_bytes(CLASS_COLOURS[kind]))
+        for weight in (1.0, 0.25 / 0.75):
+            red, green, blue = np.rint(ground + (0.2 + 0.8 * weight) * (own - ground)).astype(int)
+            assert f"{red << 24 | green << 16 | blue << 8 | 255}" in told, (kind, weight)
+
+
+def test_errors_are_shown_that_were_known_before_the_end(file):
+    # 12 s with a horizon of 5 s, a prediction every 0.2 s.
+    assert rows_of(file, "/errors/ade", "Scalars") == 36
+    assert rows_of(file, "/errors/final", "Scalars") == 36
+
+
+def test_a_prediction_is_shown_for_no_longer_than_a_second(scene, file, tmp_path):
+    from mtpgo_training.view.rerun_scene import log_scene
+
+    # The last one is of 10.0 s, the recording ends at 12.0 s.
+    assert rows_of(file, "/scene/predictions", "Clear") == 1
+    assert rows_of(file, "/scene/what_happened", "Clear") == 1
+    log_scene(dataclasses.replace(scene, predictions=()), tmp_path / "b.rrd")
+    assert rows_of(tmp_path / "b.rrd", "/scene/predictions", "Clear") == 0
+
+
+@pytest.mark.parametrize("step_m", [0.0, 0.05, 0.3, 2.0])
+def test_what_happened_is_dashed_at_every_speed(step_m):
+    from mtpgo_training.view.rerun_scene import DASH_M, _dashes
+
+    way = np.stack([step_m * np.arange(60), np.zeros(60), np.zeros(60)], axis=-1)
+    dashes = _dashes(way)
+    assert all(len(dash) > 1 for dash in dashes)
+    lengths = [dash[-1, 0] - dash[0, 0] for dash in dashes]
+    if step_m:
+        assert len(dashes) > 1
+        np.testing.assert_allclose(lengths[:-1], max(DASH_M, step_m), atol=step_m)
+        assert sum(lengths) == pytest.approx(59 * step_m / 2, abs=DASH_M)
+
+
+def test_every_class_has_the_name_of_its_colour():
+    from mtpgo_training.view.rerun_blueprint import COLOUR_NAMES, legend
+
+    assert set(COLOUR_NAMES) == set(AgentClass)
+    assert len(set(COLOUR_NAMES.values())) == len(AgentClass)
+    text = str(legend([AgentClass.TRUCK, AgentClass.CAR], True).text.as_arrow_array()[0])
+    assert text.startswith("- **blue**: car\n- **orange**: truck\n")
+    assert "90 % of the truth after 1, 3 and 5 s" in text
+    assert "what happened" in text
+    assert "what happened" not in str(legend([], False).text.as_arrow_array()[0])
 
 
 def test_classes_of_a_newer_publisher_are_drawn(scene):
@@ -43,7 +115,7 @@ def test_classes_of_a_newer_publisher_are_drawn(scene):
 
     seen = scene.predictions[0].prediction
     newer = np.full(len(seen), 200, dtype=np.uint8)
-    target = RerunScene("made", viewer=False)
+    target = RerunScene("made", viewer=False, scored=True)
     target.log_prediction(0.0, dataclasses.replace(seen, agent_class=newer))
     assert target.close()
 
