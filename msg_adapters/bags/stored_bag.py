@@ -31,7 +31,7 @@ from rosbags.interfaces import (
     Qos,
 )
 
-from msg_adapters.bags.bag_loss import BagLoss, LibraryFile
+from msg_adapters.bags.bag_loss import BagLoss, LibraryFile, counted
 from msg_adapters.bags.bag_metadata import METADATA, BagMetadata, qos_of, read_metadata
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
@@ -49,7 +49,7 @@ from msg_adapters.bags.sqlite_file import (
     recovered_copy,
     salvaged_copy,
 )
-from mtpgo_core.errors import RecordingError, reason_of
+from mtpgo_core.errors import RecordingError, found_names, reason_of
 
 _PACKED = (".zstd", ".zst")
 """Endings that rosbag2 and the program zstd add to the name of a file that they compress."""
@@ -74,6 +74,9 @@ _NUMBERED = re.compile(r"(.+)_(\d+)")
 
 _DEFAULT_PREFIX = "rosbag2_"
 """Beginning of the name that ``ros2 bag record`` gives a bag."""
+
+_MOST_IDS = 5
+"""Identities of topics that a sentence lists; chosen."""
 
 _log = logging.getLogger("mtpgo")
 _told: set[str] = set()
@@ -250,9 +253,25 @@ class _SqliteStorage(LibraryFile):
         about = reader.metadata
         super().__init__(path, reader, about.start_time, about.end_time - 1)
         self.connections = {c.id: c for c in reader.connections}
+        read_s = (self.end_ns - self.start_ns) * 1e-9
         if problem:
-            read_s = (self.end_ns - self.start_ns) * 1e-9
             self._loss = BagLoss(path, f"is damaged ({problem})", about.message_count, read_s)
+        self._without_topic: BagLoss | None = None
+        if reader.without_topic:
+            ids = found_names([*map(str, reader.without_topic)], _MOST_IDS)
+            reason = f"has messages of topics that its table of topics does not have ({ids})"
+            lost = sum(reader.without_topic.values())
+            self._without_topic = BagLoss(
+                path, reason, about.message_count, read_s, lost, exact=True
+            )
+
+    def loss(self) -> BagLoss | None:
+        """Return what is lost as far as it is known by now, None if nothing is."""
+        loss, other = super().loss(), self._without_topic
+        if loss is None or other is None:
+            return loss or other
+        messages = None if loss.messages is None else loss.messages + (other.messages or 0)
+        return replace(loss, reason=f"{loss.reason} and {other.reason}", messages=messages)
 
 
 _Storage = _McapStorage | _SqliteStorage | Ros1File | UnindexedRos1File
@@ -309,6 +328,7 @@ class StoredBag:
                 f" {len(self._storages)} file(s) are read without it"
             )
         self._tell_losses()
+        self._tell_shortages({c.id for c in self.connections if not c.msgcount})
 
     def _listed(self) -> list[Path]:
         """Return the files of a folder."""
@@ -530,6 +550,7 @@ class StoredBag:
                 yield connection, time_ns, data
         finally:
             self._tell_losses()
+            self._tell_shortages(wanted)
 
     def _named(
         self,
@@ -600,6 +621,34 @@ class StoredBag:
     def _tell_losses(self) -> None:
         for loss in self.losses():
             tell_once(loss.sentence())
+
+    def _tell_shortages(self, wanted: Collection[int]) -> None:
+        """Say of which topics the files hold fewer messages than the metadata say.
+
+        A file that is known to be damaged or missing explains as many as it has lost.
+
+        Args:
+            wanted: numbers of the connections that are meant, besides topics without any.
+        """
+        held = Counter[tuple[str, str]]()
+        for connection in self.connections:
+            held[connection.topic, connection.msgtype] += connection.msgcount
+        stated = {
+            ("/" + name.lstrip("/"), kind): count
+            for (name, kind), count in self._about.counts.items()
+        }
+        short = {topic: n - held[topic] for topic, n in stated.items() if n > held[topic]}
+        explained = [loss.messages for loss in self.losses()]
+        if None in explained or sum(short.values()) <= sum(n or 0 for n in explained):
+            return
+        named = {(c.topic, c.msgtype) for c in self.connections if c.id in wanted}
+        for topic, missing in short.items():
+            if topic in named or topic not in held:
+                tell_once(
+                    f"{self.path}, topic {topic[0]}: {counted(missing)} of the"
+                    f" {stated[topic]} that {METADATA} counts are missing, as when a recorder is"
+                    " killed or a copy ends early"
+                )
 
     def close(self) -> None:
         """Close the files."""
