@@ -31,6 +31,7 @@ from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
 from mtpgo_training.data.readers.bags.bag_pieces import BagPiece, PieceReader
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
+from mtpgo_training.data.readers.bags.identity_moves import identity_moves
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.drone_files import (
     NoRecordingsError,
@@ -240,6 +241,7 @@ def _recording(name: str, piece: BagPiece) -> Recording:
     rows = np.flatnonzero(accepted)
     rows = rows[np.lexsort((track[rows], stamps_ns[message[rows]]))]
     row_ns = stamps_ns[message[rows]]
+    counts.update(identity_moves(track[rows], row_ns, position[rows], key))
     stamps, frame_of = np.unique(row_ns, return_inverse=True)
     numbers, frame_rate = _frames(stamps)
     frame = numbers[frame_of]
