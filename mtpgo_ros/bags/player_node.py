@@ -39,7 +39,7 @@ _ARRIVAL_S = 1.0
 """Longest time that the last messages have to arrive (s); chosen: a subscriber may be stopped."""
 
 _PAUSE_S = 1.0
-"""Time between two repetitions of a part without a duration, as of a single message (s); chosen."""
+"""Time between two repetitions of a part without a duration, as one message is (s); chosen."""
 
 _MOST_LATCHED = 1000
 """Most messages of a latched topic kept for late subscribers; chosen: bounds the memory."""

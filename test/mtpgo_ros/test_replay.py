@@ -144,7 +144,7 @@ def test_a_single_message_is_repeated_with_a_pause(process, peer, tmp_path):
     passed_s = time.monotonic() - began
     assert len(listener.objects) <= 1 + passed_s
     assert passed_s > 1.9
-    status, out, err = player.interrupt()
+    status, _, err = player.interrupt()
     assert status == 0, err
     assert "all messages are of one time: they are repeated every 1 s" in one_line(err)
 
