@@ -304,8 +304,8 @@ def _rounded(stride_s: float, taken_s: Mapping[str, float]) -> list[str]:
     name, first_s = next(iter(taken_s.items()))
     more = f" and {len(taken_s) - 1} more" if len(taken_s) > 1 else ""
     return [
-        f"--stride is {stride_s:g} s, which is no whole number of frames: instants are scored every"
-        f" {first_s:.3g} s ({name}{more})"
+        f"--stride is {stride_s:g} s, which is no whole number of frames: instants are scored"
+        f" every {first_s:.3g} s ({name}{more})"
     ]
 
 

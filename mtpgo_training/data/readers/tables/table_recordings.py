@@ -56,8 +56,8 @@ from mtpgo_training.data.recording import Recording
 _SUFFIXES = re.compile(r"\.(csv|tsv|txt)(\.gz)?$|\.(parquet|pq)$", re.IGNORECASE)
 _TIME_OF_DAY = r"\s*([01]?\d|2[0-3]):[0-5]\d:[0-5]\d(\.\d+)?\s*"
 _HOUR_BACK_S = (-3600.0, -3590.0)
-"""Steps between two rows of a road user in the order of the file (s) where the clock is put back by
-an hour; chosen: up to ten seconds after its last row."""
+"""Steps between two rows of a road user in the order of the file (s) where the clock is put back
+by an hour; chosen: up to ten seconds after its last row."""
 
 _NUMBERS = ("vx", "vy", "speed", "ax", "ay", "heading", "length", "width")
 
@@ -296,9 +296,10 @@ def _dates(table: pd.DataFrame, source: TableSource) -> pd.Series:
         times.groupby(table["track"].astype("string"), sort=False).diff().to_numpy(np.float64)
     )
     back = (steps_s < _HOUR_BACK_S[1]) & (steps_s >= _HOUR_BACK_S[0])
-    if back.any():
+    if back.any() and not (steps_s[~back] < 0.0).any():  # which rows in no order would have
         remark(
-            f"{source.place_of(table, int(np.argmax(back)))}: the dates go back by an hour, as local"
-            " times do when summer time ends; expected their difference from UTC, such as +01:00"
+            f"{source.place_of(table, int(np.argmax(back)))}: the dates go back by an hour, as"
+            " local times do when summer time ends; expected their difference from UTC, such as"
+            " +01:00"
         )
     return times
