@@ -197,12 +197,12 @@ class SqliteFile(Sqlite3Reader):
         self.connections = [
             Connection(
                 id=number,
-                topic=topic,
-                msgtype=kind,
+                topic=str(topic or ""),
+                msgtype=str(kind or ""),
                 msgdef=definitions.get(kind, nothing),
                 digest="",
                 msgcount=int(counts.get(number, 0)),
-                ext=ConnectionExtRosbag2(encoding, qos_of(offered)),
+                ext=ConnectionExtRosbag2(str(encoding or ""), qos_of(offered)),
                 owner=self,
             )
             for number, topic, kind, encoding, offered in rows(

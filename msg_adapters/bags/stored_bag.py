@@ -66,6 +66,9 @@ SUFFIXES = (
 _SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
 """First bytes of an SQLite database and of a Zstandard frame."""
 
+_MCAP = MAGIC.partition(b"\r")[0]
+"""First bytes of an MCAP file up to the line end, which a transfer as text changes."""
+
 _GIT_LFS = b"version https://"
 """First bytes of what a repository has in place of a large file that was not fetched."""
 
@@ -398,6 +401,8 @@ class StoredBag:
                 self._storages.append(self._sqlite(self._recovered(content)))
             elif begin.startswith(MAGIC_ROS1):
                 self._storages.append(open_ros1(content))
+            elif begin.startswith(_MCAP):
+                raise McapError("it begins as an MCAP file whose line ends were changed")
             elif not begin.strip(b"\0"):
                 raise McapError("it is empty" if not begin else "it holds zeros only")
             elif begin == _GIT_LFS:
@@ -574,10 +579,10 @@ class StoredBag:
         """Return what is lost, as far as it is known by now."""
         found = [self._with_gap(loss) for loss in self._unread.values()]
         for place, (file, storage) in enumerate(zip(self._files, self._storages, strict=True)):
-            loss = storage.loss() or self._packed_loss(place)
+            expected = self._about.expected.get(file.name)
+            loss = storage.loss() or self._packed_loss(place) or self._short(place, expected)
             if loss is None:
                 continue
-            expected = self._about.expected.get(file.name)
             if expected is not None and expected[0] >= loss.read:
                 end_ns = expected[1] + expected[2]
                 ended_s = max(0, end_ns - storage.end_ns) * 1e-9
@@ -604,6 +609,16 @@ class StoredBag:
             packed,
             exact=True,
         )
+
+    def _short(self, place: int, expected: tuple[int, int, int] | None) -> BagLoss | None:
+        """Return what a file lacks by metadata that count its messages, but those of no topic."""
+        storage = self._storages[place]
+        read = sum(c.msgcount for c in storage.connections.values())
+        if expected is None or expected[0] <= read or any(self._about.counts.values()):
+            return None
+        read_s = (storage.end_ns - storage.start_ns) * 1e-9
+        reason = f"has fewer messages than {METADATA} counts"
+        return BagLoss(self._files[place], reason, read, read_s)
 
     def _with_gap(self, loss: BagLoss) -> BagLoss:
         """Return the loss of a file with the pause that it leaves between its neighbours."""

@@ -188,3 +188,17 @@ def test_a_damaged_database_says_both_what_is_damaged_and_which_topics_it_lacks(
     assert found == [n for n in range(len(found) + 2) if n not in (3, 4)]
     assert "is damaged (" in caplog.text
     assert "and has messages of topics that its table of topics does not have (9)" in caplog.text
+
+
+@pytest.mark.parametrize("column", ["name", "type", "serialization_format"])
+def test_a_topic_without_a_name_or_type_does_not_cost_the_others(left, column):
+    loose = (
+        "CREATE TABLE loose(id INTEGER, name, type, serialization_format, offered_qos_profiles)"
+    )
+    change = [loose, "INSERT INTO loose SELECT * FROM topics", "DROP TABLE topics"]
+    change += ["ALTER TABLE loose RENAME TO topics", "INSERT INTO topics SELECT * FROM topics"]
+    change.append("UPDATE topics SET id=2 WHERE rowid=2")
+    path = left(
+        [range(5), *change, f"UPDATE topics SET {column}=NULL WHERE id=2", range(5, 6)], "DELETE"
+    )
+    assert times(path)[0] == list(range(6))

@@ -511,3 +511,24 @@ def test_more_than_the_files_whose_loss_is_told_is_told_as_well(tmp_path, caplog
     (path / "bag_1.mcap").unlink()
     read(path)
     assert f"{path}, topic /x: 50 messages of the 90" in caplog.text
+
+
+def test_metadata_that_count_the_messages_of_no_topic_are_compared_by_file(tmp_path, caplog):
+    path = tmp_path / "bag"
+    about = write_short(path, {})
+    about["files"][1]["message_count"] = 25
+    write_metadata(path, about)
+    assert read(path)[0] == list(range(60))
+    assert (
+        f"{path / 'bag_1.mcap'} has fewer messages than metadata.yaml counts: 20 messages (1.9 s)"
+        " read, 5 messages"
+    ) in caplog.text
+
+
+def test_a_file_that_was_copied_as_text_is_called_so(tmp_path):
+    path = tmp_path / "a.mcap"
+    with library_writer(path):
+        pass
+    path.write_bytes(path.read_bytes().replace(b"\r\n", b"\n"))
+    with pytest.raises(RecordingError, match="an MCAP file whose line ends were changed"):
+        StoredBag(path)

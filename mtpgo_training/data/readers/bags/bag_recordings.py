@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,7 +21,7 @@ from msg_adapters.bags.bag_reader import (
     is_or_begins_as_bag,
 )
 from msg_adapters.bags.sqlite_file import files_left_beside
-from msg_adapters.bags.stored_bag import bag_files, without_packed_copies
+from msg_adapters.bags.stored_bag import bag_files, has_bag_suffix, without_packed_copies
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.track_index import sort_keys
@@ -77,6 +78,7 @@ def bag_units(
     Raises:
         RecordingError: no bag there.
     """
+    dead_links: list[str] = []
     if is_or_begins_as_bag(directory):
         bags = [directory]
     elif directory.is_file():
@@ -85,9 +87,15 @@ def bag_units(
         )
     else:
         existing_directory(directory, "a bag or a directory with bags")
-        bags = without_packed_copies(
-            [path for path in visible_files(directory.iterdir(), directory) if is_bag(path)]
-        )
+        paths = visible_files(directory.iterdir(), directory)
+        dead_links = [
+            f"{path} is a link to {os.readlink(path)}, which does not exist"
+            for path in paths
+            if has_bag_suffix(path) and path.is_symlink() and not path.exists()
+        ]
+        bags = without_packed_copies([path for path in paths if is_bag(path)])
+        if dead_links and not bags:
+            raise RecordingError(dead_links[0])
         if not bags:
             raise NoRecordingsError(
                 f"{directory} has no bags, expected .mcap files (or .db3, .bag) or rosbag2"
@@ -107,6 +115,7 @@ def bag_units(
                 f"{directory} has no bag {name}, for which --topics names a topic; it has"
                 f" {', '.join(found)}"
             )
+    chosen = select_names(list(found), names, directory)
     return [
         Unit(
             name,
@@ -118,8 +127,9 @@ def bag_units(
                 "stamps": options.bags.stamps,
                 **_ego_settings(options.bags),
             },
+            remarks=dead_links if name == chosen[0] else (),
         )
-        for name in select_names(list(found), names, directory)
+        for name in chosen
     ]
 
 

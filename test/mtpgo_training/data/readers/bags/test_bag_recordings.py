@@ -13,6 +13,7 @@ from odd_bags import states_at, write_stream
 from traffic import braking_cars
 
 from msg_adapters.registry import INPUTS
+from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import Pose2
 from mtpgo_training import cli
 from mtpgo_training.data.readers import load_recordings
@@ -199,3 +200,27 @@ def test_two_sensors_with_stamps_near_each_other_have_no_rate_of_their_own(tmp_p
     write_stream(tmp_path / "two.mcap", messages)
     (recording,) = load_recordings(tmp_path, "bag")
     assert recording.frame_rate == 1000.0
+
+
+def test_links_to_bags_that_are_gone_are_named(tmp_path, caplog):
+    (tmp_path / "bags").mkdir()
+    link = tmp_path / "bags" / "b.mcap"
+    link.symlink_to(tmp_path / "gone.mcap")
+    sentence = f"{link} is a link to {tmp_path / 'gone.mcap'}, which does not exist"
+    with pytest.raises(RecordingError) as refused:
+        load_recordings(tmp_path / "bags", "bag")
+    assert str(refused.value) == sentence
+    write_stream(tmp_path / "bags" / "a.mcap", [(0.1 * k, states_at(0.1 * k)) for k in range(9)])
+    (recording,) = load_recordings(tmp_path / "bags", "bag")
+    assert (recording.name, len(recording)) == ("a", 27)
+    assert sentence in caplog.text
+
+
+def test_a_bag_of_empty_messages_is_called_so(tmp_path):
+    path = write_stream(
+        tmp_path / "a.mcap", [(0.1 * k, states_at(0.1 * k, ids=())) for k in range(9)]
+    )
+    with pytest.raises(
+        RecordingError, match=r"no tracked object .*: its 9 message\(s\) are all empty"
+    ):
+        load_recordings(path, "bag")
