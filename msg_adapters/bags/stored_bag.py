@@ -294,6 +294,7 @@ class StoredBag:
         connections: topics with their types.
         start_time: log time of the first message (ns).
         end_time: log time behind the last message (ns).
+        told: what was said of it so far, one sentence each, also if it was said before.
 
     Raises:
         RecordingError: nothing of it can be read.
@@ -301,6 +302,7 @@ class StoredBag:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.told: list[str] = []
         self.connections: list[Connection] = []
         self._storages: list[_Storage] = []
         self._files: list[Path] = []
@@ -326,7 +328,7 @@ class StoredBag:
         self.end_time = max((s.end_ns for s in filled), default=-1) + 1
         self._numbers = self._connect()
         if self._about.problem and self._storages:
-            tell_once(
+            self.tell(
                 f"{path} {self._about.problem}, as when its recorder is killed: its"
                 f" {len(self._storages)} file(s) are read without it"
             )
@@ -355,7 +357,7 @@ class StoredBag:
             if others and len({_bag_name(file) for file in others}) == 1:
                 missing = ", ".join(file.name for file in named)
                 what = f"{missing}, of which there is none" if missing else "no file"
-                tell_once(
+                self.tell(
                     f"{self.path / METADATA} names {what}:"
                     f" {', '.join(file.name for file in others)} is read instead"
                 )
@@ -369,7 +371,7 @@ class StoredBag:
             if _stem(file) not in stems and _bag_name(file) in names
         ]
         if more:
-            tell_once(
+            self.tell(
                 f"{self.path / METADATA} does not name {', '.join(file.name for file in more)}:"
                 " read as well"
             )
@@ -456,9 +458,9 @@ class StoredBag:
         try:
             copy = recovered_copy(file, self._temporary_folder())
         except (OSError, sqlite3.Error) as error:
-            tell_once(f"{file} was not closed, and {names} cannot be used: {reason_of(error)}")
+            self.tell(f"{file} was not closed, and {names} cannot be used: {reason_of(error)}")
             return file
-        tell_once(
+        self.tell(
             f"{file} was not closed, as when its recorder is killed: {names} is read as well"
         )
         return copy
@@ -635,7 +637,7 @@ class StoredBag:
 
     def _tell_losses(self) -> None:
         for loss in self.losses():
-            tell_once(loss.sentence())
+            self.tell(loss.sentence())
 
     def _tell_shortages(self, wanted: Collection[int]) -> None:
         """Say of which topics the files hold fewer messages than the metadata say.
@@ -659,11 +661,17 @@ class StoredBag:
         named = {(c.topic, c.msgtype) for c in self.connections if c.id in wanted}
         for topic, missing in short.items():
             if topic in named or topic not in held:
-                tell_once(
+                self.tell(
                     f"{self.path}, topic {topic[0]}: {counted(missing)} of the"
                     f" {stated[topic]} that {METADATA} counts are missing, as when a recorder is"
                     " killed or a copy ends early"
                 )
+
+    def tell(self, sentence: str) -> None:
+        """Say a sentence about the bag, once a process, and remember it."""
+        if sentence not in self.told:
+            self.told.append(sentence)
+        tell_once(sentence)
 
     def close(self) -> None:
         """Close the files."""

@@ -33,7 +33,7 @@ from mtpgo_training.data.readers.bags.bag_options import BagOptions
 from mtpgo_training.data.readers.bags.bag_pieces import BagPiece, PieceReader
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
 from mtpgo_training.data.readers.bags.identity_moves import identity_moves
-from mtpgo_training.data.readers.checks.reading_remarks import remark
+from mtpgo_training.data.readers.checks.reading_remarks import keep, remark
 from mtpgo_training.data.readers.drone_files import (
     NoRecordingsError,
     existing_directory,
@@ -161,6 +161,8 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
             remark(f"{path}, topic {topic.name}: {topic.remark}")
         piece_reader = PieceReader(reader, topic, options)
         found = [_recording(name, piece) for piece in piece_reader.pieces()]
+        for sentence in reader.told:
+            keep(sentence)
     for sentence in piece_reader.remarks:
         remark(sentence)
     recordings = [recording for recording in found if len(recording)]
