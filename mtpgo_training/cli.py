@@ -15,6 +15,7 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from types import FrameType
+from typing import Any
 
 from mtpgo_core.completion import complete, words_so_far
 from mtpgo_core.errors import MtpgoError, reason_of
@@ -68,13 +69,22 @@ EXTRA_MODULES = {
 """Extra of the package by the top-level modules of the packages in it."""
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says where its help cannot be written, which argparse drops where there is no buffer."""
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        stream = sys.stderr if file is None else file
+        if message:
+            stream.write(message)
+
+
 def build_parser(command: str | None = None) -> argparse.ArgumentParser:
     """Return the parser.
 
     Args:
         command: subcommand whose module is imported; the others are listed by name only.
     """
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="mtpgo", description="Multimodal trajectory prediction for traffic, offline."
     )
     add_version(parser)

@@ -45,6 +45,7 @@ class BagMetadata:
         expected: name of a file -> messages, start (ns) and duration (ns) that it should have.
         digests: topic and type -> hash of the type.
         offered: topic and type -> offered QoS.
+        counts: topic and type -> messages that the bag should have.
         by_message: every message is compressed; None where the metadata do not tell.
         problem: why there are none, empty if there are.
     """
@@ -53,6 +54,7 @@ class BagMetadata:
     expected: dict[str, tuple[int, int, int]] = field(default_factory=dict)
     digests: dict[tuple[str, str], str] = field(default_factory=dict)
     offered: dict[tuple[str, str], list[Qos]] = field(default_factory=dict)
+    counts: dict[tuple[str, str], int] = field(default_factory=dict)
     by_message: bool | None = None
     problem: str = ""
 
@@ -87,6 +89,7 @@ def read_metadata(folder: Path) -> BagMetadata:
             digest = topic.get("type_description_hash")
             found.digests[key] = digest if isinstance(digest, str) else ""
             found.offered[key] = qos_of(topic.get("offered_qos_profiles"))
+            found.counts[key] = found.counts.get(key, 0) + _count_of(entry)
     return found
 
 
@@ -127,6 +130,12 @@ def _list(value: Any) -> list[Any]:
 
 def _entries(value: Any) -> list[Any]:
     return value if isinstance(value, list) else []
+
+
+def _count_of(entry: Any) -> int:
+    """Return the messages of a topic, 0 where the number is that of no bag."""
+    count = entry.get("message_count")
+    return count if isinstance(count, int) and 0 <= count < 2**63 else 0
 
 
 def _extent(entry: Any) -> tuple[int, int, int]:

@@ -32,7 +32,6 @@ from msg_adapters.bags.stored_bag import (
     begins_as_bag,
     has_bag_suffix,
     is_unfinished_bag,
-    tell_once,
 )
 from mtpgo_core.errors import MessageError, RecordingError, found_names, reason_of
 
@@ -124,6 +123,15 @@ class BagReader:
         """Close the files."""
         with suppress(Exception):
             self._bag.close()
+
+    def tell(self, sentence: str) -> None:
+        """Say a sentence about the bag, once a process."""
+        self._bag.tell(sentence)
+
+    @property
+    def told(self) -> list[str]:
+        """What was said of the bag so far, one sentence each, also if it was said before."""
+        return self._bag.told
 
     @property
     def start_ns(self) -> int:
@@ -311,7 +319,7 @@ class DecodingBagReader(BagReader):
                 continue
             yield connection, time_ns, message
         for topic, number in left_out.items() if refused is None else ():
-            tell_once(
+            self.tell(
                 f"{self.path}, topic {topic}: {counted(number)} left out, the first because"
                 f" {reasons[topic]}"
             )

@@ -180,11 +180,29 @@ class McapFile:
         start_ns = 0 if start_ns is None else start_ns
         stop_ns = 2**64 if stop_ns is None else stop_ns
         wanted = frozenset(channels)
+        read: Counter[int] = Counter()
         yield from merge_in_time(
-            TimedStream(chunk.start_ns, self._chunk_messages(chunk, wanted, start_ns, stop_ns))
+            TimedStream(
+                chunk.start_ns, self._chunk_messages(chunk, wanted, start_ns, stop_ns, read)
+            )
             for chunk in self.chunks
             if chunk.end_ns >= start_ns and chunk.start_ns < stop_ns and chunk.messages != 0
         )
+        if not self._scanned and start_ns <= self.start_ns and stop_ns > self.end_ns:
+            self._compare_with_statistics(read, wanted)
+
+    def _compare_with_statistics(self, read: Mapping[int, int], wanted: Collection[int]) -> None:
+        """Note how many messages of channels, all of which were read, the summary counts besides.
+
+        Args:
+            read: messages by channel.
+            wanted: the channels.
+        """
+        missing = sum(max(0, self.counts[number] - read.get(number, 0)) for number in wanted)
+        if missing > sum(loss.messages for loss in self._lost.values()):
+            end_ns = self.end_ns
+            problem = "its chunks hold fewer messages than its summary counts"
+            self._lost = {-1: _ChunkLoss(problem, missing, end_ns, end_ns, exact=True)}
 
     def loss(self) -> BagLoss | None:
         """Return what is lost as far as it is known by now, None if nothing is.
@@ -290,6 +308,7 @@ class McapFile:
             (schemas, channels, chunks)
             == (len(self.schemas), len(self.channels), len(self.chunks))
             and sum(self.counts.values()) == total
+            and not set(+self.counts) - set(self.channels)
             and (chunks > 0 or total == 0)
             # Some writers leave the times of chunks out.
             and not any(chunk.messages and not chunk.end_ns for chunk in self.chunks)
@@ -485,9 +504,16 @@ class McapFile:
     # Chunks
 
     def _chunk_messages(
-        self, chunk: McapChunk, wanted: frozenset[int], start_ns: int, stop_ns: int
+        self,
+        chunk: McapChunk,
+        wanted: frozenset[int],
+        start_ns: int,
+        stop_ns: int,
+        read: Counter[int],
     ) -> Iterator[tuple[int, int, bytes]]:
         content, _ = self._load(chunk)
+        if not self._scanned and not content.problem:
+            self._refuse_missing(chunk, content)
         if content.problem and chunk.position not in self._lost:
             self._note_loss(chunk, content)
         data = content.data
@@ -498,6 +524,7 @@ class McapFile:
             for message in content.numbered(chunk.numbers)
             if message.channel_id in wanted and start_ns <= message.time_ns < stop_ns
         ]
+        read.update(message.channel_id for message in found)
         found.sort(key=lambda message: message.time_ns)
         for time_ns, channel_id, start, end in found:
             yield time_ns, channel_id, data[start:end]
@@ -545,6 +572,15 @@ class McapFile:
         if not self._scanned:
             self._refuse_other_channels(content)
         return content, head
+
+    def _refuse_missing(self, chunk: McapChunk, content: ChunkContent) -> None:
+        """Say what is wrong with a chunk that reads well, but not as the index tells."""
+        known = [m for m in content.messages if m.channel_id in self.channels]
+        if len(known) < len(content.messages):
+            content.problem = "the definition of a topic is lost"
+            chunk.messages, content.messages = len(content.messages), known
+        elif len(known) < (chunk.messages or 0):
+            content.problem = "a chunk holds fewer messages than the index counts"
 
     def _refuse_other_channels(self, content: ChunkContent) -> None:
         """Leave out the messages of channels that the index of the file calls otherwise."""

@@ -153,6 +153,7 @@ class UnindexedRos1File:
         self.connections: dict[int, Connection] = {}
         self._chunks: list[_Chunk] = []
         self._counts: Counter[int] = Counter()
+        self._without_topic = self._damaged = 0
         self._cut_off = False
         self._file = path.open("rb")
         try:
@@ -190,13 +191,17 @@ class UnindexedRos1File:
     def _add(self, chunk: _Chunk) -> None:
         """Add a chunk with its topics, if it has a message."""
         times = []
-        for fields, data in _records_of(self._content(chunk)):
+        used = 0
+        for fields, data, used in _records_of(self._content(chunk)):  # noqa: B007  used below
             number = int.from_bytes(fields.get(b"conn", b""), "little")
             if fields.get(b"op") == _CONNECTION and number not in self.connections:
                 self.connections[number] = _connection(number, fields, data, self)
             elif fields.get(b"op") == _MESSAGE and number in self.connections:
                 times.append(_time_of(fields))
                 self._counts[number] += 1
+            elif fields.get(b"op") == _MESSAGE:
+                self._without_topic += 1
+        self._damaged += used < chunk.size
         if times:
             found = (chunk.position, chunk.length, chunk.compression, chunk.size)
             self._chunks.append(_Chunk(*found, min(times), max(times)))
@@ -238,7 +243,7 @@ class UnindexedRos1File:
     ) -> Iterator[tuple[int, int, bytes]]:
         found = [
             (_time_of(fields), int.from_bytes(fields.get(b"conn", b""), "little"), data)
-            for fields, data in _records_of(self._content(chunk))
+            for fields, data, _ in _records_of(self._content(chunk))
             if fields.get(b"op") == _MESSAGE
         ]
         found.sort(key=lambda item: item[0])
@@ -252,14 +257,12 @@ class UnindexedRos1File:
         read_s = (self.end_ns - self.start_ns) * 1e-9
         if self._cut_off:
             return BagLoss(self._path, "is cut off, as when power is lost", read, read_s)
-        return BagLoss(
-            self._path,
-            "has no index, as when its recorder is killed",
-            read,
-            read_s,
-            messages=0,
-            exact=True,
-        )
+        reason = "has no index, as when its recorder is killed"
+        if self._damaged:
+            return BagLoss(self._path, f"{reason}, and is damaged in its chunks", read, read_s)
+        if self._without_topic:
+            reason += ", and has messages of topics that it does not describe"
+        return BagLoss(self._path, reason, read, read_s, messages=self._without_topic, exact=True)
 
     def close(self) -> None:
         """Close the file."""
@@ -309,8 +312,8 @@ def _record_at(
     return fields, begin, begin + int.from_bytes(file.read(4), "little")
 
 
-def _records_of(content: bytes) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
-    """Yield fields and data of the records in the content of a chunk, up to where it breaks."""
+def _records_of(content: bytes) -> Iterator[tuple[dict[bytes, bytes], bytes, int]]:
+    """Yield fields, data and end of the records in the content of a chunk, until it breaks."""
     position = 0
     while position + 4 <= len(content):
         begin = position + 4 + int.from_bytes(content[position : position + 4], "little")
@@ -320,7 +323,7 @@ def _records_of(content: bytes) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
         fields = _fields(content[position + 4 : begin])
         if end > len(content) or b"op" not in fields:
             return
-        yield fields, content[begin + 4 : end]
+        yield fields, content[begin + 4 : end], end
         position = end
 
 

@@ -161,7 +161,13 @@ def _readable_messages(damaged: sqlite3.Connection) -> Iterator[tuple[Any, ...]]
 
 
 class SqliteFile(Sqlite3Reader):
-    """One file of the storage plugin sqlite3, with topics of any encoding and definition."""
+    """One file of the storage plugin sqlite3, with topics of any encoding and definition.
+
+    Attributes:
+        without_topic: messages by their ``topic_id``, of those that the table of topics lacks.
+    """
+
+    without_topic: dict[Any, int]
 
     def _open(self) -> None:
         # Immutable: a bag may lie on a read-only disk, where SQLite could not lock it.
@@ -191,18 +197,20 @@ class SqliteFile(Sqlite3Reader):
         self.connections = [
             Connection(
                 id=number,
-                topic=topic,
-                msgtype=kind,
+                topic=str(topic or ""),
+                msgtype=str(kind or ""),
                 msgdef=definitions.get(kind, nothing),
                 digest="",
                 msgcount=int(counts.get(number, 0)),
-                ext=ConnectionExtRosbag2(encoding, qos_of(offered)),
+                ext=ConnectionExtRosbag2(str(encoding or ""), qos_of(offered)),
                 owner=self,
             )
             for number, topic, kind, encoding, offered in rows(
                 f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id"
             )
         ]
+        described = {connection.id for connection in self.connections}
+        self.without_topic = {n: count for n, count in counts.items() if n not in described}
         ((first, last),) = rows(
             "SELECT MIN(timestamp), MAX(timestamp) FROM messages WHERE typeof(timestamp)='integer'"
         )

@@ -31,7 +31,7 @@ from rosbags.interfaces import (
     Qos,
 )
 
-from msg_adapters.bags.bag_loss import BagLoss, LibraryFile
+from msg_adapters.bags.bag_loss import BagLoss, LibraryFile, counted
 from msg_adapters.bags.bag_metadata import METADATA, BagMetadata, qos_of, read_metadata
 from msg_adapters.bags.lazy_merge import TimedStream, merge_in_time
 from msg_adapters.bags.mcap_file import McapFile
@@ -49,7 +49,7 @@ from msg_adapters.bags.sqlite_file import (
     recovered_copy,
     salvaged_copy,
 )
-from mtpgo_core.errors import RecordingError, reason_of
+from mtpgo_core.errors import RecordingError, found_names, reason_of
 
 _PACKED = (".zstd", ".zst")
 """Endings that rosbag2 and the program zstd add to the name of a file that they compress."""
@@ -66,6 +66,9 @@ SUFFIXES = (
 _SQLITE, _ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
 """First bytes of an SQLite database and of a Zstandard frame."""
 
+_MCAP = MAGIC.partition(b"\r")[0]
+"""First bytes of an MCAP file up to the line end, which a transfer as text changes."""
+
 _GIT_LFS = b"version https://"
 """First bytes of what a repository has in place of a large file that was not fetched."""
 
@@ -74,6 +77,9 @@ _NUMBERED = re.compile(r"(.+)_(\d+)")
 
 _DEFAULT_PREFIX = "rosbag2_"
 """Beginning of the name that ``ros2 bag record`` gives a bag."""
+
+_MOST_IDS = 5
+"""Identities of topics that a sentence lists; chosen."""
 
 _log = logging.getLogger("mtpgo")
 _told: set[str] = set()
@@ -250,9 +256,25 @@ class _SqliteStorage(LibraryFile):
         about = reader.metadata
         super().__init__(path, reader, about.start_time, about.end_time - 1)
         self.connections = {c.id: c for c in reader.connections}
+        read_s = (self.end_ns - self.start_ns) * 1e-9
         if problem:
-            read_s = (self.end_ns - self.start_ns) * 1e-9
             self._loss = BagLoss(path, f"is damaged ({problem})", about.message_count, read_s)
+        self._without_topic: BagLoss | None = None
+        if reader.without_topic:
+            ids = found_names([*map(str, reader.without_topic)], _MOST_IDS)
+            reason = f"has messages of topics that its table of topics does not have ({ids})"
+            lost = sum(reader.without_topic.values())
+            self._without_topic = BagLoss(
+                path, reason, about.message_count, read_s, lost, exact=True
+            )
+
+    def loss(self) -> BagLoss | None:
+        """Return what is lost as far as it is known by now, None if nothing is."""
+        loss, other = super().loss(), self._without_topic
+        if loss is None or other is None:
+            return loss or other
+        messages = None if loss.messages is None else loss.messages + (other.messages or 0)
+        return replace(loss, reason=f"{loss.reason} and {other.reason}", messages=messages)
 
 
 _Storage = _McapStorage | _SqliteStorage | Ros1File | UnindexedRos1File
@@ -272,6 +294,7 @@ class StoredBag:
         connections: topics with their types.
         start_time: log time of the first message (ns).
         end_time: log time behind the last message (ns).
+        told: what was said of it so far, one sentence each, also if it was said before.
 
     Raises:
         RecordingError: nothing of it can be read.
@@ -279,6 +302,7 @@ class StoredBag:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.told: list[str] = []
         self.connections: list[Connection] = []
         self._storages: list[_Storage] = []
         self._files: list[Path] = []
@@ -304,11 +328,12 @@ class StoredBag:
         self.end_time = max((s.end_ns for s in filled), default=-1) + 1
         self._numbers = self._connect()
         if self._about.problem and self._storages:
-            tell_once(
+            self.tell(
                 f"{path} {self._about.problem}, as when its recorder is killed: its"
                 f" {len(self._storages)} file(s) are read without it"
             )
         self._tell_losses()
+        self._tell_shortages({c.id for c in self.connections if not c.msgcount})
 
     def _listed(self) -> list[Path]:
         """Return the files of a folder."""
@@ -332,7 +357,7 @@ class StoredBag:
             if others and len({_bag_name(file) for file in others}) == 1:
                 missing = ", ".join(file.name for file in named)
                 what = f"{missing}, of which there is none" if missing else "no file"
-                tell_once(
+                self.tell(
                     f"{self.path / METADATA} names {what}:"
                     f" {', '.join(file.name for file in others)} is read instead"
                 )
@@ -346,7 +371,7 @@ class StoredBag:
             if _stem(file) not in stems and _bag_name(file) in names
         ]
         if more:
-            tell_once(
+            self.tell(
                 f"{self.path / METADATA} does not name {', '.join(file.name for file in more)}:"
                 " read as well"
             )
@@ -378,6 +403,8 @@ class StoredBag:
                 self._storages.append(self._sqlite(self._recovered(content)))
             elif begin.startswith(MAGIC_ROS1):
                 self._storages.append(open_ros1(content))
+            elif begin.startswith(_MCAP):
+                raise McapError("it begins as an MCAP file whose line ends were changed")
             elif not begin.strip(b"\0"):
                 raise McapError("it is empty" if not begin else "it holds zeros only")
             elif begin == _GIT_LFS:
@@ -431,9 +458,9 @@ class StoredBag:
         try:
             copy = recovered_copy(file, self._temporary_folder())
         except (OSError, sqlite3.Error) as error:
-            tell_once(f"{file} was not closed, and {names} cannot be used: {reason_of(error)}")
+            self.tell(f"{file} was not closed, and {names} cannot be used: {reason_of(error)}")
             return file
-        tell_once(
+        self.tell(
             f"{file} was not closed, as when its recorder is killed: {names} is read as well"
         )
         return copy
@@ -530,6 +557,7 @@ class StoredBag:
                 yield connection, time_ns, data
         finally:
             self._tell_losses()
+            self._tell_shortages(wanted)
 
     def _named(
         self,
@@ -553,10 +581,10 @@ class StoredBag:
         """Return what is lost, as far as it is known by now."""
         found = [self._with_gap(loss) for loss in self._unread.values()]
         for place, (file, storage) in enumerate(zip(self._files, self._storages, strict=True)):
-            loss = storage.loss() or self._packed_loss(place)
+            expected = self._about.expected.get(file.name)
+            loss = storage.loss() or self._packed_loss(place) or self._short(place, expected)
             if loss is None:
                 continue
-            expected = self._about.expected.get(file.name)
             if expected is not None and expected[0] >= loss.read:
                 end_ns = expected[1] + expected[2]
                 ended_s = max(0, end_ns - storage.end_ns) * 1e-9
@@ -584,6 +612,16 @@ class StoredBag:
             exact=True,
         )
 
+    def _short(self, place: int, expected: tuple[int, int, int] | None) -> BagLoss | None:
+        """Return what a file lacks by metadata that count its messages, but those of no topic."""
+        storage = self._storages[place]
+        read = sum(c.msgcount for c in storage.connections.values())
+        if expected is None or expected[0] <= read or any(self._about.counts.values()):
+            return None
+        read_s = (storage.end_ns - storage.start_ns) * 1e-9
+        reason = f"has fewer messages than {METADATA} counts"
+        return BagLoss(self._files[place], reason, read, read_s)
+
     def _with_gap(self, loss: BagLoss) -> BagLoss:
         """Return the loss of a file with the pause that it leaves between its neighbours."""
         if loss.seconds is not None:
@@ -599,7 +637,41 @@ class StoredBag:
 
     def _tell_losses(self) -> None:
         for loss in self.losses():
-            tell_once(loss.sentence())
+            self.tell(loss.sentence())
+
+    def _tell_shortages(self, wanted: Collection[int]) -> None:
+        """Say of which topics the files hold fewer messages than the metadata say.
+
+        A file that is known to be damaged or missing explains as many as it has lost.
+
+        Args:
+            wanted: numbers of the connections that are meant, besides topics without any.
+        """
+        held = Counter[tuple[str, str]]()
+        for connection in self.connections:
+            held[connection.topic, connection.msgtype] += connection.msgcount
+        stated = {
+            ("/" + name.lstrip("/"), kind): count
+            for (name, kind), count in self._about.counts.items()
+        }
+        short = {topic: n - held[topic] for topic, n in stated.items() if n > held[topic]}
+        explained = [loss.messages for loss in self.losses()]
+        if None in explained or sum(short.values()) <= sum(n or 0 for n in explained):
+            return
+        named = {(c.topic, c.msgtype) for c in self.connections if c.id in wanted}
+        for topic, missing in short.items():
+            if topic in named or topic not in held:
+                self.tell(
+                    f"{self.path}, topic {topic[0]}: {counted(missing)} of the"
+                    f" {stated[topic]} that {METADATA} counts are missing, as when a recorder is"
+                    " killed or a copy ends early"
+                )
+
+    def tell(self, sentence: str) -> None:
+        """Say a sentence about the bag, once a process, and remember it."""
+        if sentence not in self.told:
+            self.told.append(sentence)
+        tell_once(sentence)
 
     def close(self) -> None:
         """Close the files."""

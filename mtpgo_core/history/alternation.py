@@ -15,7 +15,7 @@ from mtpgo_core.history.resampling import NEVER_NS
 from mtpgo_core.history.sample_rings import longer
 from mtpgo_core.schema import BoolArray, Float64Array, IndexArray
 
-_LEAST_M = 1.0
+LEAST_M = 1.0
 """Smallest deviation that counts (m); chosen above a tracker's noise."""
 
 _OPPOSITE = -0.5
@@ -76,7 +76,7 @@ class AlternationDetector:
         length = np.linalg.norm(deviation, axis=1)
         product = length * np.linalg.norm(earlier, axis=1)
         opposite = (deviation * earlier).sum(axis=1) < _OPPOSITE * product
-        row = np.where(opposite & (length > _LEAST_M), self._in_a_row[slot] + 1, 0)
+        row = np.where(opposite & (length > LEAST_M), self._in_a_row[slot] + 1, 0)
         self._before_ns[slot], self._before[slot] = last_ns, last
         self._deviation[slot], self._in_a_row[slot] = deviation, row
         return np.asarray(row >= _IN_A_ROW)

@@ -16,7 +16,8 @@ ODD_INPUT: dict[str, str] = {
     "late": "objects older than what is known",
     "behind": "objects too far behind the newest stamp to be predicted, as of two publishers with"
     " different clocks",
-    "restarted": "tracks restarted after an impossible move",
+    "restarted": "tracks restarted after an impossible move, as of an identity that is used again"
+    " or by two publishers",
     "alternating": "objects that alternate between two places, as of two publishers with the same"
     " identities",
     "left_out": "objects left out, beyond the nearest max_tracks",

@@ -38,10 +38,10 @@ from mtpgo_core.schema import (
 )
 from mtpgo_core.task.task_description import HistoryConfig
 
-_JUMP_M = 5.0
+JUMP_M = 5.0
 """A track may always move this far between two observations, however short the time (m); chosen:
 a vehicle's length, by which a tracker may shift its reference point."""
-_JUMP_MPSS = 30.0
+JUMP_MPSS = 30.0
 """Largest plausible change of a track's velocity (m/s^2), by collision or a tracker's correction;
 chosen: three times full braking."""
 _HARDEST_MPSS = 200.0
@@ -83,8 +83,8 @@ def moved_impossibly(
     deviation = step - store.position_velocity[slot] * dt_s[:, None]
     moved_m = np.hypot(step[:, 0], step[:, 1])
     deviation_m = np.hypot(deviation[:, 0], deviation[:, 1])
-    jumped = moved_m > _JUMP_M + config.max_speed_mps * dt_s
-    jumped |= deviation_m > _JUMP_M + 0.5 * _JUMP_MPSS * dt_s**2  # never true for NaN
+    jumped = moved_m > JUMP_M + config.max_speed_mps * dt_s
+    jumped |= deviation_m > JUMP_M + 0.5 * JUMP_MPSS * dt_s**2  # never true for NaN
     return np.asarray(jumped, dtype=np.bool_)
 
 

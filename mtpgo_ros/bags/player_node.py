@@ -38,6 +38,9 @@ _POLL_S = 0.02
 _ARRIVAL_S = 1.0
 """Longest time that the last messages have to arrive (s); chosen: a subscriber may be stopped."""
 
+_PAUSE_S = 1.0
+"""Time between two repetitions of a part without a duration, as one message is (s); chosen."""
+
 _MOST_LATCHED = 1000
 """Most messages of a latched topic kept for late subscribers; chosen: bounds the memory."""
 
@@ -138,9 +141,7 @@ class BagPlayer:
                     f" {', '.join(self._publishers)}, expected {wait.subscribers}"
                 )
             time.sleep(_POLL_S)
-        start = time.monotonic() + wait.delay_s
-        while not stopped() and time.monotonic() < start:
-            time.sleep(_POLL_S)
+        _rest(wait.delay_s, stopped)
         if wait.paused and not stopped():
             if sys.stdin is None:
                 raise ConfigurationError(
@@ -170,7 +171,14 @@ class BagPlayer:
         with _Progress(self._timing, hidden=not progress) as bar:
             sinks = Sinks(self._publish, self._tick, bar.reached, stopped)
             play(self._messages(), self._timing, sinks, report)
+            pause_s = 0.0 if self._timing.end_ns > self._timing.origin_ns else _PAUSE_S
+            if loop and pause_s:
+                tell(
+                    f"replay: all messages are of one time: they are repeated every {pause_s:g} s",
+                    error=True,
+                )
             while loop and not stopped():
+                _rest(pause_s, stopped)
                 bar.restart()
                 play(self._messages(), self._timing, sinks, report)
         self._let_arrive(stopped)
@@ -210,6 +218,13 @@ class BagPlayer:
     def close(self) -> None:
         """Destroy the node and its publishers."""
         self._node.destroy_node()
+
+
+def _rest(seconds: float, stopped: Callable[[], bool]) -> None:
+    """Wait for a time (s), or until stopped."""
+    end = time.monotonic() + seconds
+    while not stopped() and time.monotonic() < end:
+        time.sleep(_POLL_S)
 
 
 class _Progress:

@@ -16,10 +16,14 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
 from mtpgo_core.completion import complete
+from mtpgo_core.errors import reason_of
 from mtpgo_core.versions import add_version, version_text
 
 BAD_INPUT = 2
 """Exit status for bad input: a file, an argument or a parameter."""
+
+OUTPUT_CLOSED = 141
+"""Exit status where the reader of the output has ended, as for a process that SIGPIPE ends."""
 
 ROS_ARGUMENTS = "--ros-args"
 """Begins the arguments of ROS on a command line."""
@@ -54,6 +58,25 @@ def tell(sentence: str, *, error: bool = False) -> None:
         # What waits to be written would fail again at the end of the process.
         with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
             os.dup2(nowhere.fileno(), stream.fileno())
+
+
+def answer(program: str, text: str) -> None:
+    """Print what was asked for on stdout; nothing is printed where that is closed.
+
+    Raises:
+        SystemExit: it cannot be written, as on a full disk, or its reader has ended.
+    """
+    if sys.stdout is None:
+        return
+    try:
+        print(text, end="", flush=True)
+    except OSError as error:
+        # What waits to be written would fail again at the end of the process.
+        with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            raise SystemExit(OUTPUT_CLOSED) from error
+        raise SystemExit(fail(program, reason_of(error))) from error
 
 
 def fail(program: str, error: object) -> int:
@@ -154,14 +177,15 @@ def answered(
         Whether nothing else is to be done.
 
     Raises:
-        SystemExit: something else is to be done, and ROS 2 is not installed.
+        SystemExit: something else is to be done, and ROS 2 is not installed; or the answer cannot
+            be written.
     """
     complete(parser)
     own = list(arguments)
     if ROS_ARGUMENTS in own:
         own = own[: own.index(ROS_ARGUMENTS)]
     if "--version" in own:
-        tell(version_text(program))
+        answer(program, version_text(program) + "\n")
         return True
     if importlib.util.find_spec("rclpy") is None:
         sentence = (
@@ -178,6 +202,13 @@ class ArgumentParser(argparse.ArgumentParser):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         add_version(self)
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print the help or an error; argparse drops what cannot be written."""
+        if file is sys.stdout:
+            answer(self.prog, message)
+        elif message:
+            tell(message.rstrip("\n"), error=True)
 
     def error(self, message: str) -> NoReturn:
         """Print ``message`` on stderr and exit with the status of bad input."""

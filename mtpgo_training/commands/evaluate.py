@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -122,7 +122,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="bags of recorded predictions; without --data, what they observed is the truth",
     )
     add("--policy", choices=GRAPH_POLICIES, help="graph policy, the model's own by default")
-    add("--stride", type=float, metavar="S", help="time between two instants (s; default 0.2)")
+    add(
+        "--stride",
+        type=float,
+        metavar="S",
+        help="time between two instants, in whole frames of the recordings (s; default 0.2)",
+    )
     add("--min-future", type=float, default=0.0, help="leave out agents observed for less (s)")
     add(
         "--one-sample",
@@ -249,7 +254,8 @@ def run(args: argparse.Namespace) -> int:
         )
         if len(failures) == len(jobs):
             raise RecordingError(failures[0].reason)
-        result = BagResult(evaluation, failures=failures)
+        said = [] if args.stride is None else _rounded(args.stride, evaluation.rounded)
+        result = BagResult(evaluation, warnings=said, failures=failures)
     if not result.evaluation.scores:
         raise RecordingError(
             "nothing could be scored: no agent of the recordings is predicted and observed "
@@ -286,6 +292,23 @@ def run(args: argparse.Namespace) -> int:
         print(f"mtpgo: {failures_text(result.failures, len(jobs))}", file=sys.stderr)
         return 1
     return 0
+
+
+def _rounded(stride_s: float, taken_s: Mapping[str, float]) -> list[str]:
+    """Return what to say of recordings whose frames do not have the stride.
+
+    Args:
+        stride_s: as given (s).
+        taken_s: name of a recording -> its stride (s).
+    """
+    if not taken_s:
+        return []
+    name, first_s = next(iter(taken_s.items()))
+    more = f" and {len(taken_s) - 1} more" if len(taken_s) > 1 else ""
+    return [
+        f"--stride is {stride_s:g} s, which is no whole number of frames: instants are scored"
+        f" every {first_s:.3g} s ({name}{more})"
+    ]
 
 
 def _given(args: argparse.Namespace, names: Iterable[str]) -> dict[str, bool]:

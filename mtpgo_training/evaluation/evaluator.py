@@ -34,10 +34,14 @@ from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 from mtpgo_training.scenes.tracker.simulated_tracker import draw_tracker
-from mtpgo_training.scenes.windows import frames_every
+from mtpgo_training.scenes.windows import frames_every, stride_frames
 
 CENTRE_EVERY = 5
 """The protocol ``centre`` is scored at every fifth instant; chosen: it needs a graph per agent."""
+
+_ROUNDING = 0.01
+"""Share of a stride by which that of the frames may differ without a word; chosen above that of
+29.97 Hz and 30 Hz."""
 
 HONESTY_PROTOCOL = "all"
 """The protocol whose predictions are also judged by honesty and plausibility: what users get."""
@@ -88,12 +92,15 @@ class Evaluation:
         honesty: of models and baselines.
         recordings: name in the scores -> SHA-256 of its sources.
         scenes: the best and worst scenes of those models for which an entry was made before.
+        rounded: name in the scores -> time between two scored instants (s), of the recordings
+            whose frames do not have the stride that was asked for.
     """
 
     scores: ScoreTable = field(default_factory=ScoreTable)
     recordings: dict[str, str] = field(default_factory=dict)
     honesty: HonestyTable = field(default_factory=HonestyTable)
     scenes: dict[str, ExtremeScenes] = field(default_factory=dict)
+    rounded: dict[str, float] = field(default_factory=dict)
 
     def add(
         self,
@@ -184,6 +191,7 @@ class Evaluation:
         self.scores.merge(other.scores)
         self.honesty.merge(other.honesty)
         self.recordings.update(other.recordings)
+        self.rounded.update(other.rounded)
         for name, scenes in other.scenes.items():
             self.scenes.setdefault(name, ExtremeScenes()).merge(scenes)
 
@@ -232,6 +240,9 @@ def evaluate_recording(
     """
     name = recording.name if name is None else name
     result.recordings[name] = recording.sha256
+    taken_s = _taken_stride_s(recording, settings.stride_s)
+    if abs(taken_s - settings.stride_s) > _ROUNDING * settings.stride_s:
+        result.rounded[name] = taken_s
     first = next(iter(runners), None)
     if settings.calibration == OFF:
         runners = {model: runner.uncalibrated() for model, runner in runners.items()}
@@ -274,6 +285,13 @@ def evaluate_recording(
                         model, protocol, scorer, prediction, window, baselines=model == first
                     )
     result.honesty.finish()
+
+
+def _taken_stride_s(recording: Recording, stride_s: float) -> float:
+    """Return the time between two scored instants (s), as asked for where only one is left."""
+    if stride_s > recording.duration_s:
+        return stride_s
+    return stride_frames(recording, stride_s) / recording.frame_rate
 
 
 def _windows(

@@ -234,8 +234,17 @@ def with_pieces(recording: Recording, owner: IntArray) -> Recording:
     )
 
 
+def stride_frames(recording: Recording, stride_s: float) -> int:
+    """Return the whole number of frames, one at least, that a time (s) is nearest to."""
+    frames = recording.frames
+    longest = float(frames[-1] - frames[0] + 1)  # from there on only the first frame is left
+    return max(1, round(min(stride_s * recording.frame_rate, longest)))
+
+
 def frames_every(recording: Recording, stride_s: float) -> IntArray:
     """Return the frames every ``stride_s``, counted from the first, that have a road user.
+
+    The stride is a whole number of frames, see :func:`stride_frames`.
 
     Where frames have no fixed times (a bag of jittered messages), the nearest one is taken if it
     is less than a usual step of frames away.
@@ -243,9 +252,7 @@ def frames_every(recording: Recording, stride_s: float) -> IntArray:
     frames = recording.frames
     if not len(frames):
         return frames
-    longest = float(frames[-1] - frames[0] + 1)  # from there on only the first frame is left
-    stride = max(1, round(min(stride_s * recording.frame_rate, longest)))
-    wanted = np.arange(frames[0], frames[-1] + 1, stride)
+    wanted = np.arange(frames[0], frames[-1] + 1, stride_frames(recording, stride_s))
     after = np.clip(np.searchsorted(frames, wanted), 1, max(1, len(frames) - 1))
     after = np.minimum(after, len(frames) - 1)
     before = np.maximum(after - 1, 0)

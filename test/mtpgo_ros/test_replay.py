@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executable ``replay``, over DDS."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -132,6 +133,45 @@ def test_a_part_of_a_bag_is_looped_faster_until_interrupted(process, peer, bag):
     status, out, err = player.interrupt()
     assert (status, err) == (0, "")
     assert "played" in out
+
+
+def test_a_single_message_is_repeated_with_a_pause(process, peer, tmp_path):
+    path = write_bag(tmp_path / "one", seconds=0.0)
+    listener, began = Listener(peer), time.monotonic()
+    player = process("replay", path, "--loop", "--wait-for-subscribers", "1", "--no-progress")
+    listener.spin_until(lambda: len(listener.objects) >= 3)
+    # One of them may have come twice or not at all; without a pause there are thousands.
+    passed_s = time.monotonic() - began
+    assert len(listener.objects) <= 1 + passed_s
+    assert passed_s > 1.9
+    status, _, err = player.interrupt()
+    assert status == 0, err
+    assert "all messages are of one time: they are repeated every 1 s" in one_line(err)
+
+
+@pytest.mark.parametrize("words", ["--help", "--version"])
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    ("ending", "status", "sentence"),
+    [
+        ("> /dev/full", 2, "replay: No space left on device\n"),
+        ("| true", 141, ""),
+        (">&-", 0, ""),
+    ],
+)
+def test_an_answer_that_cannot_be_written(words, unbuffered, ending, status, sentence):
+    # The reader ends first.
+    begin = "sleep 0.5; " if ending == "| true" else ""
+    line = f"set -o pipefail; ({begin}exec {sys.executable} -m mtpgo_ros.replay {words}) {ending}"
+    done = subprocess.run(
+        ["bash", "-c", line],
+        capture_output=True,
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (status, sentence)
 
 
 @pytest.mark.parametrize(

@@ -139,11 +139,12 @@ def test_an_option_with_several_values_may_be_repeated(words: list[str], attribu
 
 CLI = [sys.executable, "-m", "mtpgo_training.cli"]
 
-BUFFERED = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
-"""Without a buffer argparse drops what cannot be written."""
+BUFFERING = [{**os.environ, "PYTHONUNBUFFERED": value} for value in ("", "1")]
+"""Without a buffer argparse itself meets what cannot be written, and drops it."""
 
 
-def test_help_into_a_closed_output_is_no_error() -> None:
+@pytest.mark.parametrize("env", BUFFERING, ids=["buffer", "no buffer"])
+def test_help_into_a_closed_output_is_no_error(env: dict[str, str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     try:
@@ -151,7 +152,7 @@ def test_help_into_a_closed_output_is_no_error() -> None:
             [*CLI, "layouts", "--help"],
             stdout=writer,
             stderr=subprocess.PIPE,
-            env=BUFFERED,
+            env=env,
             check=False,
         )
     finally:
@@ -159,12 +160,14 @@ def test_help_into_a_closed_output_is_no_error() -> None:
     assert (done.returncode, done.stderr) == (141, b"")
 
 
-def test_a_full_disk_behind_the_output_is_one_line() -> None:
+@pytest.mark.parametrize("env", BUFFERING, ids=["buffer", "no buffer"])
+@pytest.mark.parametrize("words", [["--help"], ["layouts", "--help"], ["--version"]], ids=str)
+def test_a_full_disk_behind_the_output_is_one_line(words: list[str], env: dict[str, str]) -> None:
     with open("/dev/full", "w", encoding="utf-8") as full:
         done = subprocess.run(
-            [*CLI, "layouts", "--help"],
+            [*CLI, *words],
             stdout=full,
-            env=BUFFERED,
+            env=env,
             stderr=subprocess.PIPE,
             text=True,
             check=False,

@@ -100,6 +100,14 @@ def line_in_file(path: Path, number: int) -> int:
     return number
 
 
+def line_of_open_quote(path: Path) -> int:
+    """Return the line at which the last row's last quote opens, for a file that ends within it."""
+    line, cells = 1, [""]
+    for begin, row in _rows(path, whole=True):
+        line, cells = begin, row
+    return line + sum(cell.count("\n") for cell in cells[:-1])
+
+
 def first_longer_row(path: Path, width: int) -> tuple[int, int] | None:
     """Return line and number of cells of the first row with more cells than ``width``."""
     for line, cells in _rows(path):
@@ -108,18 +116,26 @@ def first_longer_row(path: Path, width: int) -> tuple[int, int] | None:
     return None
 
 
-def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield the line at which each row begins, and its cells, as far as the file can be read."""
+def _rows(path: Path, *, whole: bool = False) -> Iterator[tuple[int, list[str]]]:
+    """Yield the line at which each row begins, and its cells, as far as the file can be read.
+
+    Args:
+        path: the file.
+        whole: yield a row of a cell that is too long for the library, too, without its cells.
+    """
+    before = 0
     try:
         with open_file(path) as file:
             stream = io.TextIOWrapper(file, "utf-8-sig", "replace")
             mark = separator_of(next((line for line in stream if line.strip()), ""))
             stream.seek(0)
             reader = csv.reader(stream, delimiter=mark, skipinitialspace=True)
-            before = 0
             for cells in reader:
                 begin, before = before + 1, reader.line_num
                 if len(cells) > 1 or "".join(cells).strip():
                     yield begin, [cell for cell in cells if cell] if mark == " " else cells
-    except (OSError, EOFError, zlib.error, csv.Error):
+    except csv.Error:
+        if whole:
+            yield before + 1, [""]
+    except (OSError, EOFError, zlib.error):
         return

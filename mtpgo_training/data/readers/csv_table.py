@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from mtpgo_core.errors import RecordingError, found_names
+from mtpgo_core.errors import RecordingError, found_names, reason_of
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_lines import (
     SEPARATORS,
@@ -24,6 +24,7 @@ from mtpgo_training.data.readers.csv_lines import (
     is_packed,
     kind_of_other_file,
     line_in_file,
+    line_of_open_quote,
     open_file,
     separator_of,
 )
@@ -38,8 +39,14 @@ _LINE_END = re.compile(rb"[\r\n]")
 
 _UNREADABLE = (OSError, EOFError, zlib.error, UnicodeDecodeError, pd.errors.ParserError)
 
-_MOST_COLUMNS, _LONGEST_NAME = 12, 40
-"""Names of columns that a sentence lists, and the characters of one; chosen."""
+_MOST_COLUMNS, _LONGEST_NAME, _LONGEST_CELL = 12, 40, 60
+"""Names of columns that a sentence lists, the characters of one, and of a cell; chosen."""
+
+_OPEN_QUOTE = "EOF inside string"
+"""What pandas says of a quote that is never closed, with the number of a row of its own count."""
+
+_DATE_OR_CLOCK = re.compile(r"\s*(\d{4}-\d\d-\d\d|\d{1,2}:\d\d)")
+"""Beginning of a date or a time of day, as ISO 8601 writes them."""
 
 _PADDING = "\x00\x1a"
 """Bytes that file systems and old editors leave behind the last line: zeros and Control-Z."""
@@ -456,7 +463,14 @@ def _cannot_be_read(path: Path, error: BaseException) -> str:
     if isinstance(error, UnicodeDecodeError):
         byte = error.object[error.start]
         return f"{path} cannot be read as CSV: the byte 0x{byte:02x} is not UTF-8, expected UTF-8"
+    if _OPEN_QUOTE in str(error):
+        return (
+            f"{path}, line {line_of_open_quote(path)}: a quote opens here that is not closed"
+            " before the end of the file"
+        )
     reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+    if isinstance(error, OSError):  # whose text would name the file again
+        reason = reason_of(error)
     return f"{path} cannot be read as CSV: {reason}"
 
 
@@ -474,13 +488,22 @@ class _Place:
             return
         row = int(np.argmax(bad))
         cell = column.iloc[row]
-        given = "an empty cell" if pd.isna(cell) else repr(str(cell))
+        given = "an empty cell" if pd.isna(cell) else _shown(str(cell))
+        if not pd.isna(cell) and _DATE_OR_CLOCK.match(str(cell)):
+            expected += " (dates and times of day need time_unit: date)"
         number = int(column.index[row]) + self.first
         number = line_in_file(self.path, number) if self.unit == "line" else number
+        if not pd.isna(cell) and "\n" in str(cell):
+            expected += ", in one line: is a quote missing?"
         raise RecordingError(
             f"{self.path}, {self.unit} {number}, column {column.name!r}: {given}, "
             f"expected {expected}"
         )
+
+
+def _shown(cell: str) -> str:
+    """Return a cell in quotes, or its beginning: a stray quote makes one of half a file."""
+    return repr(cell if len(cell) <= _LONGEST_CELL else f"{cell[:_LONGEST_CELL]}...")
 
 
 def _numbers(column: pd.Series, place: _Place, form: CsvForm, *, unknown: bool) -> pd.Series:

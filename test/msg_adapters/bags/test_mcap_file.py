@@ -387,3 +387,75 @@ def test_times_that_no_clock_has_are_a_loss(tmp_path):
         writer.finish()
     read, loss = read_all(path)
     assert (read, loss.messages) == ([], 1)
+
+
+def with_other_statistics(path, change):
+    """Write a file whose statistics count ``change`` messages more for each channel."""
+    data = bytearray(path.read_bytes())
+    summary = int.from_bytes(data[-28:-20], "little")
+    position = summary
+    while data[position] != 11:
+        position += 9 + int.from_bytes(data[position + 1 : position + 9], "little")
+    fields = position + 9
+    total = int.from_bytes(data[fields : fields + 8], "little")
+    first = fields + 42 + 4  # behind numbers, times and the length of the list
+    for number, (_, more) in enumerate(sorted(change.items())):
+        place = first + 10 * number + 2
+        count = int.from_bytes(data[place : place + 8], "little") + more
+        data[place : place + 8] = count.to_bytes(8, "little")
+        total += more
+    data[fields : fields + 8] = total.to_bytes(8, "little")
+    path.write_bytes(data)
+
+
+def test_fewer_messages_than_the_statistics_count_are_a_loss_of_those_read(tmp_path):
+    path = tmp_path / "a.mcap"
+    written = write_file(path, enable_crcs=False)
+    with_other_statistics(path, {1: 5, 2: 0})
+    found, loss = read_all(path)
+    assert found == written
+    assert "its chunks hold fewer messages than its summary counts" in loss.sentence()
+    assert (loss.read, loss.messages, loss.exact) == (40, 5, True)
+    file = McapFile(path)
+    assert [m for m in written if m[1] == 2] == list(file.messages([2]))
+    assert file.loss() is None
+    assert list(file.messages([1], 5 * STEP_NS, 10 * STEP_NS))
+    assert file.loss() is None  # a part tells nothing of the whole
+    file.close()
+
+
+def test_a_chunk_with_fewer_messages_than_its_index_is_a_loss(tmp_path):
+    path = tmp_path / "a.mcap"
+    written = write_file(path, compression=CompressionType.NONE, enable_crcs=False)
+    file = McapFile(path)
+    chunk = file.chunks[1]
+    file.close()
+    data = bytearray(path.read_bytes())
+    # Of the last message in the chunk a record of an application is made.
+    content = data[chunk.position : chunk.position + chunk.length]
+    last = content.rindex(b"\x05" + (22 + 2000).to_bytes(8, "little"))
+    data[chunk.position + last] = 0x80
+    path.write_bytes(data)
+    found, loss = read_all(path)
+    assert len(found) == len(written) - 1
+    assert set(found) < set(written)
+    assert "a chunk holds fewer messages than the index counts" in loss.sentence()
+    assert (loss.read, loss.messages, loss.exact) == (39, 1, True)
+
+
+def test_messages_of_a_channel_that_no_record_defines_are_a_loss(tmp_path):
+    path = tmp_path / "a.mcap"
+    written = write_file(path, compression=CompressionType.NONE, enable_crcs=False)
+    data = bytearray(path.read_bytes())
+    file = McapFile(path)
+    chunk = file.chunks[0]
+    file.close()
+    content = data[chunk.position : chunk.position + chunk.length]
+    last = content.rindex(b"\x05" + (22 + 2000).to_bytes(8, "little"))
+    place = chunk.position + last + 9
+    data[place : place + 2] = (77).to_bytes(2, "little")
+    path.write_bytes(data)
+    found, loss = read_all(path)
+    assert len(found) == len(written) - 1
+    assert "the definition of a topic is lost" in loss.sentence()
+    assert loss.messages == 1

@@ -78,6 +78,41 @@ def test_a_bag_whose_recorder_was_killed_has_no_index(content, tmp_path, caplog)
     with_index.close()
 
 
+def test_a_damaged_chunk_of_a_bag_without_an_index_is_told(content, tmp_path, caplog):
+    path = tmp_path / "drive.bag.active"
+    _, _, after = content.partition(b"index_pos=")
+    whole = bytearray(content[: int.from_bytes(after[:8], "little")])
+    place = whole.index(b"compression=", len(whole) // 2) + 100
+    length = 1100 if b"compression=none" in content else 200  # more than a text, less than a chunk
+    whole[place : place + length] = bytes(length)
+    path.write_bytes(whole)
+    found = numbers(path)
+    assert 200 < len(found) < 300
+    assert "has no index, as when its recorder is killed, and is damaged in its chunks" in (
+        caplog.text
+    )
+    assert "no message of what was written is lost" not in caplog.text
+
+
+def test_messages_without_a_topic_in_a_bag_without_an_index_are_counted(tmp_path, caplog):
+    writer = Writer(tmp_path / "whole.bag")
+    with writer:
+        spoken = writer.add_connection("said", TEXT, typestore=STORE)
+        for number in range(4):
+            writer.write(spoken, number * S_NS, text(f"{number}"))
+    content = (tmp_path / "whole.bag").read_bytes()
+    _, _, after = content.partition(b"index_pos=")
+    whole = bytearray(content[: int.from_bytes(after[:8], "little")])
+    place = whole.rindex(b"conn=", 0, whole.rindex(b"3", 0, -40)) + 5
+    whole[place] = 9
+    (path := tmp_path / "drive.bag.active").write_bytes(whole)
+    with DecodingBagReader(path) as bag:
+        (said,) = bag.connections
+        assert said.msgcount == 3
+    assert "has messages of topics that it does not describe: 3 messages" in caplog.text
+    assert "1 message lost" in caplog.text
+
+
 def test_part_of_the_time_and_of_the_topics(content, tmp_path):
     (path := tmp_path / "cut.bag").write_bytes(content[: len(content) // 2])
     file = UnindexedRos1File(path)

@@ -156,3 +156,49 @@ def test_a_database_of_something_else_is_refused_as_before(tmp_path):
     database.close()
     with pytest.raises(RecordingError, match="no such table"):
         StoredBag(path)
+
+
+def test_messages_of_topics_that_are_not_in_the_table_are_a_loss_that_is_counted(left, caplog):
+    steps = [range(20), "UPDATE messages SET topic_id=7 WHERE timestamp >= 15"]
+    path = left([*steps, range(20, 25)], journal="DELETE")
+    assert times(path)[0] == [*range(15), *range(20, 25)]
+    (record,) = caplog.records
+    assert record.getMessage() == (
+        f"{path} has messages of topics that its table of topics does not have (7):"
+        " 20 messages (0.0 s) read, 5 messages lost"
+    )
+
+
+def test_a_bag_of_whose_topics_none_is_in_the_table_is_refused(left):
+    path = left([range(20), "DELETE FROM topics", range(0)], journal="DELETE")
+    with pytest.raises(RecordingError, match="does not have \\(1\\)"):
+        StoredBag(path)
+
+
+def test_a_damaged_database_says_both_what_is_damaged_and_which_topics_it_lacks(
+    left, tmp_path, caplog
+):
+    path = left([range(400), "UPDATE messages SET topic_id=NULL WHERE 0"], journal="DELETE")
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE messages SET topic_id=9 WHERE timestamp IN (3, 4)")
+    database.close()
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    found, _ = times(path)
+    assert 200 < len(found) < 300
+    assert found == [n for n in range(len(found) + 2) if n not in (3, 4)]
+    assert "is damaged (" in caplog.text
+    assert "and has messages of topics that its table of topics does not have (9)" in caplog.text
+
+
+@pytest.mark.parametrize("column", ["name", "type", "serialization_format"])
+def test_a_topic_without_a_name_or_type_does_not_cost_the_others(left, column):
+    loose = (
+        "CREATE TABLE loose(id INTEGER, name, type, serialization_format, offered_qos_profiles)"
+    )
+    change = [loose, "INSERT INTO loose SELECT * FROM topics", "DROP TABLE topics"]
+    change += ["ALTER TABLE loose RENAME TO topics", "INSERT INTO topics SELECT * FROM topics"]
+    change.append("UPDATE topics SET id=2 WHERE rowid=2")
+    path = left(
+        [range(5), *change, f"UPDATE topics SET {column}=NULL WHERE id=2", range(5, 6)], "DELETE"
+    )
+    assert times(path)[0] == list(range(6))

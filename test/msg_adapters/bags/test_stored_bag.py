@@ -432,3 +432,103 @@ def test_names_in_capitals_are_those_of_bags(tmp_path, caplog):
     assert bag_name(packed) == "X"
     with StoredBag(packed) as bag:
         assert len(list(bag.messages())) == 20
+
+
+def topic_entry(name, count, kind="std_msgs/msg/String"):
+    about = {"name": name, "type": kind, "serialization_format": "cdr", "offered_qos_profiles": ""}
+    return {"topic_metadata": about, "message_count": count}
+
+
+def write_short(path, stated, **options):
+    """A split bag of 60 messages on /x whose metadata count other numbers by topic."""
+    about = write_split(path, **options)
+    about["topics_with_message_count"] = [topic_entry(*item) for item in stated.items()]
+    write_metadata(path, about)
+    return about
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_messages_that_the_metadata_count_besides_are_told_once(tmp_path, storage, caplog):
+    path = tmp_path / "bag"
+    write_short(path, {"/x": 75}, storage=storage)
+    for _ in range(2):
+        assert read(path) == (list(range(60)), [])
+    (record,) = caplog.records
+    assert record.getMessage() == (
+        f"{path}, topic /x: 15 messages of the 75 that metadata.yaml counts are missing, as when"
+        " a recorder is killed or a copy ends early"
+    )
+
+
+@pytest.mark.parametrize("stated", [{"/x": 60}, {"/x": 0}, {"/x": 12}, {}, {"/x": None}], ids=str)
+def test_metadata_that_count_no_more_than_there_are_say_nothing(tmp_path, stated, caplog):
+    path = tmp_path / "bag"
+    write_short(path, stated)
+    assert read(path) == (list(range(60)), [])
+    assert not caplog.records
+
+
+def test_what_a_topic_lacks_is_told_when_it_is_read(tmp_path, caplog):
+    """Another topic that was recorded in part does not matter to who does not read it."""
+    path = tmp_path / "bag"
+    path.mkdir()
+    with library_writer(path / "bag_0.mcap") as (writer, schema):
+        for topic in ("/x", "/y"):
+            channel = writer.register_channel(topic, "cdr", schema)
+            for count in range(10):
+                writer.add_message(channel, count * STEP_NS, data_of(count), 0)
+    stated = [topic_entry("/x", 10), topic_entry("/y", 14)]
+    names = {"relative_file_paths": ["bag_0.mcap"], "topics_with_message_count": stated}
+    write_metadata(path, names)
+    with StoredBag(path) as bag:
+        x, y = bag.connections
+        assert len(list(bag.messages([x]))) == 10
+        assert not caplog.records
+        assert len(list(bag.messages([y]))) == 10
+    assert f"{path}, topic /y: 4 messages of the 14" in caplog.text
+
+
+def test_a_topic_of_which_nothing_is_there_is_told_at_once(tmp_path, caplog):
+    path = tmp_path / "bag"
+    write_short(path, {"/x": 60, "/lost": 8})
+    StoredBag(path).close()
+    assert f"{path}, topic /lost: 8 messages of the 8" in caplog.text
+
+
+def test_files_whose_loss_is_told_explain_what_a_topic_lacks(tmp_path, caplog):
+    path = tmp_path / "bag"
+    write_short(path, {"/x": 60})
+    (path / "bag_1.mcap").unlink()
+    numbers, (sentence,) = read(path)
+    assert numbers == [*range(20), *range(40, 60)]
+    assert "20 messages" in sentence
+    assert [record.getMessage() for record in caplog.records] == [sentence]
+
+
+def test_more_than_the_files_whose_loss_is_told_is_told_as_well(tmp_path, caplog):
+    path = tmp_path / "bag"
+    write_short(path, {"/x": 90})
+    (path / "bag_1.mcap").unlink()
+    read(path)
+    assert f"{path}, topic /x: 50 messages of the 90" in caplog.text
+
+
+def test_metadata_that_count_the_messages_of_no_topic_are_compared_by_file(tmp_path, caplog):
+    path = tmp_path / "bag"
+    about = write_short(path, {})
+    about["files"][1]["message_count"] = 25
+    write_metadata(path, about)
+    assert read(path)[0] == list(range(60))
+    assert (
+        f"{path / 'bag_1.mcap'} has fewer messages than metadata.yaml counts: 20 messages (1.9 s)"
+        " read, 5 messages"
+    ) in caplog.text
+
+
+def test_a_file_that_was_copied_as_text_is_called_so(tmp_path):
+    path = tmp_path / "a.mcap"
+    with library_writer(path):
+        pass
+    path.write_bytes(path.read_bytes().replace(b"\r\n", b"\n"))
+    with pytest.raises(RecordingError, match="an MCAP file whose line ends were changed"):
+        StoredBag(path)

@@ -72,6 +72,17 @@ def test_the_json_has_the_documented_content(content):
     assert set(content["groups"]) == {"default"}
 
 
+@pytest.mark.parametrize(("stride", "taken"), [("1.55", "1.6 s (01 and 1 more)"), ("1.6", "")])
+def test_a_stride_that_is_no_whole_number_of_frames_is_told(data, capsys, stride, taken):
+    words = ["evaluate", "--model", "default", "--data", str(data / "a"), "--layout", "ind"]
+    words.append("--no-centre")
+    assert main([*words, "--stride", stride, "--quiet"]) == 0
+    error = capsys.readouterr().err
+    told = f"mtpgo: warning: --stride is {stride} s, which is no whole number of frames"
+    assert (told in error) == bool(taken)
+    assert f"instants are scored every {taken}" in error or not taken
+
+
 def test_the_library_gives_the_same_averages(content, data):
     runner = ModelRunner.load(find_model("default"))
     recordings = [r for f in ("a", "b") for r in load_recordings(data / f, "ind")]

@@ -401,6 +401,8 @@ class PieceReader:
                 " of the observation in the header; --stamps log takes the time at which a message"
                 " was recorded"
             )
+        if self.used == self._messages > 0 and not described(counts):
+            return f"{nothing}: its {self._messages} message(s) are all empty"
         odd = described(counts)
         among = f" ({odd})" if odd else ""
         because = f": {self._problem}" if self._problem else ""

@@ -14,7 +14,6 @@ from typing import Any
 
 from msg_adapters.bags.bag_definitions import obstacle
 from msg_adapters.bags.bag_reader import DecodingBagReader
-from msg_adapters.bags.stored_bag import tell_once
 from msg_adapters.conversions import reading, stamp_to_ns
 from msg_adapters.inputs.odometry import ODOMETRY, dated_pose, pose_of
 from mtpgo_core.errors import FrameError, MessageError
@@ -80,7 +79,9 @@ class BagPoses:
             with reading(message, message_type):
                 yield
         except MessageError as error:
-            tell_once(f"{self._reader.path}, topic {topic}: a message is left out: {error}")
+            self._reader.tell(
+                f"{self._reader.path}, topic {topic}: a message is left out: {error}"
+            )
 
     def _messages(self, topic: str) -> Iterator[Any]:
         """Yield the messages of an odometry topic."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,7 +21,7 @@ from msg_adapters.bags.bag_reader import (
     is_or_begins_as_bag,
 )
 from msg_adapters.bags.sqlite_file import files_left_beside
-from msg_adapters.bags.stored_bag import bag_files, without_packed_copies
+from msg_adapters.bags.stored_bag import bag_files, has_bag_suffix, without_packed_copies
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.track_index import sort_keys
@@ -31,7 +32,8 @@ from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers.bags.bag_options import BagOptions
 from mtpgo_training.data.readers.bags.bag_pieces import BagPiece, PieceReader
 from mtpgo_training.data.readers.bags.bag_topics import objects_topic
-from mtpgo_training.data.readers.checks.reading_remarks import remark
+from mtpgo_training.data.readers.bags.identity_moves import identity_moves
+from mtpgo_training.data.readers.checks.reading_remarks import keep, remark
 from mtpgo_training.data.readers.drone_files import (
     NoRecordingsError,
     existing_directory,
@@ -76,6 +78,7 @@ def bag_units(
     Raises:
         RecordingError: no bag there.
     """
+    dead_links: list[str] = []
     if is_or_begins_as_bag(directory):
         bags = [directory]
     elif directory.is_file():
@@ -84,9 +87,15 @@ def bag_units(
         )
     else:
         existing_directory(directory, "a bag or a directory with bags")
-        bags = without_packed_copies(
-            [path for path in visible_files(directory.iterdir(), directory) if is_bag(path)]
-        )
+        paths = visible_files(directory.iterdir(), directory)
+        dead_links = [
+            f"{path} is a link to {os.readlink(path)}, which does not exist"
+            for path in paths
+            if has_bag_suffix(path) and path.is_symlink() and not path.exists()
+        ]
+        bags = without_packed_copies([path for path in paths if is_bag(path)])
+        if dead_links and not bags:
+            raise RecordingError(dead_links[0])
         if not bags:
             raise NoRecordingsError(
                 f"{directory} has no bags, expected .mcap files (or .db3, .bag) or rosbag2"
@@ -106,6 +115,7 @@ def bag_units(
                 f"{directory} has no bag {name}, for which --topics names a topic; it has"
                 f" {', '.join(found)}"
             )
+    chosen = select_names(list(found), names, directory)
     return [
         Unit(
             name,
@@ -117,8 +127,9 @@ def bag_units(
                 "stamps": options.bags.stamps,
                 **_ego_settings(options.bags),
             },
+            remarks=dead_links if name == chosen[0] else (),
         )
-        for name in select_names(list(found), names, directory)
+        for name in chosen
     ]
 
 
@@ -150,6 +161,8 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
             remark(f"{path}, topic {topic.name}: {topic.remark}")
         piece_reader = PieceReader(reader, topic, options)
         found = [_recording(name, piece) for piece in piece_reader.pieces()]
+        for sentence in reader.told:
+            keep(sentence)
     for sentence in piece_reader.remarks:
         remark(sentence)
     recordings = [recording for recording in found if len(recording)]
@@ -240,6 +253,7 @@ def _recording(name: str, piece: BagPiece) -> Recording:
     rows = np.flatnonzero(accepted)
     rows = rows[np.lexsort((track[rows], stamps_ns[message[rows]]))]
     row_ns = stamps_ns[message[rows]]
+    counts.update(identity_moves(track[rows], row_ns, position[rows], key))
     stamps, frame_of = np.unique(row_ns, return_inverse=True)
     numbers, frame_rate = _frames(stamps)
     frame = numbers[frame_of]

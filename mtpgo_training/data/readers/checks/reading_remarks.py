@@ -41,6 +41,13 @@ def remark(sentence: str) -> None:
     _log.warning("mtpgo: %s", sentence)
 
 
+def keep(sentence: str) -> None:
+    """Keep a sentence about files that are being read, which somebody else has said."""
+    kept = _kept.get()
+    if kept is not None and sentence not in kept:
+        kept.append(sentence)
+
+
 @contextlib.contextmanager
 def keeping(said: list[str]) -> Iterator[None]:
     """Keep the remarks made within a block in a list, and in the list of a block around it."""

@@ -16,6 +16,7 @@ from mtpgo_core.class_map import OWN_NAMES, ClassMap
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.schema import AgentClass, Float64Array
 from mtpgo_training.data.readers.checks.foreign_files import without_foreign
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_table import (
     STANDARD_FORM,
     check_columns,
@@ -53,6 +54,11 @@ from mtpgo_training.data.readers.tables.track_rows import (
 from mtpgo_training.data.recording import Recording
 
 _SUFFIXES = re.compile(r"\.(csv|tsv|txt)(\.gz)?$|\.(parquet|pq)$", re.IGNORECASE)
+_TIME_OF_DAY = r"\s*([01]?\d|2[0-3]):[0-5]\d:[0-5]\d(\.\d+)?\s*"
+_HOUR_BACK_S = (-3600.0, -3590.0)
+"""Steps between two rows of a road user in the order of the file (s) where the clock is put back
+by an hour; chosen: up to ten seconds after its last row."""
+
 _NUMBERS = ("vx", "vy", "speed", "ax", "ay", "heading", "length", "width")
 
 
@@ -250,7 +256,7 @@ def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Ar
         factor = 1.0 if lasting else TIMES_S[columns.time_unit]
         table["time_s"] = _dates(table, source) if dates else table["time"] * factor
         if dates:
-            return table, _seconds(_times_of(instants).dropna()).to_numpy(np.float64)
+            return table, _seconds_of(instants).dropna().to_numpy(np.float64)
         return table, _known_numbers(instants) * factor
     return table, _known_numbers(instants)
 
@@ -262,21 +268,21 @@ def _known_numbers(column: pd.Series) -> Float64Array:
     return np.asarray(values[np.isfinite(values)])
 
 
-def _times_of(column: pd.Series) -> pd.Series:
+def _seconds_of(column: pd.Series) -> pd.Series:
+    """Return the seconds since 1970 of dates, of times of day since midnight, NaN for others."""
     if not pd.api.types.is_datetime64_any_dtype(column):
         # ISO 8601 allows a decimal comma, which Python's log writes; pandas does not know it.
-        column = column.replace(r"(?<=\d),(?=\d)", ".", regex=True)
-    return pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
-
-
-def _seconds(times: pd.Series) -> pd.Series:
-    """Return the seconds since 1970 of times."""
-    return times.dt.tz_localize(None).astype("datetime64[ns]").astype(np.int64) / 1e9
+        column = column.astype("string").str.replace(r"(?<=\d),(?=\d)", ".", regex=True)
+        if column.str.fullmatch(_TIME_OF_DAY).fillna(True).all():
+            return pd.to_timedelta(column).dt.total_seconds()
+    times = pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
+    whole = times.dt.tz_localize(None).astype("datetime64[ns]")
+    return (whole.astype(np.int64) / 1e9).where(times.notna())
 
 
 def _dates(table: pd.DataFrame, source: TableSource) -> pd.Series:
-    """Return the seconds since 1970 of the dates in the column ``time``."""
-    times = _times_of(table["time"])
+    """Return the seconds of the dates or times of day in the column ``time``."""
+    times = _seconds_of(table["time"])
     bad = times.isna().to_numpy(bool)
     if bad.any():
         row = int(np.argmax(bad))
@@ -284,6 +290,16 @@ def _dates(table: pd.DataFrame, source: TableSource) -> pd.Series:
         given = "an empty cell" if pd.isna(cell) else repr(str(cell))
         raise RecordingError(
             f"{source.place_of(table, row)}: the time {given}, expected a date and time such as "
-            "2024-05-01T12:00:00.1"
+            "2024-05-01T12:00:00.1, or a time of day such as 12:00:00.1 in all rows"
         )
-    return _seconds(times)
+    steps_s = (
+        times.groupby(table["track"].astype("string"), sort=False).diff().to_numpy(np.float64)
+    )
+    back = (steps_s < _HOUR_BACK_S[1]) & (steps_s >= _HOUR_BACK_S[0])
+    if back.any() and not (steps_s[~back] < 0.0).any():  # which rows in no order would have
+        remark(
+            f"{source.place_of(table, int(np.argmax(back)))}: the dates go back by an hour, as"
+            " local times do when summer time ends; expected their difference from UTC, such as"
+            " +01:00"
+        )
+    return times

@@ -18,12 +18,18 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import wrap
 from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.schema import ClassArray, Float64Array, KeyArray
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_lines import line_in_file
 from mtpgo_training.data.readers.reading_options import classes_of
 from mtpgo_training.data.readers.tables.frame_grid import (
     TOLERANCE_S,
     frames_of_times,
     without_common_step,
+)
+from mtpgo_training.data.readers.tables.times_of_day import (
+    DAY_S,
+    after_midnight,
+    midnight_in,
 )
 from mtpgo_training.data.recording import DEFAULT_START_NS, Int64Array, Recording
 
@@ -158,6 +164,13 @@ def _times(table: pd.DataFrame, source: TableSource) -> tuple[Int64Array, float,
     """Return [rows] frame numbers, their rate (Hz), and the stamp of frame 0 (ns)."""
     if "time_s" in table:
         time_s = table["time_s"].to_numpy(np.float64)
+        midnight_s = midnight_in(time_s, pd.factorize(table["track"])[0].astype(np.int64))
+        if midnight_s is not None:
+            remark(
+                f"{source.files[0]}: the times begin again at 0 after {DAY_S:.0f} s, as times of"
+                " day do at midnight: the rows after it are read as of the next day"
+            )
+        time_s = after_midnight(time_s, midnight_s)
         begin_s = float(time_s.min())
         _check_span(table, source, time_s - begin_s)
         if begin_s >= LAST_S:
@@ -165,7 +178,8 @@ def _times(table: pd.DataFrame, source: TableSource) -> tuple[Int64Array, float,
                 f"{source.files[0]}: the times begin at {begin_s:.6g} s, expected less than "
                 f"{LAST_S:.6g} s; is their unit another one?"
             )
-        frame, rate = frames_of_times(_with(time_s, source.unobserved))
+        unobserved_s = after_midnight(source.unobserved, midnight_s)
+        frame, rate = frames_of_times(_with(time_s, unobserved_s))
         frame = frame[: len(time_s)]
         return frame, rate, round(begin_s * 1e9) if begin_s >= EPOCH_S else DEFAULT_START_NS
     assert source.frame_rate is not None, "rows with frames need a frame rate"

@@ -14,6 +14,7 @@ from msg_adapters.conversions import make_header, make_pose, make_vector
 from msg_adapters.inputs.ego_odometry import EgoOptions
 from msg_adapters.types import TypestoreTypes
 from mtpgo_core.errors import RecordingError
+from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.schema import AgentClass
@@ -33,6 +34,8 @@ COMPARED = (
     "clock_reset",
     "frame_changed",
     "wrong_frame",
+    "restarted",
+    "alternating",
 )
 
 
@@ -241,6 +244,8 @@ def odd_stream(seed):
                 states.position[row] = np.nan
             elif draw.random() < 0.02:
                 states.velocity[row] = (150.0, 0.0)
+            elif draw.random() < 0.3:  # another road user of this identity
+                states.position[row, 1] += 3.0 if number % 100 < 80 else 40.0
         messages.append((0.1 * number, states))
     return messages
 
@@ -497,3 +502,30 @@ def test_a_rate_that_is_not_round_is_found(tmp_path, rate):
     found = [recording.stamp_ns(int(frame)) for frame in recording.frames]
     # Those of films and of three digits are found as they are.
     assert np.abs(np.subtract(found, stamps)).max() <= (rate in (9.90099, 3.3333))
+
+
+@pytest.mark.parametrize(("apart_m", "counter"), [(2.0, "alternating"), (25.0, "restarted")])
+def test_two_publishers_with_the_same_identities_are_counted(tmp_path, caplog, apart_m, counter):
+    messages = []
+    for log_s, states in steady(10.0, ids=range(20)):
+        messages.append((log_s, states))
+        messages.append((log_s + 0.05, states_at(log_s + 0.05, ids=range(20), y=apart_m)))
+    history, online = TrackHistory(HistoryConfig()), 0
+    for _, states in messages:
+        online += getattr(history.update(states), counter)
+    (recording,) = read(tmp_path, messages)
+    assert len(recording) == 20 * 200  # nothing is dropped
+    assert recording.counts == {counter: online}
+    assert online > 20 * 190
+    assert f"{online} " + ODD_INPUT[counter] in caplog.text
+
+
+def test_road_users_that_share_no_identity_are_not_counted(tmp_path):
+    draw = np.random.default_rng(0)
+    messages = []
+    for log_s, states in steady(20.0):
+        states.position[:, 0] += 0.5 * 6.0 * log_s**2  # up to 130 m/s, with a tracker's noise
+        states.position[:] += draw.normal(0.0, 0.2, states.position.shape)
+        messages.append((log_s, states))
+    (recording,) = read(tmp_path, messages)
+    assert recording.counts == {}

@@ -12,10 +12,13 @@ from fleet import write_bag
 from odd_bags import states_at, write_stream
 from traffic import braking_cars
 
+from msg_adapters.bags import stored_bag
 from msg_adapters.registry import INPUTS
+from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import Pose2
 from mtpgo_training import cli
 from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.writers.ind_writer import write_ind
 
 SMALL = {
@@ -199,3 +202,42 @@ def test_two_sensors_with_stamps_near_each_other_have_no_rate_of_their_own(tmp_p
     write_stream(tmp_path / "two.mcap", messages)
     (recording,) = load_recordings(tmp_path, "bag")
     assert recording.frame_rate == 1000.0
+
+
+def test_links_to_bags_that_are_gone_are_named(tmp_path, caplog):
+    (tmp_path / "bags").mkdir()
+    link = tmp_path / "bags" / "b.mcap"
+    link.symlink_to(tmp_path / "gone.mcap")
+    sentence = f"{link} is a link to {tmp_path / 'gone.mcap'}, which does not exist"
+    with pytest.raises(RecordingError) as refused:
+        load_recordings(tmp_path / "bags", "bag")
+    assert str(refused.value) == sentence
+    write_stream(tmp_path / "bags" / "a.mcap", [(0.1 * k, states_at(0.1 * k)) for k in range(9)])
+    (recording,) = load_recordings(tmp_path / "bags", "bag")
+    assert (recording.name, len(recording)) == ("a", 27)
+    assert sentence in caplog.text
+
+
+def test_a_bag_of_empty_messages_is_called_so(tmp_path):
+    path = write_stream(
+        tmp_path / "a.mcap", [(0.1 * k, states_at(0.1 * k, ids=())) for k in range(9)]
+    )
+    with pytest.raises(
+        RecordingError, match=r"no tracked object .*: its 9 message\(s\) are all empty"
+    ):
+        load_recordings(path, "bag")
+
+
+def test_what_is_lost_of_a_bag_is_said_again_from_the_cache(tmp_path, caplog, monkeypatch):
+    path = tmp_path / "a.mcap"
+    write_stream(path, [(0.1 * k, states_at(0.1 * k)) for k in range(300)])
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    cache = RecordingCache(tmp_path / "cache")
+    said = []
+    for _ in range(3):
+        monkeypatch.setattr(stored_bag, "_told", set())  # as in another process
+        caplog.clear()
+        load_recordings(path, "bag", cache=cache)
+        said.append([record.getMessage() for record in caplog.records])
+    assert all(len(sentences) == 1 for sentences in said), said
+    assert all(f"{path} is cut off, as when power is lost" in one[0] for one in said)

@@ -516,3 +516,128 @@ def test_numbers_of_road_users_and_classes_may_have_a_decimal_comma(read):
     assert recording.agent_class.tolist() == [2, 2]
     (recording,) = read("f;id;x;y;c\n" + rows.replace("10,0;", "1,05;"), description)
     assert recording.find_tracks(keys_from_texts(["1,05"])) >= 0
+
+
+TIMED = {"columns": {"track": "id", "time": "t", "x": "x", "y": "y"}}
+
+
+def over_midnight(written=lambda s: f"{s:.1f}", by_track=False):
+    """Ten seconds before and after midnight at 10 Hz; road user 2 comes after it."""
+    rows = [
+        f"{track},{written((86390 + k / 10) % 86400)},{k + 10 * track},{track}"
+        for k in range(200)
+        for track in (0, 1, 2)
+        if track < 2 or k > 150
+    ]
+    return "id,t,x,y\n" + "\n".join(sorted(rows, key=lambda r: r[0]) if by_track else rows) + "\n"
+
+
+def as_clock(seconds):
+    return f"{seconds // 3600:02.0f}:{seconds % 3600 // 60:02.0f}:{seconds % 60:04.1f}"
+
+
+@pytest.mark.parametrize("by_track", [False, True])
+@pytest.mark.parametrize(
+    ("unit", "written"),
+    [("s", lambda s: f"{s:.1f}"), ("ms", lambda s: f"{1e3 * s:.0f}"), ("date", as_clock)],
+    ids=["s", "ms", "clock"],
+)
+def test_times_of_day_go_on_at_midnight(read, caplog, unit, written, by_track):
+    text = over_midnight(written, by_track)
+    (recording,) = read(text, {**TIMED, "time_unit": unit})
+    assert (recording.frame_rate, recording.duration_s) == (10.0, pytest.approx(19.9))
+    assert len(recording) == 2 * 200 + 49
+    np.testing.assert_allclose(recording.position[recording.track == 0, 0], np.arange(200.0))
+    (record,) = caplog.records
+    assert "a.csv: the times begin again at 0 after 86400 s, as times of day do at midnight" in (
+        record.getMessage()
+    )
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        [0.0, 0.1, 86000.0, 86000.1],  # a pause of minutes at midnight
+        [0.0, 0.1, 86399.9, 86400.1],  # not within a day
+        [0.0, 40000.0, 80000.0, 86399.9],  # all the day
+    ],
+    ids=str,
+)
+def test_other_times_do_not_go_on_at_midnight(read, times):
+    text = "id,t,x,y\n" + "".join(f"1,{t},{t / 100},0\n" for t in times)
+    (recording,) = read(text, TIMED)
+    assert recording.duration_s == pytest.approx(times[-1] - times[0])
+
+
+def test_road_users_of_two_ends_of_a_day_are_not_joined(read):
+    text = "id,t,x,y\n1,0.0,0,0\n1,0.1,1,0\n2,86399.8,0,0\n2,86399.9,0,0\n"
+    (recording,) = read(text, TIMED)
+    assert recording.duration_s == pytest.approx(86399.9)
+
+
+@pytest.mark.parametrize("time", ["1:2", "24:00:00", "12:00:60", "12:00", "12:00:00 PM", ""])
+def test_other_texts_are_no_times_of_day(read, time):
+    text = f"t,id,x,y\n12:00:00,1,1,1\n{time},1,1,1\n"
+    with pytest.raises(RecordingError, match="expected a date and time such as"):
+        read(text, {**TIMED, "time_unit": "date"})
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        (1, 'f,id,x,"y\n' + ROWS.partition("\n")[2]),
+        (4, ROWS.replace("2,2,22,", '2,2,22,"')),
+        (5, "\n" + ROWS.replace("2,2,22,", '2,2,22,"')),
+        (12, ROWS + '5,2,25,"'),
+        (6, ROWS.replace("0,2,20,-2", '0,2,20,"\n-2"').replace("3,2,23", '3,2,"23')),
+        (4, ROWS.replace("2,2,22,", '2,2,22,"') + "x" * 200_000),
+    ],
+)  # fmt: skip
+def test_a_quote_that_is_not_closed_is_named_by_its_line(read, line, text, compressed):
+    data, name = (gzip.compress(text.encode()), "a.csv.gz") if compressed else (text, "a.csv")
+    with pytest.raises(RecordingError, match=rf"a\.csv.*, line {line}: a quote opens here"):
+        read(data, POSITIONS, name)
+
+
+def test_a_cell_of_many_lines_is_shown_in_part_and_a_missing_quote_suspected(read):
+    text = ROWS.replace("2,2,22,-2", '2,2,22,"-2').replace("0,10,100,-10", '0,10,100,-10"')
+    with pytest.raises(RecordingError, match="in one line: is a quote missing") as refused:
+        read(text + ROWS.partition("\n")[2].replace(",2,", ",3,") * 20, POSITIONS)
+    assert "line 4, column 'y'" in str(refused.value)
+    assert len(str(refused.value)) < 300
+
+
+def test_local_times_that_go_back_when_summer_time_ends_are_named(read, caplog):
+    clock = [f"2023-10-29T02:59:5{k}.0" for k in range(10)]
+    clock += [f"2023-10-29T02:00:0{k}.0" for k in range(10)]
+    text = "t,id,x,y\n" + "".join(f"{t},1,{k},0\n" for k, t in enumerate(clock))
+    read(text, {**TIMED, "time_unit": "date"})
+    assert "a.csv, line 12: the dates go back by an hour, as local times do when" in caplog.text
+    caplog.clear()
+    zoned = text.replace(":59:5", ":59:5").replace(".0,", "+02:00,")
+    for k in range(10):
+        zoned = zoned.replace(f"02:00:0{k}+02:00", f"02:00:0{k}+01:00")
+    (recording,) = read(zoned, {**TIMED, "time_unit": "date"})
+    assert recording.duration_s == 19.0
+    assert "go back" not in caplog.text
+
+
+@pytest.mark.parametrize("time", ["2023-10-29T02:59:50.0", "02:59:50", "2023-10-29"])
+def test_a_date_in_place_of_a_number_is_told_what_it_needs(read, time):
+    with pytest.raises(RecordingError, match="need time_unit: date"):
+        read(f"t,id,x,y\n{time},1,1,1\n", TIMED)
+
+
+def test_a_folder_named_as_a_file_and_a_link_to_nothing_are_named_once(tmp_path):
+    (tmp_path / "columns.yaml").write_text(yaml.safe_dump(TIMED))
+    options = ReadingOptions(columns=tmp_path / "columns.yaml")
+    for name, make, reason in (
+        ("a.csv", lambda path: path.mkdir(), "Is a directory"),
+        ("b.csv", lambda path: path.symlink_to("nothing"), "No such file or directory"),
+    ):
+        (folder := tmp_path / f"folder {name}").mkdir()
+        make(folder / name)
+        with pytest.raises(RecordingError) as refused:
+            load_recordings(folder, "table", options=options)
+        assert str(refused.value) == f"{folder / name} cannot be read as CSV: {reason}"
