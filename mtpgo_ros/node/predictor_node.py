@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
-from rclpy.clock import JumpThreshold
+from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
@@ -34,9 +34,13 @@ from mtpgo_ros.node.publishers import OUTPUT_TOPICS, Publishers
 from mtpgo_ros.parameters.parameter_server import ParameterServer
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters, updated
 from mtpgo_ros.quality.quality_publisher import QUALITY_TOPICS
+from mtpgo_ros.runtime.allocator import keep_heap_resident
 from mtpgo_ros.runtime.executable import interruptible
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
+
+_HEAP_CHECK_S = 1.0
+"""Time after which a heap that has grown is in memory (s)."""
 
 _HEARD = {
     OBJECTS_TOPIC: "objects of any type",
@@ -81,6 +85,8 @@ class PredictorNode(ResourceNode):
             self, self.events, self._current_status, diagnostic_statuses
         )
         self._diagnostics.set_period(self.parameters.diagnostic_period)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._heap_timer = self.create_timer(_HEAP_CHECK_S, keep_heap_resident, clock=steady)
         self._jumps = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1)),
             post_callback=lambda _jump: self._on_clock_jump(),

@@ -34,7 +34,9 @@ def test_the_process_gets_no_huge_pages():
 
 HEAP = """
 import re
-from mtpgo_ros.runtime.allocator import make_heap_resident, return_free_memory, tune_allocator
+from mtpgo_ros.runtime.allocator import (
+    keep_heap_resident, make_heap_resident, return_free_memory, tune_allocator
+)
 
 def missing():
     entry = open('/proc/self/smaps').read().split('[heap]')[1]
@@ -48,6 +50,10 @@ return_free_memory()
 again = bytearray(1 << 20)
 before = missing()
 print(before > 32 * 1024, make_heap_resident(), missing())
+more = [bytearray(1 << 20) for _ in range(80)]  # it grows again
+before = missing()
+keep_heap_resident()
+print(before > 32 * 1024, missing())
 """
 
 
@@ -58,4 +64,4 @@ print(before > 32 * 1024, make_heap_resident(), missing())
 )
 def test_all_pages_of_the_heap_are_in_memory_once_it_is_tuned():
     """The node's memory then does not grow when a late prediction needs more of the heap."""
-    assert printed(HEAP) == "False\nTrue True 0\n"
+    assert printed(HEAP) == "False\nTrue True 0\nTrue 0\n"
