@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 from pathlib import Path
 
@@ -91,16 +90,14 @@ def make_heap_resident() -> bool:
     libc = ctypes.CDLL(None)
     libc.sbrk.restype = ctypes.c_void_p
     libc.madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
-    with contextlib.suppress(OSError, StopIteration):
-        _resident_end = libc.sbrk(0)
-        line = next(
-            line
-            for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()
-            if line.endswith("[heap]")
-        )
-        first, end = (int(address, 16) for address in line.split(maxsplit=1)[0].split("-"))
-        return bool(libc.madvise(first, end - first, _MADV_POPULATE_WRITE) == 0)
-    return False
+    _resident_end = libc.sbrk(0)
+    done = True
+    for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
+        # One for each part for which something was asked, as numpy does for large arrays.
+        if line.endswith("[heap]"):
+            first, end = (int(address, 16) for address in line.split(maxsplit=1)[0].split("-"))
+            done &= libc.madvise(first, end - first, _MADV_POPULATE_WRITE) == 0
+    return done
 
 
 def keep_heap_resident() -> None:

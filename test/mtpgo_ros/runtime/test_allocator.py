@@ -34,18 +34,21 @@ def test_the_process_gets_no_huge_pages():
 
 HEAP = """
 import re
+import numpy as np
 from mtpgo_ros.runtime.allocator import (
     keep_heap_resident, make_heap_resident, return_free_memory, tune_allocator
 )
 
 def missing():
-    entry = open('/proc/self/smaps').read().split('[heap]')[1]
-    size, resident = (int(re.search(n + r': +([0-9]+) kB', entry)[1]) for n in ('Size', 'Rss'))
-    return size - resident
+    parts = open('/proc/self/smaps').read().split('[heap]')[1:]
+    sizes = [re.search(r'Size: +([0-9]+) kB', part)[1] for part in parts]
+    resident = [re.search(r'Rss: +([0-9]+) kB', part)[1] for part in parts]
+    return sum(map(int, sizes)) - sum(map(int, resident))
 
 print(make_heap_resident())
 tune_allocator()
 kept = [bytearray(1 << 20)]  # the heap grows, by more than that
+split = np.empty(8 << 20, 'u1')  # numpy asks Linux for huge pages: the heap is in several parts
 return_free_memory()
 again = bytearray(1 << 20)
 before = missing()
