@@ -39,10 +39,10 @@ PASSED = {
 }
 """Arguments of predictor.launch.py that are empty by default: their descriptions."""
 
-# launch_arguments.py is beside this file, in no package.
+# mtpgo_launch_arguments.py is beside this file, in no package.
 sys.path.insert(0, str(HERE))
 
-from launch_arguments import texts, typed  # noqa: E402
+from mtpgo_launch_arguments import texts, typed  # noqa: E402
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -15,10 +15,10 @@ from launch_ros.actions import Node
 
 from launch import LaunchDescription
 
-# launch_arguments.py is beside this file, in no package.
+# mtpgo_launch_arguments.py is beside this file, in no package.
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from launch_arguments import declared, overrides, parameter_file, texts
+from mtpgo_launch_arguments import declared, overrides, parameter_file, texts
 
 SHIPPED = Path(__file__).resolve().parents[1] / "config" / "risk.yaml"
 

@@ -3,7 +3,8 @@
 """What the launch files have in common: arguments that are parameters of a node.
 
 Nothing but the standard library and launch: ``ros2`` may know only the share folder of a package
-whose modules are in another environment.
+whose modules are in another environment. The module has a name of its own among those that the
+launch files of other packages import in the same process.
 """
 
 import math
