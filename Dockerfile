@@ -36,7 +36,9 @@ USER 1000
 ENV HOME=/tmp
 WORKDIR /tmp
 ENTRYPOINT ["/entrypoint.sh"]
-CMD ["ros2", "run", "mtpgo_ros", "predictor"]
+# `ros2 launch` as process 1 obeys SIGINT only, and `ros2 run` no signal at all: the node itself.
+STOPSIGNAL SIGINT
+CMD ["/ws/install/mtpgo_ros/lib/mtpgo_ros/predictor"]
 
 FROM python:3.12-slim AS slim
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1

@@ -26,10 +26,10 @@ SHARE = f"share/{NAME}"
 PACKAGES = ("models", "msg_adapters", "mtpgo_core", "mtpgo_ros", "mtpgo_training")
 
 EXECUTABLES = {
-    "predictor": "mtpgo_ros.predictor:main",
-    "replay": "mtpgo_ros.replay:main",
-    "record": "mtpgo_ros.record:main",
-    "risk": "mtpgo_ros.risk:main",
+    "predictor": "mtpgo_ros.predictor:run",
+    "replay": "mtpgo_ros.replay:run",
+    "record": "mtpgo_ros.record:run",
+    "risk": "mtpgo_ros.risk:run",
     "mtpgo": "mtpgo_training.cli:main",
 }
 

@@ -4,7 +4,8 @@
 
     ros2 launch mtpgo_ros demo.launch.py
 
-The bag is played again and again until Ctrl-C. Without rviz2 the rest is started.
+The bag is played again and again until Ctrl-C. Without rviz2 the rest is started. The other
+arguments of replay.launch.py and predictor.launch.py work here, too.
 """
 
 from pathlib import Path
@@ -34,15 +35,13 @@ def generate_launch_description() -> LaunchDescription:
     """Return what ``ros2 launch`` starts."""
     places = [HERE.parent / BAG, HERE.parent / "resource" / BAG]
     bag = next((place for place in places if place.is_file()), places[0])
+    passed = {"bag": (str(bag), "bag to play"), **PASSED}
     arguments = [
         DeclareLaunchArgument(name, default_value=value, description=description)
-        for name, (value, description) in PASSED.items()
+        for name, (value, description) in passed.items()
     ]
     replay = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(str(HERE / "replay.launch.py")),
-        launch_arguments={
-            "bag": str(bag),
-            **{name: LaunchConfiguration(name) for name in PASSED},
-        }.items(),
+        launch_arguments={name: LaunchConfiguration(name) for name in passed}.items(),
     )
     return LaunchDescription([*arguments, replay])

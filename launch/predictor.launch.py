@@ -18,12 +18,13 @@ from launch_ros.actions import Node
 
 from launch import LaunchDescription
 
-# launch_arguments.py is beside this file, in no package.
+# mtpgo_launch_arguments.py is beside this file, in no package.
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from launch_arguments import declared, overrides, texts, typed
+from mtpgo_launch_arguments import declared, overrides, parameter_file, texts, typed
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
+SHIPPED = CONFIG / "predictor.yaml"
 
 PARAMETERS = {
     "model": (str, "name of an installed model or path of an exported one"),
@@ -69,7 +70,7 @@ def generate_launch_description() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument(
             "params_file",
-            default_value=str(CONFIG / "predictor.yaml"),
+            default_value=str(SHIPPED),
             description="parameter file",
         ),
         DeclareLaunchArgument("namespace", default_value="", description="of the node"),
@@ -109,7 +110,7 @@ def _predictor(context: object) -> list[Node]:
             executable="predictor",
             name=given("name") or "predictor",
             namespace=given("namespace"),
-            parameters=[given("params_file"), overrides(PARAMETERS, given)],
+            parameters=[parameter_file(given, SHIPPED), overrides(PARAMETERS, given)],
             remappings=[
                 (topic, given(_argument(topic)))
                 for topic in TOPICS

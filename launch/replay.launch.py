@@ -4,8 +4,8 @@
 
     ros2 launch mtpgo_ros replay.launch.py bag:=recording.mcap speed:=2.0 rviz:=true
 
-Everything ends with the bag, unless it is looped. Other settings of the predictor come from its
-parameter file.
+Everything ends with the bag, unless it is looped. The other arguments of predictor.launch.py work
+here, too, and settings without an argument come from its parameter file.
 """
 
 import sys
@@ -39,10 +39,10 @@ PASSED = {
 }
 """Arguments of predictor.launch.py that are empty by default: their descriptions."""
 
-# launch_arguments.py is beside this file, in no package.
+# mtpgo_launch_arguments.py is beside this file, in no package.
 sys.path.insert(0, str(HERE))
 
-from launch_arguments import texts, typed  # noqa: E402
+from mtpgo_launch_arguments import texts, typed  # noqa: E402
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -50,11 +50,8 @@ def generate_launch_description() -> LaunchDescription:
     predictor = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(str(HERE / "predictor.launch.py")),
         launch_arguments={
-            "use_sim_time": "true",
-            "rviz": LaunchConfiguration("rviz"),
-            "objects": LaunchConfiguration("objects"),
-            "lane_markings": "/lane_markings",
-            **{name: LaunchConfiguration(name) for name in PASSED},
+            name: LaunchConfiguration(name)
+            for name in ("rviz", "use_sim_time", "objects", "lane_markings", *PASSED)
         }.items(),
     )
     return LaunchDescription(
@@ -69,6 +66,14 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("rviz", default_value="false", description="start RViz"),
             DeclareLaunchArgument(
                 "objects", default_value="/objects", description="topic of the objects in the bag"
+            ),
+            DeclareLaunchArgument(
+                "lane_markings",
+                default_value="/lane_markings",
+                description="topic of the lane markings in the bag",
+            ),
+            DeclareLaunchArgument(
+                "use_sim_time", default_value="true", description="use the bag's time, of /clock"
             ),
             *(
                 DeclareLaunchArgument(name, default_value="", description=description)
@@ -93,6 +98,8 @@ def _player(context: object) -> list[object]:
             "--wait-for-subscribers",
             "1",
             "--no-progress",
+            # launch leaves its processes behind when it is ended by SIGTERM.
+            "--end-with-parent",
             *(["--loop"] if loop else []),
         ],
         output="screen",

@@ -15,12 +15,12 @@ from launch_ros.actions import Node
 
 from launch import LaunchDescription
 
-# launch_arguments.py is beside this file, in no package.
+# mtpgo_launch_arguments.py is beside this file, in no package.
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from launch_arguments import declared, overrides, texts
+from mtpgo_launch_arguments import declared, overrides, parameter_file, texts
 
-CONFIG = Path(__file__).resolve().parents[1] / "config"
+SHIPPED = Path(__file__).resolve().parents[1] / "config" / "risk.yaml"
 
 PARAMETERS = {
     "prediction_type": (str, "pointcloud2 or autoware"),
@@ -48,7 +48,7 @@ def generate_launch_description() -> LaunchDescription:
     """Return what ``ros2 launch`` starts."""
     arguments = [
         DeclareLaunchArgument(
-            "params_file", default_value=str(CONFIG / "risk.yaml"), description="parameter file"
+            "params_file", default_value=str(SHIPPED), description="parameter file"
         ),
         DeclareLaunchArgument("namespace", default_value="", description="of the node"),
     ]
@@ -69,7 +69,7 @@ def _risk(context: object) -> list[Node]:
             executable="risk",
             name="risk",
             namespace=given("namespace"),
-            parameters=[given("params_file"), overrides(PARAMETERS, given)],
+            parameters=[parameter_file(given, SHIPPED), overrides(PARAMETERS, given)],
             remappings=[
                 (topic, given(name))
                 for name, topic in TOPICS.items()

@@ -10,7 +10,7 @@ SIGINT and SIGTERM end it with status 0, bad input with status 2 and one sentenc
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 from mtpgo_ros.lifecycle.node_executable import run_executable
 from mtpgo_ros.runtime.allocator import tune_allocator, use_small_pages
@@ -39,5 +39,10 @@ def _node_class() -> Callable[..., Any]:
     return PredictorNode
 
 
-if __name__ == "__main__":
+def run() -> NoReturn:
+    """Be the executable ``predictor``: end the process with the status of :func:`main`."""
     leave(main() or 0)
+
+
+if __name__ == "__main__":
+    run()

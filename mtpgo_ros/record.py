@@ -15,10 +15,13 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from mtpgo_core.errors import MtpgoError
+from mtpgo_core.processes.parent_process import end_with_parent
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
+    add_end_with_parent,
     answered,
     fail,
     leave,
@@ -53,6 +56,8 @@ def main(argv: Sequence[str] | None = None) -> int | None:
     status = 0
     try:
         options = _parser().parse_args(own_arguments(arguments))
+        if options.end_with_parent:
+            end_with_parent()
         start(arguments)
         until = _until(stopped, options.duration)
         known = predictor_types(predictor_of(options))
@@ -123,8 +128,14 @@ def _parser() -> argparse.ArgumentParser:
         help="name of the predictor (/predictor)",
     )
     add("--duration", type=positive, metavar="S", help="stop after this long (s)")
+    add_end_with_parent(parser)
     return parser
 
 
-if __name__ == "__main__":
+def run() -> NoReturn:
+    """Be the executable ``record``: end the process with the status of :func:`main`."""
     leave(main() or 0)
+
+
+if __name__ == "__main__":
+    run()

@@ -14,12 +14,15 @@ import contextlib
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from mtpgo_core.errors import MtpgoError, RecordingError
 from mtpgo_core.maps.lane_file_options import AUTO, PROJECTIONS, LaneFileOptions
+from mtpgo_core.processes.parent_process import end_with_parent
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
     Interrupted,
+    add_end_with_parent,
     answered,
     fail,
     interruptible,
@@ -58,6 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int | None:
 
     try:
         options = _parser().parse_args(own_arguments(arguments))
+        if options.end_with_parent:
+            end_with_parent()
         start(arguments)
         _replay(options, stopped)
     except MtpgoError as error:
@@ -131,6 +136,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--lane-frame", default="map", help="frame of the metres (map)")
     add("--start-paused", action="store_true", help="start when Enter is pressed")
     add("--no-progress", action="store_true", help="no progress bar")
+    add_end_with_parent(parser)
     return parser
 
 
@@ -199,5 +205,10 @@ def _of(options: argparse.Namespace) -> str:
     return " " + " ".join(words) if words else ""
 
 
-if __name__ == "__main__":
+def run() -> NoReturn:
+    """Be the executable ``replay``: end the process with the status of :func:`main`."""
     leave(main() or 0)
+
+
+if __name__ == "__main__":
+    run()

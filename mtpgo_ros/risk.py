@@ -10,7 +10,7 @@ and SIGTERM end it with status 0, bad input with status 2 and one sentence on st
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 from mtpgo_ros.lifecycle.node_executable import run_executable
 from mtpgo_ros.runtime.executable import leave, stop_on_signals
@@ -35,5 +35,10 @@ def _node_class() -> Callable[..., Any]:
     return RiskNode
 
 
-if __name__ == "__main__":
+def run() -> NoReturn:
+    """Be the executable ``risk``: end the process with the status of :func:`main`."""
     leave(main() or 0)
+
+
+if __name__ == "__main__":
+    run()

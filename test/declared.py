@@ -32,7 +32,13 @@ def packages() -> list[str]:
 
 def executables() -> dict[str, str]:
     """Return the modules that the executables call, by the name of the executable."""
-    return {name: call.partition(":")[0] for name, call in _value("EXECUTABLES").items()}
+    return {name: module for name, (module, _) in entry_points().items()}
+
+
+def entry_points() -> dict[str, tuple[str, str]]:
+    """Return module and function that the executables call, by the name of the executable."""
+    calls = _value("EXECUTABLES").items()
+    return {name: (call.partition(":")[0], call.partition(":")[2]) for name, call in calls}
 
 
 def requirements() -> list[Requirement]:

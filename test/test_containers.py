@@ -155,8 +155,7 @@ def test_no_image_runs_as_root_and_each_starts_something(stage):
     assert users
     assert users[-1] not in ("root", "0")
     (command,) = [json.loads(rest) for word, rest in own if word == "CMD"]
-    assert command[-1] in ("predictor", "bash")
-    assert (command[0] == "ros2") == (stage == "jazzy")
+    assert Path(command[-1]).name in ("predictor", "bash")
 
 
 def test_the_entry_point_sources_ros_and_the_workspace_and_becomes_the_command():
@@ -185,3 +184,13 @@ def test_the_development_container_is_built_from_the_dockerfile():
     tool, target = content["postCreateCommand"].split()
     assert tool == "make"
     assert re.search(rf"(?m)^{target}:", (ROOT / "Makefile").read_text())
+
+
+def test_the_images_start_the_node_itself_and_stop_it_by_a_signal_that_launch_obeys():
+    """As process 1, `ros2 run` passes no signal on and `ros2 launch` obeys SIGINT only."""
+    last = {(stage, word): rest for stage, word, rest in INSTRUCTIONS}
+    for stage in ("jazzy", "slim"):
+        (command,) = json.loads(last[stage, "CMD"])
+        assert Path(command).name == "predictor"
+    assert json.loads(last["jazzy", "CMD"]) == ["/ws/install/mtpgo_ros/lib/mtpgo_ros/predictor"]
+    assert last["jazzy", "STOPSIGNAL"] == "SIGINT"

@@ -13,6 +13,7 @@ from mtpgo_core.processes.parent_process import end_with_parent
 from mtpgo_ros.runtime.executable import (
     ArgumentParser,
     Interrupted,
+    add_end_with_parent,
     answered,
     fail,
     interruptible,
@@ -46,11 +47,7 @@ def run_executable(
 
     def parser() -> ArgumentParser:
         options = ArgumentParser(prog=name, description=description)
-        options.add_argument(
-            "--end-with-parent",
-            action="store_true",
-            help="end when the parent process ends; the launch files set this",
-        )
+        add_end_with_parent(options)
         return options
 
     arguments = list(sys.argv[1:] if argv is None else argv)

@@ -1,10 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Answers to requests for parameters that rclpy cannot read."""
+"""Answers to requests for parameters that rclpy cannot read, or that the node does not have."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -12,13 +12,15 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 
 from mtpgo_core.errors import reason_of
+from mtpgo_ros.parameters.unknown_parameters import nearest
 
 
 def answer_every_request(node: Node) -> None:
     """Make the services that set parameters answer every request.
 
     rclpy raises an exception for a value of a type that there is not, and for whatever fails while
-    a change takes effect, and then sends no answer, so that the client waits forever.
+    a change takes effect, and then sends no answer, so that the client waits forever. A parameter
+    that the node does not have is named.
     """
     for service in node.services:
         callback = service.callback
@@ -31,6 +33,9 @@ def answer_every_request(node: Node) -> None:
 def _each(node: Node, callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     def answered(request: Any, response: Any) -> Any:
         for parameter in request.parameters:
+            if unknown := _unknown(node, [parameter]):
+                response.results.append(unknown)
+                continue
             one = SetParameters.Request(parameters=[parameter])
             try:
                 response.results += callback(one, SetParameters.Response()).results
@@ -43,6 +48,9 @@ def _each(node: Node, callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any
 
 def _together(node: Node, callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     def answered(request: Any, response: Any) -> Any:
+        if unknown := _unknown(node, request.parameters):
+            response.result = unknown
+            return response
         try:
             return callback(request, response)
         except Exception as error:  # rclpy's have no common base
@@ -51,6 +59,16 @@ def _together(node: Node, callback: Callable[[Any, Any], Any]) -> Callable[[Any,
             return response
 
     return answered
+
+
+def _unknown(node: Node, parameters: Sequence[Any]) -> SetParametersResult | None:
+    """Return the answer about the first parameter that the node does not have, if any."""
+    for parameter in parameters:
+        name = parameter.name
+        if not node.has_parameter(name):
+            reason = f"the node has no parameter {name:.200}{nearest(node, name)}"
+            return SetParametersResult(successful=False, reason=reason)
+    return None
 
 
 def _refused(node: Node, names: str, error: Exception) -> SetParametersResult:

@@ -24,6 +24,8 @@ _FOREIGN_PREFIXES = ("bond_disable_heartbeat_timeout",)
 _QOS = "qos_overrides."
 """Begins parameters that rclpy reads for topics whose QoS may be overridden; no topic here is."""
 
+_LIST = "; 'ros2 param list' shows its parameters"
+
 
 def report_unknown_parameters(node: Node, arguments: Sequence[str]) -> None:
     """Log every given parameter that is not declared, with the nearest name.
@@ -39,19 +41,24 @@ def report_unknown_parameters(node: Node, arguments: Sequence[str]) -> None:
     ]
     if not given:
         return
-    known = list(node._parameters)
     shared = _shared_names(node, arguments)
     for name in given:
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f", did you mean {near[0]}?" if near else "; 'ros2 param list' shows its parameters"
+        hint = nearest(node, name)
         sentence = f"parameter {name} has no effect: the node has no such parameter"
         if name.startswith(_QOS):
-            near, hint = [], ""
+            hint = ""
             sentence = f"parameter {name} has no effect: the QoS of the node's topics is fixed"
         if name in shared:
-            node.get_logger().info(f"{sentence} (given for all nodes){hint if near else ''}")
+            near = hint if hint != _LIST else ""
+            node.get_logger().info(f"{sentence} (given for all nodes){near}")
         else:
             node.get_logger().warning(f"{sentence}{hint}")
+
+
+def nearest(node: Node, name: str) -> str:
+    """Return the end of a sentence about a parameter that the node does not have: the nearest."""
+    near = difflib.get_close_matches(name, list(node._parameters), n=1)
+    return f", did you mean {near[0]}?" if near else _LIST
 
 
 def _shared_names(node: Node, arguments: Sequence[str]) -> set[str]:

@@ -215,6 +215,15 @@ class ArgumentParser(argparse.ArgumentParser):
         self.exit(fail(self.prog, f"{message} (see {self.prog} --help)"))
 
 
+def add_end_with_parent(parser: argparse.ArgumentParser) -> None:
+    """Add ``--end-with-parent``, for whatever is started by something that may be killed."""
+    parser.add_argument(
+        "--end-with-parent",
+        action="store_true",
+        help="end when the parent process ends; the launch files set this",
+    )
+
+
 def positive(text: str) -> float:
     """Return a command-line argument that must be a number above zero."""
     value = _number(text)

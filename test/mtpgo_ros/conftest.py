@@ -61,8 +61,8 @@ def process():
     """Return a function that starts processes; those still running at the end are killed."""
     made = []
 
-    def make(module, *arguments):
-        made.append(Process(module, *arguments))
+    def make(module, *arguments, **options):
+        made.append(Process(module, *arguments, **options))
         return made[-1]
 
     yield make

@@ -75,6 +75,9 @@ def _module(name: str, *classes: type) -> types.ModuleType:
     return module
 
 
+SHARED = "mtpgo_launch_arguments"
+"""The module that the launch files import from their folder."""
+
 MODULES = [
     _module("launch", LaunchDescription),
     _module(
@@ -101,9 +104,10 @@ def load(path: Path, monkeypatch: Any) -> types.ModuleType:
     spec = importlib.util.spec_from_file_location("launch_file", path)
     module = importlib.util.module_from_spec(spec)
     monkeypatch.setattr(sys, "path", [*sys.path])  # launch files add their folder
+    # It shall have the classes above, and no other test shall get it with them.
+    monkeypatch.delitem(sys.modules, SHARED, raising=False)
     spec.loader.exec_module(module)
-    # It has the classes above, which no other test shall get.
-    sys.modules.pop("launch_arguments", None)
+    sys.modules.pop(SHARED, None)
     return module
 
 

@@ -21,6 +21,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import declared
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -267,9 +268,13 @@ class Process:
         out, err: lines seen so far.
     """
 
-    def __init__(self, module: str, *arguments: str | Path) -> None:
+    def __init__(self, module: str, *arguments: str | Path, installed: bool = False) -> None:
+        start = ["-m", f"mtpgo_ros.{module}"]
+        if installed:  # as the script that pip writes into bin/
+            place, function = declared.entry_points()[module]
+            start = ["-c", f"import sys; from {place} import {function}; sys.exit({function}())"]
         self.popen = subprocess.Popen(
-            [sys.executable, "-W", "ignore", "-m", f"mtpgo_ros.{module}", *map(str, arguments)],
+            [sys.executable, "-W", "ignore", *start, *map(str, arguments)],
             cwd=ROOT,
             env={**os.environ, "PYTHONUNBUFFERED": "1"},
             stdin=subprocess.PIPE,

@@ -44,11 +44,12 @@ TOPICS = {
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
-def test_launch_files_are_what_ros2_launch_expects(path):
+def test_launch_files_are_what_ros2_launch_expects(path, monkeypatch):
     tree = ast.parse(path.read_text())
     functions = [node.name for node in tree.body if isinstance(node, ast.FunctionDef)]
     assert "generate_launch_description" in functions
     if importlib.util.find_spec("launch_ros"):
+        monkeypatch.setattr(sys, "path", [*sys.path])
         spec = importlib.util.spec_from_file_location("launch_file", path)
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
@@ -186,6 +187,26 @@ def test_a_wrong_launch_argument_is_named(predictor_launch, kind, name, text, ex
     assert predictor_launch.typed(bool, "respawn", "True") is True
     for text in ("markers,autoware", "[markers, autoware]", "['markers', 'autoware']"):
         assert predictor_launch.typed(tuple, "output", text) == ["markers", "autoware"]
+
+
+@pytest.mark.parametrize("file", ["predictor.launch.py", "risk.launch.py"])
+def test_a_parameter_file_that_does_not_exist_is_refused(start, file):
+    """launch itself warns, and starts the node with the defaults."""
+    with pytest.raises(ValueError, match=r"params_file is '/no\.yaml', expected a parameter file"):
+        start(file, params_file="/no.yaml")
+    (node,), *_ = start(file, params_file="")
+    assert Path(node.parameters[0]).parent == ROOT / "config"
+
+
+def test_what_a_bag_is_played_with_can_be_given(start):
+    given = {"lane_markings": "/lanes", "use_sim_time": "false"}
+    predictor = start("replay.launch.py", bag="x.mcap", **given)[0][0]
+    assert ("lane_markings", "/lanes") in predictor.remappings
+    assert predictor.parameters[1]["use_sim_time"] is False
+    found = start("demo.launch.py", bag="mine.mcap")[0]
+    _, replay = [one for one in found if isinstance(one, launch_stub.Node)]
+    assert replay.arguments[0] == "mine.mcap"
+    assert "--end-with-parent" in replay.arguments
 
 
 def test_an_empty_name_or_topic_is_the_usual_one(start):

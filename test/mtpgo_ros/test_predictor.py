@@ -62,6 +62,19 @@ def test_a_signal_ends_the_node_with_status_zero(process, models, number):
     assert "Traceback" not in err
 
 
+@pytest.mark.parametrize("name", ["predictor", "risk", "record"])
+def test_signals_until_the_very_end_leave_the_status_at_zero(process, models, tmp_path, name):
+    """Ctrl-C reaches a node from the terminal and, a moment later, from ``ros2 launch`` again."""
+    given = {"predictor": arguments(models["quick"]), "record": ["-o", tmp_path / "bag"]}
+    running = process(name, *given.get(name, []), installed=True)
+    running.wait_for("ready")
+    running.popen.send_signal(signal.SIGINT)
+    while running.popen.poll() is None:
+        running.popen.send_signal(signal.SIGTERM)
+    # record has recorded nothing, which is status 1.
+    assert running.finish()[0] == (1 if name == "record" else 0)
+
+
 def test_a_signal_during_the_start_is_no_error(process, models):
     predictor = process("predictor", *arguments(models["quick"]))
     command = Path(f"/proc/{predictor.popen.pid}/cmdline")

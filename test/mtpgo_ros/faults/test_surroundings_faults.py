@@ -20,7 +20,9 @@ from nav_msgs.msg import Odometry
 from ros_helpers import START_NS
 from sensor_msgs.msg import PointCloud2
 
+from mtpgo_core.resources import find_resource
 from mtpgo_core.schema import Source
+from mtpgo_training.demo.demo_pipeline import SHIPPED
 
 
 class ServiceManager:
@@ -332,24 +334,30 @@ def test_threads_and_memory_are_as_before(node, before):
     before.check()
 
 
-def test_the_launch_process_ends_and_takes_the_node_with_it(tmp_path, models):
+@pytest.mark.parametrize("name", ["predictor", "replay", "record"])
+def test_the_launch_process_ends_and_takes_the_node_with_it(tmp_path, models, name):
     """``ros2 launch`` leaves its processes behind when it is ended by SIGTERM."""
+    arguments, word = {
+        "predictor": (["--ros-args", "-p", f"model:={models['quick']}"], "ready"),
+        "replay": ([str(find_resource(*SHIPPED)), "--loop"], "replay:"),  # the progress bar
+        "record": (["-o", str(tmp_path / "bag")], "ready"),
+    }[name]
     launcher = (
         "import subprocess, sys, time\n"
-        "child = subprocess.Popen([sys.executable, '-W', 'ignore', '-m', 'mtpgo_ros.predictor',"
-        " '--end-with-parent', '--ros-args', '-p', sys.argv[1]])\n"
+        "child = subprocess.Popen([sys.executable, '-W', 'ignore', '-m', sys.argv[1],"
+        " '--end-with-parent', *sys.argv[2:]], stdout=sys.stderr)\n"
         "print(child.pid, flush=True)\n"
         "time.sleep(60)\n"
     )
     with subprocess.Popen(
-        [sys.executable, "-c", launcher, f"model:={models['quick']}"],
+        [sys.executable, "-c", launcher, f"mtpgo_ros.{name}", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     ) as parent:
         child = int(parent.stdout.readline())
         for line in parent.stderr:
-            if "ready" in line:
+            if word in line:
                 break
         parent.terminate()
         parent.stderr.read()  # ends when the node has ended

@@ -42,6 +42,17 @@ def test_a_set_with_a_value_of_no_type_changes_nothing(node):
 
 
 @pytest.mark.parametrize("kind", [SetParameters, SetParametersAtomically])
+def test_a_parameter_that_there_is_not_is_named_with_the_nearest(node, kind):
+    value = ParameterValue(type=3, double_value=4.0)
+    for name, end in (("ratte", ", did you mean rate?"), ("x", "; 'ros2 param list' shows")):
+        response = ask(node, kind, Parameter(name=name, value=value), GOOD)
+        result = response.results[0] if kind is SetParameters else response.result
+        assert not result.successful
+        assert result.reason.startswith(f"the node has no parameter {name}{end}")
+    assert node.get_parameter("rate").value == (4.0 if kind is SetParameters else 5.0)
+
+
+@pytest.mark.parametrize("kind", [SetParameters, SetParametersAtomically])
 def test_what_fails_while_a_change_takes_effect_is_the_reason(node, kind):
     def fails(_parameters):
         raise RuntimeError("no such publisher")

@@ -3,11 +3,13 @@
 """What the launch files have in common: arguments that are parameters of a node.
 
 Nothing but the standard library and launch: ``ros2`` may know only the share folder of a package
-whose modules are in another environment.
+whose modules are in another environment. The module has a name of its own among those that the
+launch files of other packages import in the same process.
 """
 
 import math
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
@@ -27,6 +29,22 @@ def declared(parameters: Parameters) -> list[DeclareLaunchArgument]:
 def texts(context: object) -> Callable[[str], str]:
     """Return the function from an argument's name to its text."""
     return lambda name: LaunchConfiguration(name).perform(context)
+
+
+def parameter_file(given: Callable[[str], str], shipped: Path) -> str:
+    """Return the path of the parameter file; launch would start the node without a missing one.
+
+    Args:
+        given: see :func:`texts`.
+        shipped: the file where the argument is empty.
+
+    Raises:
+        ValueError: there is no such file; the sentence names the argument.
+    """
+    path = given("params_file") or str(shipped)
+    if not Path(path).is_file():
+        raise ValueError(f"argument params_file is {path!r}, expected a parameter file")
+    return path
 
 
 def overrides(
