@@ -309,7 +309,7 @@ class Process:
     def finish(self) -> tuple[int, str, str]:
         """Return exit status, stdout and stderr of a process that ends by itself.
 
-        Without the lines of Fast DDS's own log: processes that start at the same moment compete for
+        Without lines of Fast DDS's own log: processes that start at the same moment compete for
         its locks in shared memory, which it calls an error and then takes others.
         """
         try:
