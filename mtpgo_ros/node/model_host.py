@@ -20,7 +20,6 @@ from mtpgo_core.schema import HistoryWindow, KeyArray, Prediction, tracked_state
 from mtpgo_ros.node.lanes.lane_input import LaneInput
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.quality.live_calibrator import LiveCalibrator
-from mtpgo_ros.runtime.allocator import make_heap_resident
 from mtpgo_ros.runtime.model_loading import load_model
 
 _WARM_UP_AGENTS = (1, 2, 16, 32)
@@ -205,7 +204,6 @@ class ModelHost:
             gc.unfreeze()
             gc.collect()
             gc.freeze()
-        make_heap_resident()
 
 
 def _options(parameters: PredictorParameters) -> PredictorOptions:

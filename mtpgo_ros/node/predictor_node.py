@@ -40,7 +40,7 @@ from mtpgo_ros.runtime.executable import interruptible
 _ODOMETRY = "nav_msgs/msg/Odometry"
 
 _HEAP_CHECK_S = 1.0
-"""Time after which a heap that has grown is in memory (s)."""
+"""Time within which a heap that has grown is in memory (s); chosen."""
 
 _HEARD = {
     OBJECTS_TOPIC: "objects of any type",
@@ -86,7 +86,7 @@ class PredictorNode(ResourceNode):
         )
         self._diagnostics.set_period(self.parameters.diagnostic_period)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._heap_timer = self.create_timer(_HEAP_CHECK_S, keep_heap_resident, clock=steady)
+        self._heap_timer = self.create_timer(_HEAP_CHECK_S, self._keep_heap, clock=steady)
         self._jumps = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1)),
             post_callback=lambda _jump: self._on_clock_jump(),
@@ -183,6 +183,11 @@ class PredictorNode(ResourceNode):
             self._status.degraded = self._model.degraded
         if self._pipeline is not None:
             self._pipeline.model_changed()
+
+    def _keep_heap(self) -> None:
+        # Not before: an inactive node would keep what loading its model has freed.
+        if self._pipeline is not None:
+            keep_heap_resident()
 
     def _current_status(self) -> NodeStatus:
         """Return the node's status, brought up to date."""

@@ -18,7 +18,7 @@ _tuned = False
 """Whether :func:`tune_allocator` made its settings in this process."""
 
 _resident_end = 0
-"""Where the heap ended when it was made resident."""
+"""Where the heap ended when all of it was resident, 0 if it is not."""
 
 
 def tune_allocator() -> bool:
@@ -68,12 +68,14 @@ def return_free_memory() -> None:
 
     Reading a TorchScript file frees some 80 MB (measured) that the process would otherwise keep.
     """
+    global _resident_end
+    _resident_end = 0
     libc = ctypes.CDLL(None)
     if hasattr(libc, "malloc_trim"):  # glibc's
         libc.malloc_trim(0)
 
 
-def make_heap_resident() -> bool:
+def keep_heap_resident() -> bool:
     """Let all pages of the heap be in memory; no effect unless the allocator is tuned.
 
     Of the heap that :func:`tune_allocator` keeps, some 40 MB have not been used minutes after the
@@ -81,8 +83,11 @@ def make_heap_resident() -> bool:
     resident memory then grows in steps without a leak, and each new page costs time within a
     prediction.
 
+    Call it again and again while there are predictions: it takes microseconds where the heap has
+    not grown since, and memory was not returned; 64 MB take 30 ms (measured).
+
     Returns:
-        Whether it was done; false without Linux 5.14 or newer.
+        Whether something was to be done and was; false without Linux 5.14 or newer.
     """
     global _resident_end
     if not _tuned:
@@ -90,7 +95,10 @@ def make_heap_resident() -> bool:
     libc = ctypes.CDLL(None)
     libc.sbrk.restype = ctypes.c_void_p
     libc.madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
-    _resident_end = libc.sbrk(0)
+    heap_end = libc.sbrk(0)
+    if heap_end == _resident_end:
+        return False
+    _resident_end = heap_end
     done = True
     for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
         # One for each part for which something was asked, as numpy does for large arrays.
@@ -98,16 +106,3 @@ def make_heap_resident() -> bool:
             first, end = (int(address, 16) for address in line.split(maxsplit=1)[0].split("-"))
             done &= libc.madvise(first, end - first, _MADV_POPULATE_WRITE) == 0
     return done
-
-
-def keep_heap_resident() -> None:
-    """Make the heap resident again if it has grown, as it does in the first predictions.
-
-    It takes microseconds where the heap has not grown; where it has, 64 MB take 30 ms
-    (measured).
-    """
-    if _tuned:
-        libc = ctypes.CDLL(None)
-        libc.sbrk.restype = ctypes.c_void_p
-        if libc.sbrk(0) != _resident_end:
-            make_heap_resident()
