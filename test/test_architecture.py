@@ -378,6 +378,7 @@ def test_a_file_has_a_licence_header_and_a_docstring(path):
 
 
 KINDS = {
+    ".c",
     ".cfg",
     ".ckpt",
     ".cpp",

@@ -25,6 +25,7 @@ ODD_INPUT: dict[str, str] = {
     "unstamped": "messages without a stamp",
     "future_stamp": "messages ahead of the clock",
     "clock_reset": "jumps of the clock backwards",
+    "clock_set": "times that the clock of this machine or of the objects was set",
     "frame_changed": "messages in another frame",
     "wrong_frame": "objects in another frame",
     "not_lifted": "messages that could not be transformed into the fixed frame",

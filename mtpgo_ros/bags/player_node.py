@@ -27,8 +27,9 @@ from mtpgo_core.errors import ConfigurationError, MessageError, RecordingError
 from mtpgo_core.schema import Float64Array
 from mtpgo_ros.bags.installed_types import require_installed_layout
 from mtpgo_ros.bags.playback import Message, PlaybackTiming, Report, Sinks, play
+from mtpgo_ros.runtime.clock_watch import watched_clock
 from mtpgo_ros.runtime.executable import tell
-from mtpgo_ros.runtime.ros_start import node_errors
+from mtpgo_ros.runtime.ros_start import node_errors, wake_middleware
 
 LANES_TOPIC = "/lane_markings"
 
@@ -168,7 +169,10 @@ class BagPlayer:
         """
         report = Report()
         self._publish_latched_before_start()
-        with _Progress(self._timing, hidden=not progress) as bar:
+        with (
+            watched_clock(lambda _: None, lambda: wake_middleware(self._node)),
+            _Progress(self._timing, hidden=not progress) as bar,
+        ):
             sinks = Sinks(self._publish, self._tick, bar.reached, stopped)
             play(self._messages(), self._timing, sinks, report)
             pause_s = 0.0 if self._timing.end_ns > self._timing.origin_ns else _PAUSE_S

@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock, ClockType, ROSClock
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -21,6 +21,7 @@ from msg_adapters.bags.live.live_bag_writer import LiveBagWriter
 from msg_adapters.types import message_class
 from mtpgo_core.errors import MessageError, RecordingError
 from mtpgo_ros.bags.installed_types import installed_definition, require_installed_layout
+from mtpgo_ros.runtime.clock_watch import EvenClock
 from mtpgo_ros.runtime.executable import tell
 from mtpgo_ros.runtime.ros_start import node_errors, spin
 
@@ -138,6 +139,8 @@ class Recorder(Node):
         self._bag = bag
         self._topics = {topic: _Topic() for topic in topics}
         self._before_clock = 0
+        # Messages keep their order and distances in the bag when the machine's clock is set.
+        self._machine = EvenClock()
         for name in topics:
             if name in known:
                 self._subscribe(name, known[name], reliable=True, latched=False)
@@ -147,6 +150,7 @@ class Recorder(Node):
         self._silence = self.create_timer(_SILENT_S, self._report_silence, clock=steady)
 
     def _on_timer(self) -> None:
+        self._machine.time_ns()
         self._find_publishers()
         self._bag.flush_if_due()
 
@@ -219,7 +223,8 @@ class Recorder(Node):
         return True
 
     def _on_message(self, name: str, data: Any) -> None:
-        now_ns = self.get_clock().now().nanoseconds
+        simulated = cast(ROSClock, self.get_clock()).ros_time_is_active
+        now_ns = self.get_clock().now().nanoseconds if simulated else self._machine.time_ns()
         if now_ns == 0:
             # With use_sim_time there is no time yet; a message at 1970 would extend the bag.
             self._before_clock += 1

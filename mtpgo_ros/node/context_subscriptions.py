@@ -9,6 +9,7 @@ hears it.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -27,7 +28,7 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.inputs.lane_markers import check_serialized, lanes_from_markers
 from mtpgo_core.scene.lane_map import LaneMap
-from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.event_log import REPEAT_S, EventLog
 from mtpgo_ros.runtime.work_queue import WorkQueue
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -109,6 +110,7 @@ class _LaneMarkings:
     ) -> None:
         self._node, self._events = node, events
         self._on_lanes, self._on_refused = on_lanes, on_refused
+        self._told_s = float("-inf")
         self._subscription = _AnyPublisher(
             node, MarkerArray, "lane_markings", self._submit, events, raw=True
         )
@@ -131,9 +133,10 @@ class _LaneMarkings:
             return
         if self._queue.stopped:
             return
-        self._node.get_logger().info(
-            f"lane markings with {len(lanes)} segments taken", throttle_duration_sec=5.0
-        )
+        now_s = time.monotonic()  # The logger's own limit is by a clock that may be set back.
+        if now_s - self._told_s > REPEAT_S:
+            self._told_s = now_s
+            self._node.get_logger().info(f"lane markings with {len(lanes)} segments taken")
         self._on_lanes(lanes, markings.frame_id)
 
     def close(self) -> None:

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from mtpgo_core.history.odd_input import ODD_INPUT
+from mtpgo_core.history.stream_guard import LATE_NS
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
 from mtpgo_core.schema import HistoryWindow, KeyArray, TrackedStates
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -74,6 +75,7 @@ class HistoryInput:
         self._rate_limiter = RateLimiter(parameters.rate)
         self._ahead = 0
         self._newest_ns: int | None = None
+        self._newest_came_ns = 0  # by the node's clock
         self.rejection = ""
 
     def configure(self, parameters: PredictorParameters) -> None:
@@ -101,9 +103,13 @@ class HistoryInput:
 
     def reset(self) -> None:
         """Clear the history."""
-        self._history.clear()
+        self.forget_tracks()
         self._predictor.reset()
         self._rate_limiter.reset()
+
+    def forget_tracks(self) -> None:
+        """Forget the tracks and the times, so that nothing is compared with what was before."""
+        self._history.clear()
         self._newest_ns = None
         self._ahead = 0
 
@@ -136,9 +142,16 @@ class HistoryInput:
         if self._is_from_the_future(states.stamp_ns, now_ns):
             self._reject("future_stamp")
             return None
-        report = self.report = self._history.update(states, ego_key)
+        set_forward = self._set_forward(states.stamp_ns, now_ns)
+        if set_forward:
+            self._history.clear()
+        report = self._history.update(states, ego_key)
         for name in _COUNTED:
             self._events.count(name, int(getattr(report, name)))
+        if set_forward:
+            self._events.count("clock_set", reason="the clock of the objects was set forward")
+            report = dataclasses.replace(report, clock_reset=True)
+        self.report = report
         self._events.count("unknown_class", int(np.count_nonzero(states.agent_class == 0)))
         if report.frame_changed and not report.accepted:
             self.rejection = ODD_INPUT["frame_changed"]
@@ -150,7 +163,8 @@ class HistoryInput:
             self._predictor.reset()
             self._rate_limiter.reset()
             self._newest_ns = None
-        self._newest_ns = max(states.stamp_ns, self._newest_ns or 0)
+        if self._newest_ns is None or states.stamp_ns > self._newest_ns:
+            self._newest_ns, self._newest_came_ns = states.stamp_ns, now_ns
         if not self._rate_limiter.due(states.stamp_ns):
             return None
         delay_ns = self._delay_ns(states.stamp_ns, now_ns)
@@ -184,6 +198,15 @@ class HistoryInput:
             return True
         self._events.count("future_stamp")
         return False
+
+    def _set_forward(self, stamp_ns: int, now_ns: int) -> bool:
+        """Return whether the stream's clock was set forward, beyond that of the node.
+
+        Its stamps are ahead of the clock from now on, and have gone on by more than the clock.
+        """
+        if self._ahead != _CONFIRMATIONS or self._newest_ns is None:
+            return False
+        return stamp_ns - self._newest_ns - (now_ns - self._newest_came_ns) > LATE_NS
 
     def _delay_ns(self, stamp_ns: int, now_ns: int) -> int:
         """Return how long after the observation the horizon starts (ns)."""

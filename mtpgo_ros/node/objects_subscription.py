@@ -35,7 +35,12 @@ from mtpgo_ros.runtime.work_queue import WorkQueue
 TOPIC = "objects"
 
 _DEPTH = 5
-"""Messages that wait for the middleware to hand them over, and again to be decoded; chosen."""
+"""Messages of a publisher that wait for the middleware to hand them over, and again to be decoded;
+chosen."""
+
+_MOST_PUBLISHERS = 32
+"""Publishers for which as many messages can wait each; chosen. With more of them, some are lost
+when all send at once."""
 
 _POLL_S = 0.1
 """Time between two checks of the published type (s); chosen."""
@@ -99,10 +104,11 @@ class ObjectsSubscription:
         self._leaving: Subscription | None = None
         self._leaving_s = 0.0
         self._sent_ns: deque[int] = deque(maxlen=2 * _DEPTH)
+        self._depth = _DEPTH
         if not self._follows_type:
             self._subscribe(input_adapter(input_type))
         # After what may fail: nothing would end its thread. Messages come on this thread, later.
-        self._queue = WorkQueue(self._decode, _DEPTH, "objects", self._on_overrun)
+        self._queue = WorkQueue(self._decode, self._depth, "objects", self._on_overrun)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(_POLL_S, self._check_publishers, clock=steady)
 
@@ -119,7 +125,7 @@ class ObjectsSubscription:
         self._unsubscribe()
 
     def _check_publishers(self) -> None:
-        """Subscribe to a published type, and as reliably as it is published."""
+        """Subscribe to a published type, as reliably as it is published, to all its publishers."""
         publishers = self._node.get_publishers_info_by_topic(self.topic)
         changed = self._choice.update(
             possible=all(
@@ -131,9 +137,25 @@ class ObjectsSubscription:
         if self._leaving is not None and time.monotonic() > self._leaving_s:
             self._node.destroy_subscription(self._leaving)
             self._leaving = None
+        changed |= self._leaving is None and self._make_room(len(publishers))
         if changed and self._adapter is not None:
             self._subscribe_anew(self._adapter)
         self._check_type({info.topic_type for info in publishers})
+
+    def _make_room(self, publishers: int) -> bool:
+        """Let a message of each publisher wait when all send at once; return if that is new.
+
+        Otherwise the middleware would keep the newest five of all, always of the same publishers,
+        and the road users of the others would never be seen. Doubled, not to subscribe too often.
+        """
+        depth = self._depth
+        while self._depth < _DEPTH * min(publishers, _MOST_PUBLISHERS):
+            self._depth *= 2
+        if self._depth == depth:
+            return False
+        self._queue.depth = self._depth
+        self._sent_ns = deque(self._sent_ns, maxlen=2 * self._depth)
+        return True
 
     def _check_type(self, published: set[str]) -> None:
         """Subscribe to a published type; types with an adapter are preferred.
@@ -175,7 +197,7 @@ class ObjectsSubscription:
             self.topic,
             cast(Callable[[Any], None], self._on_message),  # rclpy counts the arguments
             QoSProfile(
-                depth=_DEPTH,  # Of a backlog only the newest are kept.
+                depth=self._depth,  # Of a backlog only the newest are kept.
                 reliability=(
                     ReliabilityPolicy.RELIABLE
                     if self._choice.reliable

@@ -12,8 +12,9 @@ import contextlib
 import threading
 import time
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
+from rclpy.clock import ROSClock
 from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.adapter import InputAdapter
@@ -44,9 +45,14 @@ from mtpgo_ros.node.publishers import Publishers
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.quality.live_quality import LiveQuality
 from mtpgo_ros.quality.quality_publisher import QualityPublisher
+from mtpgo_ros.runtime.clock_watch import ClockSteps, set_sentence
 
 _LONGEST_WAIT_S = 1.0
 """The end of a cycle is waited for at most this long (s); chosen."""
+
+_SETTLES_S = 0.3
+"""What was stamped before the machine's clock was set comes within this time (s); chosen: more
+than trackers take from the measurement to the message."""
 
 _LONGEST_SCORING_S = 0.05
 """A prediction waits at most this long for the scores of earlier ones (s); chosen: a quarter of a
@@ -96,6 +102,7 @@ class PredictionPipeline:
         self.watch = InputWatch()
         self._published_s: float | None = None
         self._said_first = False
+        self._clock_steps, self._settled_s = ClockSteps(), 0.0
         self._unanswered_since_s: float | None = None
         self._cycle_ended = threading.Event()
         model.reset()
@@ -153,10 +160,35 @@ class PredictionPipeline:
         """Clear a history that is newer than the node's clock."""
         with self._history_lock:
             if self.history.clock_jumped_back(self._node.get_clock().now().nanoseconds):
-                self.ego.clear()
-                self._forget_poses()
-                self.quality.clear()
-                self._model.calibrator.live.clear_stream("clock_reset")
+                self._forget_stream()
+
+    def _notice_clock(self) -> None:
+        """Start anew when the machine's clock was set: stamps from before are of another time.
+
+        Some of those may still come. Until then no observation is put beside an earlier one.
+        """
+        clock, now_s = cast(ROSClock, self._node.get_clock()), time.monotonic()
+        change_ns = self._clock_steps.change_ns()
+        was_set = change_ns != 0 and not clock.ros_time_is_active
+        if was_set:
+            sentence = f"{set_sentence(change_ns * 1e-9)}: the history is cleared"
+            self._events.count("clock_set", reason=sentence)
+        elif not self._settled_s:
+            return
+        with self._history_lock:
+            if not was_set and now_s < self._settled_s:
+                self.history.forget_tracks()
+                return
+            self.history.reset()
+            self._forget_stream()
+        self._settled_s = now_s + _SETTLES_S if was_set else 0.0
+
+    def _forget_stream(self) -> None:
+        """Forget all that depends on the history, which was cleared."""
+        self.ego.clear()
+        self._forget_poses()
+        self.quality.clear()
+        self._model.calibrator.live.clear_stream("clock_reset")
 
     def _forget_poses(self) -> None:
         """Forget where frames were: poses of another time would be mixed with the new ones."""
@@ -212,6 +244,7 @@ class PredictionPipeline:
     def _on_objects(self, message: Any, adapter: InputAdapter, received_ns: int) -> None:
         """Handle a message; called by the subscription's thread."""
         dropped = f"message on {self.objects.topic} left out"
+        self._notice_clock()
         now_ns = self._node.get_clock().now().nanoseconds
         try:
             states, skipped = self._read(message, adapter, now_ns)

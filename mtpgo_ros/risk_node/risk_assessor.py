@@ -74,9 +74,9 @@ class RiskAssessor:
         self._status.plan_problem = self._missing
 
     def forget_plans(self) -> None:
-        """Forget all plans: the clock was set back, and they are those of another time."""
+        """Forget all plans: the clock was set, and they are those of another time."""
         self._plans.clear()
-        self._missing = f"the clock was set back, and no plan has come on {self._plan_topic} since"
+        self._missing = f"the clock was set, and no plan has come on {self._plan_topic} since"
         self._status.plan_problem = self._missing
 
     def others(self, prediction: Prediction) -> Prediction:

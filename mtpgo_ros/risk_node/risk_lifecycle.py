@@ -36,6 +36,7 @@ from mtpgo_ros.risk_node.publisher_check import publisher_problem
 from mtpgo_ros.risk_node.risk_assessor import RiskAssessor
 from mtpgo_ros.risk_node.risk_publishers import RiskPublishers
 from mtpgo_ros.risk_node.risk_status import RiskStatus, risk_statuses
+from mtpgo_ros.runtime.clock_watch import ClockSteps
 
 _NEWEST = QoSProfile(depth=1)
 _ANY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -72,6 +73,7 @@ class RiskNode(ResourceNode):
         self._ego: ContextSubscriptions | None = None
         self._transform: PlanTransform | None = None
         self._watch = InputWatch()
+        self._clock_steps = ClockSteps()
         self._last: Prediction | None = None
         self._checked_s = float("-inf")
         self._server = ParameterServer(
@@ -128,6 +130,7 @@ class RiskNode(ResourceNode):
         self._transform = PlanTransform(self)
         self._assessor = RiskAssessor(parameters, status, status.plan_topic, self._transform.pose)
         self._last, self._checked_s = None, float("-inf")
+        self._clock_steps = ClockSteps()
         self._watch.start()
         with nothing_left_behind(self):
             self._ego = ContextSubscriptions(self, self._assessor.set_ego, None, self.events)
@@ -194,9 +197,15 @@ class RiskNode(ResourceNode):
         if self._assessor is not None:
             self._assessor.forget_plans()
 
+    def _notice_clock(self) -> None:
+        """Forget what is of another time when the machine's clock was set."""
+        if self._clock_steps.change_ns() and self._simulated_ns() is None:
+            self._on_clock_set_back()
+
     def _on_plan(self, data: bytes) -> None:
         if self._assessor is None:
             return
+        self._notice_clock()
         self.events.count("plans")
         adapter, stands_after = self._plan_adapter, self.parameters.stands_after
         try:
@@ -210,6 +219,7 @@ class RiskNode(ResourceNode):
     def _on_predictions(self, data: bytes) -> None:
         if self._assessor is None or self._outputs is None:
             return
+        self._notice_clock()
         self.events.count("messages")
         try:
             assumes = self.parameters.assumes_covariance

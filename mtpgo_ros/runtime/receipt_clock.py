@@ -6,21 +6,20 @@ from __future__ import annotations
 
 import time
 
-_SET_NS = 100_000_000
-"""Change of the system clock against the monotonic one from which on it was set (ns); chosen:
-far more than an adjustment of its rate makes between two messages."""
+from mtpgo_ros.runtime.clock_watch import SET_NS
 
 
 class ReceiptClock:
     """Converts times of receipt from the system clock, which the middleware has, to the monotonic.
 
     A message may have waited for long: while the process was stopped, or while something kept its
-    interpreter busy. That time counts, unless the system clock was set since the last message:
-    then nothing is known about the wait.
+    interpreter busy. That time counts, unless the system clock was set since it was received:
+    then nothing is known about the wait before that.
     """
 
     def __init__(self) -> None:
         self._offset_ns = time.time_ns() - time.monotonic_ns()
+        self._set_ns = 0  # when the system clock was seen to be set
 
     def monotonic_ns(self, received_ns: int) -> int:
         """Return when a message was received (ns of the monotonic clock).
@@ -31,7 +30,9 @@ class ReceiptClock:
         now_ns, system_ns = time.monotonic_ns(), time.time_ns()
         offset_ns, before_ns = system_ns - now_ns, self._offset_ns
         self._offset_ns = offset_ns
+        if abs(offset_ns - before_ns) > SET_NS:
+            self._set_ns = now_ns
         waited_ns = system_ns - received_ns
-        if received_ns <= 0 or waited_ns < 0 or abs(offset_ns - before_ns) > _SET_NS:
+        if received_ns <= 0 or waited_ns < 0:
             return now_ns
-        return now_ns - waited_ns
+        return max(now_ns - waited_ns, self._set_ns)

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import rclpy
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -25,6 +26,7 @@ from rclpy.utilities import remove_ros_args
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import is_unicode
+from mtpgo_ros.runtime.clock_watch import set_sentence, watched_clock
 from mtpgo_ros.runtime.log_folder import choose_log_folder
 
 _CHECK_PERIOD_S = 0.1
@@ -119,18 +121,34 @@ def spin(
     """
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+
+    def clock_was_set(change_s: float) -> None:
+        node.get_logger().warning(set_sentence(change_s))
+
     try:
-        while not stopped():
-            try:
-                executor.spin_once(timeout_sec=_CHECK_PERIOD_S)
-            except Exception as error:
-                if failed is None:
-                    raise
-                failed("a callback failed", error)
-        if handled is not None:
-            _drain(executor, handled)
+        with watched_clock(clock_was_set, lambda: executor.create_task(wake_middleware, node)):
+            while not stopped():
+                try:
+                    executor.spin_once(timeout_sec=_CHECK_PERIOD_S)
+                except Exception as error:
+                    if failed is None:
+                        raise
+                    failed("a callback failed", error)
+            if handled is not None:
+                _drain(executor, handled)
     finally:
         executor.shutdown()
+
+
+def wake_middleware(node: Node) -> None:
+    """Make the middleware look at its timers; call it when the machine's clock was set back.
+
+    Fast DDS as built for pip waits until a time of the system clock, that of the wait's begin plus
+    its length, so that the wait is longer by what the clock is set back meanwhile. Its timers
+    announce the node: after 20 s without them it is forgotten by all others. A new publisher has
+    timers of its own, for which the thread that waits is woken.
+    """
+    node.destroy_publisher(node.create_publisher(ParameterEvent, "/parameter_events", 1))
 
 
 def _drain(executor: SingleThreadedExecutor, handled: Callable[[], int]) -> None:

@@ -26,6 +26,7 @@ class WorkQueue(Generic[Item]):
         dropped: called for each item that was lost.
 
     Attributes:
+        depth: as above; may be changed at any time.
         stopped: no more items are handled.
     """
 
@@ -36,7 +37,7 @@ class WorkQueue(Generic[Item]):
         name: str,
         dropped: Callable[[], None] = lambda: None,
     ) -> None:
-        self._handle, self._dropped, self._depth = handle, dropped, depth
+        self._handle, self._dropped, self.depth = handle, dropped, depth
         self._condition = threading.Condition()
         self._waiting: deque[Item] = deque()
         self.stopped = False
@@ -46,7 +47,7 @@ class WorkQueue(Generic[Item]):
     def submit(self, item: Item) -> None:
         """Handle ``item`` after those that wait."""
         with self._condition:
-            full = len(self._waiting) >= self._depth
+            full = len(self._waiting) >= self.depth
             if full:
                 self._waiting.popleft()
             self._waiting.append(item)

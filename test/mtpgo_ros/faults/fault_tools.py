@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 from typing import Any
 
@@ -153,6 +154,30 @@ def sources(node: FaultHarness, first: int = 0) -> np.ndarray:
     for answer in node.answers[first:]:
         check_invariants(answer.prediction)
     return np.concatenate([a.prediction.source for a in node.answers[first:]])
+
+
+class ServiceManager:
+    """The socket of a service manager.
+
+    Attributes:
+        messages: received so far.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = str(path)
+        self.messages: list[str] = []
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(self.path)
+        self._socket.setblocking(False)
+
+    def hears(self, word: str) -> bool:
+        """Return whether a message that begins with ``word`` has come."""
+        while True:
+            try:
+                self.messages.append(self._socket.recv(4096).decode())
+            except BlockingIOError:
+                break
+        return any(message.startswith(word) for message in self.messages)
 
 
 class Resources:

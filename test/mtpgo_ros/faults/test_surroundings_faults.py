@@ -6,7 +6,6 @@ import contextlib
 import os
 import resource
 import signal
-import socket
 import statistics
 import subprocess
 import sys
@@ -15,7 +14,7 @@ import time
 import numpy as np
 import pytest
 from fault_harness import ERROR, OK, PATIENT_S, RELIABLE, check_invariants
-from fault_tools import Resources, sources
+from fault_tools import Resources, ServiceManager, sources
 from nav_msgs.msg import Odometry
 from ros_helpers import START_NS
 from sensor_msgs.msg import PointCloud2
@@ -23,30 +22,6 @@ from sensor_msgs.msg import PointCloud2
 from mtpgo_core.resources import find_resource
 from mtpgo_core.schema import Source
 from mtpgo_training.demo.demo_pipeline import SHIPPED
-
-
-class ServiceManager:
-    """The socket of a service manager.
-
-    Attributes:
-        messages: received so far.
-    """
-
-    def __init__(self, path):
-        self.path = str(path)
-        self.messages = []
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._socket.bind(self.path)
-        self._socket.setblocking(False)
-
-    def hears(self, word):
-        """Return whether a message that begins with ``word`` has come."""
-        while True:
-            try:
-                self.messages.append(self._socket.recv(4096).decode())
-            except BlockingIOError:
-                break
-        return any(message.startswith(word) for message in self.messages)
 
 
 @pytest.fixture(scope="module")

@@ -80,7 +80,7 @@ def test_after_the_clock_was_set_back_no_earlier_plan_is_used(setup):
     assessor.add_plan(STILL)
     assessor.forget_plans()
     assert_unknown(assessor.assess(prediction(), START), Unknown.NO_PLAN)
-    sentence = "the clock was set back, and no plan has come on /plan since; the risk is unknown"
+    sentence = "the clock was set, and no plan has come on /plan since; the risk is unknown"
     assert diagnosed(status)["plan"] == (ERROR, sentence)
     assessor.add_plan(STILL)
     assert np.isfinite(assessor.assess(prediction(), START).peak).all()

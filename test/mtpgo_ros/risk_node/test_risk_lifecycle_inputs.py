@@ -160,7 +160,7 @@ def test_a_plan_from_before_a_jump_back_of_the_clock_is_not_used(bench, monkeypa
     tick(99.0)
     assert one.predict(prediction())["unknown"].tolist() == [Unknown.NO_PLAN] * 2
     assert [buffer.cleared for buffer in buffers] == [1]
-    one.status("plan", ERROR, "the clock was set back")
+    one.status("plan", ERROR, "the clock was set")
     one.plan()
     assert one.predict(prediction())["unknown"].tolist() == [Unknown.KNOWN] * 2
 

@@ -56,3 +56,16 @@ def test_an_unknown_time_and_one_in_the_future_are_now(clocks):
     receipt = ReceiptClock()
     assert receipt.monotonic_ns(0) == clocks.machine_ns
     assert receipt.monotonic_ns(clocks.system_ns + S_NS) == clocks.machine_ns
+
+
+@pytest.mark.parametrize("set_by_s", [0.2, 3600.0])
+def test_of_several_messages_that_waited_while_the_clock_was_set_none_is_older(clocks, set_by_s):
+    receipt, received_ns = ReceiptClock(), [clocks.system_ns]
+    clocks.pass_time(0.01)
+    received_ns.append(clocks.system_ns)
+    clocks.system_ns += round(set_by_s * S_NS)
+    clocks.pass_time(0.02)
+    set_ns = clocks.machine_ns
+    for one_ns in received_ns:
+        assert receipt.monotonic_ns(one_ns) == set_ns
+        clocks.pass_time(0.01)

@@ -1,0 +1,89 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""When the system clock was set, by clocks that the test sets."""
+
+import threading
+
+import pytest
+
+from mtpgo_ros.runtime import clock_watch
+from mtpgo_ros.runtime.clock_watch import ClockSteps, EvenClock, set_sentence, watched_clock
+
+S_NS = 1_000_000_000
+
+
+class Clocks:
+    """Both clocks of the machine; ``late_ns`` passes between two looks at them."""
+
+    def __init__(self):
+        self.system_ns, self.machine_ns, self.late_ns = 1_700_000_000 * S_NS, 5000 * S_NS, 0
+
+    def time_ns(self):
+        self.pass_time(self.late_ns * 1e-9)
+        return self.system_ns
+
+    def monotonic_ns(self):
+        return self.machine_ns
+
+    def pass_time(self, seconds, *, rate=1.0):
+        self.system_ns += round(seconds * rate * S_NS)
+        self.machine_ns += round(seconds * S_NS)
+
+
+@pytest.fixture
+def clocks(monkeypatch):
+    clocks = Clocks()
+    monkeypatch.setattr(clock_watch, "time", clocks)
+    return clocks
+
+
+@pytest.mark.parametrize("by_ns", [-3600 * S_NS, -S_NS // 5, S_NS // 5, 3600 * S_NS])
+def test_a_step_is_reported_once(clocks, by_ns):
+    steps = ClockSteps()
+    clocks.pass_time(0.1)
+    assert steps.change_ns() == 0
+    clocks.system_ns += by_ns
+    clocks.pass_time(0.1)
+    assert steps.change_ns() == by_ns
+    clocks.pass_time(0.1)
+    assert steps.change_ns() == 0
+
+
+def test_an_adjusted_rate_is_no_step(clocks):
+    steps = ClockSteps()
+    for _ in range(10_000):  # half a second in all
+        clocks.pass_time(0.1, rate=1.0005)
+        assert steps.change_ns() == 0
+
+
+def test_clocks_that_could_not_be_read_together_are_read_at_the_next_look(clocks):
+    steps, clocks.late_ns = ClockSteps(), S_NS // 2
+    clocks.system_ns += 10 * S_NS
+    assert steps.change_ns() == 0
+    clocks.late_ns = 0
+    assert steps.change_ns() == 10 * S_NS
+
+
+@pytest.mark.parametrize("by_ns", [-3600 * S_NS, 3600 * S_NS])
+def test_an_even_clock_goes_on(clocks, by_ns):
+    even, begin_ns = EvenClock(), clocks.system_ns
+    clocks.pass_time(1.0)
+    clocks.system_ns += by_ns
+    assert even.time_ns() == begin_ns + S_NS
+    clocks.pass_time(2.0)
+    assert even.time_ns() == begin_ns + 3 * S_NS
+
+
+def test_a_watched_clock_tells_of_a_step_and_tells_again(monkeypatch):
+    clocks, heard, repeated = Clocks(), [], threading.Semaphore(0)
+    monkeypatch.setattr(clock_watch, "time", clocks)
+    with watched_clock(heard.append, repeated.release):
+        clocks.system_ns -= 2 * S_NS
+        for _ in range(3):
+            assert repeated.acquire(timeout=60.0)
+    assert heard == [-2.0]
+
+
+def test_the_sentence_says_which_way_and_by_how_much():
+    assert set_sentence(-3600.04) == "the machine's clock was set back by 3600.0 s"
+    assert set_sentence(0.31) == "the machine's clock was set forward by 0.3 s"
