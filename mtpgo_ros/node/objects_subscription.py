@@ -42,6 +42,11 @@ _MOST_PUBLISHERS = 32
 """Publishers for which as many messages can wait each; chosen. With more of them, some are lost
 when all send at once."""
 
+_REST_S = 0.02
+"""While messages of a publisher are lost, decoding rests so long after each (s); chosen: some 40 a
+second are then decoded, more than the history needs. Of 64 road users at 1000 Hz, the model served
+96 to 100 % of the cycles with it and 0 to 2 % without (measured): they share one interpreter."""
+
 _POLL_S = 0.1
 """Time between two checks of the published type (s); chosen."""
 
@@ -108,7 +113,9 @@ class ObjectsSubscription:
         if not self._follows_type:
             self._subscribe(input_adapter(input_type))
         # After what may fail: nothing would end its thread. Messages come on this thread, later.
-        self._queue = WorkQueue(self._decode, self._depth, "objects", self._on_overrun)
+        self._queue = WorkQueue(
+            self._decode, self._depth, "objects", self._on_overrun, rest_s=_REST_S
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(_POLL_S, self._check_publishers, clock=steady)
 
@@ -154,6 +161,7 @@ class ObjectsSubscription:
         if self._depth == depth:
             return False
         self._queue.depth = self._depth
+        self._queue.rest_s = _REST_S * _DEPTH / self._depth
         self._sent_ns = deque(self._sent_ns, maxlen=2 * self._depth)
         return True
 

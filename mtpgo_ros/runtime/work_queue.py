@@ -24,9 +24,11 @@ class WorkQueue(Generic[Item]):
         depth: most items that wait; with 1 the newest item replaces the one that waits.
         name: of the thread.
         dropped: called for each item that was lost.
+        rest_s: while items are lost, the thread rests so long after each (s): all threads share
+            one interpreter, which the others need as well.
 
     Attributes:
-        depth: as above; may be changed at any time.
+        depth, rest_s: as above; may be changed at any time.
         stopped: no more items are handled.
     """
 
@@ -36,7 +38,9 @@ class WorkQueue(Generic[Item]):
         depth: int,
         name: str,
         dropped: Callable[[], None] = lambda: None,
+        rest_s: float = 0.0,
     ) -> None:
+        self.rest_s, self._loses, self._ended = rest_s, False, threading.Event()
         self._handle, self._dropped, self.depth = handle, dropped, depth
         self._condition = threading.Condition()
         self._waiting: deque[Item] = deque()
@@ -50,6 +54,7 @@ class WorkQueue(Generic[Item]):
             full = len(self._waiting) >= self.depth
             if full:
                 self._waiting.popleft()
+                self._loses = True
             self._waiting.append(item)
             self._condition.notify()
         if full:
@@ -59,6 +64,7 @@ class WorkQueue(Generic[Item]):
         """Handle no more items; return true if the thread has ended within ``timeout_s``."""
         with self._condition:
             self.stopped = True
+            self._ended.set()
             self._waiting.clear()
             self._condition.notify()
         if self._thread is not threading.current_thread():
@@ -73,4 +79,7 @@ class WorkQueue(Generic[Item]):
                 if self.stopped:
                     return
                 item = self._waiting.popleft()
+                self._loses = False
             self._handle(item)
+            if self._loses and self.rest_s:
+                self._ended.wait(self.rest_s)

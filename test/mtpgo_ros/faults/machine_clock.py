@@ -14,6 +14,7 @@ import shutil
 import struct
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -72,13 +73,16 @@ from sensor_msgs.msg import PointCloud2
 rclpy.init()
 node = rclpy.create_node("tracker", namespace=sys.argv[1])
 publisher = node.create_publisher(PointCloud2, "objects", QoSProfile(depth=5))
-begin_s = time.monotonic()
+begin_s = float(sys.argv[2])
 while True:
     states = traffic(time.monotonic() - begin_s)
     publisher.publish(message_of(dataclasses.replace(states, stamp_ns=time.time_ns())))
     time.sleep(0.1)
 """
 """Publishes the cars of ``traffic`` at 10 Hz; they move by the monotonic clock."""
+
+_BEGIN_S = time.monotonic()
+"""When the cars begin to move (s), for all trackers: they do not jump when another one starts."""
 
 
 @contextlib.contextmanager
@@ -87,7 +91,7 @@ def tracker(namespace: str, clock: MachineClock) -> Iterator[None]:
     path = os.pathsep.join([str(ROOT), str(ROOT / "test" / "mtpgo_ros")])
     with clock.loaded():
         process = subprocess.Popen(
-            [sys.executable, "-W", "ignore", "-c", TRACKER, namespace],
+            [sys.executable, "-W", "ignore", "-c", TRACKER, namespace, str(_BEGIN_S)],
             env={**os.environ, "PYTHONPATH": path},
         )
     try:

@@ -12,10 +12,10 @@ LIMIT_S = 30.0
 class Scene:
     """A queue whose handler waits until it is released, item by item."""
 
-    def __init__(self, depth):
+    def __init__(self, depth, **options):
         self.handled, self.dropped = [], 0
         self.begun, self.go = threading.Semaphore(0), threading.Semaphore(0)
-        self.queue = WorkQueue(self.handle, depth, "test", self.drop)
+        self.queue = WorkQueue(self.handle, depth, "test", self.drop, **options)
 
     def handle(self, item):
         self.begun.release()
@@ -63,3 +63,21 @@ def test_with_a_depth_of_one_older_waiting_items_are_dropped():
     assert scene.begun.acquire(timeout=LIMIT_S)
     assert scene.queue.stop(LIMIT_S)
     assert [item for item, _ in scene.handled] == [1, 4]
+
+
+def test_a_queue_that_loses_items_rests_after_each_and_stops_at_once():
+    scene = Scene(depth=1, rest_s=LIMIT_S)
+    scene.go.release(2)
+    for item in "ab":  # nothing is lost: no rest
+        scene.queue.submit(item)
+        assert scene.begun.acquire(timeout=LIMIT_S)
+    scene.queue.stop(LIMIT_S)
+    scene = Scene(depth=1, rest_s=LIMIT_S)
+    scene.queue.submit("a")
+    assert scene.begun.acquire(timeout=LIMIT_S)
+    for item in "bc":
+        scene.queue.submit(item)
+    scene.go.release(10)
+    assert not scene.begun.acquire(timeout=0.1)
+    assert scene.queue.stop(LIMIT_S)
+    assert [item for item, _ in scene.handled] == ["a"]
