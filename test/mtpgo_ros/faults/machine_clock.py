@@ -88,7 +88,7 @@ _BEGIN_S = time.monotonic()
 @contextlib.contextmanager
 def tracker(namespace: str, clock: MachineClock) -> Iterator[None]:
     """Run a tracker with a clock within the block."""
-    path = os.pathsep.join([str(ROOT), str(ROOT / "test" / "mtpgo_ros")])
+    path = os.pathsep.join(str(ROOT / part) for part in ("", "test", "test/mtpgo_ros"))
     with clock.loaded():
         process = subprocess.Popen(
             [sys.executable, "-W", "ignore", "-c", TRACKER, namespace, str(_BEGIN_S)],
