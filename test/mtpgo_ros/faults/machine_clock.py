@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ros_helpers import ROOT
+from ros_helpers import LIMIT_S, ROOT
 
 SOURCE = Path(__file__).with_name("machine_clock.c")
 
@@ -74,7 +74,7 @@ rclpy.init()
 node = rclpy.create_node("tracker", namespace=sys.argv[1])
 publisher = node.create_publisher(PointCloud2, "objects", QoSProfile(depth=5))
 begin_s = float(sys.argv[2])
-while True:
+while rclpy.ok():
     states = traffic(time.monotonic() - begin_s)
     publisher.publish(message_of(dataclasses.replace(states, stamp_ns=time.time_ns())))
     time.sleep(0.1)
@@ -97,5 +97,10 @@ def tracker(namespace: str, clock: MachineClock) -> Iterator[None]:
     try:
         yield
     finally:
-        process.kill()
+        # Killed within a write, it could leave a lock in shared memory that others wait for.
+        process.terminate()
+        try:
+            process.wait(LIMIT_S)
+        finally:
+            process.kill()
         process.wait()
