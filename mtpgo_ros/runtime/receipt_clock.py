@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import time
 
-from mtpgo_ros.runtime.clock_watch import SET_NS
+from mtpgo_ros.runtime.clock_watch import ClockSteps
 
 
 class ReceiptClock:
@@ -18,7 +18,7 @@ class ReceiptClock:
     """
 
     def __init__(self) -> None:
-        self._offset_ns = time.time_ns() - time.monotonic_ns()
+        self._steps = ClockSteps()
         self._set_ns = 0  # when the system clock was seen to be set
 
     def monotonic_ns(self, received_ns: int) -> int:
@@ -28,9 +28,7 @@ class ReceiptClock:
             received_ns: the same of the system clock, 0 where the middleware does not say it.
         """
         now_ns, system_ns = time.monotonic_ns(), time.time_ns()
-        offset_ns, before_ns = system_ns - now_ns, self._offset_ns
-        self._offset_ns = offset_ns
-        if abs(offset_ns - before_ns) > SET_NS:
+        if self._steps.change_ns():
             self._set_ns = now_ns
         waited_ns = system_ns - received_ns
         if received_ns <= 0 or waited_ns < 0:

@@ -6,35 +6,9 @@ import threading
 
 import pytest
 
-from mtpgo_ros.runtime import clock_watch
 from mtpgo_ros.runtime.clock_watch import ClockSteps, EvenClock, set_sentence, watched_clock
 
 S_NS = 1_000_000_000
-
-
-class Clocks:
-    """Both clocks of the machine; ``late_ns`` passes between two looks at them."""
-
-    def __init__(self):
-        self.system_ns, self.machine_ns, self.late_ns = 1_700_000_000 * S_NS, 5000 * S_NS, 0
-
-    def time_ns(self):
-        self.pass_time(self.late_ns * 1e-9)
-        return self.system_ns
-
-    def monotonic_ns(self):
-        return self.machine_ns
-
-    def pass_time(self, seconds, *, rate=1.0):
-        self.system_ns += round(seconds * rate * S_NS)
-        self.machine_ns += round(seconds * S_NS)
-
-
-@pytest.fixture
-def clocks(monkeypatch):
-    clocks = Clocks()
-    monkeypatch.setattr(clock_watch, "time", clocks)
-    return clocks
 
 
 @pytest.mark.parametrize("by_ns", [-3600 * S_NS, -S_NS // 5, S_NS // 5, 3600 * S_NS])
@@ -74,9 +48,8 @@ def test_an_even_clock_goes_on(clocks, by_ns):
     assert even.time_ns() == begin_ns + 3 * S_NS
 
 
-def test_a_watched_clock_tells_of_a_step_and_tells_again(monkeypatch):
-    clocks, heard, repeated = Clocks(), [], threading.Semaphore(0)
-    monkeypatch.setattr(clock_watch, "time", clocks)
+def test_a_watched_clock_tells_of_a_step_and_tells_again(clocks):
+    heard, repeated = [], threading.Semaphore(0)
     with watched_clock(heard.append, repeated.release):
         clocks.system_ns -= 2 * S_NS
         for _ in range(3):

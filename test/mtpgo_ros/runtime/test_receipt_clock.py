@@ -4,34 +4,9 @@
 
 import pytest
 
-from mtpgo_ros.runtime import receipt_clock
 from mtpgo_ros.runtime.receipt_clock import ReceiptClock
 
 S_NS = 1_000_000_000
-
-
-class Clocks:
-    """Both clocks of the machine."""
-
-    def __init__(self):
-        self.system_ns, self.machine_ns = 1_700_000_000 * S_NS, 5000 * S_NS
-
-    def time_ns(self):
-        return self.system_ns
-
-    def monotonic_ns(self):
-        return self.machine_ns
-
-    def pass_time(self, seconds):
-        self.system_ns += round(seconds * S_NS)
-        self.machine_ns += round(seconds * S_NS)
-
-
-@pytest.fixture
-def clocks(monkeypatch):
-    clocks = Clocks()
-    monkeypatch.setattr(receipt_clock, "time", clocks)
-    return clocks
 
 
 @pytest.mark.parametrize("waited_s", [0.0, 0.02, 0.9, 2.0, 10.0])
