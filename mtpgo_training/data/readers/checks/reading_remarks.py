@@ -42,7 +42,7 @@ def remark(sentence: str) -> None:
 
 
 def keep(sentence: str) -> None:
-    """Keep a sentence about files that are being read, which somebody else has said."""
+    """Keep a sentence about files that are being read, which another part has said."""
     kept = _kept.get()
     if kept is not None and sentence not in kept:
         kept.append(sentence)
