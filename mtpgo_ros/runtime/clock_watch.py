@@ -9,6 +9,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
+from mtpgo_ros.runtime.side_thread import side_thread
+
 SET_NS = 100_000_000
 """Change of the system clock against the monotonic one from which on it was set (ns); chosen:
 far more than an adjustment of its rate makes between two looks."""
@@ -73,9 +75,8 @@ def watched_clock(
         was_set: called with the change (s) when the clock was set; must not raise.
         again: called some times in the fraction of a second from then on; must not raise.
     """
-    ended = threading.Event()
 
-    def watch() -> None:
+    def watch(ended: threading.Event) -> None:
         steps, left = ClockSteps(), 0
         while not ended.wait(_PERIOD_S):
             change_ns = steps.change_ns()
@@ -86,13 +87,8 @@ def watched_clock(
                 left -= 1
                 again()
 
-    thread = threading.Thread(target=watch, name="machine clock", daemon=True)
-    thread.start()
-    try:
+    with side_thread("machine clock", watch):
         yield
-    finally:
-        ended.set()
-        thread.join()
 
 
 def set_sentence(change_s: float) -> str:

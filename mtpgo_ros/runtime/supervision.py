@@ -11,6 +11,8 @@ import threading
 import time
 from collections.abc import Iterator
 
+from mtpgo_ros.runtime.side_thread import side_thread
+
 LONGEST_STEP_S = 180.0
 """A step of the executor counts as alive for at most this time (s); chosen: a model file is tried
 for two minutes at most, and then loaded."""
@@ -56,22 +58,16 @@ class ServiceNotifier:
         if not self.watchdog_s:
             yield
             return
-        ended = threading.Event()
 
-        def report() -> None:
+        def report(ended: threading.Event) -> None:
             end = time.monotonic() + LONGEST_STEP_S
             while time.monotonic() < end:
                 self.alive()
                 if ended.wait(self.watchdog_s):
                     return
 
-        thread = threading.Thread(target=report, name="signs of life", daemon=True)
-        thread.start()
-        try:
+        with side_thread("signs of life", report):
             yield
-        finally:
-            ended.set()
-            thread.join()
 
     def status(self, sentence: str) -> None:
         """Report a sentence that ``systemctl status`` shows."""
