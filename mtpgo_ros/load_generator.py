@@ -25,9 +25,9 @@ from mtpgo_ros.runtime.executable import (
     ArgumentParser,
     answered,
     fail,
-    leave,
     not_negative,
     positive,
+    run_as_process,
     stop_on_signals,
     tell,
 )
@@ -184,4 +184,4 @@ def _count(text: str) -> int:
 
 
 if __name__ == "__main__":
-    leave(main() or 0)
+    run_as_process(main)

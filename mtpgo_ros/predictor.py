@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 from mtpgo_ros.lifecycle.node_executable import run_executable
 from mtpgo_ros.runtime.allocator import tune_allocator, use_small_pages
-from mtpgo_ros.runtime.executable import leave, share_interpreter, stop_on_signals
+from mtpgo_ros.runtime.executable import run_as_process, share_interpreter, stop_on_signals
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
@@ -41,7 +41,7 @@ def _node_class() -> Callable[..., Any]:
 
 def run() -> NoReturn:
     """Be the executable ``predictor``: end the process with the status of :func:`main`."""
-    leave(main() or 0)
+    run_as_process(main)
 
 
 if __name__ == "__main__":

@@ -24,8 +24,8 @@ from mtpgo_ros.runtime.executable import (
     add_end_with_parent,
     answered,
     fail,
-    leave,
     positive,
+    run_as_process,
     stop_on_signals,
     tell,
 )
@@ -134,7 +134,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def run() -> NoReturn:
     """Be the executable ``record``: end the process with the status of :func:`main`."""
-    leave(main() or 0)
+    run_as_process(main)
 
 
 if __name__ == "__main__":

@@ -26,9 +26,9 @@ from mtpgo_ros.runtime.executable import (
     answered,
     fail,
     interruptible,
-    leave,
     not_negative,
     positive,
+    run_as_process,
     stop_on_signals,
     tell,
 )
@@ -207,7 +207,7 @@ def _of(options: argparse.Namespace) -> str:
 
 def run() -> NoReturn:
     """Be the executable ``replay``: end the process with the status of :func:`main`."""
-    leave(main() or 0)
+    run_as_process(main)
 
 
 if __name__ == "__main__":

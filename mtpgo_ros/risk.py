@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from mtpgo_ros.lifecycle.node_executable import run_executable
-from mtpgo_ros.runtime.executable import leave, stop_on_signals
+from mtpgo_ros.runtime.executable import run_as_process, stop_on_signals
 
 
 def main(argv: Sequence[str] | None = None) -> int | None:
@@ -37,7 +37,7 @@ def _node_class() -> Callable[..., Any]:
 
 def run() -> NoReturn:
     """Be the executable ``risk``: end the process with the status of :func:`main`."""
-    leave(main() or 0)
+    run_as_process(main)
 
 
 if __name__ == "__main__":

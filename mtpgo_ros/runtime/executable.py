@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import importlib.util
 import math
 import os
@@ -97,6 +98,23 @@ def leave(status: int) -> NoReturn:
             if stream is not None:
                 stream.flush()
     os._exit(status)
+
+
+def run_as_process(main: Callable[[], int | None]) -> NoReturn:
+    """Run an executable and end the process with its status, whatever signals come meanwhile.
+
+    rclpy leaves the domain when Python frees the last of its objects. Many are in reference
+    cycles, and those of a loaded model's time are kept out of collections (``gc.freeze``). A
+    process that ends before is one that crashed to Fast DDS: its port in shared memory stays, and
+    the others write there, for a second at least, what the next process of that port waits for.
+
+    Args:
+        main: of the executable; returns the exit status, None for 0.
+    """
+    status = main() or 0
+    gc.unfreeze()
+    gc.collect()
+    leave(status)
 
 
 def stop_on_signals() -> Callable[[], bool]:

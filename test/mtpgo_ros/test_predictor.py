@@ -4,6 +4,7 @@
 
 import itertools
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.predictions import prediction_from_pointcloud2
 from mtpgo_core.schema import Source
+
+SHARED = Path("/dev/shm")
 
 
 def arguments(model, **parameters):
@@ -73,6 +76,22 @@ def test_signals_until_the_very_end_leave_the_status_at_zero(process, models, tm
         running.popen.send_signal(signal.SIGTERM)
     # record has recorded nothing, which is status 1.
     assert running.finish()[0] == (1 if name == "record" else 0)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.parametrize("name", ["predictor", "risk", "record"])
+def test_nothing_stays_in_shared_memory_after_the_end(process, models, tmp_path, name):
+    """Others would go on writing to a port that stays, which the next process does not read."""
+    given = {"predictor": arguments(models["quick"]), "record": ["-o", tmp_path / "bag"]}
+    running = process(name, *given.get(name, []))
+    running.wait_for("ready")
+    opened = [path.resolve() for path in Path(f"/proc/{running.popen.pid}/fd").iterdir()]
+    # The locks that Fast DDS takes on what is the process's own.
+    own = [path for path in opened if path.parent == SHARED and path.name.endswith("_el")]
+    assert len(own) >= 2, "a segment and a port"
+    running.interrupt(signal.SIGTERM)
+    left = {path.name for path in SHARED.iterdir()}
+    assert not left & {name for path in own for name in (path.name, path.name[: -len("_el")])}
 
 
 def test_a_signal_during_the_start_is_no_error(process, models):
