@@ -21,7 +21,7 @@ LEAST_M = 1.0
 _OPPOSITE = -0.5
 """Largest cosine between two deviations to opposite sides; chosen: within 60 degrees of it."""
 
-_IN_A_ROW = 4
+IN_A_ROW = 4
 """Deviations in a row, each opposite to the one before, after which a track alternates; chosen."""
 
 
@@ -70,13 +70,37 @@ class AlternationDetector:
         known = before_ns != NEVER_NS
         span = np.where(known, stamp_ns - before_ns, 1)
         share = np.where(known, last_ns - before_ns, 0) / span
-        deviation = last - (before + share[:, None] * (position - before))
+        deviation = deviations(share, before, last, position)
         deviation[~known] = 0.0
-        earlier = self._deviation[slot]
-        length = np.linalg.norm(deviation, axis=1)
-        product = length * np.linalg.norm(earlier, axis=1)
-        opposite = (deviation * earlier).sum(axis=1) < _OPPOSITE * product
-        row = np.where(opposite & (length > LEAST_M), self._in_a_row[slot] + 1, 0)
+        turned = turned_back(deviation, self._deviation[slot])
+        row = np.where(turned, self._in_a_row[slot] + 1, 0)
         self._before_ns[slot], self._before[slot] = last_ns, last
         self._deviation[slot], self._in_a_row[slot] = deviation, row
-        return np.asarray(row >= _IN_A_ROW)
+        return np.asarray(row >= IN_A_ROW)
+
+
+def deviations(
+    share: Float64Array, before: Float64Array, last: Float64Array, position: Float64Array
+) -> Float64Array:
+    """Return [n, 2] how far observations are off the line between their neighbours (m).
+
+    Args:
+        share: [n] of the time between the neighbours that was over.
+        before: [n, 2] position of the neighbour before (m).
+        last: [n, 2] of the observation (m).
+        position: [n, 2] of the neighbour after it (m).
+    """
+    return last - (before + share[:, None] * (position - before))
+
+
+def turned_back(deviation: Float64Array, earlier: Float64Array) -> BoolArray:
+    """Return [n] which deviations are large, and to the other side than those before.
+
+    Args:
+        deviation: [n, 2] see :func:`deviations`.
+        earlier: [n, 2] of the observation before, 0 for none.
+    """
+    length = np.linalg.norm(deviation, axis=1)
+    product = length * np.linalg.norm(earlier, axis=1)
+    opposite = (deviation * earlier).sum(axis=1) < _OPPOSITE * product
+    return np.asarray(opposite & (length > LEAST_M))

@@ -78,11 +78,31 @@ def moved_impossibly(
         position: [n, 2] observed positions (m).
     """
     rings = store.rings
-    dt_s = (stamp_ns - rings.last_ns[slot]) * 1e-9
+    dt_s = np.asarray((stamp_ns - rings.last_ns[slot]) * 1e-9, dtype=np.float64)
     step = position - rings.last[slot, POSITION]
-    deviation = step - store.position_velocity[slot] * dt_s[:, None]
-    moved_m = np.hypot(step[:, 0], step[:, 1])
-    deviation_m = np.hypot(deviation[:, 0], deviation[:, 1])
+    return impossible_steps(config, dt_s, step, store.position_velocity[slot])
+
+
+def impossible_steps(
+    config: HistoryConfig,
+    dt_s: Float64Array,
+    step: Float64Array,
+    velocity: Float64Array,
+    *,
+    spare_m: float = 0.0,
+) -> BoolArray:
+    """Return a mask [n] of steps that are too far from one observation to the next.
+
+    Args:
+        config: the highest speed.
+        dt_s: [n] time between the two (s).
+        step: [n, 2] the way between them (m).
+        velocity: [n, 2] at the first one, estimated from positions (m/s), NaN where unknown.
+        spare_m: how much shorter a step may be and still count (m).
+    """
+    deviation = step - velocity * dt_s[:, None]
+    moved_m = np.hypot(step[:, 0], step[:, 1]) + spare_m
+    deviation_m = np.hypot(deviation[:, 0], deviation[:, 1]) + spare_m
     jumped = moved_m > JUMP_M + config.max_speed_mps * dt_s
     jumped |= deviation_m > JUMP_M + 0.5 * JUMP_MPSS * dt_s**2  # never true for NaN
     return np.asarray(jumped, dtype=np.bool_)

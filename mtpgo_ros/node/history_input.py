@@ -121,6 +121,7 @@ class HistoryInput:
         skipped_objects: int = 0,
         *,
         with_ego: bool = False,
+        sender_set: bool = False,
     ) -> HistoryWindow | None:
         """Add an observation to the history.
 
@@ -131,6 +132,7 @@ class HistoryInput:
             skipped_objects: objects of the message that could not be read.
             with_ego: the ego was added to the objects by its own odometry; it makes a message
                 whose objects are all rejected no more usable.
+            sender_set: the clock of the message's sender was set forward before.
 
         Returns:
             The window of the prediction that the observation starts, None if none is due.
@@ -142,7 +144,7 @@ class HistoryInput:
         if self._is_from_the_future(states.stamp_ns, now_ns):
             self._reject("future_stamp")
             return None
-        set_forward = self._set_forward(states.stamp_ns, now_ns)
+        set_forward = self._set_forward(states.stamp_ns, now_ns, sender_set)
         if set_forward:
             self._history.clear()
         report = self._history.update(states, ego_key)
@@ -199,12 +201,14 @@ class HistoryInput:
         self._events.count("future_stamp")
         return False
 
-    def _set_forward(self, stamp_ns: int, now_ns: int) -> bool:
-        """Return whether the stream's clock was set forward, beyond that of the node.
+    def _set_forward(self, stamp_ns: int, now_ns: int, sender_set: bool) -> bool:
+        """Return whether the stream's clock was set forward.
 
-        Its stamps are ahead of the clock from now on, and have gone on by more than the clock.
+        Its stamps are ahead of the node's clock from now on, or the clock of their sender was set;
+        and they have gone on by more than the node's clock. Neither alone says so: a bag may be
+        played faster, and a simulation or a sensor has a clock of its own.
         """
-        if self._ahead != _CONFIRMATIONS or self._newest_ns is None:
+        if self._newest_ns is None or not (sender_set or self._ahead == _CONFIRMATIONS):
             return False
         return stamp_ns - self._newest_ns - (now_ns - self._newest_came_ns) > LATE_NS
 

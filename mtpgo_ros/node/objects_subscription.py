@@ -29,7 +29,8 @@ from msg_adapters.wire.input_limits import DEFAULT_LIMITS, InputLimits
 from mtpgo_core.errors import MessageError
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.reliability_choice import ReliabilityChoice
-from mtpgo_ros.runtime.receipt_clock import ReceiptClock
+from mtpgo_ros.runtime.receipt_clock import Receipt, ReceiptClock
+from mtpgo_ros.runtime.sender_clock import SenderClock
 from mtpgo_ros.runtime.work_queue import WorkQueue
 
 TOPIC = "objects"
@@ -58,8 +59,8 @@ _PATIENCE_S = 0.1
 """How long closing waits for a message that is being decoded (s); chosen: transitions are to be
 answered within 0.2 s."""
 
-Handler = Callable[[Any, InputAdapter, int], None]
-"""Takes a message, its adapter, and the time of its receipt (ns of the monotonic clock).
+Handler = Callable[[Any, InputAdapter, Receipt], None]
+"""Takes a message, its adapter, and what is known of its receipt.
 
 Instead of a message that was refused before it was decoded, it gets the MessageError that says
 why.
@@ -98,7 +99,7 @@ class ObjectsSubscription:
         self._events = events
         self.limits = limits
         self._lost = LostMessages()
-        self._clock = ReceiptClock()
+        self._clock, self._sender_clock = ReceiptClock(), SenderClock()
         self._subscription: Subscription | None = None
         self._adapter: InputAdapter | None = None
         self.topic = node.resolve_topic_name(TOPIC)
@@ -246,13 +247,14 @@ class ObjectsSubscription:
         self._sent_ns.append(sent_ns)
         if self._adapter is not None:
             received_ns = self._clock.monotonic_ns(int(info.get("received_timestamp", 0)))
-            self._queue.submit((data, self._adapter, received_ns))
+            self._queue.submit((data, self._adapter, sent_ns, received_ns))
             if self._choice.received(len(data), time.monotonic()):
                 self._subscribe_anew(self._adapter)
 
-    def _decode(self, item: tuple[bytes, InputAdapter, int]) -> None:
+    def _decode(self, item: tuple[bytes, InputAdapter, int, int]) -> None:
         """Decode a message and call the handler; on the thread of the queue."""
-        data, adapter, received_ns = item
+        data, adapter, sent_ns, received_ns = item
+        set_forward = self._sender_clock.was_set_forward(sent_ns, received_ns)
         try:
             adapter.check_serialized(data, self.limits)
             with _without_garbage_collection():
@@ -262,7 +264,7 @@ class ObjectsSubscription:
         except Exception as error:  # rclpy's errors have no common base.
             message = MessageError(f"message of {len(data)} bytes cannot be decoded: {error}")
         if not self._queue.stopped:
-            self._handler(message, adapter, received_ns)
+            self._handler(message, adapter, Receipt(received_ns, set_forward))
 
     def _on_overrun(self) -> None:
         self._events.count("input_overruns")

@@ -46,6 +46,7 @@ from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.quality.live_quality import LiveQuality
 from mtpgo_ros.quality.quality_publisher import QualityPublisher
 from mtpgo_ros.runtime.clock_watch import ClockSteps, set_sentence
+from mtpgo_ros.runtime.receipt_clock import Receipt
 
 _LONGEST_WAIT_S = 1.0
 """The end of a cycle is waited for at most this long (s); chosen."""
@@ -241,7 +242,7 @@ class PredictionPipeline:
         else:
             self._node.get_logger().info(sentence)
 
-    def _on_objects(self, message: Any, adapter: InputAdapter, received_ns: int) -> None:
+    def _on_objects(self, message: Any, adapter: InputAdapter, receipt: Receipt) -> None:
         """Handle a message; called by the subscription's thread."""
         dropped = f"message on {self.objects.topic} left out"
         self._notice_clock()
@@ -253,7 +254,12 @@ class PredictionPipeline:
             states, self._status.ego_problem = joined.states, joined.problem
             with self._history_lock:
                 window = self.history.update(
-                    states, now_ns, ego_key, skipped, with_ego=joined.added
+                    states,
+                    now_ns,
+                    ego_key,
+                    skipped,
+                    with_ego=joined.added,
+                    sender_set=receipt.sender_set,
                 )
             if self.history.report is not None and self.history.report.clock_reset:
                 self._forget_poses()
@@ -279,7 +285,7 @@ class PredictionPipeline:
             else:
                 if self._unanswered_since_s is None:
                     self._unanswered_since_s = time.monotonic()
-                request = self._request(window, states.stamp_ns, received_ns)
+                request = self._request(window, states.stamp_ns, receipt.monotonic_ns)
                 self.worker.submit(request)
                 self._score()
                 request.scored.set()

@@ -5,8 +5,21 @@
 from __future__ import annotations
 
 import time
+from typing import NamedTuple
 
 from mtpgo_ros.runtime.clock_watch import ClockSteps
+
+
+class Receipt(NamedTuple):
+    """What is known of the way of a message.
+
+    Attributes:
+        monotonic_ns: when it was received (ns of the monotonic clock).
+        sender_set: its sender's clock was set forward before it was sent.
+    """
+
+    monotonic_ns: int
+    sender_set: bool = False
 
 
 class ReceiptClock:

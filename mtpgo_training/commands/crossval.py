@@ -98,9 +98,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add(
         "--stride",
         type=positive_number,
-        default=STRIDE_S,
         metavar="S",
-        help="time between two scored instants (s; default 1)",
+        help="time between two scored instants, in whole frames of the recordings (s; default 1)",
     )
     add(
         "--tracker",
@@ -134,6 +133,10 @@ def run(args: argparse.Namespace) -> int:
     sources, cache = tuple(data_sources(args.data_options)), cache_from(args)
     require_sources(sources)
     require_folder(args.out)
+    from mtpgo_training.commands.arguments.stride_warnings import (
+        warn_of_data_strides,
+        warn_of_scored_stride,
+    )
     from mtpgo_training.crossval.crossval_folder import CALIBRATION_HEADING, CrossvalFolder
     from mtpgo_training.crossval.fold import FoldJob
     from mtpgo_training.crossval.fold_processes import FoldError, failures_text, run_folds
@@ -172,7 +175,11 @@ def run(args: argparse.Namespace) -> int:
     initial = {} if args.init_from is None else CrossvalFolder(args.init_from).runs(chosen)
     budget = Budget(args.minutes_per_fold, args.epochs_per_fold, args.steps_per_fold)
     trackers = tuple(dict.fromkeys(args.tracker))
-    folder.start(config, folds, recordings, budget, args.stride, trackers, args.init_from)
+    stride_s = STRIDE_S if args.stride is None else args.stride
+    folder.start(config, folds, recordings, budget, stride_s, trackers, args.init_from)
+    scored = {name for fold in chosen for name in fold.recordings}
+    warn_of_scored_stride(args.stride, [one for one in recordings if one.name in scored])
+    warn_of_data_strides(args.set, [config], recordings)
     cache_folder = None if cache is None else cache.folder
     jobs = [
         FoldJob(
@@ -182,7 +189,7 @@ def run(args: argparse.Namespace) -> int:
             cache_folder,
             folder.fold(fold.name).path,
             budget,
-            args.stride,
+            stride_s,
             trackers,
             initial.get(fold.name),
         )
@@ -244,7 +251,7 @@ def _compare(args: argparse.Namespace) -> int:
         "--init-from": args.init_from is not None,
         "--set": bool(args.set),
         "--seed": args.seed is not None,
-        "--stride": args.stride != STRIDE_S,
+        "--stride": args.stride is not None,
         "--tracker": args.tracker != list(OBSERVATIONS),
         "--jobs": args.jobs != 1,
     }

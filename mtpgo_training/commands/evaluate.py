@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -226,6 +226,7 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.evaluation.evaluator import Settings, load_models
     from mtpgo_training.evaluation.parallel_evaluation import evaluate_sources
     from mtpgo_training.evaluation.summary import summarise
+    from mtpgo_training.scenes.taken_strides import rounding_sentences
 
     runners = load_models(args.model)
     settings = Settings(
@@ -254,7 +255,11 @@ def run(args: argparse.Namespace) -> int:
         )
         if len(failures) == len(jobs):
             raise RecordingError(failures[0].reason)
-        said = [] if args.stride is None else _rounded(args.stride, evaluation.rounded)
+        said = []
+        if args.stride is not None:
+            said = rounding_sentences(
+                "--stride", args.stride, evaluation.rounded, "instants are scored"
+            )
         result = BagResult(evaluation, warnings=said, failures=failures)
     if not result.evaluation.scores:
         raise RecordingError(
@@ -292,23 +297,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"mtpgo: {failures_text(result.failures, len(jobs))}", file=sys.stderr)
         return 1
     return 0
-
-
-def _rounded(stride_s: float, taken_s: Mapping[str, float]) -> list[str]:
-    """Return what to say of recordings whose frames do not have the stride.
-
-    Args:
-        stride_s: as given (s).
-        taken_s: name of a recording -> its stride (s).
-    """
-    if not taken_s:
-        return []
-    name, first_s = next(iter(taken_s.items()))
-    more = f" and {len(taken_s) - 1} more" if len(taken_s) > 1 else ""
-    return [
-        f"--stride is {stride_s:g} s, which is no whole number of frames: instants are scored"
-        f" every {first_s:.3g} s ({name}{more})"
-    ]
 
 
 def _given(args: argparse.Namespace, names: Iterable[str]) -> dict[str, bool]:

@@ -137,16 +137,21 @@ def run(args: argparse.Namespace) -> int:
 
         return run_sweep(args, config, init_from, sources, cache)
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
+    from mtpgo_training.commands.arguments.stride_warnings import warn_of_data_strides
     from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.training.console import summary
+    from mtpgo_training.training.loop.device_setup import is_first_process
     from mtpgo_training.training.run_folder import RunFolder
     from mtpgo_training.training.trainer import require_startable, train
 
     require_folder(args.out)
     require_startable(config, RunFolder(args.out), resume=args.resume, init_from=init_from)
+    recordings = read_all(sources, cache)
+    if is_first_process():
+        warn_of_data_strides(args.set, [config], recordings)
     result = train(
         config,
-        read_all(sources, cache),
+        recordings,
         RunFolder(args.out),
         resume=args.resume,
         init_from=init_from,

@@ -33,15 +33,12 @@ from mtpgo_training.evaluation.scorer import ScoredBaselines, ScoredPrediction, 
 from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
+from mtpgo_training.scenes.taken_strides import rounded_strides
 from mtpgo_training.scenes.tracker.simulated_tracker import draw_tracker
-from mtpgo_training.scenes.windows import frames_every, stride_frames
+from mtpgo_training.scenes.windows import frames_every
 
 CENTRE_EVERY = 5
 """The protocol ``centre`` is scored at every fifth instant; chosen: it needs a graph per agent."""
-
-_ROUNDING = 0.01
-"""Share of a stride by which that of the frames may differ without a word; chosen above that of
-29.97 Hz and 30 Hz."""
 
 HONESTY_PROTOCOL = "all"
 """The protocol whose predictions are also judged by honesty and plausibility: what users get."""
@@ -240,9 +237,7 @@ def evaluate_recording(
     """
     name = recording.name if name is None else name
     result.recordings[name] = recording.sha256
-    taken_s = _taken_stride_s(recording, settings.stride_s)
-    if abs(taken_s - settings.stride_s) > _ROUNDING * settings.stride_s:
-        result.rounded[name] = taken_s
+    result.rounded |= rounded_strides({name: recording}, settings.stride_s)
     first = next(iter(runners), None)
     if settings.calibration == OFF:
         runners = {model: runner.uncalibrated() for model, runner in runners.items()}
@@ -285,13 +280,6 @@ def evaluate_recording(
                         model, protocol, scorer, prediction, window, baselines=model == first
                     )
     result.honesty.finish()
-
-
-def _taken_stride_s(recording: Recording, stride_s: float) -> float:
-    """Return the time between two scored instants (s), as asked for where only one is left."""
-    if stride_s > recording.duration_s:
-        return stride_s
-    return stride_frames(recording, stride_s) / recording.frame_rate
 
 
 def _windows(

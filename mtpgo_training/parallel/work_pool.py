@@ -150,20 +150,9 @@ def _batch_size(spent_s: float, done: int) -> int:
 def _client(options: PoolOptions, items: int) -> Iterator[Client]:
     """Yield a client of the given cluster, or of one on this machine that ends with the block."""
     from distributed import Client as DaskClient
-    from distributed import LocalCluster
 
     if not options.cluster:
-        with (
-            # Encrypted: others who work on this machine could otherwise hand it their code.
-            LocalCluster(
-                n_workers=min(options.jobs, items),
-                threads_per_worker=1,
-                dashboard_address=None,
-                silence_logs=logging.CRITICAL,
-                security=True,
-            ) as cluster,
-            DaskClient(cluster) as client,
-        ):
+        with _processes(min(options.jobs, items)) as cluster, DaskClient(cluster) as client:
             yield client
         return
     try:
@@ -181,6 +170,28 @@ def _client(options: PoolOptions, items: int) -> Iterator[Client]:
                 f"the cluster {options.cluster} has no worker, expected at least one"
             ) from error
         yield client
+
+
+@contextlib.contextmanager
+def _processes(number: int) -> Iterator[Any]:
+    """Yield a cluster of processes on this machine, which end with the block."""
+    from distributed import LocalCluster
+
+    cluster = LocalCluster(
+        n_workers=number,
+        threads_per_worker=1,
+        dashboard_address=None,
+        silence_logs=logging.CRITICAL,
+        # Encrypted: others who work on this machine could otherwise hand it their code.
+        security=True,
+    )
+    try:
+        yield cluster
+    finally:
+        # Killed processes of which nobody can say within 5 s that they ended, as where too many
+        # share the cores, must not take along the results.
+        with contextlib.suppress(TimeoutError):
+            cluster.close()
 
 
 def _require_same_code(client: Client, cluster: str, function: Callable[..., Any]) -> None:

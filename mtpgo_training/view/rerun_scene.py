@@ -72,6 +72,7 @@ class RerunScene:
         self._looks = False
         self._classes: set[AgentClass] = set()
         self._predicted_s: float | None = None
+        self._known_s: dict[str, float] = {}  # time of the last value of each curve
         self._encoded: rr.BinaryStream | None = None
         if not viewer:
             self._encoded = rr.binary_stream(self._stream)
@@ -223,10 +224,19 @@ class RerunScene:
             self._stream.log(f"errors/{name}", line, static=True)
 
     def log_error(self, time_s: float, name: str, value: float) -> None:
-        """Add a value to a curve (m); what is not known is left out."""
-        if np.isfinite(value):
-            self._at(time_s)
-            self._stream.log(f"errors/{name}", rr.Scalars([value]))
+        """Add a value to a curve (m); what is not known is left out.
+
+        A curve does not lead over a time without values: it ends ``STALE_S`` after the last one.
+        """
+        if not np.isfinite(value):
+            return
+        ended_s = self._known_s.get(name, time_s) + STALE_S
+        if time_s > ended_s:
+            self._at(ended_s)
+            self._stream.log(f"errors/{name}", rr.Scalars([]))  # which ends a line of rerun
+        self._known_s[name] = time_s
+        self._at(time_s)
+        self._stream.log(f"errors/{name}", rr.Scalars([value]))
 
     def _show_classes(self, kinds: set[AgentClass]) -> None:
         """Show what the colours mean, if there are other classes than before."""

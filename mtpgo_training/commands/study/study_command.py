@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 DATA_SET_OF_LAYOUT = {"highd": "highd", "exid": "highd", "round": "round", "ind": "ind"}
 """Data set of the paper that recordings of a layout are compared with, where it has figures."""
 
+STRIDE_S = 1.0
+"""Time between two scored instants by default (s)."""
+
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add ``mtpgo study`` to the command line."""
@@ -113,9 +116,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add(
         "--stride",
         type=positive_number,
-        default=1.0,
         metavar="S",
-        help="time between two scored instants (s; default 1)",
+        help="time between two scored instants, in whole frames of the recordings (s; default 1)",
     )
     add(
         "--extrapolate",
@@ -148,6 +150,10 @@ def run(args: argparse.Namespace) -> int:
     part = _check(args)
     require_training_modules()
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
+    from mtpgo_training.commands.arguments.stride_warnings import (
+        warn_of_data_strides,
+        warn_of_scored_stride,
+    )
     from mtpgo_training.crossval.fold_processes import failures_text
     from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.study.output.study_output import write_results
@@ -175,11 +181,12 @@ def run(args: argparse.Namespace) -> int:
     folder.require_usable()
     data = study_data(study, first, read_all(sources, cache))
     budget = Budget(args.minutes_per_run, args.epochs_per_run, args.steps_per_run)
+    stride_s = STRIDE_S if args.stride is None else args.stride
     folder.start(
         {
             "study": study.name,
             "data_set": data_set,
-            "stride_s": args.stride,
+            "stride_s": stride_s,
             "extrapolate_s": args.extrapolate,
             "find_lr": args.find_lr,
         },
@@ -187,6 +194,8 @@ def run(args: argparse.Namespace) -> int:
         configs,
         budget,
     )
+    warn_of_scored_stride(args.stride, data.splits.test)
+    warn_of_data_strides(args.set, configs.values(), data.recordings)
     seeds = range(1, args.seeds + 1)
     wanted = [(row, seed) for seed in seeds for row in rows if row.name in configs]
     mine = wanted[part[0] - 1 :: part[1]]
@@ -201,7 +210,7 @@ def run(args: argparse.Namespace) -> int:
             None if cache is None else cache.folder,
             folder.run(row.name, seed).path,
             budget,
-            args.stride,
+            stride_s,
             args.extrapolate,
             args.find_lr,
             None if args.gpus is None else number % args.gpus,

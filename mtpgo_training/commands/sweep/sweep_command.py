@@ -14,6 +14,7 @@ from typing import Any
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.commands.arguments.early_checks import require_folder
 from mtpgo_training.commands.arguments.next_command import command_text, same_command
+from mtpgo_training.commands.arguments.stride_warnings import warn_of_data_strides
 from mtpgo_training.crossval.fold_processes import FoldError, failures_text
 from mtpgo_training.data.data_sources import DataSource, read_all
 from mtpgo_training.data.recording_cache import RecordingCache
@@ -99,6 +100,7 @@ def run_sweep(
     if options.splits_once:
         same_split(base, base, recordings)  # its errors, before anything is trained
     folder.start(options, recordings)
+    warn_of_data_strides([*args.set, *args.sweep], configs.values(), recordings)
     del recordings
     waiting = [
         SweepRun(point, configs[point], options, folder.run(point.name).path)

@@ -190,7 +190,7 @@ def test_two_publishers_whose_clocks_differ_by_more_than_the_history(node):
 def test_a_clock_that_jumps_forward(node):
     node.fresh().healthy()
     node.time_s += 3600.0
-    with node.counts(clock_reset=0, restarted=0):
+    with node.counts(clock_reset=0, clock_set=0, restarted=0):
         node.healthy(steps=2)
 
 

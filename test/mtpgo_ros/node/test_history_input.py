@@ -80,6 +80,30 @@ def test_a_jump_back_of_the_clock_clears_a_history_that_is_ahead_of_it(make):
     assert events.counts() == {"clock_reset": 1}
 
 
+@pytest.mark.parametrize(
+    ("stamp_s", "now_s", "cleared"),
+    [
+        (4.0, 2.0, True),
+        (4.0, 4.0, False),  # the objects paused meanwhile
+        (2.0, 2.0, False),  # the stamps are of another clock than that of the sender
+    ],
+)
+def test_a_sender_whose_clock_was_set_clears_the_history_if_the_stamps_jump(
+    make, stamp_s, now_s, cleared
+):
+    history, events, _ = make()
+    for k in range(10):  # its clock is an hour behind
+        history.update(traffic(k / 5), at(3600.0 + k / 5))
+    states = dataclasses.replace(traffic(2.0), stamp_ns=at(stamp_s))
+    window = history.update(states, at(3600.0 + now_s), sender_set=True)
+    assert history.report.clock_reset == cleared
+    assert window.valid[:, :-1].any() != cleared
+    assert events.counts() == ({"clock_set": 1} if cleared else {})
+    # Without what is known of the sender, a jump looks like a pause.
+    history.update(dataclasses.replace(states, stamp_ns=at(stamp_s + 9.0)), at(3600.0 + now_s))
+    assert not history.report.clock_reset
+
+
 def test_a_new_rate_counts_from_the_next_observation(make):
     history, _, _ = make()
     assert history.update(traffic(0.0), at(0.0)) is not None

@@ -70,9 +70,10 @@ def test_it_waits_for_a_publisher_and_takes_its_type(make):
     before_ns = time.monotonic_ns()
     publisher.publish(message_of(traffic(0.0)))
     setup.until(lambda: setup.received)
-    message, adapter, received_ns = setup.received[0]
+    message, adapter, receipt = setup.received[0]
     assert (message.width, adapter.name) == (4, "pointcloud2")
-    assert before_ns - 1_000_000_000 <= received_ns <= time.monotonic_ns()
+    assert before_ns - 1_000_000_000 <= receipt.monotonic_ns <= time.monotonic_ns()
+    assert not receipt.sender_set
 
 
 def test_a_type_without_objects_is_named_in_the_status(make):

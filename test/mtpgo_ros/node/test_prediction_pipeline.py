@@ -21,6 +21,7 @@ from mtpgo_ros.node.inference.prediction_request import PredictionRequest
 from mtpgo_ros.node.model_host import ModelHost
 from mtpgo_ros.node.prediction_pipeline import PredictionPipeline
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.runtime.receipt_clock import Receipt
 
 ADAPTER = INPUTS["pointcloud2"]
 _namespaces = itertools.count()
@@ -60,7 +61,7 @@ class Setup:
 
     def receive(self, message, received_ns=None):
         received_ns = time.monotonic_ns() if received_ns is None else received_ns
-        self.pipeline._on_objects(message, ADAPTER, received_ns)
+        self.pipeline._on_objects(message, ADAPTER, Receipt(received_ns))
 
     def prediction(self):
         prediction = self.publishers.predictions.get(timeout=LIMIT_S)

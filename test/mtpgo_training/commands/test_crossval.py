@@ -164,6 +164,26 @@ def test_two_folds_interrupted_continued_and_scored_again(place, capsys, in_this
     assert begun == {"tiny-without-both": both / "run"}
 
 
+def test_strides_that_are_no_whole_number_of_frames_are_told(place, capsys, monkeypatch):
+    monkeypatch.setattr("mtpgo_training.crossval.fold_processes.run_folds", lambda *_, **__: None)
+    told = "which is no whole number of frames:"
+    given = ["--stride", "0.35", "--set", "data.validation_stride_s=0.45", "--quiet"]
+    assert cli.main(arguments(place, "rounded", "--folds", "west", *given)) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        f"mtpgo: warning: --stride is 0.35 s, {told} "
+        "instants are scored every 0.4 s (west/01 and 1 more)",
+        f"mtpgo: warning: data.validation_stride_s is 0.45 s, {told} "
+        "windows can be cut every 0.4 s (east/01 and 4 more)",
+    ]
+    # Values of the configuration file and whole numbers of frames are not told.
+    config = {**CONFIG, "data": {**CONFIG["data"], "stride_s": 0.25, "validation_stride_s": 0.25}}
+    (place / "odd.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
+    words = arguments(place, "whole", "--set", "data.stride_s=0.3", "--quiet")
+    words[1] = str(place / "odd.yaml")
+    assert cli.main(words) == 0
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize(
     ("more", "sentence"),
     [
@@ -199,7 +219,7 @@ def test_what_is_missing_is_named(place, capsys):
 
 @pytest.mark.parametrize(
     "more",
-    [["--folds", "a"], ["--stride", "2"], ["--tracker", "recorded"], ["--set", "seed=2"]],
+    [["--folds", "a"], ["--stride", "1"], ["--tracker", "recorded"], ["--set", "seed=2"]],
 )
 def test_what_a_comparison_does_not_do_is_refused(capsys, more):
     assert cli.main(["crossval", "--compare", "a", "b", *more]) == 2

@@ -124,6 +124,15 @@ def test_a_quiet_run_says_nothing(place, capsys):
     assert capsys.readouterr() == ("", "")
 
 
+def test_a_given_stride_that_is_no_whole_number_of_frames_is_told(place, capsys):
+    given = ("--quiet", "--epochs", "1", "--set", "data.stride_s=0.45")
+    assert cli.main(arguments(place, "rounded", *given)) == 0
+    assert capsys.readouterr().err == (
+        "mtpgo: warning: data.stride_s is 0.45 s, which is no whole number of frames: windows can "
+        "be cut every 0.4 s (cars/01 and 2 more)\n"
+    )
+
+
 def test_a_run_starts_from_a_shipped_model_by_its_name(place, whole, tmp_path, monkeypatch):
     weights = tmp_path / "share" / "mtpgo_ros" / "weights"
     weights.mkdir(parents=True)

@@ -5,14 +5,17 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
-from numbered_work import Number, refuse, work
+from numbered_work import Noted, Number, first_last, refuse, work
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.parallel.pool_options import HERE, PoolOptions
 from mtpgo_training.parallel.work_item import Failure
 from mtpgo_training.parallel.work_pool import work_through
+
+ROOT = Path(__file__).parents[3]
 
 
 def test_results_come_in_order_and_failures_in_their_places():
@@ -55,6 +58,48 @@ def test_processes_give_the_same_and_one_that_ends_costs_its_item_only(monkeypat
         6: "its process ended without an answer, as when the memory is full",
     }
     assert [r.getMessage() for r in caplog.records if r.name == "mtpgo"] == ["seven is odd"]
+
+
+def test_results_come_in_the_order_of_the_items_whichever_is_done_first(tmp_path):
+    pytest.importorskip("distributed")
+    items = [Noted(i, tmp_path) for i in range(4)]
+    found = list(work_through(first_last, items, PoolOptions(jobs=2)))
+    assert [value for value, _ in found] == [0, 1, 2, 3]
+    assert found[0][1] >= 2
+
+
+CLOSING = """
+import os, signal
+from multiprocessing import forkserver
+from numbered_work import Number, work
+from mtpgo_training.parallel.pool_options import PoolOptions
+from mtpgo_training.parallel.work_pool import work_through
+
+if __name__ == "__main__":
+    found = []
+    try:
+        for result in work_through(work, [Number(1), Number(2)], PoolOptions(jobs=2)):
+            found.append(result)
+            if len(found) == 2:
+                os.kill(forkserver._forkserver._forkserver_pid, signal.SIGSTOP)
+    finally:
+        os.kill(forkserver._forkserver._forkserver_pid, signal.SIGCONT)
+    print(found, flush=True)
+    os._exit(0)  # without Dask's own tries at the exit, which take ten more seconds
+"""
+"""Gets results, and then the server that says when processes have ended gets no processor."""
+
+
+def test_processes_whose_end_is_not_told_do_not_take_along_the_results(tmp_path):
+    pytest.importorskip("distributed")
+    program = tmp_path / "closing.py"
+    program.write_text(CLOSING)
+    path = os.pathsep.join(str(ROOT / part) for part in ("", "test/mtpgo_training"))
+    environment = {**os.environ, "PYTHONPATH": path}
+    run = subprocess.run(
+        [sys.executable, program], capture_output=True, text=True, check=False, env=environment
+    )
+    assert (run.stdout, run.returncode) == ("[1, 4]\n", 0), run.stderr
 
 
 def test_small_items_are_handed_out_together_and_one_that_ends_a_process_costs_itself(monkeypatch):

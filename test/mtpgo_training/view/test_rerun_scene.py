@@ -74,6 +74,30 @@ def test_errors_are_shown_that_were_known_before_the_end(file):
     assert rows_of(file, "/errors/final", "Scalars") == 36
 
 
+def curve_of(path, entity):
+    """Return times (s) and rows of a curve, as text, in the order of the file."""
+    told = told_of(path, "-vvv", "--entity", entity)
+    return re.findall(r"┆ PT([\d.]+)S +┆ (\[.*?\]) +│", told)
+
+
+def test_the_curves_do_not_lead_over_a_time_without_predictions(scene, file, tmp_path):
+    from mtpgo_training.view.rerun_scene import log_scene
+
+    def kept(seen):
+        time_s = scene.since_start_s(seen.prediction.stamp_ns)
+        return time_s < 1.1 or time_s > 3.9 or abs(time_s - 2.0) < 0.01
+
+    some = tuple(seen for seen in scene.predictions if kept(seen))
+    log_scene(dataclasses.replace(scene, predictions=some), tmp_path / "b.rrd")
+    for entity in ("/errors/ade", "/errors/final"):
+        times, values = zip(*curve_of(tmp_path / "b.rrd", entity), strict=True)
+        # An empty row ends a line of rerun. 1.0 s are no longer than a prediction is shown.
+        assert [float(t) for t, v in zip(times, values, strict=True) if v == "[]"] == [8.0]
+        assert list(map(float, times)) == sorted(map(float, times))
+        assert len(values) == 6 + 1 + 1 + 16
+        assert "[]" not in dict(curve_of(file, entity)).values()
+
+
 def test_a_prediction_is_shown_for_no_longer_than_a_second(scene, file, tmp_path):
     from mtpgo_training.view.rerun_scene import log_scene
 

@@ -137,6 +137,18 @@ def test_a_study_of_two_rows_interrupted_continued_and_with_a_failed_run(
     assert "2 of 4 runs failed (seq2seq-seed2, mtp-go1-seed2); the same command" in printed.err
 
 
+def test_strides_that_are_no_whole_number_of_frames_are_told(place, capsys, monkeypatch):
+    monkeypatch.setattr("mtpgo_training.study.study_progress.run_folds", lambda *_, **__: None)
+    given = ["--stride", "1.05", "--set", "data.stride_s=0.45", "--rows", "mtp-go1", "--quiet"]
+    assert cli.main(arguments(place, *given, out="rounded")) == 2  # no run is done
+    scored, cut, _ = capsys.readouterr().err.splitlines()
+    told = "which is no whole number of frames:"
+    assert scored.startswith(f"mtpgo: warning: --stride is 1.05 s, {told} instants are scored ")
+    assert cut.startswith(
+        f"mtpgo: warning: data.stride_s is 0.45 s, {told} windows can be cut every 0.4 s (site/"
+    )
+
+
 @pytest.mark.parametrize(
     ("given", "study", "message"),
     [

@@ -131,6 +131,16 @@ def test_a_sweep_from_its_first_run_to_its_table(place, inline, capsys, monkeypa
     assert "the configuration differ from those in" in capsys.readouterr().err
 
 
+def test_swept_strides_that_are_no_whole_number_of_frames_are_told(place, inline, capsys):
+    words = ["--sweep", "data.stride_s=2,0.45,0.45001", "--quiet", "--set", "seed=3"]
+    assert cli.main(command(place, "strides", *words)) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        f"mtpgo: warning: data.stride_s is {stride} s, which is no whole number of frames: "
+        f"windows can be cut every {taken} s (cars/01 and 2 more)"
+        for stride, taken in (("0.45", "0.4"), ("0.45001", "0.5"))
+    ]
+
+
 @pytest.mark.parametrize(
     ("more", "sentence"),
     [
