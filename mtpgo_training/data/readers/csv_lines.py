@@ -30,6 +30,8 @@ _KINDS = {
     b'{"': "JSON, expected CSV",
     b'[{"': "JSON, expected CSV",
     b"PAR1": "a Parquet file, expected a name that ends in .parquet",
+    b"\xff\xfe\0\0": "encoded in UTF-32, expected UTF-8",
+    b"\0\0\xfe\xff": "encoded in UTF-32, expected UTF-8",
     b"\xff\xfe": "encoded in UTF-16, expected UTF-8",
     b"\xfe\xff": "encoded in UTF-16, expected UTF-8",
 }

@@ -35,6 +35,9 @@ _ROWS_AT_ONCE = 100_000
 _LONGEST_LINE = 1 << 16
 """Bytes read to find the first or last line of a file; chosen far above the longest line."""
 
+_FORM_ROWS = 1000
+"""Rows in which marks of thousands are looked at; chosen: those of several road users."""
+
 _LINE_END = re.compile(rb"[\r\n]")
 
 _UNREADABLE = (OSError, EOFError, zlib.error, UnicodeDecodeError, pd.errors.ParserError)
@@ -225,6 +228,44 @@ def read_table(
         form=form,
     )
     return table
+
+
+def check_thousands(path: Path, form: CsvForm, names: Sequence[str] | None = None) -> None:
+    """Check that the mark of thousands of a file stands between groups of three digits.
+
+    A decimal mark that is taken for it would make 12,5 a 125. Only the first rows are looked at.
+
+    Args:
+        path: ``.csv`` or ``.csv.gz`` file.
+        form: how the file writes its cells; without a mark nothing is checked.
+        names: the columns of numbers, None for all cells that look like numbers.
+
+    Raises:
+        RecordingError: a number has other groups.
+    """
+    if form.thousands is None:
+        return
+    options = {**form.pandas_options(), "thousands": None, "dtype": str, "nrows": _FORM_ROWS}
+    try:
+        table = pd.read_csv(path, index_col=False, skipinitialspace=True, **options)
+    except _UNREADABLE:
+        return  # what is wrong is said where the file is read
+    table.columns = [column_name(name) for name in table.columns]
+    mark, point = re.escape(form.thousands), re.escape(form.decimal)
+    number = re.compile(rf"[-+]?[\d{mark}{point}]*\d")
+    # India groups by two digits before the last three.
+    grouped = re.compile(rf"[-+]?[1-9]\d{{0,2}}({mark}\d{{2,3}})*{mark}\d{{3}}({point}\d*)?")
+    for name in table.columns if names is None else [n for n in names if n in table]:
+        cells = table[name].dropna().astype("string").str.strip()
+        marked = cells.str.contains(form.thousands, regex=False) & cells.str.fullmatch(number)
+        bad = marked & ~cells.str.fullmatch(grouped)
+        if bad.any():
+            row = int(bad.idxmax())
+            line = line_in_file(path, row + form.first_line)
+            raise RecordingError(
+                f"{path}, line {line}, column {name!r}: {_shown(str(cells[row]))}, expected "
+                f"{form.thousands!r} between groups of three digits; is it the decimal mark?"
+            )
 
 
 def observed_rows(
