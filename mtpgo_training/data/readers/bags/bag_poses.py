@@ -22,11 +22,16 @@ from mtpgo_core.schema import TrackedStates
 from mtpgo_training.data.readers.bags.bag_topics import nearest_first, shared_namespaces
 from mtpgo_training.data.readers.bags.bag_transforms import (
     FIXED_FRAMES,
+    LONGEST_GAP_S,
     STATIC_TOPIC,
     TRANSFORMS,
     WHOLE_BAG_S,
     TransformTree,
 )
+
+
+def _buffer() -> PoseBuffer:
+    return PoseBuffer(WHOLE_BAG_S, max_gap_s=LONGEST_GAP_S)
 
 
 class BagPoses:
@@ -54,7 +59,7 @@ class BagPoses:
                     parent, child = message.header.frame_id, message.child_frame_id
                     if child in ("", parent):
                         continue
-                    fixed, poses = found.setdefault(child, (parent, PoseBuffer(WHOLE_BAG_S)))
+                    fixed, poses = found.setdefault(child, (parent, _buffer()))
                     if fixed == parent:
                         self._add(poses, message)
             # Of several topics with the same frame, the first is used.
@@ -101,6 +106,9 @@ class BagPoses:
         if found is None:
             return states
         fixed, poses = found
+        frame = states.frame_id.lstrip("/")
+        if self._tree is not None and frame in self._tree.tilted:
+            raise FrameError(self._tree.tilted[frame])
         try:
             pose = poses.at(states.stamp_ns)
         except FrameError as error:

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.conversions import stamp_to_ns, yaw_from_quaternions
+from msg_adapters.inputs.odometry import LEAST_UPRIGHT, tilt_problem
 from mtpgo_core.frames import Pose2, PoseBuffer
-from mtpgo_core.schema import Float64Array
+from mtpgo_core.schema import BoolArray, Float64Array
 
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 STATIC_TOPIC = "/tf_static"
@@ -25,6 +26,14 @@ The earth's comes last: its axes are not level with the ground."""
 
 WHOLE_BAG_S = 1e9
 """Time over which poses are kept (s): longer than any bag."""
+
+LONGEST_GAP_S = 2.5
+"""Between two poses farther apart than this no pose is known (s); chosen: those of 0.5 Hz are
+interpolated, and a vehicle that turns is not drawn straight for longer."""
+
+_MOVED_M, _MOVED_RAD = 1.0, 0.1
+"""A transform that changes by less over a gap (m, rad) is interpolated all the same, as that of a
+localisation which corrects the odometry now and then; chosen."""
 
 
 @dataclass
@@ -61,11 +70,33 @@ class _Edge:
         position = values[left, :3] + share * (values[right, :3] - values[left, :3])
         return position, _unit(before + share * (after - before))
 
+    def is_known(self, stamp_ns: NDArray[np.int64]) -> BoolArray:
+        """Return [t] whether times inside of the edge's are in none of its long gaps."""
+        if self.static:
+            return np.ones(len(stamp_ns), dtype=np.bool_)
+        stamps, first = np.unique(np.array(self.stamps, dtype=np.int64), return_index=True)
+        values = np.array(self.values, dtype=np.float64)[first]
+        moved_m = np.linalg.norm(np.diff(values[:, :3], axis=0), axis=1)
+        turns = _unit(values[:, 3:])
+        cosine = np.abs((turns[1:] * turns[:-1]).sum(axis=1))
+        turned_rad = 2.0 * np.arccos(np.minimum(cosine, 1.0))
+        long = np.diff(stamps) * 1e-9 > LONGEST_GAP_S
+        long &= (moved_m > _MOVED_M) | (turned_rad > _MOVED_RAD)
+        right = np.searchsorted(stamps, stamp_ns)
+        at_one = stamps[np.minimum(right, len(stamps) - 1)] == stamp_ns
+        within = np.clip(right - 1, 0, max(0, len(long) - 1))
+        return np.asarray(at_one | ~long[within] if len(long) else np.ones_like(at_one))
+
 
 class TransformTree:
-    """The transforms of a bag."""
+    """The transforms of a bag.
+
+    Attributes:
+        tilted: why the poses of a frame cannot be used, for those that do not stand upright.
+    """
 
     def __init__(self) -> None:
+        self.tilted: dict[str, str] = {}
         self._edges: dict[str, _Edge] = {}
         self._parents: dict[str, dict[tuple[str, bool], _Edge]] = {}
 
@@ -152,7 +183,10 @@ class TransformTree:
             return None
         fixed = fixed or ancestors[-1]
         chain = chain[: ancestors.index(fixed)]
-        return fixed, _composed(chain)
+        poses, upright = _composed(chain)
+        if upright < LEAST_UPRIGHT:
+            self.tilted[frame] = tilt_problem(frame, fixed, upright)
+        return fixed, poses
 
     def _ancestors(self, frame: str) -> tuple[list[str], list[_Edge], bool]:
         """Return a frame with its ancestors, the edges between them, and if they are a loop."""
@@ -172,16 +206,20 @@ def _trust(edge: _Edge) -> tuple[bool, int]:
     return edge.parent in FIXED_FRAMES, len(edge.stamps)
 
 
-def _composed(chain: list[_Edge]) -> PoseBuffer:
-    """Return the poses over a chain of transforms, at every time of any of them."""
+def _composed(chain: list[_Edge]) -> tuple[PoseBuffer, float]:
+    """Return the poses over a chain of transforms, at every time of any of them.
+
+    With them the vertical component of the frame's z axis, usually.
+    """
     moving = [np.array(edge.stamps, dtype=np.int64) for edge in chain if not edge.static]
-    poses = PoseBuffer(WHOLE_BAG_S, max_extrapolation_s=0.0)
+    poses = PoseBuffer(WHOLE_BAG_S, max_extrapolation_s=0.0, max_gap_s=LONGEST_GAP_S)
     if not moving:
         moving = [np.zeros(1, dtype=np.int64)]
     stamps = np.unique(np.concatenate(moving))
     # Where one of them is not known yet, or no more, neither is the pose.
     first, last = max(stamp.min() for stamp in moving), min(stamp.max() for stamp in moving)
     stamps = stamps[(stamps >= first) & (stamps <= last)]
+    stamps = stamps[np.all([edge.is_known(stamps) for edge in chain], axis=0)]
     position = np.zeros((len(stamps), 3))
     rotation = np.tile((0.0, 0.0, 0.0, 1.0), (len(stamps), 1))
     for edge in chain:
@@ -193,7 +231,8 @@ def _composed(chain: list[_Edge]) -> PoseBuffer:
         stamps.tolist(), position[:, :2].tolist(), yaw.tolist(), strict=True
     ):
         poses.add(stamp, Pose2(x=x, y=y, yaw=angle))
-    return poses
+    upright = 1.0 - 2.0 * (rotation[:, 0] ** 2 + rotation[:, 1] ** 2)
+    return poses, float(np.median(upright)) if len(upright) else 1.0
 
 
 def _unit(quaternion: Float64Array) -> Float64Array:
