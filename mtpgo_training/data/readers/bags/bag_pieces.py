@@ -125,7 +125,7 @@ class PieceReader:
         self._log_stamps = options.bags.stamps == "log"
         self._classes = options.classes
         self._where = f"{reader.path}, topic {topic.name}"
-        self._poses = BagPoses(reader, topic.name)
+        self._poses = BagPoses(reader, topic.name, options.bags.fixed_frame)
         self._guard = StreamGuard(HistoryConfig().keep_ns)
         self._taken = taken
         self._ahead: list[_Message] = []

@@ -41,10 +41,12 @@ class BagPoses:
         reader: the bag.
         near: topic of the objects. Of frames of the same name, as two robots have them, those of
             its own namespace count.
+        fixed_frame: frame into which objects are transformed if the bag tells how; empty for that
+            of the odometry, else the usual one of the transforms.
     """
 
-    def __init__(self, reader: DecodingBagReader, near: str = "") -> None:
-        self._reader, self._near = reader, near
+    def __init__(self, reader: DecodingBagReader, near: str = "", fixed_frame: str = "") -> None:
+        self._reader, self._near, self._fixed_frame = reader, near, fixed_frame.lstrip("/")
         self._poses: dict[str, tuple[str, PoseBuffer]] = {}
         self._unusable: dict[str, str] = {}
         self._tree: TransformTree | None = None
@@ -102,7 +104,7 @@ class BagPoses:
         """
         if not len(states):
             return states
-        found = self._poses.get(states.frame_id) or self._transforms(states.frame_id)
+        found = self._found(states.frame_id)
         if found is None:
             return states
         fixed, poses = found
@@ -118,17 +120,28 @@ class BagPoses:
             raise FrameError(f"{error}; {reason}") from error
         return to_fixed_frame(states, pose, fixed)
 
+    def _found(self, frame: str) -> tuple[str, PoseBuffer] | None:
+        """Return a fixed frame and the poses of a frame in it, None if the bag tells nothing."""
+        by_odometry = self._poses.get(frame)
+        wanted = self._fixed_frame
+        if by_odometry is None:
+            return self._transforms(frame)
+        if wanted in ("", by_odometry[0].lstrip("/")):
+            return by_odometry
+        by_tree = self._transforms(frame)
+        return by_tree if by_tree is not None and by_tree[0] == wanted else by_odometry
+
     def is_apart(self, frame: str) -> bool:
         """Return whether the bag's transforms tell how frames move, but nothing of this one."""
         return self._tree is not None and self._tree.is_apart(frame)
 
     def _transforms(self, frame: str) -> tuple[str, PoseBuffer] | None:
         """Return the fixed frame and poses that the bag's transforms give for a frame."""
-        if frame.lstrip("/") in FIXED_FRAMES:
+        if frame.lstrip("/") in FIXED_FRAMES and self._fixed_frame in ("", frame.lstrip("/")):
             return None  # without reading any
         if frame not in self._from_tree:
             self._tree = self._tree or self._read_tree()
-            self._from_tree[frame] = self._tree.poses(frame)
+            self._from_tree[frame] = self._tree.poses(frame, self._fixed_frame)
         return self._from_tree[frame]
 
     def _read_tree(self) -> TransformTree:

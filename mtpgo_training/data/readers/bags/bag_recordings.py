@@ -135,6 +135,7 @@ def bag_units(
             settings={
                 "topic": options.bags.topic_of(name),
                 "stamps": options.bags.stamps,
+                "fixed_frame": options.bags.fixed_frame,
                 **_ego_settings(options.bags),
             },
             remarks=passed_over if name == chosen[0] else (),

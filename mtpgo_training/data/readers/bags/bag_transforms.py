@@ -167,18 +167,24 @@ class TransformTree:
         known = {"", *FIXED_FRAMES, *moving, *moving.values()}
         return bool(moving) and root not in known
 
-    def poses(self, frame: str) -> tuple[str, PoseBuffer] | None:
+    def poses(self, frame: str, wanted: str = "") -> tuple[str, PoseBuffer] | None:
         """Return a fixed frame and the poses of a frame in it; None if the frame does not move.
 
-        The fixed frame is the first of :data:`FIXED_FRAMES` among the frame's ancestors, else the
-        last ancestor; in a loop there is none. A frame that has one of these names, or that only
-        static transforms lead away from, is fixed itself.
+        The fixed frame is the one wanted or the first of :data:`FIXED_FRAMES` among the frame's
+        ancestors, else the last ancestor; in a loop there is none. A frame that has one of these
+        names, unless another one is wanted, or that only static transforms lead away from, is
+        fixed itself.
+
+        Args:
+            frame: the frame.
+            wanted: name of a fixed frame.
         """
         frame = frame.lstrip("/")
         ancestors, chain, is_loop = self._ancestors(frame)
-        if frame in FIXED_FRAMES or all(edge.static for edge in chain):
+        usual = frame in FIXED_FRAMES and wanted not in ancestors[1:]
+        if usual or frame == wanted or all(edge.static for edge in chain):
             return None
-        fixed = next((name for name in FIXED_FRAMES if name in ancestors), "")
+        fixed = next((name for name in (wanted, *FIXED_FRAMES) if name in ancestors), "")
         if not fixed and is_loop:
             return None
         fixed = fixed or ancestors[-1]

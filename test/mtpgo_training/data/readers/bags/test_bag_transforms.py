@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from odd_bags import EPOCH_NS, S_NS, OddBag, bytes_of, states_at, write_stream
 
+from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.inputs.odometry import ODOMETRY
 from msg_adapters.types import TypestoreTypes
 from mtpgo_core.errors import FrameError, RecordingError
 from mtpgo_core.frames import Pose2
 from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.bags.bag_poses import BagPoses
 from mtpgo_training.data.readers.bags.bag_transforms import TRANSFORMS, TransformTree
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -310,3 +313,42 @@ def test_objects_without_the_name_of_a_frame_get_a_remark(tmp_path, caplog):
     assert len(recording) == 60
     (record,) = caplog.records
     assert "objects come without the name of a frame: they are read as in" in record.message
+
+
+@pytest.mark.parametrize(
+    ("frame", "wanted", "fixed"),
+    [
+        ("base_link", "", "map"),
+        ("base_link", "odom", "odom"),
+        ("base_link", "map", "map"),
+        ("base_link", "nowhere", "map"),
+        ("odom", "", None),
+        ("odom", "map", "map"),
+        ("map", "map", None),
+    ],
+)
+def test_a_wanted_fixed_frame_is_taken_where_the_transforms_lead_there(frame, wanted, fixed):
+    found = tree(
+        *(transform("map", "odom", t, (t, 0.0, 0.0)) for t in (0.0, 1.0)),
+        *(transform("odom", "base_link", t, (0.0, t, 0.0)) for t in (0.0, 1.0)),
+    ).poses(frame, wanted)
+    assert (found and found[0]) == fixed
+
+
+@pytest.mark.parametrize(("wanted", "fixed"), [("", "odom"), ("odom", "odom"), ("map", "map")])
+def test_odometry_counts_unless_the_transforms_lead_where_it_does_not(tmp_path, wanted, fixed):
+    path = tmp_path / "bag.mcap"
+    with OddBag(path) as bag:
+        moving, driven = bag.channel("/tf", TRANSFORMS), bag.channel("/odom", ODOMETRY)
+        for i in range(10):
+            links = [
+                transform("map", "odom", i / 10, (100.0, 0.0, 0.0)),
+                transform("odom", "base_link", i / 10, (i / 2, 0.0, 0.0)),
+            ]
+            bag.add(moving, messages_of(links), i / 10)
+            bag.add(driven, odometry(i / 10), i / 10)
+    with DecodingBagReader(path) as reader:
+        lifted = BagPoses(reader, fixed_frame=wanted).lift(states_at(0.5, frame="base_link"))
+    assert lifted.frame_id == fixed
+    # The first object is 17 m ahead of the vehicle, which has driven 2.5 m.
+    assert lifted.position[0, 0] == pytest.approx(19.5 + (100.0 if fixed == "map" else 0.0))
