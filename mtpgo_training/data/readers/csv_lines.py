@@ -87,6 +87,12 @@ def separator_of(line: str) -> str:
     return best if counts[best] else " "
 
 
+def wrong_separator(path: Path, found: str, expected: str) -> str:
+    """Return the sentence for a file that separates its cells by another mark than expected."""
+    expected = SEPARATORS.get(expected, repr(expected))
+    return f"{path} separates its columns by {SEPARATORS[found]}, expected {expected}"
+
+
 def line_in_file(path: Path, number: int) -> int:
     """Return the line at which the row with a number begins.
 

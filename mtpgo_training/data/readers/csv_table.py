@@ -19,7 +19,6 @@ import pandas as pd
 from mtpgo_core.errors import RecordingError, found_names, reason_of
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_lines import (
-    SEPARATORS,
     first_longer_row,
     is_packed,
     kind_of_other_file,
@@ -27,6 +26,7 @@ from mtpgo_training.data.readers.csv_lines import (
     line_of_open_quote,
     open_file,
     separator_of,
+    wrong_separator,
 )
 
 _ROWS_AT_ONCE = 100_000
@@ -358,10 +358,7 @@ def require_columns(
         # A sentence has blanks as well.
         separates = len(cells) > 1 and (other != " " or not set(cells).isdisjoint(wanted))
         if other != form.separator and separates:
-            raise RecordingError(
-                f"{path} separates its columns by {SEPARATORS[other]}, expected "
-                f"{SEPARATORS.get(form.separator, repr(form.separator))}"
-            )
+            raise RecordingError(wrong_separator(path, other, form.separator))
     raise RecordingError(
         f"{path} has no column {missing[0]!r}, expected the columns {', '.join(wanted)}; it has "
         f"{found_names(header, _MOST_COLUMNS, _LONGEST_NAME)}"
@@ -383,6 +380,7 @@ def check_columns(
     first_line: int = 2,
     unit: str = "line",
     form: CsvForm = STANDARD_FORM,
+    described: bool = False,
 ) -> None:
     """Turn the columns of a table into int64 and float64 in place, as :func:`read_table` says.
 
@@ -395,11 +393,13 @@ def check_columns(
         first_line: number of the line that the row with index 0 comes from.
         unit: what a row is in the file.
         form: how the file writes its cells, for those that were read as text.
+        described: a user's file says what the columns mean, and may say of times that they are
+            dates.
 
     Raises:
         RecordingError: a cell is not as it should be.
     """
-    place = _Place(path, unit, first_line)
+    place = _Place(path, unit, first_line, described)
     for name in (*integers, *numbers, *unknown_allowed):
         if name in table:
             unknown = name in unknown_allowed
@@ -522,6 +522,7 @@ class _Place:
     path: Path
     unit: str
     first: int
+    described: bool = False
 
     def refuse(self, column: pd.Series, bad: np.ndarray, expected: str) -> None:
         """Raise the error of the first bad cell, if there is any."""
@@ -530,7 +531,7 @@ class _Place:
         row = int(np.argmax(bad))
         cell = column.iloc[row]
         given = "an empty cell" if pd.isna(cell) else _shown(str(cell))
-        if not pd.isna(cell) and _DATE_OR_CLOCK.match(str(cell)):
+        if self.described and not pd.isna(cell) and _DATE_OR_CLOCK.match(str(cell)):
             expected += " (dates and times of day need time_unit: date)"
         number = int(column.index[row]) + self.first
         number = line_in_file(self.path, number) if self.unit == "line" else number

@@ -242,6 +242,7 @@ def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Ar
         first_line=first_line,
         unit=unit,
         form=form,
+        described=True,
     )
     instants = instants.drop(table.index)
     table = table.rename(columns={column: name for name, column in given.items()})
