@@ -24,6 +24,7 @@ from mtpgo_training.data.readers.bags.bag_transforms import (
     FIXED_FRAMES,
     LONGEST_GAP_S,
     STATIC_TOPIC,
+    TRANSFORM_TYPES,
     TRANSFORMS,
     WHOLE_BAG_S,
     TransformTree,
@@ -146,7 +147,9 @@ class BagPoses:
 
     def _read_tree(self) -> TransformTree:
         reader = self._reader
-        wanted = [c for c in reader.connections if c.msgtype == TRANSFORMS and not obstacle(c)]
+        wanted = [
+            c for c in reader.connections if c.msgtype in TRANSFORM_TYPES and not obstacle(c)
+        ]
         tree = TransformTree()
         near = {id(c): shared_namespaces(c.topic, self._near) for c in wanted}
         for level in sorted(set(near.values()), reverse=True):

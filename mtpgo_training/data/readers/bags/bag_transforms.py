@@ -18,6 +18,9 @@ from mtpgo_core.frames import Pose2, PoseBuffer
 from mtpgo_core.schema import BoolArray, Float64Array
 
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TRANSFORM_TYPES = (TRANSFORMS, "tf/msg/tfMessage")
+"""Types of messages of transforms: the second one, of the first versions of ROS 1, is the same."""
+
 STATIC_TOPIC = "/tf_static"
 
 FIXED_FRAMES = ("map", "odom", "world", "earth")

@@ -57,10 +57,11 @@ def with_packed_named(units: Sequence[Unit], directory: Path) -> list[Unit]:
         return list(units)
     names = [path.name for path in visible_files(directory.iterdir(), directory)]
     read = {file.name for unit in units for file in unit.files}
+    unpacked = {_stem(name) for name in names if not _is_packed(name)}
     packed = [
         name
         for name in names
-        if name.lower().endswith(_PACKED) and name not in read and not _is_unpacked(name, names)
+        if _is_packed(name) and name not in read and _stem(name) not in unpacked
     ]
     if not packed:
         return list(units)
@@ -71,10 +72,13 @@ def with_packed_named(units: Sequence[Unit], directory: Path) -> list[Unit]:
     return [dataclasses.replace(units[0], remarks=[*units[0].remarks, sentence]), *units[1:]]
 
 
-def _is_unpacked(archive: str, names: Sequence[str]) -> bool:
-    """Return whether a file or folder has the name of an archive, but for its ending."""
-    stem = archive.partition(".")[0]
-    return any(name.startswith(stem) and not name.lower().endswith(_PACKED) for name in names)
+def _is_packed(name: str) -> bool:
+    return name.lower().endswith(_PACKED)
+
+
+def _stem(name: str) -> str:
+    """Return the name of an archive or of what it holds, without the endings of either."""
+    return name.partition(".")[0]
 
 
 def _may_be(path: Path, is_one: Callable[[Path], bool]) -> bool:

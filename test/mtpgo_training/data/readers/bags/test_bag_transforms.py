@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from odd_bags import EPOCH_NS, S_NS, OddBag, bytes_of, states_at, write_stream
+from odd_bags import EPOCH_NS, S_NS, OddBag, bytes_of, definition_of, states_at, write_stream
 
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.bag_types import bag_typestore
@@ -352,3 +352,19 @@ def test_odometry_counts_unless_the_transforms_lead_where_it_does_not(tmp_path, 
     assert lifted.frame_id == fixed
     # The first object is 17 m ahead of the vehicle, which has driven 2.5 m.
     assert lifted.position[0, 0] == pytest.approx(19.5 + (100.0 if fixed == "map" else 0.0))
+
+
+def test_transforms_have_the_type_of_the_first_versions_of_ros_1_as_well(tmp_path, caplog):
+    early = "tf/msg/tfMessage"
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        objects = bag.objects()
+        moving = bag.channel("/tf", early, definition_of(TRANSFORMS))
+        for i in range(20):
+            driven = transform("map", "base_link", i / 10, (i / 2, 0.0, 0.0))
+            bag.add(moving, messages_of([driven]), i / 10)
+            bag.add(objects, bytes_of(states_at(i / 10, frame="base_link")), i / 10)
+    (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
+    # 10 m/s of the objects and 5 m/s of the vehicle.
+    moved = recording.position[recording.track == 0][:, 0]
+    np.testing.assert_allclose(np.diff(moved), 1.5, atol=1e-4)
+    assert not caplog.records
