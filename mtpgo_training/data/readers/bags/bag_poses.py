@@ -110,8 +110,8 @@ class BagPoses:
             return states
         fixed, poses = found
         frame = states.frame_id.lstrip("/")
-        if self._tree is not None and frame in self._tree.tilted:
-            raise FrameError(self._tree.tilted[frame])
+        if self._tree is not None and frame in self._tree.unusable:
+            raise FrameError(self._tree.unusable[frame])
         try:
             pose = poses.at(states.stamp_ns)
         except FrameError as error:

@@ -95,11 +95,11 @@ class TransformTree:
     """The transforms of a bag.
 
     Attributes:
-        tilted: why the poses of a frame cannot be used, for those that do not stand upright.
+        unusable: why no pose of a frame can be used, where that is so.
     """
 
     def __init__(self) -> None:
-        self.tilted: dict[str, str] = {}
+        self.unusable: dict[str, str] = {}
         self._edges: dict[str, _Edge] = {}
         self._parents: dict[str, dict[tuple[str, bool], _Edge]] = {}
 
@@ -193,8 +193,12 @@ class TransformTree:
         fixed = fixed or ancestors[-1]
         chain = chain[: ancestors.index(fixed)]
         poses, upright = _composed(chain)
-        if upright < LEAST_UPRIGHT:
-            self.tilted[frame] = tilt_problem(frame, fixed, upright)
+        if not len(poses):
+            self.unusable[frame] = (
+                f"the transforms from frame {frame!r} to {fixed!r} have no time in common"
+            )
+        elif upright < LEAST_UPRIGHT:
+            self.unusable[frame] = tilt_problem(frame, fixed, upright)
         return fixed, poses
 
     def _ancestors(self, frame: str) -> tuple[list[str], list[_Edge], bool]:

@@ -263,7 +263,7 @@ def test_a_sensor_that_looks_down_a_little_is_none_of_them():
         static=[transform("base_link", "lidar", 0.0, (1.0, 0.0, 1.5), pitched)],
     )
     assert_pose(at(found.poses("lidar")[1], 0.5), 1.0, 0.0, 0.0)
-    assert not found.tilted
+    assert not found.unusable
 
 
 def on_a_circle(time_s):
@@ -368,3 +368,18 @@ def test_transforms_have_the_type_of_the_first_versions_of_ros_1_as_well(tmp_pat
     moved = recording.position[recording.track == 0][:, 0]
     np.testing.assert_allclose(np.diff(moved), 1.5, atol=1e-4)
     assert not caplog.records
+
+
+def test_transforms_without_a_time_in_common_are_called_so(tmp_path):
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        objects, moving = bag.objects(), bag.channel("/tf", TRANSFORMS)
+        for i in range(20):
+            links = [
+                transform("map", "base_link", i / 10, (i / 2, 0.0, 0.0)),
+                transform("base_link", "lidar", -EPOCH_NS / S_NS),  # as if it were static
+            ]
+            bag.add(moving, messages_of(links), i / 10)
+            bag.add(objects, bytes_of(states_at(i / 10, frame="lidar")), i / 10)
+    sentence = "the transforms from frame 'lidar' to 'map' have no time in common"
+    with pytest.raises(RecordingError, match=sentence):
+        load_recordings(tmp_path / "bag.mcap", "bag")
