@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import os
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -274,8 +275,12 @@ def _of(names: Mapping[str, str]) -> ClassMap:
 
 
 def _normal(name: str) -> str:
-    """Return a name as it is compared; 1.0 is the number 1 where others were unknown."""
-    text = re.sub(r"[\s-]+", "_", str(name).strip().lower())
+    """Return a name as it is compared; 1.0 is the number 1 where others were unknown.
+
+    An umlaut is one character or two, which look the same; macOS writes two.
+    """
+    text = unicodedata.normalize("NFC", str(name).strip().lower())
+    text = re.sub(r"[\s-]+", "_", text)
     return re.sub(r"^([0-9]+)\.0+$", r"\1", text)
 
 

@@ -588,10 +588,12 @@ class StoredBag:
             if expected is not None and expected[0] >= loss.read:
                 end_ns = expected[1] + expected[2]
                 ended_s = max(0, end_ns - storage.end_ns) * 1e-9
+                whole_s = expected[2] * 1e-9
                 loss = replace(
                     loss,
                     messages=expected[0] - loss.read,
-                    seconds=max(ended_s, loss.seconds or 0.0),
+                    # Messages that are missing between others took no time of the file's.
+                    seconds=(max(ended_s, loss.seconds or 0.0) if loss.read else whole_s) or None,
                     exact=True,
                 )
             found.append(replace(loss, file=file))

@@ -16,6 +16,10 @@ from mtpgo_core.schema import FARTHEST_M
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 
+LEAST_UPRIGHT = 0.5
+"""Smallest vertical component of a frame's z axis; chosen: 60 degrees, more than any road or mount
+of a lidar, less than the 90 degrees of a camera's optical frame."""
+
 
 def pose_of(message: Any) -> Pose2:
     """Return pose and velocity of the message's child frame in its header's frame."""
@@ -53,6 +57,21 @@ def dated_pose(message: Any, name: str) -> tuple[int, Pose2]:
             f" numbers up to {FARTHEST_M:g} m and an orientation"
         )
     return stamp_ns, pose
+
+
+def tilt_problem(frame_id: str, fixed_frame: str, upright: float) -> str:
+    """Return why a frame that does not stand upright cannot be used.
+
+    Args:
+        frame_id: the frame.
+        fixed_frame: the fixed frame.
+        upright: vertical component of the frame's z axis, below :data:`LEAST_UPRIGHT`.
+    """
+    return (
+        f"the z axis of frame {frame_id!r} is tilted by"
+        f" {math.degrees(math.acos(max(-1.0, upright))):.0f} degrees in {fixed_frame!r},"
+        " expected z up: an optical frame of a camera cannot be used, its body frame can"
+    )
 
 
 def pose_of_transform(message: Any) -> Pose2:

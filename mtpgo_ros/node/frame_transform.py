@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import threading
 from typing import Any, Protocol
 
@@ -15,7 +14,12 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.time import Time
 
-from msg_adapters.inputs.odometry import dated_pose, pose_of_transform
+from msg_adapters.inputs.odometry import (
+    LEAST_UPRIGHT,
+    dated_pose,
+    pose_of_transform,
+    tilt_problem,
+)
 from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, PoseBuffer, to_fixed_frame
 from mtpgo_core.history.stream_guard import LATE_NS
@@ -24,10 +28,6 @@ from mtpgo_ros.diagnostics.event_log import EventLog
 
 _ODOMETRY_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Queue of odometry: half a second at 100 Hz."""
-
-_LEAST_UPRIGHT = 0.5
-"""Smallest vertical component of a frame's z axis; chosen: 60 degrees, more than any road or mount
-of a lidar, less than the 90 degrees of a camera's optical frame."""
 
 
 _MOST_FRAMES = 8
@@ -184,12 +184,8 @@ class TfPoses:
             ) from error
         rotation = found.transform.rotation
         upright = 1.0 - 2.0 * (rotation.x**2 + rotation.y**2)
-        if upright < _LEAST_UPRIGHT:
-            raise FrameError(
-                f"the z axis of frame {frame_id!r} is tilted by"
-                f" {math.degrees(math.acos(max(-1.0, upright))):.0f} degrees in {fixed_frame!r},"
-                " expected z up: an optical frame of a camera cannot be used, its body frame can"
-            )
+        if upright < LEAST_UPRIGHT:
+            raise FrameError(tilt_problem(frame_id, fixed_frame, upright))
         return pose_of_transform(found)
 
     def clear(self) -> None:

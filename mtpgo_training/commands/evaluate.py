@@ -382,7 +382,7 @@ def _from_bags(
     if with_data:
         recordings = dict(named_recordings(data_sources(args.data_options), cache_from(args)))
     else:
-        recordings = observed_recordings(args.predictions, reading)
+        recordings = observed_recordings(args.predictions, reading, topic)
     return evaluate_bags(
         args.predictions,
         recordings,

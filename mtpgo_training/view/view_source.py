@@ -15,7 +15,6 @@ from msg_adapters.conversions import reading
 from msg_adapters.predictions import NoPredictionsError
 from mtpgo_core.errors import (
     ConfigurationError,
-    FrameError,
     MessageError,
     RecordingError,
     found_names,
@@ -24,8 +23,7 @@ from mtpgo_core.prediction.model_runner import ModelRunner, find_model
 from mtpgo_core.schema import Prediction
 from mtpgo_training.data.data_sources import DataSource
 from mtpgo_training.data.readers import reading_jobs
-from mtpgo_training.data.readers.bags.bag_poses import BagPoses
-from mtpgo_training.data.readers.bags.bag_topics import objects_topic
+from mtpgo_training.data.readers.bags.bag_frames import in_frame_of_predictions, observed_frame
 from mtpgo_training.data.recording import Recording, require_span
 from mtpgo_training.evaluation.bags.bag_predictions import match, read_predictions
 from mtpgo_training.evaluation.offline_predictor import predict_as_the_node
@@ -37,7 +35,7 @@ DEFAULT_MODEL = "default"
 
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _LOOKED_AT = 20
-"""Messages read to find a model's name or a frame; chosen: the first ones may be empty."""
+"""Messages read to find a model's name; chosen: the first ones may be empty."""
 
 _log = logging.getLogger("mtpgo")
 
@@ -81,12 +79,16 @@ def load_scene(source: DataSource, options: ViewOptions) -> ViewScene:
         ConfigurationError: the model cannot be used.
     """
     runner = ModelRunner.load(find_model(options.model)) if options.model is not None else None
+    if runner is None and source.layout == "bag":
+        topic = options.predictions_topic
+        own = in_frame_of_predictions(source.directory, source.options, topic)
+        source = source._replace(options=own)
     recording = _one_recording(source)
     start_s, end_s = _span(recording, options)
     bag = _bag_of(source, recording.name)
     predictions: list[Prediction] = []
     model = ""
-    frame_id = recorded_frame(bag, source) if bag is not None else ""
+    frame_id = observed_frame(bag, source.options) if bag is not None else ""
     if runner is None and bag is not None:
         predictions = _recorded(bag, recording, options, start_s, end_s)
         _warn_of_other_frames(predictions, frame_id)
@@ -222,19 +224,4 @@ def recorded_model(bag: Path) -> str:
                     values = {value.key: value.value for value in status.values}
                     if status.name.endswith(": model") and values.get("model"):
                         return str(values["model"])
-    return ""
-
-
-def recorded_frame(bag: Path, source: DataSource) -> str:
-    """Return the frame of a bag's tracked objects, as the node would have them; else empty."""
-    with DecodingBagReader(bag) as reader:
-        topic = objects_topic(reader, source.options.bags.topic_of(bag_name(bag)))
-        poses = BagPoses(reader, topic.name)
-        messages = reader.messages(topic.connections)
-        for _, received_ns, message in itertools.islice(messages, _LOOKED_AT):
-            try:
-                states = topic.adapter.to_states(message, fallback_stamp_ns=received_ns)
-                return poses.lift(states).frame_id
-            except (MessageError, FrameError):
-                continue
     return ""

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Class maps: presets, files, how names are compared, and what is refused."""
 
+import unicodedata
+
 import numpy as np
 import pytest
 
@@ -121,3 +123,14 @@ def test_a_name_longer_than_any_is_none():
     assert class_map("nuscenes").find("vehicle.bus" + ".x" * 50) == BUS
     assert class_map("nuscenes").find("vehicle.bus" + ".x" * 100) == UNKNOWN
     assert OWN_NAMES.find("." * 1_000_000) == UNKNOWN
+
+
+def test_umlauts_of_one_character_and_of_two_are_the_same(tmp_path):
+    names = [unicodedata.normalize(form, "Fußgänger") for form in ("NFC", "NFD")]
+    assert names[0] != names[1]
+    for name in names:
+        path = tmp_path / "map.yaml"
+        path.write_text(f"{name}: pedestrian\n")
+        classes = read_class_map(path)
+        assert classes.find_all(names).tolist() == [PEDESTRIAN, PEDESTRIAN]
+        assert classes.not_known(names) == []

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
+from mtpgo_training.data.readers.checks.foreign_files import with_packed_named
 from mtpgo_training.data.readers.checks.layout_clues import what_is_there
 from mtpgo_training.data.readers.drone_files import NoRecordingsError, select_names
 from mtpgo_training.data.readers.reading_job import ReadingJob
@@ -59,6 +60,8 @@ def reading_jobs(
     """
     where = Path(directory)
     whole, parts = _find(where, layout, names, options)
+    if not names:
+        whole = with_packed_named(whole, where)
     jobs = [ReadingJob((unit,), options, where) for unit in whole]
     if parts:
         units = finder_of(layout)(where, None, options)

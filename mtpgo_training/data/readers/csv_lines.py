@@ -30,6 +30,8 @@ _KINDS = {
     b'{"': "JSON, expected CSV",
     b'[{"': "JSON, expected CSV",
     b"PAR1": "a Parquet file, expected a name that ends in .parquet",
+    b"\xff\xfe\0\0": "encoded in UTF-32, expected UTF-8",
+    b"\0\0\xfe\xff": "encoded in UTF-32, expected UTF-8",
     b"\xff\xfe": "encoded in UTF-16, expected UTF-8",
     b"\xfe\xff": "encoded in UTF-16, expected UTF-8",
 }
@@ -83,6 +85,12 @@ def separator_of(line: str) -> str:
     counts = {mark: line.count(mark) for mark in SEPARATORS if mark != " "}
     best = max(counts, key=lambda mark: counts[mark])
     return best if counts[best] else " "
+
+
+def wrong_separator(path: Path, found: str, expected: str) -> str:
+    """Return the sentence for a file that separates its cells by another mark than expected."""
+    expected = SEPARATORS.get(expected, repr(expected))
+    return f"{path} separates its columns by {SEPARATORS[found]}, expected {expected}"
 
 
 def line_in_file(path: Path, number: int) -> int:

@@ -19,7 +19,6 @@ import pandas as pd
 from mtpgo_core.errors import RecordingError, found_names, reason_of
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_lines import (
-    SEPARATORS,
     first_longer_row,
     is_packed,
     kind_of_other_file,
@@ -27,6 +26,7 @@ from mtpgo_training.data.readers.csv_lines import (
     line_of_open_quote,
     open_file,
     separator_of,
+    wrong_separator,
 )
 
 _ROWS_AT_ONCE = 100_000
@@ -34,6 +34,9 @@ _ROWS_AT_ONCE = 100_000
 
 _LONGEST_LINE = 1 << 16
 """Bytes read to find the first or last line of a file; chosen far above the longest line."""
+
+_FORM_ROWS = 1000
+"""Rows in which marks of thousands are looked at; chosen: those of several road users."""
 
 _LINE_END = re.compile(rb"[\r\n]")
 
@@ -227,6 +230,44 @@ def read_table(
     return table
 
 
+def check_thousands(path: Path, form: CsvForm, names: Sequence[str] | None = None) -> None:
+    """Check that the mark of thousands of a file stands between groups of three digits.
+
+    A decimal mark that is taken for it would make 12,5 a 125. Only the first rows are looked at.
+
+    Args:
+        path: ``.csv`` or ``.csv.gz`` file.
+        form: how the file writes its cells; without a mark nothing is checked.
+        names: the columns of numbers, None for all cells that look like numbers.
+
+    Raises:
+        RecordingError: a number has other groups.
+    """
+    if form.thousands is None:
+        return
+    options = {**form.pandas_options(), "thousands": None, "dtype": str, "nrows": _FORM_ROWS}
+    try:
+        table = pd.read_csv(path, index_col=False, skipinitialspace=True, **options)
+    except _UNREADABLE:
+        return  # what is wrong is said where the file is read
+    table.columns = [column_name(name) for name in table.columns]
+    mark, point = re.escape(form.thousands), re.escape(form.decimal)
+    number = re.compile(rf"[-+]?[\d{mark}{point}]*\d")
+    # India groups by two digits before the last three.
+    grouped = re.compile(rf"[-+]?[1-9]\d{{0,2}}({mark}\d{{2,3}})*{mark}\d{{3}}({point}\d*)?")
+    for name in table.columns if names is None else [n for n in names if n in table]:
+        cells = table[name].dropna().astype("string").str.strip()
+        marked = cells.str.contains(form.thousands, regex=False) & cells.str.fullmatch(number)
+        bad = marked & ~cells.str.fullmatch(grouped)
+        if bad.any():
+            row = int(bad.idxmax())
+            line = line_in_file(path, row + form.first_line)
+            raise RecordingError(
+                f"{path}, line {line}, column {name!r}: {_shown(str(cells[row]))}, expected "
+                f"{form.thousands!r} between groups of three digits; is it the decimal mark?"
+            )
+
+
 def observed_rows(
     table: pd.DataFrame,
     path: Path,
@@ -317,10 +358,7 @@ def require_columns(
         # A sentence has blanks as well.
         separates = len(cells) > 1 and (other != " " or not set(cells).isdisjoint(wanted))
         if other != form.separator and separates:
-            raise RecordingError(
-                f"{path} separates its columns by {SEPARATORS[other]}, expected "
-                f"{SEPARATORS.get(form.separator, repr(form.separator))}"
-            )
+            raise RecordingError(wrong_separator(path, other, form.separator))
     raise RecordingError(
         f"{path} has no column {missing[0]!r}, expected the columns {', '.join(wanted)}; it has "
         f"{found_names(header, _MOST_COLUMNS, _LONGEST_NAME)}"
@@ -342,6 +380,7 @@ def check_columns(
     first_line: int = 2,
     unit: str = "line",
     form: CsvForm = STANDARD_FORM,
+    described: bool = False,
 ) -> None:
     """Turn the columns of a table into int64 and float64 in place, as :func:`read_table` says.
 
@@ -354,11 +393,13 @@ def check_columns(
         first_line: number of the line that the row with index 0 comes from.
         unit: what a row is in the file.
         form: how the file writes its cells, for those that were read as text.
+        described: a user's file says what the columns mean, and may say of times that they are
+            dates.
 
     Raises:
         RecordingError: a cell is not as it should be.
     """
-    place = _Place(path, unit, first_line)
+    place = _Place(path, unit, first_line, described)
     for name in (*integers, *numbers, *unknown_allowed):
         if name in table:
             unknown = name in unknown_allowed
@@ -481,6 +522,7 @@ class _Place:
     path: Path
     unit: str
     first: int
+    described: bool = False
 
     def refuse(self, column: pd.Series, bad: np.ndarray, expected: str) -> None:
         """Raise the error of the first bad cell, if there is any."""
@@ -489,7 +531,7 @@ class _Place:
         row = int(np.argmax(bad))
         cell = column.iloc[row]
         given = "an empty cell" if pd.isna(cell) else _shown(str(cell))
-        if not pd.isna(cell) and _DATE_OR_CLOCK.match(str(cell)):
+        if self.described and not pd.isna(cell) and _DATE_OR_CLOCK.match(str(cell)):
             expected += " (dates and times of day need time_unit: date)"
         number = int(column.index[row]) + self.first
         number = line_in_file(self.path, number) if self.unit == "line" else number

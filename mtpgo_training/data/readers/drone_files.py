@@ -148,11 +148,29 @@ def find_drone_files(directory: Path, names: Sequence[str] | None = None) -> lis
     ]
 
 
-def _tracks(paths: Sequence[Path]) -> dict[str, Path]:
-    """Return the tracks files among the files of a folder by the names of their recordings."""
+def missing_tracks(tracks: Path) -> list[str]:
+    """Return a sentence for each recording beside a tracks file that has no tracks itself."""
+    folder = tracks.parent
+    paths = visible_files(folder.iterdir(), folder)
+    there = {name.lower() for name in _tracks(paths)}
+    return [
+        f"{folder / name}_tracks.csv is missing, it belongs to {path.name}: the recording is not"
+        " read"
+        for name, path in _tracks(paths, "_tracksMeta").items()
+        if name.lower() not in there
+    ]
+
+
+def _tracks(paths: Sequence[Path], kind: str = "_tracks") -> dict[str, Path]:
+    """Return the tracks files among the files of a folder by the names of their recordings.
+
+    Args:
+        paths: the files.
+        kind: end of the names of such files.
+    """
     found: dict[str, Path] = {}
     for suffix in _SUFFIXES:
-        ending = f"_tracks{suffix}"
+        ending = f"{kind}{suffix}".lower()
         for path in paths:
             if path.name.lower().endswith(ending):
                 found.setdefault(path.name[: -len(ending)], path)

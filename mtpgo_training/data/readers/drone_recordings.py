@@ -8,6 +8,7 @@ degrees. highD has the upper-left corner of the box, y down, and calls the lengt
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,12 @@ from mtpgo_core.schema import Float64Array
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_lines import line_in_file
 from mtpgo_training.data.readers.csv_table import read_header, read_table
-from mtpgo_training.data.readers.drone_files import DroneFiles, check_layout, find_drone_files
+from mtpgo_training.data.readers.drone_files import (
+    DroneFiles,
+    check_layout,
+    find_drone_files,
+    missing_tracks,
+)
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions, classes_of
 from mtpgo_training.data.readers.reading_unit import Unit
@@ -167,7 +173,10 @@ def drone_units(
         read = DRONE_READERS[layout]
         return Unit(files.name, layout, files.all, lambda: iter([read(files, options.classes)]))
 
-    return [unit(files) for files in find_drone_files(directory, names)]
+    units = [unit(files) for files in find_drone_files(directory, names)]
+    if names:
+        return units
+    return [dataclasses.replace(units[0], remarks=missing_tracks(units[0].files[0])), *units[1:]]
 
 
 def _place(path: Path, row: int) -> str:

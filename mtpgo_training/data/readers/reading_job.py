@@ -21,7 +21,7 @@ from mtpgo_training.data.readers.checks.reading_remarks import (
     remark,
     say_again,
 )
-from mtpgo_training.data.readers.checks.unit_clues import unit_clue
+from mtpgo_training.data.readers.checks.unit_clues import impossible_velocities, unit_clue
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.recording_parts import RecordingPart, cut_parts
@@ -92,6 +92,7 @@ def _read_unit(
         remark(sentence)
     for recording in _recordings_of(unit, options, cache):
         counts.update(recording.counts)
+        counts["too_fast"] += impossible_velocities(recording)
         if not clue:  # one of many is enough
             clue = unit_clue(recording)
             if clue:

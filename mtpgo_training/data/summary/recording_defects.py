@@ -62,6 +62,8 @@ KINDS = {
     "gap": "road users not observed for longer than the history bridges",
     "jump": "positions far from where the movement led",
     "too fast": "moves that the history rejects as faster than any road user",
+    "rejected velocity": "rows that the history leaves out, for their recorded velocity is that of"
+    " no road user",
     "velocity": "road users whose recorded velocity does not fit their movement",
     "heading": "road users whose heading does not fit their movement",
     "repeated position": "positions repeated exactly while the recorded velocity goes on",
@@ -143,6 +145,12 @@ class _Finder:
         )
         fast = steps.speed_mps > history.max_speed_mps
         yield self._steps("too fast", fast, lambda i: f"{steps.speed_mps[i]:.0f} m/s")
+        said_mps = lengths(self.recording.velocity)
+        yield self._rows(
+            "rejected velocity",
+            said_mps > history.max_speed_mps,  # false for NaN
+            lambda row: f"{said_mps[row]:.0f} m/s",
+        )
         off = self._off_course()
         yield self._steps("jump", (off > 0) & ~fast, lambda i: f"{off[i]:.1f} m off its course")
         yield self._frozen()
@@ -176,6 +184,14 @@ class _Finder:
         first = tuple(
             Defect(kind, self._place(int(self.steps.before[i])), text(int(i)))
             for i in which[:MOST_PLACES].tolist()
+        )
+        return DefectList(kind, len(which), first)
+
+    def _rows(self, kind: str, bad: BoolArray, text: Callable[[int], str]) -> DefectList:
+        """Return the defects of some rows; these are in the order of time."""
+        which = np.flatnonzero(bad)
+        first = tuple(
+            Defect(kind, self._place(row), text(row)) for row in which[:MOST_PLACES].tolist()
         )
         return DefectList(kind, len(which), first)
 

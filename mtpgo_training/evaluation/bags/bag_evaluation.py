@@ -20,6 +20,7 @@ from mtpgo_core.prediction.output_assembly import delay_ns, from_horizon_start
 from mtpgo_core.schema import CalibrationStage, Prediction, Source
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.bags.bag_frames import in_frame_of_predictions, observed_frame
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.bags.agreement import Agreement, replay_offline
@@ -73,13 +74,14 @@ class BagResult:
 
 
 def observed_recordings(
-    bags: Sequence[Path], options: ReadingOptions = AS_USUAL
+    bags: Sequence[Path], options: ReadingOptions = AS_USUAL, topic: str | None = None
 ) -> dict[str, Recording]:
     """Return what the bags themselves observed: the ground truth where no other is given.
 
     Args:
         bags: the bags.
         options: how their observations are read.
+        topic: of the predictions, into whose frame the observations are transformed.
 
     Raises:
         RecordingError: a bag has no tracked objects.
@@ -89,7 +91,7 @@ def observed_recordings(
         with BagReader(bag):
             pass  # a file that is not a bag has its own error
         try:
-            recordings = load_recordings(bag, "bag", None, _of(bag, options))
+            recordings = load_recordings(bag, "bag", None, _of(bag, options, topic))
         except RecordingError as error:
             raise RecordingError(
                 f"{error}; the truth for recorded predictions is in the bag itself, or given "
@@ -157,11 +159,13 @@ def evaluate_bags(
             )
         result.published[bag_called] = _by_calibration(predictions)
         result.warnings += _fallback_warning(bag, predictions)
+        reading = _of(bag, options, topic)
         with contextlib.suppress(RecordingError):  # it may hold predictions only
-            live = replayed_quality(bag, received, _history(runners), _of(bag, options))
+            result.warnings += _frame_warning(bag, predictions, reading)
+            live = replayed_quality(bag, received, _history(runners), reading)
             if live.predictions.any():
                 result.live[bag_called] = quality_rows(live)
-        parts = find_parts(_observed(bag, options), recordings) if own_clock else []
+        parts = find_parts(_observed(bag, reading), recordings) if own_clock else []
         if parts and not any(part.name for part in parts):
             result.warnings.append(
                 f"what {bag} observed is in none of the recordings, so its predictions are "
@@ -215,10 +219,26 @@ def _fallback_warning(bag: Path, predictions: Sequence[Prediction]) -> list[str]
     ]
 
 
-def _of(bag: Path, options: ReadingOptions) -> ReadingOptions:
-    """Return the options of one bag of several."""
+def _frame_warning(
+    bag: Path, predictions: Sequence[Prediction], options: ReadingOptions
+) -> list[str]:
+    """Return a sentence where predictions are not in the frame of the objects, as it is known."""
+    frame = observed_frame(bag, options)
+    others = sorted({one.frame_id for one in predictions if len(one)} - {frame})
+    if not frame or not others:
+        return []
+    return [
+        f"the predictions in {bag} are in the frame {', '.join(map(repr, others))}, the objects in"
+        f" {frame!r}, and no transform is known between them; they are scored as if these were the"
+        " same"
+    ]
+
+
+def _of(bag: Path, options: ReadingOptions, predictions_topic: str | None) -> ReadingOptions:
+    """Return the options of one bag of several, with the frame of its predictions."""
     topic = options.bags.topic_of(bag_name(bag))
-    return replace(options, bags=replace(options.bags, topic=topic, topics={}))
+    own = replace(options, bags=replace(options.bags, topic=topic, topics={}))
+    return in_frame_of_predictions(bag, own, predictions_topic)
 
 
 def _history(runners: Mapping[str, ModelRunner]) -> HistoryConfig:
@@ -229,7 +249,7 @@ def _history(runners: Mapping[str, ModelRunner]) -> HistoryConfig:
 def _observed(bag: Path, options: ReadingOptions) -> list[Recording]:
     """Return the recordings of a bag's observations; empty if it has only predictions."""
     try:
-        return load_recordings(bag, "bag", None, _of(bag, options))
+        return load_recordings(bag, "bag", None, options)
     except RecordingError:
         return []
 

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Folders of bags: whole, without metadata, split, with a bad split."""
 
+import contextlib
 import logging
+import sqlite3
 from contextlib import contextmanager
 
 import pytest
@@ -532,3 +534,20 @@ def test_a_file_that_was_copied_as_text_is_called_so(tmp_path):
     path.write_bytes(path.read_bytes().replace(b"\r\n", b"\n"))
     with pytest.raises(RecordingError, match="an MCAP file whose line ends were changed"):
         StoredBag(path)
+
+
+def test_the_time_of_a_loss_is_that_of_what_is_missing(tmp_path, caplog):
+    """A whole file takes all of its time, single messages between others none."""
+    path = tmp_path / "bag"
+    write_metadata(path, write_split(path, storage=StoragePlugin.SQLITE3))
+    for name, change in (
+        ("bag_0.db3", "UPDATE messages SET data='text' WHERE id=7"),
+        ("bag_1.db3", "DELETE FROM topics"),
+    ):
+        with contextlib.closing(sqlite3.connect(path / name)) as database:
+            database.execute(change)
+            database.commit()
+    assert len(read(path)[0]) == 39
+    said = [record.getMessage() for record in caplog.records]
+    assert any(text.endswith("19 messages (1.9 s) read, 1 message lost") for text in said)
+    assert any(text.endswith("nothing of it is read, 20 messages (1.9 s) lost") for text in said)

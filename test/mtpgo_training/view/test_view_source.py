@@ -7,6 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
+from demo_traffic import make_recording
+from driven_bags import driven_past
 from viewed_bags import write_bag
 
 from models.mtp_go import MTPGO
@@ -63,6 +65,15 @@ def test_a_filtered_cloud_is_shown_as_far_as_it_goes(
         np.testing.assert_allclose(one.prediction.time_s, times_s, atol=1e-6)
         np.testing.assert_allclose(one.ade_m, error_m, atol=0.01)
     np.testing.assert_allclose(scene.predictions[0].final_m, error_m, atol=0.01)
+
+
+@pytest.mark.parametrize("fixed_frame", ["map", "odom"])
+def test_objects_are_drawn_in_the_frame_of_the_predictions(tmp_path, caplog, fixed_frame):
+    scene = load(driven_past(tmp_path / "drive", make_recording(duration_s=8.0), fixed_frame))
+    assert scene.frame_id == fixed_frame
+    for one in scene.predictions[:10]:
+        np.testing.assert_allclose(one.ade_m, 0.0, atol=0.01)
+    assert "frame" not in caplog.text
 
 
 def test_predictions_in_another_frame_than_the_objects_are_told(recording, tmp_path, caplog):

@@ -25,6 +25,8 @@ class BagOptions:
         ego_topic: topic with the ego's odometry, which makes it a road user, as the node's
             parameter does; empty leaves it out.
         ego: size, class and place of the ego's box.
+        fixed_frame: frame into which objects are transformed where the bag tells how, as that of
+            its predictions; empty for the usual one.
     """
 
     topic: str = ""
@@ -32,6 +34,7 @@ class BagOptions:
     stamps: str = option("header", choices=STAMPS)
     ego_topic: str = ""
     ego: EgoOptions = field(default_factory=EgoOptions)
+    fixed_frame: str = ""
 
     def __post_init__(self) -> None:
         check_options(self, "bags.")
@@ -40,7 +43,8 @@ class BagOptions:
     def given(self) -> list[str]:
         """The options of the command line that set what differs from the defaults."""
         default = BagOptions()
-        names = [item.name for item in fields(self) if item.name != "ego"]  # part of --ego-topic
+        inner = ("ego", "fixed_frame")  # part of --ego-topic, and no option of their own
+        names = [item.name for item in fields(self) if item.name not in inner]
         given = [name for name in names if getattr(self, name) != getattr(default, name)]
         return [f"--{name.replace('_', '-')}" for name in given]
 

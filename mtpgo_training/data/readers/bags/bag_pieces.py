@@ -38,6 +38,7 @@ from mtpgo_training.data.readers.bags.bag_topics import (
     nearest_first,
     shared_namespaces,
 )
+from mtpgo_training.data.readers.bags.stamp_seconds import StampSeconds
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.recording_bag import EGO_TOPIC, LANES_TOPIC
 
@@ -124,7 +125,7 @@ class PieceReader:
         self._log_stamps = options.bags.stamps == "log"
         self._classes = options.classes
         self._where = f"{reader.path}, topic {topic.name}"
-        self._poses = BagPoses(reader, topic.name)
+        self._poses = BagPoses(reader, topic.name, options.bags.fixed_frame)
         self._guard = StreamGuard(HistoryConfig().keep_ns)
         self._taken = taken
         self._ahead: list[_Message] = []
@@ -133,6 +134,7 @@ class PieceReader:
         self._first: _Message | None = None
         self._last: _Message | None = None
         self._stamps_moved_ns = 0
+        self._seconds = StampSeconds()
         self._problem = ""
         self._frames: set[str] = set()
         self._piece = BagPiece()
@@ -151,6 +153,11 @@ class PieceReader:
         logged_ns = self._last.received_ns - self._first.received_ns
         stamped_ns = self._last.states.stamp_ns - self._first.states.stamp_ns
         return stamped_ns / logged_ns if logged_ns >= 1e9 and stamped_ns > 0 else float("nan")
+
+    @property
+    def parts_of_seconds_are_wrong(self) -> bool:
+        """Whether the stamps have microseconds or milliseconds in the field of nanoseconds."""
+        return self._seconds.are_of_another_unit
 
     @property
     def moved_s(self) -> float:
@@ -198,6 +205,7 @@ class PieceReader:
                     if self._last is not None:
                         step_ns = states.stamp_ns - self._last.states.stamp_ns
                         self._stamps_moved_ns += abs(step_ns)
+                    self._seconds.add(states.stamp_ns, received_ns)
                     self._last = _Message(states, received_ns)
                     self._first = self._first or self._last
                     usable = self._usable(self._last)
@@ -373,7 +381,12 @@ class PieceReader:
         if frame in self._frames:
             return
         self._frames.add(frame)
-        if moves_with_vehicle(frame):
+        if not frame:
+            sentence = (
+                f"{self._where}: objects come without the name of a frame: they are read as in a"
+                " fixed one"
+            )
+        elif moves_with_vehicle(frame):
             sentence = (
                 f"{self._where}: objects come in frame {frame!r}, which usually moves with the"
                 " vehicle, expected odometry or transforms of it in the bag"

@@ -22,11 +22,17 @@ from mtpgo_core.schema import TrackedStates
 from mtpgo_training.data.readers.bags.bag_topics import nearest_first, shared_namespaces
 from mtpgo_training.data.readers.bags.bag_transforms import (
     FIXED_FRAMES,
+    LONGEST_GAP_S,
     STATIC_TOPIC,
+    TRANSFORM_TYPES,
     TRANSFORMS,
     WHOLE_BAG_S,
     TransformTree,
 )
+
+
+def _buffer() -> PoseBuffer:
+    return PoseBuffer(WHOLE_BAG_S, max_gap_s=LONGEST_GAP_S)
 
 
 class BagPoses:
@@ -36,10 +42,12 @@ class BagPoses:
         reader: the bag.
         near: topic of the objects. Of frames of the same name, as two robots have them, those of
             its own namespace count.
+        fixed_frame: frame into which objects are transformed if the bag tells how; empty for that
+            of the odometry, else the usual one of the transforms.
     """
 
-    def __init__(self, reader: DecodingBagReader, near: str = "") -> None:
-        self._reader, self._near = reader, near
+    def __init__(self, reader: DecodingBagReader, near: str = "", fixed_frame: str = "") -> None:
+        self._reader, self._near, self._fixed_frame = reader, near, fixed_frame.lstrip("/")
         self._poses: dict[str, tuple[str, PoseBuffer]] = {}
         self._unusable: dict[str, str] = {}
         self._tree: TransformTree | None = None
@@ -54,7 +62,7 @@ class BagPoses:
                     parent, child = message.header.frame_id, message.child_frame_id
                     if child in ("", parent):
                         continue
-                    fixed, poses = found.setdefault(child, (parent, PoseBuffer(WHOLE_BAG_S)))
+                    fixed, poses = found.setdefault(child, (parent, _buffer()))
                     if fixed == parent:
                         self._add(poses, message)
             # Of several topics with the same frame, the first is used.
@@ -97,10 +105,13 @@ class BagPoses:
         """
         if not len(states):
             return states
-        found = self._poses.get(states.frame_id) or self._transforms(states.frame_id)
+        found = self._found(states.frame_id)
         if found is None:
             return states
         fixed, poses = found
+        frame = states.frame_id.lstrip("/")
+        if self._tree is not None and frame in self._tree.unusable:
+            raise FrameError(self._tree.unusable[frame])
         try:
             pose = poses.at(states.stamp_ns)
         except FrameError as error:
@@ -110,22 +121,35 @@ class BagPoses:
             raise FrameError(f"{error}; {reason}") from error
         return to_fixed_frame(states, pose, fixed)
 
+    def _found(self, frame: str) -> tuple[str, PoseBuffer] | None:
+        """Return a fixed frame and the poses of a frame in it, None if the bag tells nothing."""
+        by_odometry = self._poses.get(frame)
+        wanted = self._fixed_frame
+        if by_odometry is None:
+            return self._transforms(frame)
+        if wanted in ("", by_odometry[0].lstrip("/")):
+            return by_odometry
+        by_tree = self._transforms(frame)
+        return by_tree if by_tree is not None and by_tree[0] == wanted else by_odometry
+
     def is_apart(self, frame: str) -> bool:
         """Return whether the bag's transforms tell how frames move, but nothing of this one."""
         return self._tree is not None and self._tree.is_apart(frame)
 
     def _transforms(self, frame: str) -> tuple[str, PoseBuffer] | None:
         """Return the fixed frame and poses that the bag's transforms give for a frame."""
-        if frame.lstrip("/") in FIXED_FRAMES:
+        if frame.lstrip("/") in FIXED_FRAMES and self._fixed_frame in ("", frame.lstrip("/")):
             return None  # without reading any
         if frame not in self._from_tree:
             self._tree = self._tree or self._read_tree()
-            self._from_tree[frame] = self._tree.poses(frame)
+            self._from_tree[frame] = self._tree.poses(frame, self._fixed_frame)
         return self._from_tree[frame]
 
     def _read_tree(self) -> TransformTree:
         reader = self._reader
-        wanted = [c for c in reader.connections if c.msgtype == TRANSFORMS and not obstacle(c)]
+        wanted = [
+            c for c in reader.connections if c.msgtype in TRANSFORM_TYPES and not obstacle(c)
+        ]
         tree = TransformTree()
         near = {id(c): shared_namespaces(c.topic, self._near) for c in wanted}
         for level in sorted(set(near.values()), reverse=True):

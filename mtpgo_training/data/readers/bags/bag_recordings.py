@@ -22,7 +22,7 @@ from msg_adapters.bags.bag_reader import (
 )
 from msg_adapters.bags.sqlite_file import files_left_beside
 from msg_adapters.bags.stored_bag import bag_files, has_bag_suffix, without_packed_copies
-from mtpgo_core.errors import RecordingError
+from mtpgo_core.errors import RecordingError, found_names
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.track_index import sort_keys
 from mtpgo_core.history.track_update import usable_observations
@@ -48,6 +48,9 @@ from mtpgo_training.data.recording import Int64Array, Recording
 
 _ROUNDING_S = 1e-6
 """Finest step in which recorders round their stamps (s)."""
+
+_MOST_NAMES = 3
+"""Folders that a sentence lists; chosen."""
 
 _PACE_MESSAGES = 10
 """Fewer messages with the same stamp do not tell that their clock stands; chosen."""
@@ -78,7 +81,7 @@ def bag_units(
     Raises:
         RecordingError: no bag there.
     """
-    dead_links: list[str] = []
+    passed_over: list[str] = []
     if is_or_begins_as_bag(directory):
         bags = [directory]
     elif directory.is_file():
@@ -88,14 +91,21 @@ def bag_units(
     else:
         existing_directory(directory, "a bag or a directory with bags")
         paths = visible_files(directory.iterdir(), directory)
-        dead_links = [
+        passed_over = [
             f"{path} is a link to {os.readlink(path)}, which does not exist"
             for path in paths
             if has_bag_suffix(path) and path.is_symlink() and not path.exists()
         ]
         bags = without_packed_copies([path for path in paths if is_bag(path)])
-        if dead_links and not bags:
-            raise RecordingError(dead_links[0])
+        below = [path for path in paths if path not in bags and _has_bags(path)]
+        if below and bags:
+            folders = found_names([path.name for path in below], _MOST_NAMES)
+            passed_over.append(
+                f"{directory}: the bags in {folders} are passed over, expected one folder of bags"
+                " at a time"
+            )
+        if passed_over and not bags:
+            raise RecordingError(passed_over[0])
         if not bags:
             raise NoRecordingsError(
                 f"{directory} has no bags, expected .mcap files (or .db3, .bag) or rosbag2"
@@ -125,12 +135,21 @@ def bag_units(
             settings={
                 "topic": options.bags.topic_of(name),
                 "stamps": options.bags.stamps,
+                "fixed_frame": options.bags.fixed_frame,
                 **_ego_settings(options.bags),
             },
-            remarks=dead_links if name == chosen[0] else (),
+            remarks=passed_over if name == chosen[0] else (),
         )
         for name in chosen
     ]
+
+
+def _has_bags(path: Path) -> bool:
+    """Return whether a path is a folder with bags."""
+    try:
+        return path.is_dir() and any(map(is_bag, visible_files(path.iterdir(), path)))
+    except OSError:
+        return False
 
 
 def _ego_settings(options: BagOptions) -> dict[str, Any]:
@@ -182,6 +201,12 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
             f"{path}, topic {topic.name}: its stamps advance {piece_reader.pace:.3g} times as "
             "fast as the time at which they were recorded, so that no two messages belong "
             "together; expected the time of the observation in seconds and nanoseconds"
+        )
+    if piece_reader.parts_of_seconds_are_wrong:
+        raise RecordingError(
+            f"{path}, topic {topic.name}: its stamps are all in the first millisecond of a second,"
+            " as with microseconds or milliseconds in the field of nanoseconds; expected the time"
+            " of the observation in seconds and nanoseconds"
         )
     if piece_reader.pace < _SLOWEST_PACE:  # false for NaN
         remark(

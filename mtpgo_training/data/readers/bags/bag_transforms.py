@@ -13,10 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.conversions import stamp_to_ns, yaw_from_quaternions
+from msg_adapters.inputs.odometry import LEAST_UPRIGHT, tilt_problem
 from mtpgo_core.frames import Pose2, PoseBuffer
-from mtpgo_core.schema import Float64Array
+from mtpgo_core.schema import BoolArray, Float64Array
 
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TRANSFORM_TYPES = (TRANSFORMS, "tf/msg/tfMessage")
+"""Types of messages of transforms: the second one, of the first versions of ROS 1, is the same."""
+
 STATIC_TOPIC = "/tf_static"
 
 FIXED_FRAMES = ("map", "odom", "world", "earth")
@@ -25,6 +29,14 @@ The earth's comes last: its axes are not level with the ground."""
 
 WHOLE_BAG_S = 1e9
 """Time over which poses are kept (s): longer than any bag."""
+
+LONGEST_GAP_S = 2.5
+"""Between two poses farther apart than this no pose is known (s); chosen: those of 0.5 Hz are
+interpolated, and a vehicle that turns is not drawn straight for longer."""
+
+_MOVED_M, _MOVED_RAD = 1.0, 0.1
+"""A transform that changes by less over a gap (m, rad) is interpolated all the same, as that of a
+localisation which corrects the odometry now and then; chosen."""
 
 
 @dataclass
@@ -61,11 +73,33 @@ class _Edge:
         position = values[left, :3] + share * (values[right, :3] - values[left, :3])
         return position, _unit(before + share * (after - before))
 
+    def is_known(self, stamp_ns: NDArray[np.int64]) -> BoolArray:
+        """Return [t] whether times inside of the edge's are in none of its long gaps."""
+        if self.static:
+            return np.ones(len(stamp_ns), dtype=np.bool_)
+        stamps, first = np.unique(np.array(self.stamps, dtype=np.int64), return_index=True)
+        values = np.array(self.values, dtype=np.float64)[first]
+        moved_m = np.linalg.norm(np.diff(values[:, :3], axis=0), axis=1)
+        turns = _unit(values[:, 3:])
+        cosine = np.abs((turns[1:] * turns[:-1]).sum(axis=1))
+        turned_rad = 2.0 * np.arccos(np.minimum(cosine, 1.0))
+        long = np.diff(stamps) * 1e-9 > LONGEST_GAP_S
+        long &= (moved_m > _MOVED_M) | (turned_rad > _MOVED_RAD)
+        right = np.searchsorted(stamps, stamp_ns)
+        at_one = stamps[np.minimum(right, len(stamps) - 1)] == stamp_ns
+        within = np.clip(right - 1, 0, max(0, len(long) - 1))
+        return np.asarray(at_one | ~long[within] if len(long) else np.ones_like(at_one))
+
 
 class TransformTree:
-    """The transforms of a bag."""
+    """The transforms of a bag.
+
+    Attributes:
+        unusable: why no pose of a frame can be used, where that is so.
+    """
 
     def __init__(self) -> None:
+        self.unusable: dict[str, str] = {}
         self._edges: dict[str, _Edge] = {}
         self._parents: dict[str, dict[tuple[str, bool], _Edge]] = {}
 
@@ -136,23 +170,36 @@ class TransformTree:
         known = {"", *FIXED_FRAMES, *moving, *moving.values()}
         return bool(moving) and root not in known
 
-    def poses(self, frame: str) -> tuple[str, PoseBuffer] | None:
+    def poses(self, frame: str, wanted: str = "") -> tuple[str, PoseBuffer] | None:
         """Return a fixed frame and the poses of a frame in it; None if the frame does not move.
 
-        The fixed frame is the first of :data:`FIXED_FRAMES` among the frame's ancestors, else the
-        last ancestor; in a loop there is none. A frame that has one of these names, or that only
-        static transforms lead away from, is fixed itself.
+        The fixed frame is the one wanted or the first of :data:`FIXED_FRAMES` among the frame's
+        ancestors, else the last ancestor; in a loop there is none. A frame that has one of these
+        names, unless another one is wanted, or that only static transforms lead away from, is
+        fixed itself.
+
+        Args:
+            frame: the frame.
+            wanted: name of a fixed frame.
         """
         frame = frame.lstrip("/")
         ancestors, chain, is_loop = self._ancestors(frame)
-        if frame in FIXED_FRAMES or all(edge.static for edge in chain):
+        usual = frame in FIXED_FRAMES and wanted not in ancestors[1:]
+        if usual or frame == wanted or all(edge.static for edge in chain):
             return None
-        fixed = next((name for name in FIXED_FRAMES if name in ancestors), "")
+        fixed = next((name for name in (wanted, *FIXED_FRAMES) if name in ancestors), "")
         if not fixed and is_loop:
             return None
         fixed = fixed or ancestors[-1]
         chain = chain[: ancestors.index(fixed)]
-        return fixed, _composed(chain)
+        poses, upright = _composed(chain)
+        if not len(poses):
+            self.unusable[frame] = (
+                f"the transforms from frame {frame!r} to {fixed!r} have no time in common"
+            )
+        elif upright < LEAST_UPRIGHT:
+            self.unusable[frame] = tilt_problem(frame, fixed, upright)
+        return fixed, poses
 
     def _ancestors(self, frame: str) -> tuple[list[str], list[_Edge], bool]:
         """Return a frame with its ancestors, the edges between them, and if they are a loop."""
@@ -172,16 +219,20 @@ def _trust(edge: _Edge) -> tuple[bool, int]:
     return edge.parent in FIXED_FRAMES, len(edge.stamps)
 
 
-def _composed(chain: list[_Edge]) -> PoseBuffer:
-    """Return the poses over a chain of transforms, at every time of any of them."""
+def _composed(chain: list[_Edge]) -> tuple[PoseBuffer, float]:
+    """Return the poses over a chain of transforms, at every time of any of them.
+
+    With them the vertical component of the frame's z axis, usually.
+    """
     moving = [np.array(edge.stamps, dtype=np.int64) for edge in chain if not edge.static]
-    poses = PoseBuffer(WHOLE_BAG_S, max_extrapolation_s=0.0)
+    poses = PoseBuffer(WHOLE_BAG_S, max_extrapolation_s=0.0, max_gap_s=LONGEST_GAP_S)
     if not moving:
         moving = [np.zeros(1, dtype=np.int64)]
     stamps = np.unique(np.concatenate(moving))
     # Where one of them is not known yet, or no more, neither is the pose.
     first, last = max(stamp.min() for stamp in moving), min(stamp.max() for stamp in moving)
     stamps = stamps[(stamps >= first) & (stamps <= last)]
+    stamps = stamps[np.all([edge.is_known(stamps) for edge in chain], axis=0)]
     position = np.zeros((len(stamps), 3))
     rotation = np.tile((0.0, 0.0, 0.0, 1.0), (len(stamps), 1))
     for edge in chain:
@@ -193,7 +244,8 @@ def _composed(chain: list[_Edge]) -> PoseBuffer:
         stamps.tolist(), position[:, :2].tolist(), yaw.tolist(), strict=True
     ):
         poses.add(stamp, Pose2(x=x, y=y, yaw=angle))
-    return poses
+    upright = 1.0 - 2.0 * (rotation[:, 0] ** 2 + rotation[:, 1] ** 2)
+    return poses, float(np.median(upright)) if len(upright) else 1.0
 
 
 def _unit(quaternion: Float64Array) -> Float64Array:

@@ -33,6 +33,12 @@ def unit_clue(recording: Recording) -> str:
         return _clue(recording) if len(recording) else ""
 
 
+def impossible_velocities(recording: Recording) -> int:
+    """Return the number of rows that the history leaves out for their recorded velocity."""
+    speed_mps = np.hypot(recording.velocity[:, 0], recording.velocity[:, 1])
+    return int(np.count_nonzero(speed_mps > HistoryConfig().max_speed_mps))  # false for NaN
+
+
 def _clue(recording: Recording) -> str:
     """Return the clue in a recording with rows and finite positions."""
     frame, track, position = recording.frame, recording.track, recording.position

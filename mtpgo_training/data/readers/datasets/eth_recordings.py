@@ -5,7 +5,7 @@
 ``obsmat.txt`` has frame, number, x, z, y and the velocity along the same three axes; the text that
 benchmarks use has frame, number, x and y. Both are separated by blanks or tabs and have no header
 line. Positions are metres on the ground. Frames are those of the video, every sixth or tenth of
-which was annotated; whatever the step, it is 0.4 s.
+which was annotated; whatever the usual step of a pedestrian is, it is 0.4 s.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.tables.frame_grid import without_common_step
 from mtpgo_training.data.readers.tables.track_rows import TableSource, recording_of_rows
-from mtpgo_training.data.recording import Recording
+from mtpgo_training.data.recording import Int64Array, Recording
 
 FRAME_RATE = 2.5
 """Annotations per second of each pedestrian (Hz)."""
@@ -102,6 +102,7 @@ def _read(name: str, path: Path) -> Iterator[Recording]:
     table["line"] = np.arange(len(table)) + form.first_line
     table["class"] = "pedestrian"
     table["frame"], _ = without_common_step(table["frame"].to_numpy(np.int64), FRAME_RATE)
+    usual = _usual_step(table["frame"].to_numpy(np.int64), table["track"].to_numpy(np.int64))
     yield recording_of_rows(
         table,
         TableSource(
@@ -111,6 +112,17 @@ def _read(name: str, path: Path) -> Iterator[Recording]:
             sha256=sha256_of([path]),
             classes=OWN_NAMES,
             location=name,
-            frame_rate=FRAME_RATE,
+            frame_rate=FRAME_RATE * usual,
         ),
     )
+
+
+def _usual_step(frame: Int64Array, track: Int64Array) -> int:
+    """Return the most frequent step between two rows of a track, the shortest of several.
+
+    It is more than the common one where not all pedestrians were annotated in the same frames.
+    """
+    order = np.lexsort((frame, track))
+    steps = np.diff(frame[order])[np.diff(track[order]) == 0]
+    found, count = np.unique(steps[steps > 0], return_counts=True)
+    return int(found[np.argmax(count)]) if len(found) else 1

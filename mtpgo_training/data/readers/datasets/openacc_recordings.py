@@ -21,6 +21,7 @@ import pandas as pd
 from mtpgo_core.class_map import OWN_NAMES
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.checks.foreign_files import without_foreign
+from mtpgo_training.data.readers.csv_lines import SEPARATORS, wrong_separator
 from mtpgo_training.data.readers.csv_table import CsvForm, first_lines_of, read_header, read_table
 from mtpgo_training.data.readers.drone_files import select_names
 from mtpgo_training.data.readers.file_groups import grouped_files
@@ -61,7 +62,11 @@ def openacc_units(
         for name in select_names(list(found), names, directory)
         for path in found[name].values()
     ]
-    return units if names else without_foreign(units, lambda path: _names_line(path) is not None)
+    return units if names else without_foreign(units, _may_be_openacc)
+
+
+def _may_be_openacc(path: Path) -> bool:
+    return any(_names_line(path, mark) is not None for mark in SEPARATORS)
 
 
 def _campaign(path: Path) -> str:
@@ -69,16 +74,23 @@ def _campaign(path: Path) -> str:
     return path.resolve().parent.name
 
 
-def _names_line(path: Path) -> int | None:
+def _names_line(path: Path, separator: str = ",") -> int | None:
     """Return the index of the line with the column names, None if there is none."""
     lines = first_lines_of(path, _MOST_FACTS, blank=True)
-    heads = [i for i, line in enumerate(lines) if line.split(",")[0].strip().strip('"') == "Time"]
+    heads = [i for i, line in enumerate(lines) if _first_cell(line, separator) == "Time"]
     return heads[0] if heads else None
+
+
+def _first_cell(line: str, separator: str) -> str:
+    return line.split(separator)[0].strip().strip('"')
 
 
 def _read(name: str, path: Path) -> Iterator[Recording]:
     head = _names_line(path)
     if head is None:
+        for mark in SEPARATORS:
+            if _names_line(path, mark) is not None:
+                raise RecordingError(wrong_separator(path, mark, ","))
         raise RecordingError(
             f"{path} has no line of column names that begins with 'Time' among its first "
             f"{_MOST_FACTS}, expected a file of OpenACC"

@@ -21,10 +21,10 @@ import pandas as pd
 
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
-from mtpgo_core.schema import AgentClass, ClassArray, Float64Array
+from mtpgo_core.schema import LARGEST_SIZE_M, AgentClass, ClassArray, Float64Array
 from mtpgo_training.data.readers.checks.foreign_files import without_foreign
 from mtpgo_training.data.readers.csv_lines import line_in_file
-from mtpgo_training.data.readers.csv_table import read_table
+from mtpgo_training.data.readers.csv_table import check_thousands, read_table
 from mtpgo_training.data.readers.drone_files import (
     NoRecordingsError,
     check_layout,
@@ -115,6 +115,7 @@ def _read_file(name: str, path: Path, classes: ClassMap | None) -> Iterator[Reco
     form = find_form(path)
     if form.csv.names is None:
         check_layout(path, "ngsim", ("ngsim",))
+    check_thousands(path, form.csv)
     optional = ("total_frames", "direction", "v_vel", "location")
     table = read_table(
         path,
@@ -134,6 +135,12 @@ def _read_file(name: str, path: Path, classes: ClassMap | None) -> Iterator[Reco
         table["location"] = ""
     lengths = ["local_x", "local_y", "v_length", "v_width", "v_vel"]
     table[lengths] = table[lengths] * form.unit_m
+    length_m = float(table["v_length"].median())
+    if form.csv.thousands is not None and length_m > LARGEST_SIZE_M:
+        raise RecordingError(
+            f"{path} has vehicles of {length_m:.0f} m length, expected {form.csv.thousands!r}"
+            " between groups of three digits; is it the decimal mark?"
+        )
     bad = ~table["global_time"].between(0, LAST_S * 1000).to_numpy(bool)
     if bad.any():
         row = int(np.argmax(bad))
@@ -188,12 +195,15 @@ def _recording(
     order = np.lexsort((group, frame))
     again = (np.diff(frame[order]) == 0) & (np.diff(group[order]) == 0)
     if again.any():
-        row = order[int(np.argmax(again)) + 1]
+        before, row = order[int(np.argmax(again)) :][:2].tolist()
         line = line_in_file(path, int(table["line"].iloc[row]))
-        raise RecordingError(
-            f"{path}, line {line}: vehicle {vehicle[row]} has a second row for the time "
-            f"{time_ms[row]}"
-        )
+        what = f"{path}, line {line}: vehicle {vehicle[row]} has"
+        if time_ms[row] != time_ms[before]:
+            raise RecordingError(
+                f"{what} rows {abs(time_ms[row] - time_ms[before])} ms apart, expected"
+                f" {1000 / FRAME_RATE:g} ms as in NGSIM"
+            )
+        raise RecordingError(f"{what} a second row for the time {time_ms[row]}")
     track_id, track = _tracks(frame, vehicle, group, front)
     order = np.lexsort((track, frame))
     table = table.iloc[order]

@@ -20,6 +20,7 @@ from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.csv_table import (
     STANDARD_FORM,
     check_columns,
+    check_thousands,
     column_name,
     observed_rows,
     read_header,
@@ -223,6 +224,7 @@ def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Ar
         texts = [given[name] for name in ("track", "agent_class", "recording") if name in given]
         texts += [given["time"]] if "time" in given and dates else []
         numbers = [name for name in wanted if name not in texts]
+        check_thousands(path, columns.form, numbers)
         table = read_table(path, texts=texts, unchecked=numbers, form=columns.form)
         if columns.decimal == ",":
             # Names that were written as numbers: 3,0 is 3, as 3.0 is elsewhere.
@@ -240,6 +242,7 @@ def _checked(path: Path, columns: TableColumns) -> tuple[pd.DataFrame, Float64Ar
         first_line=first_line,
         unit=unit,
         form=form,
+        described=True,
     )
     instants = instants.drop(table.index)
     table = table.rename(columns={column: name for name, column in given.items()})

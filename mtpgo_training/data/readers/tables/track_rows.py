@@ -220,17 +220,24 @@ def _tracks(table: pd.DataFrame, source: TableSource) -> tuple[list[str], Int64A
     if "" in names:
         place = source.place_of(table, int(np.argmax(track == names.index(""))))
         raise RecordingError(f"{place}: the road user has no name, expected a number or text")
-    whole = [_WHOLE.fullmatch(name) for name in names]
-    if all(whole):
+    if _are_numbers(names):
         # 10 comes after 9, and 3.0 is 3.
-        numbers, again = np.unique([int(name[1]) for name in whole if name], return_inverse=True)
+        values = [int(name[1]) for name in map(_WHOLE.fullmatch, names) if name]
+        numbers, again = np.unique(values, return_inverse=True)
         return [str(number) for number in numbers.tolist()], again[track].astype(np.int64)
     return names, track
 
 
+def _are_numbers(names: Sequence[str]) -> bool:
+    """Return whether names are whole numbers; where one has 1 and 01, these are two names."""
+    found = [_WHOLE.fullmatch(name) for name in names]
+    digits = {match[1] for match in found if match}
+    return all(found) and len({int(text) for text in digits}) == len(digits)
+
+
 def _identities(names: Sequence[str]) -> tuple[Int64Array, KeyArray | None]:
     """Return [tracks] numbers, and [tracks, 4] keys where the names are no numbers."""
-    if all(_WHOLE.fullmatch(name) for name in names):
+    if _are_numbers(names):
         return np.array([int(name) for name in names], dtype=np.int64), None
     return np.arange(len(names), dtype=np.int64), keys_from_texts(names)
 

@@ -54,6 +54,7 @@ def test_the_first_row_with_too_many_cells(tmp_path):
         (gzip.compress(b"v,w\n", mtime=0), "compressed by gzip, expected a name that ends in .gz"),
         (b"PAR1\x15\x04", "a Parquet file, expected a name that ends in .parquet"),
         ("v,w\n1,2\n".encode("utf-16"), "encoded in UTF-16, expected UTF-8"),
+        ("v,w\n1,2\n".encode("utf-32"), "encoded in UTF-32, expected UTF-8"),
         ("v,w\n1,2\n".encode("utf-16-le"), "no text, expected CSV in UTF-8"),
         (bytes(500), "no text but zero bytes at its beginning, expected CSV"),
         (b"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS, expected the"),

@@ -341,3 +341,19 @@ def test_rows_that_tracks_meta_lists_and_tracks_lacks_are_counted(tmp_path, capl
     load_recordings(tmp_path, layout)
     assert "_tracks.csv has not all rows of 1 of the " in caplog.text
     assert "_tracksMeta.csv, the first is track " in caplog.text
+
+
+def test_a_recording_without_its_tracks_is_named(tmp_path: Path, caplog) -> None:
+    for name in ("07", "08"):
+        drone_files.write_ind(tmp_path, name)
+    (tmp_path / "08_tracks.csv").unlink()
+    (recording,) = load_recordings(tmp_path, "ind")
+    assert recording.name == "07"
+    (record,) = caplog.records
+    assert record.getMessage() == (
+        f"mtpgo: {tmp_path}/08_tracks.csv is missing, it belongs to 08_tracksMeta.csv: the"
+        " recording is not read"
+    )
+    caplog.clear()
+    load_recordings(tmp_path, "ind", ["07"])
+    assert not caplog.records

@@ -58,6 +58,10 @@ def mirror(values, rows):
     values[rows] *= -1.0
 
 
+def placeholder(values, rows):
+    values[rows[6]] = [-9999.0, 0.0]
+
+
 def freeze(values, rows):
     values[rows[5]] = values[rows[4]]
 
@@ -93,6 +97,10 @@ CASES = {
     ),
     "jump": (lambda: changed(position=shift), "track 101, 1.90 s (frame 34): 3.0 m off its cou"),
     "too fast": (lambda: changed(position=leap), "track 101, 1.90 s (frame 34): 50"),
+    "rejected velocity": (
+        lambda: changed(velocity=placeholder),
+        "recording 01, track 101, 0.60 s (frame 21): 9999 m/s",
+    ),
     "velocity": (lambda: changed(velocity=mirror), "track 101: in 100 % of its steps"),
     "heading": (lambda: changed(yaw=turn), "track 101: in 100 % of its steps"),
     "repeated position": (
@@ -149,4 +157,5 @@ def test_numbers_whose_square_overflows_are_too_fast():
 
     for name in ("position", "velocity"):
         kinds = {item.kind for item in find_defects(changed(**{name: far}))}
-        assert kinds == ({"too fast", "jump"} if name == "position" else set())
+        far_off = {"too fast", "jump"} if name == "position" else {"rejected velocity"}
+        assert kinds == far_off

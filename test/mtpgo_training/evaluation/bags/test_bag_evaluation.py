@@ -9,6 +9,7 @@ import shutil
 import numpy as np
 import pytest
 from demo_traffic import make_recording, perfect_prediction
+from driven_bags import driven_past
 from recorded_bags import play
 
 from msg_adapters.bags.bag_reader import DecodingBagReader
@@ -231,3 +232,20 @@ def test_the_command_compares_several_bags_with_a_model(bag, recording, tmp_path
     assert "online and default, agent by agent" in capsys.readouterr().out
     assert "Recorded and offline predictions" in (report / "index.html").read_text()
     assert (report / "best_online.png").is_file()
+
+
+@pytest.mark.parametrize("fixed_frame", ["map", "odom"])
+def test_objects_are_read_in_the_frame_of_the_predictions(tmp_path, fixed_frame):
+    path = driven_past(tmp_path / "drive", make_recording(duration_s=8.0), fixed_frame)
+    result = evaluate_bags([path], observed_recordings([path]), {}, own_clock=False)
+    assert scores(result, "drive")["n"] > 50
+    assert scores(result, "drive")["ade"] == pytest.approx(0.0, abs=1e-4)
+    assert result.warnings == []
+
+
+def test_frames_that_no_transform_connects_are_told(tmp_path):
+    recording = make_recording(duration_s=6.0)
+    path = driven_past(tmp_path / "drive", recording, "odom", with_transforms=False)
+    result = evaluate_bags([path], observed_recordings([path]), {}, own_clock=False)
+    (warning,) = result.warnings
+    assert warning.startswith(f"the predictions in {path} are in the frame 'odom', the objects in")

@@ -241,3 +241,17 @@ def test_what_is_lost_of_a_bag_is_said_again_from_the_cache(tmp_path, caplog, mo
         said.append([record.getMessage() for record in caplog.records])
     assert all(len(sentences) == 1 for sentences in said), said
     assert all(f"{path} is cut off, as when power is lost" in one[0] for one in said)
+
+
+def test_bags_in_folders_beside_others_are_named(tmp_path, caplog):
+    stream = [(0.1 * k, states_at(0.1 * k)) for k in range(9)]
+    write_stream(tmp_path / "a.mcap", stream)
+    (tmp_path / "notes").mkdir()
+    load_recordings(tmp_path, "bag")
+    assert not caplog.records
+    for day in ("monday", "tuesday"):
+        (tmp_path / day).mkdir()
+        write_stream(tmp_path / day / "b.mcap", stream)
+    (recording,) = load_recordings(tmp_path, "bag")
+    assert recording.name == "a"
+    assert "the bags in monday, tuesday are passed over, expected one folder" in caplog.text

@@ -7,13 +7,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from odd_bags import EPOCH_NS, S_NS, OddBag, bytes_of, states_at
+from odd_bags import EPOCH_NS, S_NS, OddBag, bytes_of, definition_of, states_at, write_stream
 
+from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.bags.bag_types import bag_typestore
+from msg_adapters.inputs.odometry import ODOMETRY
 from msg_adapters.types import TypestoreTypes
-from mtpgo_core.errors import FrameError
+from mtpgo_core.errors import FrameError, RecordingError
 from mtpgo_core.frames import Pose2
 from mtpgo_training.data.readers import load_recordings
+from mtpgo_training.data.readers.bags.bag_poses import BagPoses
 from mtpgo_training.data.readers.bags.bag_transforms import TRANSFORMS, TransformTree
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -233,3 +236,150 @@ def test_a_sensor_whose_mounting_is_missing_gets_a_warning(tmp_path, caplog):
     assert len(recording) == 60
     (record,) = caplog.records
     assert "objects come in frame 'lidar', which the bag's transforms do not" in record.message
+
+
+OPTICAL = (-0.5, 0.5, -0.5, 0.5)
+"""Rotation of a camera's optical frame in its vehicle: z ahead, x right, y down."""
+
+
+def test_objects_of_an_optical_frame_are_refused_as_in_the_node(tmp_path):
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        objects, moving = bag.objects(), bag.channel("/tf", TRANSFORMS)
+        mount = transform("base_link", "camera", 0.0, (1.0, 0.0, 1.5), OPTICAL)
+        bag.add(bag.channel("/tf_static", TRANSFORMS), messages_of([mount]), 0.0)
+        for i in range(20):
+            driven = transform("map", "base_link", i / 10, (i / 2, 0.0, 0.0))
+            bag.add(moving, messages_of([driven]), i / 10)
+            bag.add(objects, bytes_of(states_at(i / 10, frame="camera")), i / 10)
+    sentence = "the z axis of frame 'camera' is tilted by 90 degrees in 'map', expected z up"
+    with pytest.raises(RecordingError, match=sentence):
+        load_recordings(tmp_path / "bag.mcap", "bag")
+
+
+def test_a_sensor_that_looks_down_a_little_is_none_of_them():
+    pitched = (0.0, math.sin(0.25), 0.0, math.cos(0.25))
+    found = tree(
+        *(transform("map", "base_link", t) for t in (0.0, 1.0)),
+        static=[transform("base_link", "lidar", 0.0, (1.0, 0.0, 1.5), pitched)],
+    )
+    assert_pose(at(found.poses("lidar")[1], 0.5), 1.0, 0.0, 0.0)
+    assert not found.unusable
+
+
+def on_a_circle(time_s):
+    """A vehicle at 5 m/s on a radius of 20 m."""
+    angle = time_s / 4
+    return (20 * math.sin(angle), 20 - 20 * math.cos(angle), 0.0), turned(angle)
+
+
+@pytest.mark.parametrize("chain", ["direct", "below the map"])
+def test_a_long_gap_is_no_straight_line(chain):
+    times = [t / 10 for t in range(100) if not 30 < t < 60]
+    driven = [transform("odom", "base_link", t, *on_a_circle(t)) for t in times]
+    # The map moves a little, now and then, for which nothing is dropped.
+    maps = [transform("map", "odom", t, (t / 100, 0.0, 0.0)) for t in (0.0, 5.0, 9.9)]
+    more = [transform("map", "odom", t / 10, (0.0, 0.0, 0.0)) for t in range(100)]
+    above = {"direct": [], "below the map": [*maps, *more]}[chain]
+    poses = tree(*driven, *above).poses("base_link")[1]
+    for time_s in (1.05, 3.0, 6.0, 8.35):
+        found, (place, _) = at(poses, time_s), on_a_circle(time_s)
+        assert math.dist((found.x, found.y), place[:2]) < 0.2
+    for time_s in (3.1, 4.5, 5.9):
+        with pytest.raises(FrameError, match=r"are 3\.000 s apart, expected at most 2\.500 s"):
+            at(poses, time_s)
+
+
+def test_a_frame_that_stands_through_a_gap_of_one_transform_is_known():
+    still = [transform("map", "odom", t, (100.0, 0.0, 0.0)) for t in (0.0, 8.0)]
+    driven = [transform("odom", "base_link", t / 10, (t / 2, 0.0, 0.0)) for t in range(80)]
+    assert_pose(at(tree(*still, *driven).poses("base_link")[1], 4.0), 120.0, 0.0, 0.0)
+
+
+def test_odometry_is_not_interpolated_over_a_long_gap(tmp_path, caplog):
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        objects, moving = bag.objects(), bag.channel("/odom", "nav_msgs/msg/Odometry")
+        for i in range(100):
+            if not 30 < i < 60:
+                bag.add(moving, odometry(i / 10), i / 10)
+            bag.add(objects, bytes_of(states_at(i / 10, frame="base_link")), i / 10)
+    (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
+    assert recording.counts == {"not_lifted": 29}
+    assert "29 messages that could not be transformed" in caplog.text
+
+
+def test_objects_without_the_name_of_a_frame_get_a_remark(tmp_path, caplog):
+    stream = [(t / 10, states_at(t / 10, frame="")) for t in range(20)]
+    (recording,) = load_recordings(write_stream(tmp_path / "bag.mcap", stream), "bag")
+    assert len(recording) == 60
+    (record,) = caplog.records
+    assert "objects come without the name of a frame: they are read as in" in record.message
+
+
+@pytest.mark.parametrize(
+    ("frame", "wanted", "fixed"),
+    [
+        ("base_link", "", "map"),
+        ("base_link", "odom", "odom"),
+        ("base_link", "map", "map"),
+        ("base_link", "nowhere", "map"),
+        ("odom", "", None),
+        ("odom", "map", "map"),
+        ("map", "map", None),
+    ],
+)
+def test_a_wanted_fixed_frame_is_taken_where_the_transforms_lead_there(frame, wanted, fixed):
+    found = tree(
+        *(transform("map", "odom", t, (t, 0.0, 0.0)) for t in (0.0, 1.0)),
+        *(transform("odom", "base_link", t, (0.0, t, 0.0)) for t in (0.0, 1.0)),
+    ).poses(frame, wanted)
+    assert (found and found[0]) == fixed
+
+
+@pytest.mark.parametrize(("wanted", "fixed"), [("", "odom"), ("odom", "odom"), ("map", "map")])
+def test_odometry_counts_unless_the_transforms_lead_where_it_does_not(tmp_path, wanted, fixed):
+    path = tmp_path / "bag.mcap"
+    with OddBag(path) as bag:
+        moving, driven = bag.channel("/tf", TRANSFORMS), bag.channel("/odom", ODOMETRY)
+        for i in range(10):
+            links = [
+                transform("map", "odom", i / 10, (100.0, 0.0, 0.0)),
+                transform("odom", "base_link", i / 10, (i / 2, 0.0, 0.0)),
+            ]
+            bag.add(moving, messages_of(links), i / 10)
+            bag.add(driven, odometry(i / 10), i / 10)
+    with DecodingBagReader(path) as reader:
+        lifted = BagPoses(reader, fixed_frame=wanted).lift(states_at(0.5, frame="base_link"))
+    assert lifted.frame_id == fixed
+    # The first object is 17 m ahead of the vehicle, which has driven 2.5 m.
+    assert lifted.position[0, 0] == pytest.approx(19.5 + (100.0 if fixed == "map" else 0.0))
+
+
+def test_transforms_have_the_type_of_the_first_versions_of_ros_1_as_well(tmp_path, caplog):
+    early = "tf/msg/tfMessage"
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        objects = bag.objects()
+        moving = bag.channel("/tf", early, definition_of(TRANSFORMS))
+        for i in range(20):
+            driven = transform("map", "base_link", i / 10, (i / 2, 0.0, 0.0))
+            bag.add(moving, messages_of([driven]), i / 10)
+            bag.add(objects, bytes_of(states_at(i / 10, frame="base_link")), i / 10)
+    (recording,) = load_recordings(tmp_path / "bag.mcap", "bag")
+    # 10 m/s of the objects and 5 m/s of the vehicle.
+    moved = recording.position[recording.track == 0][:, 0]
+    np.testing.assert_allclose(np.diff(moved), 1.5, atol=1e-4)
+    assert not caplog.records
+
+
+def test_transforms_without_a_time_in_common_are_called_so(tmp_path):
+    with OddBag(tmp_path / "bag.mcap") as bag:
+        objects, moving = bag.objects(), bag.channel("/tf", TRANSFORMS)
+        for i in range(20):
+            links = [
+                transform("map", "base_link", i / 10, (i / 2, 0.0, 0.0)),
+                transform("base_link", "lidar", -EPOCH_NS / S_NS),  # as if it were static
+            ]
+            bag.add(moving, messages_of(links), i / 10)
+            bag.add(objects, bytes_of(states_at(i / 10, frame="lidar")), i / 10)
+    sentence = "the transforms from frame 'lidar' to 'map' have no time in common"
+    with pytest.raises(RecordingError, match=sentence):
+        load_recordings(tmp_path / "bag.mcap", "bag")

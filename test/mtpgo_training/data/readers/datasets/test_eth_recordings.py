@@ -64,3 +64,20 @@ def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
     (tmp_path / "eth" / "train" / "zara.txt.gz").write_bytes(gzip.compress(b"0 1 5 6\n"))
     names = [recording.name for recording in load_recordings(tmp_path, "eth_ucy")]
     assert names == ["eth-train-HOTEL", "eth-val-HOTEL", "eth-zara"]
+
+
+def test_pedestrians_that_were_annotated_in_other_frames_keep_their_pace(tmp_path):
+    rows = [(10 * k + 5 * (i == 2), i, 0.5 * k, i) for i in (1, 2, 3) for k in range(9)]
+    (tmp_path / "a.txt").write_text("".join("\t".join(map(str, row)) + "\n" for row in rows))
+    (recording,) = load_recordings(tmp_path, "eth_ucy")
+    assert recording.frame_rate == 5.0
+    for track in range(3):
+        of_it = recording.track == track
+        seconds = recording.frame[of_it] / recording.frame_rate
+        np.testing.assert_allclose(np.diff(seconds), 0.4)
+    # A single frame that is annotated besides changes nothing either.
+    extra = (tmp_path / "a.txt").read_text() + "33\t1\t1.6\t1\n"
+    (tmp_path / "a.txt").write_text(extra)
+    (recording,) = load_recordings(tmp_path, "eth_ucy")
+    assert recording.frame_rate == 25.0
+    assert recording.duration_s == pytest.approx(3.4)

@@ -77,3 +77,13 @@ def test_other_tables_beside_the_campaigns_are_passed_over(tmp_path, caplog):
     (tmp_path / "readme.csv").write_text("a,b\n1,2\n")
     assert [r.name for r in load_recordings(tmp_path, "openacc")] == ["part1"]
     assert "readme.csv is passed over" in caplog.text
+
+
+def test_another_separator_and_times_of_day_are_called_so(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text((FACTS + ROWS).replace(",", ";"))
+    with pytest.raises(RecordingError, match=r"separates its columns by semicolons, expected com"):
+        load_recordings(tmp_path, "openacc")
+    path.write_text(FACTS + ROWS.replace("100.0,", "12:00:00.0,"))
+    with pytest.raises(RecordingError, match=r"column 'Time': '12:00:00\.0', expected a number$"):
+        load_recordings(tmp_path, "openacc")

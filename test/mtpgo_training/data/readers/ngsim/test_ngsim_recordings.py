@@ -229,3 +229,26 @@ def test_other_tables_beside_the_trajectories_are_passed_over(tmp_path, caplog):
     (tmp_path / "detector.csv").write_text("Station,Lane,Volume\n1,2,3\n")
     assert [r.name for r in load_recordings(tmp_path, "ngsim")] == ["a", "b"]
     assert "detector.csv is passed over" in caplog.text
+
+
+@pytest.mark.parametrize("least", [0, 1], ids=["a zero is there", "all could be thousands"])
+def test_decimal_commas_are_no_thousands(tmp_path: Path, least: int) -> None:
+    """With three decimals every number looks like one with groups of three digits."""
+
+    def comma(value: float) -> str:
+        return '"' + f"{value:.3f}".replace(".", ",") + '"'
+
+    rows = [
+        f"1,{i},9,{START_MS + 100 * i},{comma(least + 10.0)},{comma(least + 4.0 * i)},0,0,"
+        f"{comma(15.0)},{comma(6.0)},2,{comma(40.0)},0,2,0,0,0,0"
+        for i in range(5)
+    ]
+    write(tmp_path / "a.csv", rows)
+    with pytest.raises(RecordingError, match=r"groups of three digits; is it the decimal mark\?$"):
+        load_recordings(tmp_path, "ngsim")
+
+
+def test_rows_of_another_rate_are_called_so(tmp_path: Path) -> None:
+    write(tmp_path / "a.csv", [row(1, 40 * i, 10, 50 + i) for i in range(9)])
+    with pytest.raises(RecordingError, match=r"line 3: vehicle 1 has rows 40 ms apart, .* 100 ms"):
+        load_recordings(tmp_path, "ngsim")

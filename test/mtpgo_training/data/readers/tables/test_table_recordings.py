@@ -641,3 +641,42 @@ def test_a_folder_named_as_a_file_and_a_link_to_nothing_are_named_once(tmp_path)
         with pytest.raises(RecordingError) as refused:
             load_recordings(folder, "table", options=options)
         assert str(refused.value) == f"{folder / name} cannot be read as CSV: {reason}"
+
+
+@pytest.mark.parametrize("cell", ["1,5", "0,123", "12,3456", "1234,567"])
+def test_a_decimal_mark_that_is_given_as_that_of_thousands_is_refused(read, cell):
+    text = f't,id,x,y\n0,1,"1,000",0\n1,1,"{cell}",0\n'
+    description = {"columns": {"track": "id", "time": "t", "x": "x", "y": "y"}, "thousands": ","}
+    expected = rf"line 3, column 'x': '{cell}', expected ',' between groups of three digits; is it"
+    with pytest.raises(RecordingError, match=expected):
+        read(text, description)
+
+
+@pytest.mark.parametrize("cell", ["1,234.5", "-1,234,567", "12,34,567.25", "7.25", "700"])
+def test_groups_of_digits_are_read(read, cell):
+    text = f't,id,x,y\n0,1,"{cell}",0\n'
+    description = {"columns": {"track": "id", "time": "t", "x": "x", "y": "y"}, "thousands": ","}
+    (recording,) = read(text, description)
+    assert recording.position[0, 0] == float(cell.replace(",", ""))
+
+
+def test_leading_zeros_tell_two_road_users_apart(read):
+    rows = [(f, track) for f in range(3) for track in ("1", "01", "2")]
+    text = "f,id,x,y\n" + "".join(f"{f},{track},{f},{len(track)}\n" for f, track in rows)
+    (recording,) = read(text, POSITIONS)
+    assert len(recording.track_id) == 3
+    assert recording.find_tracks(keys_from_texts(["01", "1", "2"])).tolist() == [0, 1, 2]
+    # Where each number is written in one way it is a number.
+    (recording,) = read(text.replace(",1,", ",10,").replace(",01,", ",09,"), POSITIONS)
+    assert recording.track_id.tolist() == [2, 9, 10]
+
+
+def test_rows_that_the_history_leaves_out_are_counted(read, caplog):
+    text = "f,id,x,y,u,v\n" + "".join(
+        f"{f},1,{f},0,{-9999 if f % 2 else 10},0\n" for f in range(6)
+    )
+    columns = {**POSITIONS["columns"], "vx": "u", "vy": "v"}
+    (recording,) = read(text, {**POSITIONS, "columns": columns})
+    assert len(recording) == 6
+    (record,) = caplog.records
+    assert record.getMessage() == "mtpgo: table a: 3 objects faster than possible"
