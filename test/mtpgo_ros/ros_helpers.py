@@ -8,6 +8,7 @@ broken machine reaches.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import itertools
 import os
@@ -357,6 +358,34 @@ def _die_with_parent() -> None:
 def _collect(pipe: Any, lines: list[str]) -> None:
     for line in pipe:
         lines.append(line)
+
+
+def held_locks(process: int | str = "self") -> set[tuple[str, int]]:
+    """Return the locks that Fast DDS holds in shared memory for a process (Linux).
+
+    It has one for each segment and each port that the process reads. Those that stay are of a
+    process that has crashed, or not left its domain.
+
+    Returns:
+        Path and inode of each: a name may soon be another process's.
+    """
+    found = set()
+    for opened in Path(f"/proc/{process}/fd").iterdir():
+        with contextlib.suppress(OSError):  # Others may have been closed meanwhile.
+            path = os.readlink(opened)
+            if path.startswith("/dev/shm/") and path.endswith("_el"):
+                found.add((path, opened.stat().st_ino))
+    return found
+
+
+def left_of(locks: set[tuple[str, int]]) -> list[str]:
+    """Return which of these locks still exist."""
+    left = []
+    for path, inode in locks:
+        with contextlib.suppress(FileNotFoundError):
+            if os.stat(path).st_ino == inode:
+                left.append(path)
+    return left
 
 
 def run_process(module: str, *arguments: str | Path) -> tuple[int, str, str]:
