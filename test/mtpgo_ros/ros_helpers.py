@@ -46,6 +46,9 @@ ROOT = Path(__file__).resolve().parents[2]
 LIMIT_S = 150.0
 """Only a broken machine reaches this (s); a node has been seen to need 67 s for its start."""
 
+_END_S = 30.0
+"""A process that is asked to end is killed after this time (s)."""
+
 START_NS = 1_700_000_000_000_000_000
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _namespaces = itertools.count()
@@ -347,6 +350,21 @@ class LongStep:
             time.sleep(0.01)
         self.ended = True
         raise AssertionError("the step was not interrupted")
+
+
+def end(popen: subprocess.Popen[str]) -> None:
+    """End a process, whatever its status, and kill it only if it does not end.
+
+    One that is killed leaves its ports in shared memory to the tests that follow, and may hold a
+    lock there, on which the others wait.
+    """
+    if popen.poll() is None:
+        popen.send_signal(signal.SIGTERM)
+        popen.send_signal(signal.SIGCONT)  # One that is stopped receives no other signal.
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            popen.wait(_END_S)
+    popen.kill()
+    popen.wait()
 
 
 def _die_with_parent() -> None:
