@@ -378,7 +378,7 @@ def _collect(pipe: Any, lines: list[str]) -> None:
         lines.append(line)
 
 
-def held_locks(process: int | str = "self") -> set[tuple[str, int]]:
+def held_locks(process: int) -> set[tuple[str, int]]:
     """Return the locks that Fast DDS holds in shared memory for a process (Linux).
 
     It has one for each segment and each port that the process reads. Those that stay are of a
@@ -387,23 +387,23 @@ def held_locks(process: int | str = "self") -> set[tuple[str, int]]:
     Returns:
         Path and inode of each: a name may soon be another process's.
     """
-    found = set()
-    for opened in Path(f"/proc/{process}/fd").iterdir():
-        with contextlib.suppress(OSError):  # Others may have been closed meanwhile.
-            path = os.readlink(opened)
-            if path.startswith("/dev/shm/") and path.endswith("_el"):
-                found.add((path, opened.stat().st_ino))
-    return found
+    lines = [line.split() for line in Path("/proc/locks").read_text().splitlines()]
+    held = {int(x[5].split(":")[2]) for x in lines if x[1] == "FLOCK" and x[4] == str(process)}
+    there = {(str(path), _inode(path)) for path in Path("/dev/shm").glob("fastrtps_*_el")}
+    return {(path, inode) for path, inode in there if inode in held}
 
 
 def left_of(locks: set[tuple[str, int]]) -> list[str]:
     """Return which of these locks still exist."""
-    left = []
-    for path, inode in locks:
-        with contextlib.suppress(FileNotFoundError):
-            if os.stat(path).st_ino == inode:
-                left.append(path)
-    return left
+    return [path for path, inode in locks if _inode(path) == inode]
+
+
+def _inode(path: str | Path) -> int:
+    """Return the inode of a file, 0 if it is not there."""
+    try:
+        return os.stat(path).st_ino
+    except FileNotFoundError:
+        return 0
 
 
 def run_process(module: str, *arguments: str | Path) -> tuple[int, str, str]:

@@ -86,7 +86,7 @@ def test_signals_until_the_very_end_leave_the_status_at_zero(process, models, tm
     assert running.finish()[0] == (1 if name == "record" else 0)
 
 
-@pytest.mark.skipif(not LINUX, reason="reads /proc")
+@pytest.mark.skipif(not LINUX, reason="reads /proc/locks")
 @pytest.mark.parametrize("name", ["predictor", "risk", "record"])
 def test_nothing_stays_in_shared_memory_after_the_end(process, models, tmp_path, name):
     """Others would go on writing to a port that stays, which the next process does not read."""
