@@ -117,15 +117,14 @@ def _measure(plan: LoadPlan, stopped: Callable[[], bool]) -> dict[str, Any]:
     finally:
         over.set()
         publishing.join()
+        node.destroy_node()
     if stopped():
         raise MtpgoError("a signal came before the measurement was over")
     if not node.received:
         raise MtpgoError(
             f"no prediction came from {plan.predictor} within {plan.patience_s:g} s of waiting"
         )
-    result = node.result()
-    node.destroy_node()
-    return result
+    return node.result()
 
 
 def _publish(
@@ -148,7 +147,8 @@ def _publish(
             node.publish(number * period_s, stamp_ns)
             number += 1
         node.measured_until = time.monotonic_ns()
-        _sleep_until(time.monotonic() + (LAST_ANSWER_S if node.received else 0.0))
+        if node.received and not stopped():
+            _sleep_until(time.monotonic() + LAST_ANSWER_S)
     finally:
         over.set()
 

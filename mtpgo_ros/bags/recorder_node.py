@@ -96,8 +96,9 @@ def record(
                 f"{error}; the {bag.messages} messages ({bag.duration_s:.1f} s) written until then"
                 f" are kept{node.remarks()}"
             ) from error
+        finally:
+            node.destroy_node()
     what = f"recorded {bag.messages} messages" if bag.messages else "recorded no message"
-    node.destroy_node()
     return Recorded(bag.messages, f"{what} into {path}{node.remarks()}")
 
 

@@ -80,10 +80,12 @@ def run_executable(
         status = fail(name, error)
     except Interrupted:
         pass  # It was asked to stop before there was anything to do.
-    notifier.stopping()
-    if node is not None:
-        if not node.stop():
-            leave(status)
-        node.destroy_node()
+    finally:
+        notifier.stopping()
+        ended = node is None or node.stop()
+        if node is not None:
+            node.destroy_node()
+    if not ended:
+        leave(status)
     rclpy.try_shutdown()
     return status

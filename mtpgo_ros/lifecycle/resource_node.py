@@ -127,6 +127,14 @@ class ResourceNode(LifecycleNode):
         self._release()
         return ended
 
+    def destroy_node(self) -> None:
+        """Destroy the node and leave the domain, also while other objects refer to parts of it.
+
+        rclpy leaves out the services of the lifecycle, which keep the node in the domain.
+        """
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
+
     def _end(self) -> bool:
         bond, self._bond = self._bond, NoBond()
         bond.close()

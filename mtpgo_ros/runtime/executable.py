@@ -103,16 +103,15 @@ def leave(status: int) -> NoReturn:
 def run_as_process(main: Callable[[], int | None]) -> NoReturn:
     """Run an executable and end the process with its status, whatever signals come meanwhile.
 
-    rclpy leaves the domain when Python frees the last of its objects. Many are in reference
-    cycles, and those of a loaded model's time are kept out of collections (``gc.freeze``). A
-    process that ends before is one that crashed to Fast DDS: its port in shared memory stays, and
-    the others write there, for a second at least, what the next process of that port waits for.
+    A process that ends without having left the domain is one that crashed to Fast DDS: its port in
+    shared memory stays, and the others write there, for a second at least, what the next process
+    of that port waits for. rclpy leaves the domain when the last node is destroyed; of one that
+    could not be made completely, when Python frees it, which may be in reference cycles.
 
     Args:
-        main: of the executable; returns the exit status, None for 0.
+        main: of the executable; destroys its nodes and returns the exit status, None for 0.
     """
     status = main() or 0
-    gc.unfreeze()
     gc.collect()
     leave(status)
 

@@ -22,6 +22,10 @@ READY_S = 120.0
 """Longest wait for a process to become ready (s). Chosen: on a busy machine a cold
 start, which loads torch and ROS, takes long."""
 
+ABORT_S = 5.0
+"""Time that a process has to end after an exception (s). Chosen: on an idle machine it needs 0.3 s
+or, while a model does not answer, 1.1 s."""
+
 POLL_S = 0.02
 """Time between two checks of a condition (s). Chosen: short against a process start, 1 s."""
 
@@ -58,8 +62,8 @@ def isolated() -> dict[str, str]:
 class ChildProcess:
     """One executable of ``mtpgo_ros``, run by the same interpreter.
 
-    As a context manager it stops the process at the end, or kills it after an exception. It also
-    ends when this process is killed.
+    As a context manager it stops the process at the end, without an error of its own after an
+    exception. It also ends when this process is killed.
 
     Args:
         name: module within ``mtpgo_ros``.
@@ -117,7 +121,7 @@ class ChildProcess:
         if kind is None:
             self.stop()
         else:
-            self.kill()
+            self.abort()
 
     @property
     def pid(self) -> int:
@@ -196,10 +200,8 @@ class ChildProcess:
         Raises:
             ProcessError: it failed, or had to be killed.
         """
-        if self.running:
-            self._process.send_signal(signal.SIGINT)
-        if not wait_until(lambda: not self.running, self._stop_timeout_s):
-            self.kill()
+        if not self._ends(self._stop_timeout_s):
+            self._kill()
             raise ProcessError(
                 f"{self.name} did not end within {self._stop_timeout_s:.0f} s after SIGINT and "
                 f"was killed, see {self.log}"
@@ -207,8 +209,24 @@ class ChildProcess:
         if self._process.returncode != 0:
             raise self._ended_early()
 
-    def kill(self) -> None:
-        """Kill it and wait for the end."""
+    def abort(self) -> None:
+        """End it, whatever its status; kill it only if it does not end soon.
+
+        One that is killed leaves its part of shared memory behind.
+        """
+        try:
+            self._ends(ABORT_S)
+        finally:  # Ctrl-C may come again.
+            self._kill()
+
+    def _ends(self, timeout_s: float) -> bool:
+        """Send the signal of Ctrl-C; return whether it has ended within a time (s)."""
+        if self.running:
+            self._process.send_signal(signal.SIGINT)
+        return wait_until(lambda: not self.running, timeout_s)
+
+    def _kill(self) -> None:
+        """Kill it if it runs, and wait for the end."""
         if self.running:
             self._process.kill()
         self._process.wait()

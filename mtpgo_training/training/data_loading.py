@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import dataclasses
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing.context import BaseContext
@@ -153,7 +155,7 @@ def epoch_loader(
         batch_sampler=shares,
         num_workers=workers,
         multiprocessing_context=_worker_context() if workers else None,
-        worker_init_fn=_ignore_interrupt if workers else None,
+        worker_init_fn=_follow_main_process if workers else None,
     )
     return loader, len(batches)
 
@@ -168,6 +170,18 @@ def _worker_context() -> BaseContext:
     return context
 
 
-def _ignore_interrupt(worker: int) -> None:
-    """Leave Ctrl-C to the main process, which completes its step first."""
+def _follow_main_process(worker: int) -> None:
+    """Leave Ctrl-C to the main process, which completes its step first, and end when it has ended.
+
+    torch's workers end with the process that has forked them. That is the server here, which in
+    turn runs for as long as they do: after a killed training they would stay forever.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_main_process, daemon=True).start()
+
+
+def _end_with_main_process() -> None:
+    main = multiprocessing.parent_process()
+    assert main is not None
+    main.join()
+    os._exit(1)

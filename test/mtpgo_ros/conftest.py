@@ -12,7 +12,7 @@ import torch
 from rclpy.node import Node
 
 sys.path.insert(0, str(Path(__file__).parent))
-from ros_helpers import Bench, Process, init
+from ros_helpers import Bench, Process, end, init
 from tiny_model import write_tiny_model
 
 
@@ -58,7 +58,7 @@ def bench(models):
 
 @pytest.fixture
 def process():
-    """Return a function that starts processes; those still running at the end are killed."""
+    """Return a function that starts processes; those still running at the end are ended."""
     made = []
 
     def make(module, *arguments, **options):
@@ -67,7 +67,7 @@ def process():
 
     yield make
     for one in made:
-        one.popen.kill()
+        end(one.popen)
         one.finish()
 
 

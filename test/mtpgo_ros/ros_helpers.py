@@ -8,6 +8,7 @@ broken machine reaches.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import itertools
 import os
@@ -44,6 +45,9 @@ from mtpgo_ros.node.predictor_node import PredictorNode
 ROOT = Path(__file__).resolve().parents[2]
 LIMIT_S = 150.0
 """Only a broken machine reaches this (s); a node has been seen to need 67 s for its start."""
+
+_END_S = 30.0
+"""A process that is asked to end is killed after this time (s)."""
 
 START_NS = 1_700_000_000_000_000_000
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -348,6 +352,21 @@ class LongStep:
         raise AssertionError("the step was not interrupted")
 
 
+def end(popen: subprocess.Popen[str]) -> None:
+    """End a process, whatever its status, and kill it only if it does not end.
+
+    One that is killed leaves its ports in shared memory to the tests that follow, and may hold a
+    lock there, on which the others wait.
+    """
+    if popen.poll() is None:
+        popen.send_signal(signal.SIGTERM)
+        popen.send_signal(signal.SIGCONT)  # One that is stopped receives no other signal.
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            popen.wait(_END_S)
+    popen.kill()
+    popen.wait()
+
+
 def _die_with_parent() -> None:
     """End the process with its parent, so that a killed test run leaves none running."""
     set_parent_death_signal = 1
@@ -357,6 +376,34 @@ def _die_with_parent() -> None:
 def _collect(pipe: Any, lines: list[str]) -> None:
     for line in pipe:
         lines.append(line)
+
+
+def held_locks(process: int) -> set[tuple[str, int]]:
+    """Return the locks that Fast DDS holds in shared memory for a process (Linux).
+
+    It has one for each segment and each port that the process reads. Those that stay are of a
+    process that has crashed, or not left its domain.
+
+    Returns:
+        Path and inode of each: a name may soon be another process's.
+    """
+    lines = [line.split() for line in Path("/proc/locks").read_text().splitlines()]
+    held = {int(x[5].split(":")[2]) for x in lines if x[1] == "FLOCK" and x[4] == str(process)}
+    there = {(str(path), _inode(path)) for path in Path("/dev/shm").glob("fastrtps_*_el")}
+    return {(path, inode) for path, inode in there if inode in held}
+
+
+def left_of(locks: set[tuple[str, int]]) -> list[str]:
+    """Return which of these locks still exist."""
+    return [path for path, inode in locks if _inode(path) == inode]
+
+
+def _inode(path: str | Path) -> int:
+    """Return the inode of a file, 0 if it is not there."""
+    try:
+        return os.stat(path).st_ino
+    except FileNotFoundError:
+        return 0
 
 
 def run_process(module: str, *arguments: str | Path) -> tuple[int, str, str]:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executable ``predictor`` as a process: start, end and exit status."""
 
-import contextlib
 import itertools
 import signal
 import sys
@@ -11,22 +10,21 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from ros_helpers import LIMIT_S, message_of, one_line, run_process, traffic
+from ros_helpers import (
+    LIMIT_S,
+    held_locks,
+    left_of,
+    message_of,
+    one_line,
+    run_process,
+    traffic,
+)
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.predictions import prediction_from_pointcloud2
 from mtpgo_core.schema import Source
 
-SHARED = Path("/dev/shm")
-
-
-def locks():
-    """Return name and inode of the locks of Fast DDS: another process may take the same name."""
-    found = set()
-    for path in SHARED.glob("fastrtps_*_el"):
-        with contextlib.suppress(FileNotFoundError):  # ended meanwhile
-            found.add((path.name, path.stat().st_ino))
-    return found
+LINUX = sys.platform == "linux"
 
 
 def arguments(model, **parameters):
@@ -88,20 +86,17 @@ def test_signals_until_the_very_end_leave_the_status_at_zero(process, models, tm
     assert running.finish()[0] == (1 if name == "record" else 0)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.skipif(not LINUX, reason="reads /proc/locks")
 @pytest.mark.parametrize("name", ["predictor", "risk", "record"])
 def test_nothing_stays_in_shared_memory_after_the_end(process, models, tmp_path, name):
     """Others would go on writing to a port that stays, which the next process does not read."""
     given = {"predictor": arguments(models["quick"]), "record": ["-o", tmp_path / "bag"]}
     running = process(name, *given.get(name, []))
     running.wait_for("ready")
-    opened = [path.resolve() for path in Path(f"/proc/{running.popen.pid}/fd").iterdir()]
-    # The locks that Fast DDS takes on what is the process's own; what they lock may be in use by
-    # others, too.
-    own = {lock for lock in locks() if SHARED / lock[0] in opened}
+    own = held_locks(running.popen.pid)
     assert len(own) >= 2, "a segment and a port"
     running.interrupt(signal.SIGTERM)
-    assert not own & locks()
+    assert not left_of(own)
 
 
 def test_a_signal_during_the_start_is_no_error(process, models):
@@ -125,10 +120,12 @@ def test_a_signal_ends_the_node_while_the_model_runs(process, models, peer):
         time.sleep(0.05)
 
     predictor.wait_for("over budget", publish)
+    own = held_locks(predictor.popen.pid) if LINUX else set()
     status, _, err = predictor.interrupt()
     assert status == 0
     assert "Traceback" not in err
     assert "terminate" not in err
+    assert not left_of(own)  # as in the test of shared memory above
 
 
 def test_without_a_model_the_process_predicts_constant_velocity(process, peer):

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ros_helpers import LIMIT_S, ROOT
+from ros_helpers import ROOT, end
 
 SOURCE = Path(__file__).with_name("machine_clock.c")
 
@@ -97,10 +97,4 @@ def tracker(namespace: str, clock: MachineClock) -> Iterator[None]:
     try:
         yield
     finally:
-        # Killed within a write, it could leave a lock in shared memory that others wait for.
-        process.terminate()
-        try:
-            process.wait(LIMIT_S)
-        finally:
-            process.kill()
-        process.wait()
+        end(process)

@@ -14,7 +14,7 @@ from machine_clock import MachineClock, compiled, tracker
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
-from ros_helpers import LIMIT_S, Process, message_of, traffic
+from ros_helpers import LIMIT_S, Process, end, message_of, traffic
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64MultiArray
@@ -241,7 +241,7 @@ def test_a_node_that_nobody_hears_is_not_forgotten(library, tmp_path, models):
             time.sleep(0.5)
         assert process.interrupt(signal.SIGTERM)[0] == 0
     finally:
-        process.popen.kill()
+        end(process.popen)
         looker.destroy_node()
 
 

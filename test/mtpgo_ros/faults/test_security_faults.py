@@ -9,7 +9,7 @@ import time
 
 import pytest
 import rclpy
-from ros_helpers import LIMIT_S, ROOT, message_of, traffic
+from ros_helpers import LIMIT_S, ROOT, end, message_of, traffic
 from sensor_msgs.msg import PointCloud2
 
 keystore = pytest.importorskip("sros2.keystore", reason="sros2 (ROS 2 Jazzy) is not installed")
@@ -82,7 +82,7 @@ def test_a_stranger_without_keys_neither_hears_nor_is_heard(process, peer, model
             injected.publish(message_of(traffic(100.0, 1)))
             rclpy.spin_once(peer, timeout_sec=0.05)
     finally:
-        tracker.kill()
-    assert tracker.wait() == 0
+        end(tracker)
+    assert tracker.returncode == 0
     assert not stolen
     assert injected.get_subscription_count() == 0

@@ -16,7 +16,7 @@ import pytest
 from fault_harness import ERROR, OK, PATIENT_S, RELIABLE, check_invariants
 from fault_tools import Resources, ServiceManager, sources
 from nav_msgs.msg import Odometry
-from ros_helpers import START_NS
+from ros_helpers import START_NS, end
 from sensor_msgs.msg import PointCloud2
 
 from mtpgo_core.resources import find_resource
@@ -251,8 +251,7 @@ def test_a_subscriber_that_is_stopped(node):
         # Beside the same while it reads, and several times, since the machine may be busy.
         assert any(_usual_s(node, 30) < 3.0 * reading_s for _ in range(3))
     finally:
-        other.kill()
-        other.wait()
+        end(other)
 
 
 def test_a_full_disk(node):

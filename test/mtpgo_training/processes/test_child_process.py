@@ -1,6 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
 
+import os
+import signal
 import time
 
 import pytest
@@ -17,7 +19,7 @@ def test_a_failing_process_is_quoted(tmp_path):
         child.wait_for("ready", 1.0)
 
 
-def test_a_process_is_stopped_at_the_end_and_killed_after_an_exception(tmp_path):
+def test_a_process_is_stopped_at_the_end_and_after_an_exception(tmp_path):
     arguments = ["--ros-args", "-p", "require_model:=false", "-p", "model:=none.pt"]
     with ChildProcess("predictor", arguments, tmp_path / "predictor.log", {}) as child:
         child.wait_for("ready", 60.0)
@@ -30,8 +32,25 @@ def test_a_process_is_stopped_at_the_end_and_killed_after_an_exception(tmp_path)
         pytest.raises(KeyError),
         ChildProcess("predictor", arguments, tmp_path / "again.log", {}) as child,
     ):
-        raise KeyError
-    assert not child.running
+        _fail_when_ready(child)
+    assert child._process.returncode == 0  # not killed: it has left nothing behind
+
+
+def _fail_when_ready(child, number=0):
+    child.wait_for("ready", 60.0)
+    os.kill(child.pid, number)
+    raise KeyError
+
+
+def test_a_process_that_does_not_end_is_killed_after_an_exception(tmp_path, monkeypatch):
+    monkeypatch.setattr("mtpgo_training.processes.child_process.ABORT_S", 0.1)
+    arguments = ["--ros-args", "-p", "require_model:=false", "-p", "model:=none.pt"]
+    with (
+        pytest.raises(KeyError),
+        ChildProcess("predictor", arguments, tmp_path / "predictor.log", {}) as child,
+    ):
+        _fail_when_ready(child, signal.SIGSTOP)
+    assert child._process.returncode == -signal.SIGKILL
 
 
 def test_waiting_ends_with_the_condition_or_the_timeout():

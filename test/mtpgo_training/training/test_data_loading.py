@@ -2,7 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The batches of an epoch: their sizes, their order, and the shares of several processes."""
 
+import contextlib
 import dataclasses
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -99,3 +105,49 @@ def test_a_validation_without_a_future_is_refused():
     short = (NamedRecording("cars", braking_cars("02", tracks=4, seconds=4.0).between(3.9, None)),)
     with pytest.raises(ConfigurationError, match="is observed at any step after it was predicted"):
         prepare_scenes(CONFIG, Splits(train, short, ()), 5, progress=False)
+
+
+LOADING = """
+import sys, time
+from tiny_run import CONFIG, with_options
+from traffic import braking_cars
+from mtpgo_training.data.splits import NamedRecording, Splits
+from mtpgo_training.training.data_loading import epoch_loader, prepare_scenes
+from mtpgo_training.training.run_state import RunState
+cars = NamedRecording("cars", braking_cars("01", tracks=4, seconds=4.0))
+config = with_options(batch_scenes=1, trainer={"loader_workers": 1})
+scenes = prepare_scenes(config, Splits((cars,), (cars,), ()), 5, progress=False)
+batches = iter(epoch_loader(scenes.training, config, RunState(), 0, 1)[0])
+next(batches)
+print(batches._workers[0].pid, flush=True)
+time.sleep(600)
+"""
+"""Has a worker cut scenes and says its process ID."""
+
+
+def test_the_workers_of_a_killed_training_end():
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(
+        [sys.executable, "-W", "ignore", "-c", LOADING],
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as main:
+        worker = int(main.stdout.readline())
+        main.kill()
+    end_s = time.monotonic() + 30.0
+    try:
+        while _runs(worker):
+            assert time.monotonic() < end_s, "the worker stays"
+            time.sleep(0.05)
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(worker, signal.SIGKILL)
+
+
+def _runs(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
