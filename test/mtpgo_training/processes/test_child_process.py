@@ -44,10 +44,11 @@ def _fail_when_ready(child, number=0):
 
 def test_a_process_that_does_not_end_is_killed_after_an_exception(tmp_path, monkeypatch):
     monkeypatch.setattr("mtpgo_training.processes.child_process.ABORT_S", 0.1)
+    udp = {"MTPGO_TRANSPORT": "udp"}  # No port in shared memory is left to other tests.
     arguments = ["--ros-args", "-p", "require_model:=false", "-p", "model:=none.pt"]
     with (
         pytest.raises(KeyError),
-        ChildProcess("predictor", arguments, tmp_path / "predictor.log", {}) as child,
+        ChildProcess("predictor", arguments, tmp_path / "predictor.log", udp) as child,
     ):
         _fail_when_ready(child, signal.SIGSTOP)
     assert child._process.returncode == -signal.SIGKILL
