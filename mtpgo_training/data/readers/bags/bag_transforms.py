@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from msg_adapters.conversions import stamp_to_ns, yaw_from_quaternions
 from msg_adapters.inputs.odometry import LEAST_UPRIGHT, tilt_problem
-from mtpgo_core.frames import Pose2, PoseBuffer
+from mtpgo_core.frames import Pose2, PoseBuffer, moves_with_vehicle
 from mtpgo_core.schema import BoolArray, Float64Array
 
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
@@ -174,7 +174,8 @@ class TransformTree:
         """Return a fixed frame and the poses of a frame in it; None if the frame does not move.
 
         The fixed frame is the one wanted or the first of :data:`FIXED_FRAMES` among the frame's
-        ancestors, else the last ancestor; in a loop there is none. A frame that has one of these
+        ancestors, else the last ancestor; in a loop there is none. Where that one moves with a
+        vehicle by its name, a usual fixed frame below it is taken. A frame that has one of these
         names, unless another one is wanted, or that only static transforms lead away from, is
         fixed itself.
 
@@ -185,14 +186,18 @@ class TransformTree:
         frame = frame.lstrip("/")
         ancestors, chain, is_loop = self._ancestors(frame)
         usual = frame in FIXED_FRAMES and wanted not in ancestors[1:]
-        if usual or frame == wanted or all(edge.static for edge in chain):
+        if usual or frame == wanted:
             return None
         fixed = next((name for name in (wanted, *FIXED_FRAMES) if name in ancestors), "")
-        if not fixed and is_loop:
+        down: list[_Edge] = []
+        if not fixed and not is_loop and moves_with_vehicle(ancestors[-1]):
+            fixed, down = self._below(ancestors[-1], wanted)
+        if all(edge.static for edge in (*chain, *down)) or (is_loop and not fixed):
             return None
         fixed = fixed or ancestors[-1]
-        chain = chain[: ancestors.index(fixed)]
-        poses, upright = _composed(chain)
+        if not down:
+            chain = chain[: ancestors.index(fixed)]
+        poses, upright = _composed(chain, down)
         if not len(poses):
             self.unusable[frame] = (
                 f"the transforms from frame {frame!r} to {fixed!r} have no time in common"
@@ -200,6 +205,14 @@ class TransformTree:
         elif upright < LEAST_UPRIGHT:
             self.unusable[frame] = tilt_problem(frame, fixed, upright)
         return fixed, poses
+
+    def _below(self, root: str, wanted: str) -> tuple[str, list[_Edge]]:
+        """Return the first fixed frame that has a frame as its last ancestor, and the edges."""
+        for name in (wanted, *FIXED_FRAMES):
+            ancestors, chain, is_loop = self._ancestors(name)
+            if chain and not is_loop and ancestors[-1] == root:
+                return name, chain
+        return "", []
 
     def _ancestors(self, frame: str) -> tuple[list[str], list[_Edge], bool]:
         """Return a frame with its ancestors, the edges between them, and if they are a loop."""
@@ -219,11 +232,16 @@ def _trust(edge: _Edge) -> tuple[bool, int]:
     return edge.parent in FIXED_FRAMES, len(edge.stamps)
 
 
-def _composed(chain: list[_Edge]) -> tuple[PoseBuffer, float]:
-    """Return the poses over a chain of transforms, at every time of any of them.
+def _composed(up: list[_Edge], down: list[_Edge]) -> tuple[PoseBuffer, float]:
+    """Return the poses over chains of transforms, at every time of any of them.
 
     With them the vertical component of the frame's z axis, usually.
+
+    Args:
+        up: from the frame to an ancestor.
+        down: from the fixed frame to the same ancestor, none where that is the fixed frame.
     """
+    chain = [*up, *down]
     moving = [np.array(edge.stamps, dtype=np.int64) for edge in chain if not edge.static]
     poses = PoseBuffer(WHOLE_BAG_S, max_extrapolation_s=0.0, max_gap_s=LONGEST_GAP_S)
     if not moving:
@@ -233,12 +251,11 @@ def _composed(chain: list[_Edge]) -> tuple[PoseBuffer, float]:
     first, last = max(stamp.min() for stamp in moving), min(stamp.max() for stamp in moving)
     stamps = stamps[(stamps >= first) & (stamps <= last)]
     stamps = stamps[np.all([edge.is_known(stamps) for edge in chain], axis=0)]
-    position = np.zeros((len(stamps), 3))
-    rotation = np.tile((0.0, 0.0, 0.0, 1.0), (len(stamps), 1))
-    for edge in chain:
-        shift, turn = edge.at(stamps)
-        position = shift + _rotated(turn, position)
-        rotation = _product(turn, rotation)
+    position, rotation = _in_ancestor(up, stamps)
+    if down:
+        origin, turn = _in_ancestor(down, stamps)
+        back = turn * (-1.0, -1.0, -1.0, 1.0)
+        position, rotation = _rotated(back, position - origin), _product(back, rotation)
     yaw = yaw_from_quaternions(rotation)
     for stamp, (x, y), angle in zip(
         stamps.tolist(), position[:, :2].tolist(), yaw.tolist(), strict=True
@@ -246,6 +263,19 @@ def _composed(chain: list[_Edge]) -> tuple[PoseBuffer, float]:
         poses.add(stamp, Pose2(x=x, y=y, yaw=angle))
     upright = 1.0 - 2.0 * (rotation[:, 0] ** 2 + rotation[:, 1] ** 2)
     return poses, float(np.median(upright)) if len(upright) else 1.0
+
+
+def _in_ancestor(
+    chain: list[_Edge], stamp_ns: NDArray[np.int64]
+) -> tuple[Float64Array, Float64Array]:
+    """Return [t, 3] positions and [t, 4] unit quaternions of a frame in its ancestor."""
+    position = np.zeros((len(stamp_ns), 3))
+    rotation = np.tile((0.0, 0.0, 0.0, 1.0), (len(stamp_ns), 1))
+    for edge in chain:
+        shift, turn = edge.at(stamp_ns)
+        position = shift + _rotated(turn, position)
+        rotation = _product(turn, rotation)
+    return position, rotation
 
 
 def _unit(quaternion: Float64Array) -> Float64Array:

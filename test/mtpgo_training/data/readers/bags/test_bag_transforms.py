@@ -335,6 +335,33 @@ def test_a_wanted_fixed_frame_is_taken_where_the_transforms_lead_there(frame, wa
     assert (found and found[0]) == fixed
 
 
+def test_a_fixed_frame_below_the_vehicle_is_as_good_as_one_above():
+    """Some localisations publish where the map is in the vehicle's frame."""
+    found = tree(
+        transform("base_link", "map", 0.0, (-4.0, 3.0, 0.0), turned(-math.pi / 2)),
+        transform("base_link", "map", 1.0, (-5.0, 3.0, 0.0), turned(-math.pi / 2)),
+        static=[transform("base_link", "lidar", 0.0, (2.0, 0.0, 1.0))],
+    )
+    fixed, poses = found.poses("base_link")
+    assert fixed == "map"
+    assert_pose(at(poses, 0.0), 3.0, 4.0, math.pi / 2)
+    assert_pose(at(poses, 0.5), 3.0, 4.5, math.pi / 2)
+    fixed, poses = found.poses("lidar")
+    assert fixed == "map"
+    assert_pose(at(poses, 1.0), 3.0, 7.0, math.pi / 2)
+    assert found.poses("map") is None
+
+
+def test_a_static_frame_below_the_vehicle_says_nothing_of_its_way():
+    below = [transform("base_link", "map", 0.0, (-4.0, 3.0, 0.0))]
+    assert tree(static=below).poses("base_link") is None
+
+
+def test_a_frame_that_moves_below_a_fixed_one_of_any_name_is_not_taken():
+    found = tree(*(transform("utm", "map", t, (t, 0.0, 0.0)) for t in (0.0, 1.0)))
+    assert found.poses("utm") is None
+
+
 @pytest.mark.parametrize(("wanted", "fixed"), [("", "odom"), ("odom", "odom"), ("map", "map")])
 def test_odometry_counts_unless_the_transforms_lead_where_it_does_not(tmp_path, wanted, fixed):
     path = tmp_path / "bag.mcap"
