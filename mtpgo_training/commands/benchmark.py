@@ -18,6 +18,9 @@ from mtpgo_training.commands.arguments.argument_types import positive_integer, p
 
 Add = Callable[..., Any]
 
+_NO_OPTIONS = ("command", "kind", "run", "words", "json")
+"""What the parser and the command line note in the arguments, and where the values are written."""
+
 
 def add_parser(subparsers: Any) -> None:
     """Add ``mtpgo benchmark`` to the command line."""
@@ -34,7 +37,7 @@ def add_parser(subparsers: Any) -> None:
 
 def _command(args: argparse.Namespace) -> str:
     """Return the given command line without the options that do not affect the result."""
-    given = {k: v for k, v in vars(args).items() if k not in ("command", "kind", "run", "json")}
+    given = {k: v for k, v in vars(args).items() if k not in _NO_OPTIONS}
     return command_line(args.kind, given)
 
 
