@@ -18,7 +18,11 @@ more than this factor are in another unit; chosen above the factor of a thousand
 
 
 class StampSeconds:
-    """Follows how the stamps of messages advance within their seconds."""
+    """Follows how the stamps of messages advance within their seconds.
+
+    The readers of bags follow a whole topic, the node what came since the last stamp outside of
+    the first millisecond of a second.
+    """
 
     def __init__(self) -> None:
         self._before: tuple[int, int] | None = None
@@ -39,6 +43,11 @@ class StampSeconds:
         self._before = stamp_ns, received_ns
 
     @property
+    def are_in_first_millisecond(self) -> bool:
+        """Whether all stamps so far are in the first millisecond of a second."""
+        return self._latest_ns < _LATEST_NS
+
+    @property
     def are_of_another_unit(self) -> bool:
         """Whether the parts of seconds are not in nanoseconds: all are in the first millisecond.
 
@@ -48,6 +57,6 @@ class StampSeconds:
             self._steps >= _FEWEST_STEPS
             and self._steps - self._steps_within >= _FEWEST_SECONDS - 1
             and 3 * self._steps_within >= 2 * self._steps
-            and self._latest_ns < _LATEST_NS
+            and self.are_in_first_millisecond
             and 0 < self._stamped_ns < _SLOWEST * self._logged_ns
         )
