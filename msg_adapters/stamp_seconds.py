@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Stamps whose parts of a second are in microseconds or milliseconds, and not in nanoseconds."""
+"""Stamps in another unit: parts of seconds that are no nanoseconds, stamps that hardly advance."""
 
 from __future__ import annotations
 
@@ -15,6 +15,13 @@ _FEWEST_STEPS, _FEWEST_SECONDS = 10, 3
 _SLOWEST = 0.01
 """Stamps that advance within their seconds slower than the time at which they were recorded by
 more than this factor are in another unit; chosen above the factor of a thousand."""
+
+SLOWEST_PACE = 0.01
+"""Stamps that advance slower than the time at which their messages come by more than this factor
+seem to be in another unit; chosen below any simulation, and above milliseconds for seconds."""
+
+_PACE_NS = 3 * _S_NS
+"""Time over which the pace is measured (ns); chosen: longer than a tracker hesitates."""
 
 
 class StampSeconds:
@@ -60,3 +67,31 @@ class StampSeconds:
             and self.are_in_first_millisecond
             and 0 < self._stamped_ns < _SLOWEST * self._logged_ns
         )
+
+
+class StampPace:
+    """Follows how fast stamps advance, as a stream is received.
+
+    Attributes:
+        is_slow: they advanced less than :data:`SLOWEST_PACE` times as fast as the clock, in ten
+            messages or more over the last three seconds in which this was measured.
+    """
+
+    def __init__(self) -> None:
+        self.is_slow = False
+        self._first: tuple[int, int] | None = None
+        self._messages = 0
+
+    def add(self, stamp_ns: int, clock_ns: int) -> None:
+        """Add the stamp of a message and the time of its receipt (ns), 0 where it is not known."""
+        if clock_ns == 0:
+            return
+        if self._first is None or stamp_ns < self._first[0] or clock_ns < self._first[1]:
+            self._first, self._messages = (stamp_ns, clock_ns), 0
+        self._messages += 1
+        passed_ns = clock_ns - self._first[1]
+        if passed_ns >= _PACE_NS:
+            advanced_ns = stamp_ns - self._first[0]
+            few = self._messages < _FEWEST_STEPS
+            self.is_slow = not few and advanced_ns < SLOWEST_PACE * passed_ns
+            self._first, self._messages = (stamp_ns, clock_ns), 0

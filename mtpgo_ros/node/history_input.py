@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from msg_adapters.stamp_seconds import StampSeconds
+from msg_adapters.stamp_seconds import StampPace, StampSeconds
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.stream_guard import LATE_NS
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
@@ -74,7 +74,7 @@ class HistoryInput:
         self._events = events
         self._parameters = parameters
         self._rate_limiter = RateLimiter(parameters.rate)
-        self._seconds = StampSeconds()
+        self._seconds, self._pace = StampSeconds(), StampPace()
         self._ahead = 0
         self._newest_ns: int | None = None
         self._newest_came_ns = 0  # by the node's clock
@@ -148,6 +148,8 @@ class HistoryInput:
         if self._is_of_another_unit(states.stamp_ns, received_ns):
             self._reject("stamp_unit")
             return None
+        self._pace.add(states.stamp_ns, now_ns)
+        self._events.count("stamp_pace", int(self._pace.is_slow))
         if self._is_from_the_future(states.stamp_ns, now_ns):
             self._reject("future_stamp")
             return None

@@ -150,6 +150,23 @@ def test_microseconds_in_the_field_of_nanoseconds(node):
     node.level_while_healthy("input", OK)
 
 
+def test_stamps_that_hardly_advance(node):
+    node.fresh().healthy()
+    first, begin_s = len(node.answers), node.time_s
+
+    def noticed():
+        """Send an observation with the milliseconds since the last one in place of seconds."""
+        node.time_s += 1e-4
+        node.send(traffic(node.time_s))
+        node.spin_for(0.1)
+        return node.said("input", WARN, "less than a hundredth as fast as the clock")
+
+    node.until(noticed, "a word on the pace")
+    assert len(node.answers) == first
+    node.time_s = begin_s + 1.0
+    node.level_while_healthy("input", OK)
+
+
 def test_a_stamp_twice(node):
     node.fresh().healthy()
     with node.counts(duplicates=4):
