@@ -25,7 +25,7 @@ _NANOSECONDS = 1_000_000_000
 _UPRIGHT = 1e-6
 """Horizontal part of the x axis up to which a rotation has no yaw; chosen above rounding."""
 
-_LAST_S = (1 << 31) - 1
+LAST_S = (1 << 31) - 1
 """Last second of ``builtin_interfaces/Time``."""
 
 
@@ -75,9 +75,9 @@ def stamp_of(seconds: int, nanoseconds: int) -> int:
     Raises:
         MessageError: it is later than the last one that a message can hold.
     """
-    if seconds + nanoseconds // _NANOSECONDS > _LAST_S:
+    if seconds + nanoseconds // _NANOSECONDS > LAST_S:
         raise MessageError(
-            f"stamp is {seconds} s and {nanoseconds} ns, expected less than {_LAST_S + 1} s"
+            f"stamp is {seconds} s and {nanoseconds} ns, expected less than {LAST_S + 1} s"
         )
     return seconds * _NANOSECONDS + nanoseconds
 

@@ -113,6 +113,7 @@ ROOMS = {
     "msg_adapters": (
         "types",
         "conversions",
+        "stamp_seconds",
         "wire",
         "bags",
         "adapter",

@@ -23,6 +23,10 @@ ODD_INPUT: dict[str, str] = {
     "left_out": "objects left out, beyond the nearest max_tracks",
     "dropped": "tracks dropped for lack of room",
     "unstamped": "messages without a stamp",
+    "stamp_unit": "messages whose stamps are all in the first millisecond of a second, as with"
+    " microseconds or milliseconds in the field of nanoseconds",
+    "stamp_pace": "messages whose stamps advance less than a hundredth as fast as the clock, as in"
+    " another unit: hardly any prediction is due",
     "future_stamp": "messages ahead of the clock",
     "clock_reset": "jumps of the clock backwards",
     "clock_set": "times that the clock of this machine or of the objects was set",

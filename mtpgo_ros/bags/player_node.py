@@ -21,6 +21,7 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.bags.bag_definitions import BagDefinitions
 from msg_adapters.bags.bag_reader import BagReader, BagTopic
+from msg_adapters.conversions import LAST_S
 from msg_adapters.inputs.lane_markers import MOST_POINTS, lanes_to_markers
 from msg_adapters.types import RclpyTypes, message_class
 from mtpgo_core.errors import ConfigurationError, MessageError, RecordingError
@@ -32,6 +33,8 @@ from mtpgo_ros.runtime.executable import tell
 from mtpgo_ros.runtime.ros_start import node_errors, wake_middleware
 
 LANES_TOPIC = "/lane_markings"
+
+_S_NS = 1_000_000_000
 
 _POLL_S = 0.02
 """Polling interval while the player waits (s); chosen: not noticeable."""
@@ -72,12 +75,14 @@ class BagPlayer:
         topics: which of its topics to play.
 
     Raises:
-        RecordingError: none of the topics can be played here.
+        RecordingError: none of the topics can be played here, or its times are beyond those that
+            ``/clock`` can show.
     """
 
     def __init__(self, bag: BagReader, timing: PlaybackTiming, topics: Sequence[BagTopic]) -> None:
         self._bag, self._timing = bag, timing
         if timing.clock_hz > 0.0:
+            _require_times_of_clock(bag, timing)
             topics = [topic for topic in topics if topic.name != "/clock"]
         with node_errors():
             self._node = rclpy.create_node("replay")
@@ -216,12 +221,22 @@ class BagPlayer:
 
     def _tick(self, time_ns: int) -> None:
         if self._clock is not None:
-            seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
+            seconds, nanoseconds = divmod(time_ns, _S_NS)
             self._clock.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
 
     def close(self) -> None:
         """Destroy the node and its publishers."""
         self._node.destroy_node()
+
+
+def _require_times_of_clock(bag: BagReader, timing: PlaybackTiming) -> None:
+    """Check that /clock can show all times that are played: it would show others instead."""
+    first_s, last_s = timing.origin_ns // _S_NS, timing.end_ns // _S_NS
+    if first_s < -LAST_S or last_s > LAST_S:
+        raise RecordingError(
+            f"bag {bag.path}: its times reach from {first_s} s to {last_s} s, but /clock can only"
+            f" show up to {LAST_S} s (in the year 2038); --clock-rate 0 plays it without /clock"
+        )
 
 
 def _rest(seconds: float, stopped: Callable[[], bool]) -> None:

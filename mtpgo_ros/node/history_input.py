@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from msg_adapters.stamp_seconds import StampPace, StampSeconds
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.stream_guard import LATE_NS
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
@@ -73,6 +74,7 @@ class HistoryInput:
         self._events = events
         self._parameters = parameters
         self._rate_limiter = RateLimiter(parameters.rate)
+        self._seconds, self._pace = StampSeconds(), StampPace()
         self._ahead = 0
         self._newest_ns: int | None = None
         self._newest_came_ns = 0  # by the node's clock
@@ -121,6 +123,7 @@ class HistoryInput:
         skipped_objects: int = 0,
         *,
         with_ego: bool = False,
+        received_ns: int = 0,
         sender_set: bool = False,
     ) -> HistoryWindow | None:
         """Add an observation to the history.
@@ -132,6 +135,7 @@ class HistoryInput:
             skipped_objects: objects of the message that could not be read.
             with_ego: the ego was added to the objects by its own odometry; it makes a message
                 whose objects are all rejected no more usable.
+            received_ns: time of receipt (ns of the monotonic clock).
             sender_set: the clock of the message's sender was set forward before.
 
         Returns:
@@ -141,6 +145,11 @@ class HistoryInput:
         if states.stamp_ns <= 0:  # before 1970: no clock of a robot shows that
             self._reject("unstamped")
             return None
+        if self._is_of_another_unit(states.stamp_ns, received_ns):
+            self._reject("stamp_unit")
+            return None
+        self._pace.add(states.stamp_ns, now_ns)
+        self._events.count("stamp_pace", int(self._pace.is_slow))
         if self._is_from_the_future(states.stamp_ns, now_ns):
             self._reject("future_stamp")
             return None
@@ -184,6 +193,17 @@ class HistoryInput:
         """Count an observation that does not enter the history."""
         self._events.count(counter)
         self.rejection = ODD_INPUT[counter]
+
+    def _is_of_another_unit(self, stamp_ns: int, received_ns: int) -> bool:
+        """Return whether the parts of seconds of the stamps are not in nanoseconds.
+
+        The history would take the messages of a second for one. A stamp outside of the first
+        millisecond of a second says that the stamps are right from now on.
+        """
+        self._seconds.add(stamp_ns, received_ns)
+        if not self._seconds.are_in_first_millisecond:
+            self._seconds = StampSeconds()
+        return self._seconds.are_of_another_unit
 
     def _is_from_the_future(self, stamp_ns: int, now_ns: int) -> bool:
         """Return whether to drop an observation because its stamp is ahead of the clock.

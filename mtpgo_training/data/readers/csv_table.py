@@ -562,6 +562,9 @@ def _numbers(column: pd.Series, place: _Place, form: CsvForm, *, unknown: bool) 
     if unknown:
         values = values.astype(np.float64)
         place.refuse(column, np.isinf(values.to_numpy()), "a finite number or an empty cell")
+    elif values.dtype.kind == "u":
+        place.refuse(column, (values > np.iinfo(np.int64).max).to_numpy(bool), "less than 2^63")
+        values = values.astype(np.int64)
     elif values.dtype.kind != "i":
         values = values.astype(np.float64)
         place.refuse(column, ~np.isfinite(values.to_numpy()), "a finite number")

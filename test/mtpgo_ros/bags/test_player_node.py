@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The player's publishers, its clock and what it waits for, in this process."""
 
+import dataclasses
 import time
 
 import pytest
@@ -61,6 +62,21 @@ def until(condition, meanwhile=lambda: time.sleep(0.02)):
 def test_a_recorded_clock_is_left_out_where_the_player_has_its_own(player):
     assert set(player(clock_hz=100.0)._publishers) == {"/player_ego", "/player_text"}
     assert set(player(clock_hz=0.0)._publishers) == {"/player_ego", "/player_text", "/clock"}
+
+
+@pytest.mark.parametrize("start_s", [2**31 - 1, 2**32 + 5])
+def test_times_that_the_clock_cannot_show_are_refused(tmp_path, start_s):
+    with McapWriter(tmp_path / "bag.mcap") as writer:
+        writer.add_topic("/player_text", "std_msgs/msg/String")
+        text = writer.types.make("std_msgs/msg/String", data="text")
+        for step in range(3):
+            writer.write("/player_text", start_s * 10**9 + step * 10**9, text)
+    with BagReader(tmp_path / "bag.mcap") as bag:
+        timing = PlaybackTiming(bag.start_ns, bag.end_ns)
+        with pytest.raises(RecordingError, match=f"from {start_s} s .* --clock-rate 0"):
+            BagPlayer(bag, timing, bag.topics())
+        without = dataclasses.replace(timing, clock_hz=0.0)
+        BagPlayer(bag, without, bag.topics()).close()
 
 
 def test_topics_that_ros_does_not_accept_are_skipped_with_a_sentence(tmp_path, capsys):

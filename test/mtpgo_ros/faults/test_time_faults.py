@@ -6,7 +6,7 @@ import dataclasses
 import time
 
 import pytest
-from fault_harness import ERROR, OK, WARN
+from fault_harness import ERROR, FORGOTTEN_S, OK, WARN
 from fault_tools import (
     HealthListener,
     Resources,
@@ -133,6 +133,38 @@ def test_a_stamp_from_the_future(node):
         node.send(stamped(node.states(), time.time_ns() + 3600 * 10**9))
     node.healthy()
     assert node.said("input", WARN, "ahead of the clock")
+
+
+def test_microseconds_in_the_field_of_nanoseconds(node):
+    node.fresh().healthy()
+    begin_s = round(node.time_s) + FORGOTTEN_S
+    for step in range(50):
+        seconds, tenth = divmod(step, 10)
+        states = traffic(begin_s + step / 10)
+        node.send(stamped(states, START_NS + round((begin_s + seconds + tenth * 1e-4) * 1e9)))
+        node.spin_for(0.02)
+    node.until(lambda: node.said("input", WARN, "microseconds"), "a word on the unit")
+    assert node.counter("stamp_unit") > 0
+    node.time_s = begin_s + 5.0
+    node.healthy(steps=2)
+    node.level_while_healthy("input", OK)
+
+
+def test_stamps_that_hardly_advance(node):
+    node.fresh().healthy()
+    first, begin_s = len(node.answers), node.time_s
+
+    def noticed():
+        """Send an observation with the milliseconds since the last one in place of seconds."""
+        node.time_s += 1e-4
+        node.send(traffic(node.time_s))
+        node.spin_for(0.1)
+        return node.said("input", WARN, "less than a hundredth as fast as the clock")
+
+    node.until(noticed, "a word on the pace")
+    assert len(node.answers) == first
+    node.time_s = begin_s + 1.0
+    node.level_while_healthy("input", OK)
 
 
 def test_a_stamp_twice(node):

@@ -127,3 +127,17 @@ def test_a_stream_that_starts_again_resets_the_predictor(make, monkeypatch):
         states = dataclasses.replace(traffic(1.4 + k / 10), frame_id="odom")
         history.update(states, at(1.4 + k / 10))
     assert len(resets) == 2
+
+
+def test_stamps_with_microseconds_in_the_field_of_nanoseconds_are_left_out(make):
+    history, events, _ = make()
+    rejected = []
+    for step in range(60):
+        seconds, tenth = divmod(step, 10)
+        # Mended after four seconds.
+        stamp_s = seconds + tenth * (1e-4 if seconds < 4 else 0.1)
+        stamped = dataclasses.replace(traffic(step / 10), stamp_ns=at(stamp_s))
+        history.update(stamped, at(step / 10), received_ns=round(step * 1e8))
+        rejected.append(bool(history.rejection))
+    assert rejected == [False] * 20 + [True] * 21 + [False] * 19
+    assert events.counts()["stamp_unit"] == 21

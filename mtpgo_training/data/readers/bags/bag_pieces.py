@@ -24,6 +24,7 @@ from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.inputs.ego_odometry import EGO_NAME, EgoOdometry
 from msg_adapters.inputs.lane_markers import lanes_from_markers
 from msg_adapters.inputs.odometry import ODOMETRY
+from msg_adapters.stamp_seconds import StampSeconds
 from mtpgo_core.errors import FrameError, MessageError, RecordingError, found_names
 from mtpgo_core.frames import moves_with_vehicle
 from mtpgo_core.history.odd_input import described
@@ -38,7 +39,6 @@ from mtpgo_training.data.readers.bags.bag_topics import (
     nearest_first,
     shared_namespaces,
 )
-from mtpgo_training.data.readers.bags.stamp_seconds import StampSeconds
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.recording_bag import EGO_TOPIC, LANES_TOPIC
 

@@ -22,6 +22,7 @@ from msg_adapters.bags.bag_reader import (
 )
 from msg_adapters.bags.sqlite_file import files_left_beside
 from msg_adapters.bags.stored_bag import bag_files, has_bag_suffix, without_packed_copies
+from msg_adapters.stamp_seconds import SLOWEST_PACE
 from mtpgo_core.errors import RecordingError, found_names
 from mtpgo_core.history.odd_input import described
 from mtpgo_core.history.track_index import sort_keys
@@ -58,11 +59,6 @@ _PACE_MESSAGES = 10
 _FASTEST_PACE = 10.0
 """Stamps that advance faster than the time at which they were recorded by more than this factor
 are in another unit, if no two messages are near each other; chosen."""
-
-
-_SLOWEST_PACE = 0.01
-"""Stamps that advance slower than the time at which they were recorded by more than this factor
-seem to be in another unit; chosen below any simulation, and above milliseconds for seconds."""
 
 
 def bag_units(
@@ -208,7 +204,7 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
             " as with microseconds or milliseconds in the field of nanoseconds; expected the time"
             " of the observation in seconds and nanoseconds"
         )
-    if piece_reader.pace < _SLOWEST_PACE:  # false for NaN
+    if piece_reader.pace < SLOWEST_PACE:  # false for NaN
         remark(
             f"{path}, topic {topic.name}: its stamps advance {piece_reader.pace:.3g} times as fast"
             " as the time at which they were recorded; expected the time of the observation in"

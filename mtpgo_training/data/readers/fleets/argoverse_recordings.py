@@ -18,9 +18,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from msg_adapters.conversions import yaw_from_quaternions
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.frames import rotate
+from mtpgo_core.schema import Float64Array
 from mtpgo_training.data.readers.csv_table import check_columns, require_columns
 from mtpgo_training.data.readers.drone_files import (
     NoRecordingsError,
@@ -116,7 +118,13 @@ def _read_scenario(name: str, path: Path, classes: ClassMap) -> Iterator[Recordi
     columns = [*_TEXTS, "timestep", *_NUMBERS]
     header = parquet_columns(path)
     require_columns(path, header, columns, columns)
-    table = read_parquet(path, [*columns, *(c for c in ("city",) if c in header)])
+    table = read_parquet(path, [*columns, *(c for c in ("city", "scenario_id") if c in header)])
+    if "scenario_id" in table and table["scenario_id"].nunique() > 1:
+        first, second = table["scenario_id"].drop_duplicates().iloc[:2]
+        raise RecordingError(
+            f"{path} has several scenarios, {first!r:.60} and {second!r:.60}, expected one in each"
+            " file"
+        )
     check_columns(
         table,
         path,
@@ -161,6 +169,12 @@ def _read_log(name: str, path: Path, poses_path: Path, classes: ClassMap) -> Ite
         raise RecordingError(
             f"{path}, row {row + 1}: {poses_path.name} has no pose of the time "
             f"{boxes['timestamp_ns'].iloc[row]} ns"
+        )
+    without = np.isnan(_yaw(poses))
+    if without.any():
+        raise RecordingError(
+            f"{poses_path}, row {int(np.argmax(without)) + 1}: the quaternion has no yaw, expected"
+            " the orientation of the recording vehicle"
         )
     own = pose.loc[boxes["timestamp_ns"]]
     turn = _yaw(own)
@@ -229,7 +243,6 @@ def _feather(path: Path, numbers: Sequence[str], texts: Sequence[str]) -> pd.Dat
     return table
 
 
-def _yaw(table: pd.DataFrame) -> np.ndarray:
-    """Return [rows] the yaw of quaternions (rad)."""
-    w, x, y, z = (table[name].to_numpy(np.float64) for name in ("qw", "qx", "qy", "qz"))
-    return np.asarray(np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z))
+def _yaw(table: pd.DataFrame) -> Float64Array:
+    """Return [rows] the yaw of quaternions (rad), NaN where they have none."""
+    return yaw_from_quaternions(table[["qx", "qy", "qz", "qw"]].to_numpy(np.float64))

@@ -9,6 +9,7 @@ objects that never move are left out. Velocities are not given.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import json
 import math
@@ -20,9 +21,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from msg_adapters.conversions import yaw_from_quaternions
 from mtpgo_core.class_map import ClassMap
 from mtpgo_core.errors import RecordingError, found_names
 from mtpgo_core.options import is_unicode
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.drone_files import NoRecordingsError, existing_directory
 from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
@@ -76,17 +79,27 @@ def nuscenes_units(
             "sample_annotation.json"
         )
     classes = options.classes_or("nuscenes")
-    units, left = [], set(names or ())
-    there: list[str] = []
-    for folder in versions:
-        for table in _TABLES:
-            if not (folder / f"{table}.json").is_file():
-                raise RecordingError(f"{folder / table}.json is missing, it belongs to nuScenes")
+    units, left, remarks = [], set(names or ()), []
+    scenes_in = {folder: _scenes(folder) for folder in versions}
+    there = [scene for scenes in scenes_in.values() for scene in scenes]
+    # Those of v1.0-mini are in v1.0-trainval as well: the version with most scenes counts last.
+    ordered = sorted(scenes_in, key=lambda folder: len(scenes_in[folder]))
+    home = {scene: folder for folder in ordered for scene in scenes_in[folder]}
+    for folder, scenes in scenes_in.items():
         version = folder.resolve().name
-        scenes = [str(row.get("name")) for row in _objects(folder / "scene.json")]
-        there += scenes
-        wanted = [s for s in scenes if {s, version, f"{version}-{s}"} & set(names or (s,))]
-        left -= {version, *wanted, *(f"{version}-{s}" for s in wanted)}
+        wanted = []
+        for scene in scenes:
+            if {version, f"{version}-{scene}"} & left or (
+                home[scene] == folder and (not names or scene in names)
+            ):
+                wanted.append(scene)
+        others = [scene for scene in scenes if home[scene] != folder]
+        if others and not names:
+            other = found_names(sorted({home[scene].resolve().name for scene in others}))
+            remarks.append(
+                f"{folder}: {len(others)} of its {len(scenes)} scenes are in {other} too, and are"
+                " read from there"
+            )
         if wanted:
             units.append(
                 Unit(
@@ -97,12 +110,29 @@ def nuscenes_units(
                     {"scenes": wanted},
                 )
             )
+    left -= {name for f, all_ in scenes_in.items() for name in _names_of(f, all_)}
     if left:
         raise RecordingError(
             f"{directory} has no scene {sorted(left)[0]!r}, it has "
             f"{found_names(there, _MOST_SCENES)}"
         )
+    if units:
+        units[0] = dataclasses.replace(units[0], remarks=remarks)
     return units
+
+
+def _scenes(folder: Path) -> list[str]:
+    """Return the names of a version's scenes; all of its tables must be there."""
+    for table in _TABLES:
+        if not (folder / f"{table}.json").is_file():
+            raise RecordingError(f"{folder / table}.json is missing, it belongs to nuScenes")
+    return [str(row.get("name")) for row in _objects(folder / "scene.json")]
+
+
+def _names_of(folder: Path, scenes: Sequence[str]) -> set[str]:
+    """Return the names by which a version and its scenes can be asked for."""
+    version = folder.resolve().name
+    return {version, *scenes, *(f"{version}-{scene}" for scene in scenes)}
 
 
 def _read(
@@ -120,14 +150,22 @@ def _read(
         for row in _rows(folder, "sample", ("token", "scene_token", "timestamp"))
         if row["scene_token"] in scenes
     }
-    rows = _annotations(folder, samples)
-    rows += _ego(folder, samples)
-    table = pd.DataFrame(rows)
+    ego = _ego(folder, samples)
+    table = pd.DataFrame(_annotations(folder, samples) + ego)
+    if len(ego) < len(samples):
+        remark(
+            f"{folder / 'ego_pose.json'}: {len(samples) - len(ego)} of {len(samples)} samples have"
+            " no pose of the recording vehicle at their time"
+        )
+    if len(table):
+        quaternion = table[["qx", "qy", "qz", "qw"]].to_numpy(np.float64)
+        table["yaw"] = yaw_from_quaternions(quaternion)
     files = tuple(folder / f"{name}.json" for name in _TABLES)
     sha256 = sha256_of(files)
     by_scene = dict(list(table.groupby("scene"))) if len(table) else {}
     for token, scene in sorted(scenes.items(), key=lambda item: str(item[1]["name"])):
         if token not in by_scene:
+            remark(f"{folder}: {scene['name']} has no road user and no pose, it is left out")
             continue
         source = TableSource(
             name=f"{version}-{scene['name']}",
@@ -144,14 +182,17 @@ def _read(
 def _annotations(folder: Path, samples: Mapping[str, Any]) -> list[dict[str, Any]]:
     category = {row["token"]: row["name"] for row in _rows(folder, "category", ("token", "name"))}
     kind = {
-        row["token"]: str(category.get(row["category_token"], ""))
-        for row in _rows(folder, "instance", ("token", "category_token"))
+        row["token"]: _found(category, row["category_token"], folder, "instance", "category", i)
+        for i, row in enumerate(_rows(folder, "instance", ("token", "category_token")), start=1)
     }
     fields = ("sample_token", "instance_token", "translation", "size", "rotation")
     rows = []
     for number, row in enumerate(_rows(folder, "sample_annotation", fields), start=1):
-        name = kind.get(row["instance_token"], "")
-        if row["sample_token"] not in samples or name.startswith(_NO_ROAD_USERS):
+        if row["sample_token"] not in samples:
+            continue
+        token = row["instance_token"]
+        name = _found(kind, token, folder, "sample_annotation", "instance", number)
+        if name.startswith(_NO_ROAD_USERS):
             continue
         where = f"{folder / 'sample_annotation.json'}, record {number}"
         x, y, _ = _floats(row, "translation", 3, where)
@@ -160,11 +201,11 @@ def _annotations(folder: Path, samples: Mapping[str, Any]) -> list[dict[str, Any
         rows.append(
             {
                 "scene": sample["scene_token"],
-                "track": str(row["instance_token"]),
+                "track": token,
                 "time_s": sample["timestamp"] / 1e6,
                 "x": x,
                 "y": y,
-                "yaw": _yaw(*_floats(row, "rotation", 4, where)),
+                **_quaternion(row, where),
                 "length": length,
                 "width": width,
                 "class": name,
@@ -192,7 +233,7 @@ def _ego(folder: Path, samples: Mapping[str, Any]) -> list[dict[str, Any]]:
             "time_s": time / 1e6,
             "x": x,
             "y": y,
-            "yaw": _yaw(*_floats(row, "rotation", 4, where)),
+            **_quaternion(row, where),
             "length": EGO_SIZE_M[0],
             "width": EGO_SIZE_M[1],
             "class": "vehicle.ego",
@@ -276,6 +317,21 @@ def _numbers(values: Any, name: str, count: int, where: str) -> list[float]:
     raise RecordingError(f"{where}: {name} is {values!r:.60}, expected finite numbers ({count})")
 
 
-def _yaw(w: float, x: float, y: float, z: float) -> float:
-    """Return the yaw of a quaternion (rad)."""
-    return float(np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z))
+def _quaternion(row: Mapping[str, Any], where: str) -> dict[str, float]:
+    return dict(zip(("qw", "qx", "qy", "qz"), _floats(row, "rotation", 4, where), strict=True))
+
+
+def _found(
+    names: Mapping[str, str], token: str, folder: Path, table: str, other: str, number: int
+) -> str:
+    """Return the name of a token of another table.
+
+    Raises:
+        RecordingError: that table has no such token.
+    """
+    if token not in names:
+        raise RecordingError(
+            f"{folder / table}.json, record {number}: {other}_token is {token!r:.60}, which"
+            f" {other}.json has not"
+        )
+    return names[token]

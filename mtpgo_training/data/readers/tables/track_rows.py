@@ -119,6 +119,7 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
         raise RecordingError(f"{what} a second row for {time}")
     numbers, key = _identities(names)
     yaw = table["yaw"].to_numpy(np.float64) if "yaw" in table else np.full(len(table), np.nan)
+    _check_unit(yaw, source)
     return Recording(
         name=as_file_name(source.name),
         layout=source.layout,
@@ -137,6 +138,16 @@ def recording_of_rows(table: pd.DataFrame, source: TableSource) -> Recording:
         start_time_ns=start_ns,
         track_key=key,
     )
+
+
+def _check_unit(yaw: Float64Array, source: TableSource) -> None:
+    """Say that headings (rad) seem to be in degrees: half of them are more than a full turn."""
+    known = np.abs(yaw[np.isfinite(yaw)])
+    if len(known) and np.median(known) > 2.0 * np.pi:
+        remark(
+            f"{source.files[0]}: half of the headings are beyond {np.median(known):.5g} rad, more"
+            " than a full turn; is their unit degrees?"
+        )
 
 
 def as_file_name(name: str) -> str:

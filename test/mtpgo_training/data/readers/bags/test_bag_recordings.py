@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A fleet's own bags are training data: from the bags to scores, through the command line."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import yaml
 from backports import zstd
 from fleet import write_bag
-from odd_bags import states_at, write_stream
+from odd_bags import EPOCH_NS, S_NS, states_at, write_stream
 from traffic import braking_cars
 
 from msg_adapters.bags import stored_bag
@@ -255,3 +256,13 @@ def test_bags_in_folders_beside_others_are_named(tmp_path, caplog):
     (recording,) = load_recordings(tmp_path, "bag")
     assert recording.name == "a"
     assert "the bags in monday, tuesday are passed over, expected one folder" in caplog.text
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e6])
+def test_parts_of_seconds_in_another_unit_are_refused(tmp_path, factor):
+    stream = []
+    for time_s in (i / 10 for i in range(40)):
+        stamp_ns = EPOCH_NS + int(time_s) * S_NS + round(time_s % 1 * S_NS / factor)
+        stream.append((time_s, dataclasses.replace(states_at(time_s), stamp_ns=stamp_ns)))
+    with pytest.raises(RecordingError, match=r"microseconds or .* in the field of nanoseconds"):
+        load_recordings(write_stream(tmp_path / "a.mcap", stream), "bag")

@@ -83,6 +83,16 @@ def test_a_log_is_brought_into_the_frame_of_the_city(tmp_path):
     np.testing.assert_allclose(recording.yaw[rows], np.pi)
     np.testing.assert_allclose(recording.size[bus], [4, 2])
     np.testing.assert_allclose(recording.yaw[~rows], np.pi / 2)
+    unset = pd.DataFrame(boxes).assign(qw=0.0, qz=0.0)
+    unset["timestamp_ns"] = unset["timestamp_ns"].astype("uint64")
+    unset.to_feather(folder / "annotations.feather")
+    (recording,) = load_recordings(tmp_path, "argoverse2")
+    assert np.isnan(recording.yaw[rows]).all()
+    np.testing.assert_allclose(recording.position[rows], [[99, 10], [99, 12]])
+    nowhere = pd.DataFrame(poses).assign(qw=[1.0, 0.0, 1.0], qz=0.0)
+    nowhere.to_feather(folder / "city_SE3_egovehicle.feather")
+    with pytest.raises(RecordingError, match=r"vehicle\.feather, row 2: the quaternion has no"):
+        load_recordings(tmp_path, "argoverse2")
     pd.DataFrame(poses[:1]).to_feather(folder / "city_SE3_egovehicle.feather")
     sentence = r"annotations\.feather, row 3: city_SE3_egovehicle\.feather has no pose of the time"
     with pytest.raises(RecordingError, match=sentence):
@@ -124,3 +134,15 @@ def test_a_scenario_without_road_users_is_called_so(tmp_path):
         RecordingError, match="has no road user: all of its 12 rows are objects th"
     ):
         load_recordings(tmp_path, "argoverse2")
+
+
+def test_several_scenarios_in_one_file_are_refused(tmp_path):
+    scenario(tmp_path / "scenario_s.parquet", scenario_id=["s"] * 6 + ["q"] * 6)
+    with pytest.raises(RecordingError, match="has several scenarios, 's' and 'q', expected one"):
+        load_recordings(tmp_path, "argoverse2")
+
+
+def test_headings_in_degrees_are_remarked_on(tmp_path, caplog):
+    scenario(tmp_path / "scenario_s.parquet", heading=90.0)
+    load_recordings(tmp_path, "argoverse2")
+    assert "half of the headings are beyond 90 rad, more than a full turn" in caplog.text

@@ -4,6 +4,7 @@
 
 import json
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -136,3 +137,54 @@ def test_tables_that_an_editor_of_windows_has_saved_are_read(folder):
     for path in (folder / "v1.0-mini").iterdir():
         path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
     assert len(load_recordings(folder, "nuscenes")) == 2
+
+
+def edited(folder, table, edit):
+    """Edit the records of a table."""
+    path = folder / "v1.0-mini" / f"{table}.json"
+    rows = json.loads(path.read_text())
+    edit(rows)
+    path.write_text(json.dumps(rows))
+
+
+def test_a_scene_that_two_versions_have_is_read_once(folder, caplog):
+    shutil.copytree(folder / "v1.0-mini", folder / "v1.0-trainval")
+    edited(folder, "scene", lambda rows: rows.pop())
+    recordings = load_recordings(folder, "nuscenes")
+    assert [r.name for r in recordings] == ["v1.0-trainval-scene-0000", "v1.0-trainval-scene-0001"]
+    assert "v1.0-mini: 1 of its 1 scenes are in v1.0-trainval too, and are read" in caplog.text
+    (recording,) = load_recordings(folder, "nuscenes", ["scene-0000"])
+    assert recording.name == "v1.0-trainval-scene-0000"
+    for name in ("v1.0-mini", "v1.0-mini-scene-0000"):
+        (recording,) = load_recordings(folder, "nuscenes", [name])
+        assert recording.name == "v1.0-mini-scene-0000"
+
+
+def test_an_orientation_that_is_not_set_is_unknown(folder):
+    edited(folder, "sample_annotation", lambda rows: rows[0].update(rotation=[0, 0, 0, 0]))
+    recording = load_recordings(folder, "nuscenes")[0]
+    car = recording.track == int(np.flatnonzero(recording.track_id != recording.ego_id)[0])
+    assert np.isnan(recording.yaw[car]).tolist() == [True, False, False]
+
+
+def test_tokens_of_records_that_are_missing_are_named(folder):
+    edited(folder, "category", lambda rows: rows.pop())
+    with pytest.raises(
+        RecordingError, match=r"instance\.json, record 3: category_token is 'c2', w"
+    ):
+        load_recordings(folder, "nuscenes")
+    edited(folder, "instance", lambda rows: rows.pop(2))  # the only barrier of the first scene
+    edited(folder, "instance", lambda rows: rows.pop())
+    with pytest.raises(
+        RecordingError, match=r"annotation\.json, record 3: instance_token is 'i02', which in"
+    ):
+        load_recordings(folder, "nuscenes")
+
+
+def test_poses_and_scenes_that_are_missing_are_said(folder, caplog):
+    edited(folder, "ego_pose", lambda rows: rows.pop(0))
+    edited(folder, "sample", lambda rows: [rows.pop() for _ in range(3)])
+    (recording,) = load_recordings(folder, "nuscenes")
+    assert len(recording) == 8
+    assert "1 of 3 samples have no pose of the recording vehicle at their time" in caplog.text
+    assert "scene-0001 has no road user and no pose, it is left out" in caplog.text

@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stamps with microseconds or milliseconds in the field of nanoseconds, and others like them."""
 
-import dataclasses
-
 import pytest
-from odd_bags import EPOCH_NS, S_NS, states_at, write_stream
 
-from mtpgo_core.errors import RecordingError
-from mtpgo_training.data.readers import load_recordings
-from mtpgo_training.data.readers.bags.stamp_seconds import StampSeconds
+from msg_adapters.stamp_seconds import StampPace, StampSeconds
+
+S_NS = 10**9
+EPOCH_NS = 1_700_000_000 * S_NS
 
 
 def of_another_unit(stamps_s, logged_s=None):
@@ -47,10 +45,31 @@ def test_other_stamps_are_left_alone(stamps_s, logged_s):
     assert not of_another_unit(stamps_s, logged_s)
 
 
-def test_a_bag_of_them_is_refused(tmp_path):
-    stream = [
-        (t, dataclasses.replace(states_at(t), stamp_ns=EPOCH_NS + round(divided(t, 1e3) * S_NS)))
-        for t in TEN_HZ
-    ]
-    with pytest.raises(RecordingError, match=r"microseconds or .* in the field of nanoseconds"):
-        load_recordings(write_stream(tmp_path / "a.mcap", stream), "bag")
+@pytest.mark.parametrize(
+    ("pace", "clock_s", "slow"),
+    [
+        (1e-3, TEN_HZ, True),
+        (0.0, TEN_HZ, True),
+        (0.02, TEN_HZ, False),  # a bag that is played slowly
+        (1.0, TEN_HZ, False),
+        (1e-3, [t / 2 for t in TEN_HZ], False),  # no three seconds
+        (1e-3, [10 * t for t in range(9)], False),  # few messages in three seconds
+        (1e-3, [0.0] * 40, False),  # no clock, as before the first message on /clock
+    ],
+)
+def test_stamps_that_hardly_advance(pace, clock_s, slow):
+    followed = StampPace()
+    for time_s in clock_s:
+        clock_ns = round((5.0 + time_s) * S_NS) if any(clock_s) else 0
+        followed.add(EPOCH_NS + round(pace * time_s * S_NS), clock_ns)
+    assert followed.is_slow == slow
+
+
+def test_stamps_that_advance_again_are_no_longer_slow():
+    followed = StampPace()
+    for step in range(80):
+        advanced_s = 1e-4 * step if step < 40 else 0.1 * (step - 40)
+        followed.add(EPOCH_NS + round(advanced_s * S_NS), EPOCH_NS + step * S_NS // 10)
+        if step == 40:
+            assert followed.is_slow
+    assert not followed.is_slow
