@@ -21,6 +21,7 @@ from mtpgo_core.schema import HistoryWindow, KeyArray, TrackedStates
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.rate_limiter import RateLimiter
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.runtime.receipt_clock import UNKNOWN, Receipt
 
 _CONFIRMATIONS = 3
 """Consecutive observations from the future after which the stream's clock is accepted; chosen as
@@ -123,8 +124,7 @@ class HistoryInput:
         skipped_objects: int = 0,
         *,
         with_ego: bool = False,
-        received_ns: int = 0,
-        sender_set: bool = False,
+        receipt: Receipt = UNKNOWN,
     ) -> HistoryWindow | None:
         """Add an observation to the history.
 
@@ -135,8 +135,7 @@ class HistoryInput:
             skipped_objects: objects of the message that could not be read.
             with_ego: the ego was added to the objects by its own odometry; it makes a message
                 whose objects are all rejected no more usable.
-            received_ns: time of receipt (ns of the monotonic clock).
-            sender_set: the clock of the message's sender was set forward before.
+            receipt: what is known of the message's way.
 
         Returns:
             The window of the prediction that the observation starts, None if none is due.
@@ -145,7 +144,7 @@ class HistoryInput:
         if states.stamp_ns <= 0:  # before 1970: no clock of a robot shows that
             self._reject("unstamped")
             return None
-        if self._is_of_another_unit(states.stamp_ns, received_ns):
+        if self._is_of_another_unit(states.stamp_ns, receipt.monotonic_ns):
             self._reject("stamp_unit")
             return None
         self._pace.add(states.stamp_ns, now_ns)
@@ -153,7 +152,7 @@ class HistoryInput:
         if self._is_from_the_future(states.stamp_ns, now_ns):
             self._reject("future_stamp")
             return None
-        set_forward = self._set_forward(states.stamp_ns, now_ns, sender_set)
+        set_forward = self._set_forward(states.stamp_ns, now_ns, receipt.sender_set)
         if set_forward:
             self._history.clear()
         report = self._history.update(states, ego_key)

@@ -259,8 +259,7 @@ class PredictionPipeline:
                     ego_key,
                     skipped,
                     with_ego=joined.added,
-                    received_ns=receipt.monotonic_ns,
-                    sender_set=receipt.sender_set,
+                    receipt=receipt,
                 )
             if self.history.report is not None and self.history.report.clock_reset:
                 self._forget_poses()

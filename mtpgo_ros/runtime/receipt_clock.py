@@ -14,12 +14,16 @@ class Receipt(NamedTuple):
     """What is known of the way of a message.
 
     Attributes:
-        monotonic_ns: when it was received (ns of the monotonic clock).
+        monotonic_ns: when it was received (ns of the monotonic clock), 0 where that is not known.
         sender_set: its sender's clock was set forward before it was sent.
     """
 
-    monotonic_ns: int
+    monotonic_ns: int = 0
     sender_set: bool = False
+
+
+UNKNOWN = Receipt()
+"""Nothing is known of a message's way."""
 
 
 class ReceiptClock:

@@ -13,6 +13,7 @@ from mtpgo_core.prediction.scene_predictor import ScenePredictor
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.history_input import HistoryInput
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
+from mtpgo_ros.runtime.receipt_clock import Receipt
 
 
 @pytest.fixture
@@ -95,7 +96,7 @@ def test_a_sender_whose_clock_was_set_clears_the_history_if_the_stamps_jump(
     for k in range(10):  # its clock is an hour behind
         history.update(traffic(k / 5), at(3600.0 + k / 5))
     states = dataclasses.replace(traffic(2.0), stamp_ns=at(stamp_s))
-    window = history.update(states, at(3600.0 + now_s), sender_set=True)
+    window = history.update(states, at(3600.0 + now_s), receipt=Receipt(sender_set=True))
     assert history.report.clock_reset == cleared
     assert window.valid[:, :-1].any() != cleared
     assert events.counts() == ({"clock_set": 1} if cleared else {})
@@ -137,7 +138,7 @@ def test_stamps_with_microseconds_in_the_field_of_nanoseconds_are_left_out(make)
         # Mended after four seconds.
         stamp_s = seconds + tenth * (1e-4 if seconds < 4 else 0.1)
         stamped = dataclasses.replace(traffic(step / 10), stamp_ns=at(stamp_s))
-        history.update(stamped, at(step / 10), received_ns=round(step * 1e8))
+        history.update(stamped, at(step / 10), receipt=Receipt(round(step * 1e8)))
         rejected.append(bool(history.rejection))
     assert rejected == [False] * 20 + [True] * 21 + [False] * 19
     assert events.counts()["stamp_unit"] == 21
