@@ -14,7 +14,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from mtpgo_core.completion import complete
 from mtpgo_core.errors import reason_of
@@ -56,9 +56,7 @@ def tell(sentence: str, *, error: bool = False) -> None:
     try:
         print(sentence, file=stream, flush=True)
     except OSError:
-        # What waits to be written would fail again at the end of the process.
-        with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
-            os.dup2(nowhere.fileno(), stream.fileno())
+        _drop_output(stream)
 
 
 def answer(program: str, text: str) -> None:
@@ -72,12 +70,16 @@ def answer(program: str, text: str) -> None:
     try:
         print(text, end="", flush=True)
     except OSError as error:
-        # What waits to be written would fail again at the end of the process.
-        with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
-            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        _drop_output(sys.stdout)
         if isinstance(error, BrokenPipeError):
             raise SystemExit(OUTPUT_CLOSED) from error
         raise SystemExit(fail(program, reason_of(error))) from error
+
+
+def _drop_output(stream: TextIO) -> None:
+    """Let what is left of the output go nowhere: it would fail again at the end of the process."""
+    with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def fail(program: str, error: object) -> int:

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 from collections import deque
 
-SET_NS = 500_000_000
-"""Least change that counts (ns); chosen: as for stamps that go back."""
+from mtpgo_core.history.stream_guard import LATE_NS
 
 LOOKS_BACK_NS = 30_000_000_000
 """Messages are compared with those of this time (ns); chosen: longer than messages are held up. Of
@@ -19,7 +18,7 @@ class SenderClock:
 
     What holds up messages makes the time from sending to receipt longer, never shorter than it is
     for a message that nothing holds up. So the clock was set forward where that time is shorter
-    than that of any message lately.
+    than that of any message lately, by as much as counts where stamps go back.
     """
 
     def __init__(self) -> None:
@@ -40,7 +39,7 @@ class SenderClock:
         known, ahead_ns = self._ahead, sent_ns - received_ns
         while known and known[0][0] < received_ns - LOOKS_BACK_NS:
             known.popleft()
-        was_set = bool(known) and ahead_ns - known[0][1] > SET_NS
+        was_set = bool(known) and ahead_ns - known[0][1] > LATE_NS
         while known and known[-1][1] <= ahead_ns:
             known.pop()
         known.append((received_ns, ahead_ns))
