@@ -92,7 +92,7 @@ def _read_unit(
         remark(sentence)
     for recording in _recordings_of(unit, options, cache):
         counts.update(recording.counts)
-        counts["too_fast"] += impossible_velocities(recording)
+        counts["too_fast"] += int(impossible_velocities(recording).sum())
         if not clue:  # one of many is enough
             clue = unit_clue(recording)
             if clue:

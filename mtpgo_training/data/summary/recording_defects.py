@@ -17,7 +17,7 @@ from mtpgo_core.frames import wrap
 from mtpgo_core.history.resampling import TOLERANCE_NS
 from mtpgo_core.schema import LARGEST_SIZE_M, AgentClass, BoolArray, Float64Array
 from mtpgo_core.task.task_description import HistoryConfig
-from mtpgo_training.data.readers.checks.unit_clues import unit_clue
+from mtpgo_training.data.readers.checks.unit_clues import impossible_velocities, unit_clue
 from mtpgo_training.data.readers.tables.frame_grid import FREE_RATE
 from mtpgo_training.data.recording import Int64Array, Recording
 from mtpgo_training.data.summary.track_steps import TrackSteps, lengths
@@ -148,7 +148,7 @@ class _Finder:
         said_mps = lengths(self.recording.velocity)
         yield self._rows(
             "rejected velocity",
-            said_mps > history.max_speed_mps,  # false for NaN
+            impossible_velocities(self.recording),
             lambda row: f"{said_mps[row]:.0f} m/s",
         )
         off = self._off_course()

@@ -57,12 +57,10 @@ class _Edge:
 
     def at(self, stamp_ns: NDArray[np.int64]) -> tuple[Float64Array, Float64Array]:
         """Return [t, 3] positions and [t, 4] unit quaternions at times inside of the edge's."""
-        values = np.array(self.values, dtype=np.float64)
         if self.static:
-            values = np.repeat(values[-1:], len(stamp_ns), axis=0)
+            values = np.repeat(np.array(self.values[-1:], dtype=np.float64), len(stamp_ns), axis=0)
             return values[:, :3], _unit(values[:, 3:])
-        stamps, first = np.unique(np.array(self.stamps, dtype=np.int64), return_index=True)
-        values = values[first]
+        stamps, values = self._in_order()
         right = np.clip(np.searchsorted(stamps, stamp_ns), min(1, len(stamps) - 1), None)
         left = np.maximum(right - 1, 0)
         span = np.maximum(stamps[right] - stamps[left], 1)
@@ -77,8 +75,7 @@ class _Edge:
         """Return [t] whether times inside of the edge's are in none of its long gaps."""
         if self.static:
             return np.ones(len(stamp_ns), dtype=np.bool_)
-        stamps, first = np.unique(np.array(self.stamps, dtype=np.int64), return_index=True)
-        values = np.array(self.values, dtype=np.float64)[first]
+        stamps, values = self._in_order()
         moved_m = np.linalg.norm(np.diff(values[:, :3], axis=0), axis=1)
         turns = _unit(values[:, 3:])
         cosine = np.abs((turns[1:] * turns[:-1]).sum(axis=1))
@@ -89,6 +86,11 @@ class _Edge:
         at_one = stamps[np.minimum(right, len(stamps) - 1)] == stamp_ns
         within = np.clip(right - 1, 0, max(0, len(long) - 1))
         return np.asarray(at_one | ~long[within] if len(long) else np.ones_like(at_one))
+
+    def _in_order(self) -> tuple[NDArray[np.int64], Float64Array]:
+        """Return the times in order, each once (ns), and their values."""
+        stamps, first = np.unique(np.array(self.stamps, dtype=np.int64), return_index=True)
+        return stamps, np.array(self.values, dtype=np.float64)[first]
 
 
 class TransformTree:

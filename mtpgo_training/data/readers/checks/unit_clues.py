@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mtpgo_core.schema import BoolArray
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording, first_and_last
 
@@ -33,10 +34,10 @@ def unit_clue(recording: Recording) -> str:
         return _clue(recording) if len(recording) else ""
 
 
-def impossible_velocities(recording: Recording) -> int:
-    """Return the number of rows that the history leaves out for their recorded velocity."""
+def impossible_velocities(recording: Recording) -> BoolArray:
+    """Return [rows] which ones the history leaves out for their recorded velocity."""
     speed_mps = np.hypot(recording.velocity[:, 0], recording.velocity[:, 1])
-    return int(np.count_nonzero(speed_mps > HistoryConfig().max_speed_mps))  # false for NaN
+    return np.asarray(speed_mps > HistoryConfig().max_speed_mps)  # false for NaN
 
 
 def _clue(recording: Recording) -> str:
