@@ -188,8 +188,8 @@ def _processes(number: int) -> Iterator[Any]:
     try:
         yield cluster
     finally:
-        # Killed processes of which nobody can say within 5 s that they ended, as where too many
-        # share the cores, must not take along the results.
+        # Killed processes whose end is not known within 5 s, as where too many share the cores,
+        # must not take along the results.
         with contextlib.suppress(TimeoutError):
             cluster.close()
 
