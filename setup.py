@@ -70,7 +70,7 @@ EXTRAS = {
         "torch-geometric>=2.6,<3",
     ],
     # Parquet and Feather files, and Waymo's protocol buffers.
-    "datasets": ["protobuf>=4.21,<8", "pyarrow>=14.0"],
+    "datasets": ["google-crc32c>=1.5,<2", "protobuf>=4.21,<8", "pyarrow>=14.0"],
     # Many recordings on several processes or machines; cryptography encrypts what they exchange.
     "fleet": ["cryptography>=42.0", "distributed>=2024.8"],
     "simulation": ["eclipse-sumo>=1.20,<2"],

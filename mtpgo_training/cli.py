@@ -60,6 +60,7 @@ EXTRA_MODULES = {
     "dask": "fleet",
     "distributed": "fleet",
     "google": "datasets",
+    "google_crc32c": "datasets",
     "imageio_ffmpeg": "view",
     "pyarrow": "datasets",
     "rclpy": "ros",

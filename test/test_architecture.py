@@ -63,14 +63,15 @@ OPTIONAL = {
         "dask",
         "distributed",
         "google",
+        "google_crc32c",
         "imageio_ffmpeg",
         "pyarrow",
     },
 }
 """What a package may import inside a function only: it must do without. A class map is YAML;
 argcomplete completes command lines; pyproj projects lane files; pandas makes the data frame of who
-asks for one; google and pyarrow read the files of some data sets; Dask runs several processes; PIL
-and imageio_ffmpeg write animations."""
+asks for one; google, google_crc32c and pyarrow read the files of some data sets; Dask runs several
+processes; PIL and imageio_ffmpeg write animations."""
 
 WITHOUT_TORCH = (
     "schema",

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +12,10 @@ from typing import NamedTuple
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_training.data.readers import reading_jobs
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.reading_job import ReadingJob
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
+from mtpgo_training.data.readers.recording_parts import RecordingPart
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
@@ -52,13 +55,20 @@ def read_sources(
         RecordingError: a directory, layout or file is not as it should be.
         ConfigurationError: two recordings have the same name, directory included. As far as the
             names of the files tell, this is found before anything is read.
+
+    A copy of an earlier recording is left out with a remark: both could get different uses.
     """
     taken: set[str] = set()
+    contents = KnownContents()
     for one in source_jobs(sources):
         for recording in one.job.read(cache):
             item = NamedRecording(one.source, recording)
             _take(taken, item.name)
-            yield item
+            original = contents.original_of(item.name, recording.sha256)
+            if original is None:
+                yield item
+            else:
+                remark(f"{item.name} has the same content as {original}, so it is left out")
 
 
 def read_all(
@@ -74,6 +84,27 @@ def read_all(
         where = ", ".join(str(source.directory) for source in sources)
         raise RecordingError(f"no recording of {where} has a road user")
     return recordings
+
+
+class KnownContents:
+    """The recordings of several files by their content, to find those that are there twice."""
+
+    def __init__(self) -> None:
+        self._names: dict[tuple[str, float, float], str] = {}
+
+    def original_of(self, name: str, sha256: str) -> str | None:
+        """Return the first recording with the same content, None if this is the first.
+
+        Args:
+            name: of the recording, or of a part: equal parts are copies, others are not.
+            sha256: its :attr:`Recording.sha256`; one without a hash is never a copy.
+        """
+        if not sha256:
+            return None
+        part = RecordingPart.from_name(name)
+        begin, end = (part.start_s, part.end_s) if part is not None else (0.0, math.inf)
+        first = self._names.setdefault((sha256, begin, end), name)
+        return None if first == name else first
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from tqdm import tqdm
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_training.data.data_sources import SourceJob
+from mtpgo_training.data.data_sources import KnownContents, SourceJob
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.evaluation.evaluator import Evaluation, Settings, evaluate_all
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
@@ -60,6 +61,7 @@ def evaluate_sources(
     scoring = _Scoring(files, settings, cache, resume, tuple(draw), progress and pool.here)
     result = Evaluation(scenes={name: ExtremeScenes() for name in draw})
     failures = []
+    contents = KnownContents()
     bar = tqdm(total=len(jobs), desc="evaluating", unit="file", disable=not progress, leave=False)
     with bar:
         for found in work_through(scoring, jobs, pool):
@@ -72,6 +74,10 @@ def evaluate_sources(
                 raise ConfigurationError(
                     f"the recording {min(again)} is given twice, expected different names"
                 )
+            for name, sha256 in found.recordings.items():
+                original = contents.original_of(name, sha256)
+                if original is not None:
+                    remark(f"{name} has the same content as {original}: both are scored")
             result.merge(found)
     return result, failures
 

@@ -18,7 +18,10 @@ from fuzz_target import FuzzTarget, place
 
 from mtpgo_core.class_map import read_class_map
 from mtpgo_training.data.readers import load_recordings
-from mtpgo_training.data.readers.fleets.waymo_recordings import scenario_message
+from mtpgo_training.data.readers.fleets.waymo_recordings import (
+    masked_crc32c,
+    scenario_message,
+)
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.tables.table_columns import read_columns
 from mtpgo_training.data.summary.recording_summary import summarise
@@ -96,8 +99,13 @@ def _scenario() -> bytes:
     track = message.tracks.add(id=7, object_type=1)
     for k in range(2):
         track.states.add(center_x=k, center_y=5.0, length=4.5, width=2.0, valid=True)
-    content = message.SerializeToString()
-    return struct.pack("<QI", len(content), 0) + content + b"\0" * 4
+    return message.SerializeToString()
+
+
+def _waymo_file(content: bytes) -> bytes:
+    length = struct.pack("<Q", len(content))
+    sums = [struct.pack("<I", masked_crc32c(part)) for part in (length, content)]
+    return length + sums[0] + content + sums[1]
 
 
 def _parquet() -> bytes:
@@ -153,6 +161,16 @@ def targets() -> list[FuzzTarget]:
         layout_target("eth_ucy", ["a.txt"], ETH),
         layout_target("openacc", ["a.csv"], OPENACC),
         layout_target("ngsim", ["a.txt"], NGSIM_TEXT),
-        layout_target("waymo", ["a.tfrecord"], _scenario(), text=False),
+        # A damaged scenario is not decoded, so here the check sums are made for the input.
+        FuzzTarget(
+            "layout_waymo",
+            lambda data: read("waymo", ["a.tfrecord"], _waymo_file(data)),
+            lambda: [_scenario()],
+        ),
+        FuzzTarget(
+            "layout_waymo_file",
+            lambda data: read("waymo", ["a.tfrecord"], data),
+            lambda: [_waymo_file(_scenario())],
+        ),
         layout_target("nuscenes", NUSCENES_FILES, *_nuscenes()),
     ]

@@ -13,6 +13,7 @@ from collections.abc import Callable
 _OFFLINE = (
     *("filelock", "jinja2", "lightning_fabric", "matplotlib", "pandas", "platformdirs"),
     *("psutil", "scipy", "tensorboard", "yaml", "torch_geometric", "pyarrow", "google.protobuf"),
+    "google_crc32c",
 )
 
 NEEDED: dict[str, tuple[str, ...]] = {

@@ -14,8 +14,11 @@ from mtpgo_core.task.model_file import find_model, read_model
 from mtpgo_training.data.data_sources import DataSource, SourceJob, source_jobs
 from mtpgo_training.run_files import FACTS_FILE, RUN_FILES
 
-MODULES_OF_LAYOUT = {"argoverse2": "pyarrow", "waymo": "google.protobuf"}
-"""Layout -> module that reads its files and comes with an extra."""
+MODULES_OF_LAYOUT = {
+    "argoverse2": ("pyarrow",),
+    "waymo": ("google.protobuf", "google_crc32c"),
+}
+"""Layout -> modules that read its files and come with an extra."""
 
 MODULES_OF_SUFFIX = {".parquet": "pyarrow", ".pq": "pyarrow", ".feather": "pyarrow"}
 """Suffix of a file of any layout -> module that reads it and comes with an extra."""
@@ -79,8 +82,7 @@ def require_sources(sources: Sequence[DataSource]) -> list[SourceJob]:
             )
     jobs = source_jobs(sources)
     for source in sources:
-        if source.layout in MODULES_OF_LAYOUT:
-            require_modules(MODULES_OF_LAYOUT[source.layout])
+        require_modules(*MODULES_OF_LAYOUT.get(source.layout, ()))
     suffixes = {file.suffix.lower() for file in files_of_recordings(jobs)}
     for suffix in suffixes & MODULES_OF_SUFFIX.keys():
         require_modules(MODULES_OF_SUFFIX[suffix])

@@ -3,6 +3,7 @@
 """Recordings of several directories and their names."""
 
 import dataclasses
+import shutil
 
 import pytest
 from traffic import braking_cars
@@ -22,7 +23,8 @@ from mtpgo_training.data.writers.ind_writer import write_ind
 def folders(tmp_path):
     for folder in ("one/ind", "other/ind", "b"):
         name = "02" if folder == "other/ind" else "01"
-        write_ind(braking_cars(name, tracks=2, seconds=1.0), tmp_path / folder)
+        tracks = 3 if folder == "b" else 2
+        write_ind(braking_cars(name, tracks=tracks, seconds=1.0), tmp_path / folder)
     return tmp_path
 
 
@@ -50,6 +52,16 @@ def test_a_recording_that_is_given_twice_is_refused_before_anything_is_read(fold
         next(read_sources(parts))  # two parts of one recording are no mistake
     write_ind(braking_cars("01", tracks=2, seconds=1.0), folders / "b")
     assert [item.name for item in read_sources(parts)] == ["b/01@0-0.4s", "b/01@0.4-0.8s"]
+
+
+def test_a_copy_is_left_out_with_a_remark(folders, caplog):
+    shutil.copytree(folders / "one" / "ind", folders / "copy")
+    sources = [DataSource(folders / place, "ind") for place in ("one/ind", "copy")]
+    assert [item.name for item in read_sources(sources)] == ["ind/01"]
+    assert "copy/01 has the same content as ind/01, so it is left out" in caplog.text
+    halves = [source._replace(names=("01@0-0.4s", "01@0.4-0.8s")) for source in sources]
+    names = [item.name for item in read_sources(halves)]
+    assert names == ["ind/01@0-0.4s", "ind/01@0.4-0.8s"]
 
 
 def test_recordings_without_a_road_user_are_refused_where_all_are_needed(folders, monkeypatch):

@@ -59,8 +59,8 @@ def test_an_output_folder_that_cannot_be_made_is_an_error(tmp_path):
 
 
 def test_recordings_of_the_same_name_are_told_apart_by_their_folders(tmp_path):
-    for folder in ("a", "b"):
-        write_ind(make_recording("01", 1.0), tmp_path / folder)
+    for folder, duration_s in (("a", 1.0), ("b", 1.2)):
+        write_ind(make_recording("01", duration_s), tmp_path / folder)
     sources = [DataSource(tmp_path / folder, "ind") for folder in ("a", "b")]
     assert [recording.name for recording in demo_pipeline._read(sources)] == ["a/01", "b/01"]
 

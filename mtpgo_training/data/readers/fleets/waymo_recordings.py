@@ -3,14 +3,15 @@
 """Waymo Open Motion: scenarios of 9 s (or 20 s) at 10 Hz in TFRecord files.
 
 A TFRecord file is a chain of records: length (8 bytes), its check sum (4), content, its check sum
-(4). Each content is a message ``Scenario`` of protocol buffers, of which the fields below are
-read. Positions are metres with y up in a frame of the scenario's own; the recording vehicle is the
-track with the number of ``sdc_track_index``.
+(4). The check sums are CRC-32C, masked. Each content is a message ``Scenario`` of protocol
+buffers, of which the fields below are read. Positions are metres with y up in a frame of the
+scenario's own; the recording vehicle is the track with the number of ``sdc_track_index``.
 """
 
 from __future__ import annotations
 
 import functools
+import hashlib
 import re
 import struct
 from collections.abc import Iterator, Sequence
@@ -25,11 +26,15 @@ from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.drone_files import select_names
 from mtpgo_training.data.readers.file_groups import grouped_files
-from mtpgo_training.data.readers.file_hash import sha256_of
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
 from mtpgo_training.data.readers.tables.track_rows import TableSource, recording_of_rows, with_ego
 from mtpgo_training.data.recording import Recording
+
+_HEAD = struct.Struct("<QI")
+"""Length of a record's content, and its check sum."""
+
+_CHECKSUM = struct.Struct("<I")
 
 _FILES = re.compile(r"(?P<name>.*tfrecord.*)", re.IGNORECASE)
 
@@ -108,9 +113,8 @@ def scenario_message() -> Any:
 def _read(name: str, path: Path, classes: ClassMap) -> Iterator[Recording]:
     from google.protobuf.message import DecodeError
 
-    sha256 = sha256_of([path])
     seen: set[str] = set()
-    for number, content in enumerate(_records(path), start=1):
+    for number, content in _records(path):
         scenario = scenario_message()()
         where = f"{path}, record {number}"
         try:
@@ -130,7 +134,8 @@ def _read(name: str, path: Path, classes: ClassMap) -> Iterator[Recording]:
             name=f"{name}-{identity}",
             layout="waymo",
             files=(path,),
-            sha256=f"{sha256}#{identity}",
+            # Of the scenario alone: the same ones are also in Waymo's files of interactions.
+            sha256=hashlib.sha256(content).hexdigest(),
             classes=classes,
             location=identity,
             unit="state",
@@ -187,28 +192,53 @@ def _rows(scenario: Any, where: str) -> pd.DataFrame:
     return table
 
 
-def _records(path: Path) -> Iterator[bytes]:
-    """Yield the contents of the records of a TFRecord file.
+def _records(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield number and content of the records of a TFRecord file, without damaged contents.
 
     Raises:
-        RecordingError: the file cannot be read or ends within a record.
+        RecordingError: the file cannot be read, ends within a record, or the length of a record
+            is damaged, so that the next one cannot be found.
     """
     try:
         size = path.stat().st_size
         with path.open("rb") as stream:
             number = 0
-            while head := stream.read(12):
+            while head := stream.read(_HEAD.size):
                 number += 1
-                length = struct.unpack("<Q", head[:8])[0] if len(head) == 12 else 0
-                if len(head) < 12 or length + 4 > size - stream.tell():
+                length, checksum = _HEAD.unpack(head) if len(head) == _HEAD.size else (size, 0)
+                intact = checksum == masked_crc32c(head[:8])
+                if length + _CHECKSUM.size > size - stream.tell():
                     raise RecordingError(
                         f"{path} ends within record {number}, expected a TFRecord file: it is "
                         "truncated or of another kind"
                     )
+                if not intact:
+                    raise RecordingError(
+                        f"{path}, record {number}: its length and the check sum of that differ, "
+                        "expected a TFRecord file: it is damaged or of another kind"
+                    )
                 content = stream.read(length)
-                stream.read(4)
-                yield content
+                (checksum,) = _CHECKSUM.unpack(stream.read(_CHECKSUM.size))
+                if checksum == masked_crc32c(content):
+                    yield number, content
+                else:
+                    remark(
+                        f"{path}, record {number}: its check sum is wrong, so the content is "
+                        "damaged and left out"
+                    )
             if not number:
                 raise RecordingError(f"{path} is empty, expected a TFRecord file")
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def masked_crc32c(content: bytes) -> int:
+    """Return the check sum of a TFRecord file for some bytes.
+
+    Source: TensorFlow's description of the format (TFRecord and tf.train.Example, "TFRecords
+    format details").
+    """
+    from google_crc32c import value
+
+    crc = value(content)
+    return ((crc >> 15 | crc << 17) + 0xA282EAD8) & 0xFFFFFFFF

@@ -9,10 +9,12 @@ import pytest
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.schema import AgentClass
+from mtpgo_training.data.data_sources import DataSource, read_sources
 from mtpgo_training.data.readers import load_recordings
-from mtpgo_training.data.readers.fleets.waymo_recordings import scenario_message
+from mtpgo_training.data.readers.fleets.waymo_recordings import masked_crc32c, scenario_message
 
 pytest.importorskip("google.protobuf")
+pytest.importorskip("google_crc32c")
 
 
 def scenario(identity, tracks=((7, 1), (3, 2)), steps=3):
@@ -35,7 +37,9 @@ def scenario(identity, tracks=((7, 1), (3, 2)), steps=3):
 
 
 def record(content):
-    return struct.pack("<QI", len(content), 0) + content + struct.pack("<I", 0)
+    length = struct.pack("<Q", len(content))
+    sums = [struct.pack("<I", masked_crc32c(part)) for part in (length, content)]
+    return length + sums[0] + content + sums[1]
 
 
 def test_the_scenarios_of_a_file(tmp_path):
@@ -60,6 +64,10 @@ def test_the_scenarios_of_a_file(tmp_path):
         (record(scenario("a"))[:-9], "ends within record 1, expected a TFRecord file"),
         (record(scenario("a")) + b"abc", "ends within record 2, expected a TFRecord file"),
         (struct.pack("<QI", 1 << 62, 0), "ends within record 1"),
+        (
+            record(scenario("a")) + b"\x01" + bytes(40),
+            "record 2: its length and the check sum of that differ, expected a TFRecord file",
+        ),
         (b"", "is empty, expected a TFRecord file"),
         (record(b"\xff\xff\xff"), "record 1 is no scenario of Waymo"),
         (
@@ -105,3 +113,30 @@ def test_a_scenario_that_is_there_twice_is_refused(tmp_path):
     (tmp_path / "a.tfrecord").write_bytes(record(scenario("a")) * 2)
     with pytest.raises(RecordingError, match="record 2: the scenario a is there a second time"):
         load_recordings(tmp_path, "waymo")
+
+
+def test_check_sums_are_those_of_the_format():
+    # The record of b"abc" as TensorFlow writes it; CRC-32C of "123456789" is e3069283.
+    assert (
+        masked_crc32c(b"123456789")
+        == ((0xE3069283 >> 15 | 0xE3069283 << 17) & 0xFFFFFFFF) + (0xA282EAD8) & 0xFFFFFFFF
+    )
+
+
+def test_a_damaged_scenario_is_left_out(tmp_path, caplog):
+    path = tmp_path / "a.tfrecord"
+    damaged = bytearray(record(scenario("a")))
+    damaged[40] ^= 1  # within the times of the scenario
+    path.write_bytes(bytes(damaged) + record(scenario("b")))
+    (recording,) = load_recordings(tmp_path, "waymo")
+    assert recording.name == "a.tfrecord-b"
+    assert f"{path}, record 1: its check sum is wrong" in caplog.text
+
+
+def test_a_scenario_in_two_files_is_one_recording(tmp_path, caplog):
+    for folder in ("validation", "validation_interactive"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "1.tfrecord").write_bytes(record(scenario("a")))
+    found = list(read_sources([DataSource(tmp_path, "waymo")]))
+    assert [item.recording.name for item in found] == ["validation-1.tfrecord-a"]
+    assert "validation_interactive-1.tfrecord-a has the same content as" in caplog.text
