@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from msg_adapters.stamp_seconds import StampPace, StampSeconds
+from mtpgo_core.history.movement_fit import SPAN_S, MovementFit
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.stream_guard import LATE_NS
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
@@ -35,6 +36,10 @@ _COUNTED = tuple(
     for field in dataclasses.fields(UpdateReport)
     if field.name not in ("accepted", "new_tracks", "forgotten")
 )
+
+
+_LOOK_NS = round(SPAN_S * 1e9)
+"""Time between two looks at the movement (ns): each is compared once."""
 
 
 class Resettable(Protocol):
@@ -60,6 +65,7 @@ class HistoryInput:
     Attributes:
         report: on the last observation; None where it did not reach the history.
         rejection: why the last observation was not usable, empty if it was.
+        misfits: how velocities and headings do not fit the movement of the road users.
     """
 
     def __init__(
@@ -80,11 +86,16 @@ class HistoryInput:
         self._newest_ns: int | None = None
         self._newest_came_ns = 0  # by the node's clock
         self.rejection = ""
+        self.misfits: list[str] = []
+        self._movement = MovementFit()
+        self._looked_ns = 0  # at the movement
 
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
         if parameters.rate != self._parameters.rate:
             self._rate_limiter = RateLimiter(parameters.rate)
+        if parameters.twist_frame != self._parameters.twist_frame:
+            self._movement, self.misfits = MovementFit(), []
         self._parameters = parameters
 
     def clock_jumped_back(self, now_ns: int) -> bool:
@@ -179,7 +190,20 @@ class HistoryInput:
             return None
         delay_ns = self._delay_ns(states.stamp_ns, now_ns)
         window = self._history.window(states.stamp_ns + delay_ns)
+        if abs(states.stamp_ns - self._looked_ns) >= _LOOK_NS:
+            self._looked_ns = states.stamp_ns
+            self._look_at(window)
         return None if self.rejection and not window.valid[:, -1].any() else window
+
+    def _look_at(self, window: HistoryWindow) -> None:
+        """Compare velocities and headings with the movement; log it where they begin to differ."""
+        self._movement.look(window, self._history.config.dt_s)
+        fit = self._movement
+        misfits = {"velocities": fit.velocity_problem, "headings": fit.heading_problem}
+        for kind, sentence in misfits.items():
+            if sentence:
+                self._events.log(kind, sentence)
+        self.misfits = [sentence for sentence in misfits.values() if sentence]
 
     def _observed(self, key: KeyArray | None, stamp_ns: int) -> bool:
         """Return whether the last message was an observation of the agent with a key [4]."""

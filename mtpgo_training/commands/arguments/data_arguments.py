@@ -5,9 +5,9 @@
 One ``--layout`` holds for all directories, and as many as directories belong to them in order. Of
 another number, each belongs to the ``--data`` before it (or to the first one), and a directory
 without a layout has that of the one before. ``--recordings``, ``--lane-file`` with its options,
-and ``--topic``, ``--topics`` and ``--stamps`` of bags, belong to the ``--data`` before them, or to
-the first one. So do ``--columns`` and ``--class-map``, which also hold for the directories after
-it. A command may take directory, or layout and directory, without an option.
+and those of bags (``--topic``, ``--stamps`` and others), belong to the ``--data`` before them, or
+to the first one. So do ``--columns`` and ``--class-map``, which also hold for the directories
+after it. A command may take directory, or layout and directory, without an option.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from msg_adapters.conversions import TWIST_FRAMES
 from msg_adapters.inputs.ego_odometry import EGO_CLASSES, EgoOptions
 from mtpgo_core.class_map import PRESETS
 from mtpgo_core.completion import completed_by
@@ -28,6 +29,9 @@ from mtpgo_training.data.readers.bags.bag_options import STAMPS, BagOptions
 from mtpgo_training.data.readers.reading_layouts import LAYOUTS
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
 from mtpgo_training.data.recording_cache import RecordingCache, default_folder
+
+_OF_BAGS = ("topics", "stamps", "twist_frame", "ego_topic", "ego_box", "ego_class")
+"""Options of bags that are given one by one."""
 
 
 class _Note(argparse.Action):
@@ -133,6 +137,12 @@ def add_data_arguments(
         "were recorded (log)",
     )
     add(
+        "--twist-frame",
+        choices=TWIST_FRAMES,
+        help="frame of the velocities in the messages of the bags, as the node's parameter of "
+        "that name (default)",
+    )
+    add(
         "--ego-topic",
         metavar="TOPIC",
         help="topic with the ego's odometry in the bags, which makes it a road user",
@@ -220,7 +230,7 @@ def bag_options(options: Sequence[tuple[str, Any]]) -> ReadingOptions:
         ConfigurationError: an option of recordings, or a value that is none.
     """
     for name, _ in options:
-        known = name in ("topics", "stamps", "ego_topic", "ego_box", "ego_class")
+        known = name in _OF_BAGS
         if not known and not name.startswith("lane_"):
             raise ConfigurationError(f"--{name.replace('_', '-')} is given without --data")
     entry = dict(options)
@@ -246,11 +256,12 @@ def _bag_options(entry: Mapping[str, Any]) -> BagOptions:
             raise ConfigurationError(f"--topics has {text!r}, expected BAG=TOPIC")
         topics[bag] = topic
     return BagOptions(
-        entry.get("topic", ""),
-        topics,
-        entry.get("stamps", STAMPS[0]),
-        entry.get("ego_topic", ""),
-        _ego_options(entry),
+        topic=entry.get("topic", ""),
+        topics=topics,
+        stamps=entry.get("stamps", STAMPS[0]),
+        twist_frame=entry.get("twist_frame", TWIST_FRAMES[0]),
+        ego_topic=entry.get("ego_topic", ""),
+        ego=_ego_options(entry),
     )
 
 

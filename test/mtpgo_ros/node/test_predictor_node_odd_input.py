@@ -77,6 +77,21 @@ def test_an_absurd_speed_is_rejected(predicting):
     assert b.count("too_fast") == 1
 
 
+def test_velocities_and_headings_of_another_unit_are_noticed(bench):
+    b = bench()
+    for step in range(60):
+        states = traffic(0.2 * step)
+        b.predict(changed(states, velocity=3.6 * states.velocity, yaw=states.yaw + np.pi / 2))
+    b.status("input", WARN, "velocities of the road users do not fit their movement in 100 %")
+    b.status("input", WARN, "3.6 times as large in the mean")
+    b.status("input", WARN, "headings of the road users do not fit their movement in 100 %")
+    # Another frame of the velocities begins anew, and what comes now fits.
+    b.node.set_parameters_atomically([_parameter("twist_frame", "header")])
+    for step in range(60, 120):
+        b.predict(traffic(0.2 * step))
+    b.status("input", OK, "receiving")
+
+
 def test_unknown_classes_are_predicted_as_unknown(predicting):
     b = predicting
     prediction = b.predict(spoilt(traffic(0.2), "agent_class", slice(None), 200))

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 
+from msg_adapters.conversions import TWIST_FRAMES
 from msg_adapters.inputs.ego_odometry import EgoOptions
 from mtpgo_core.options import check_options, option
 
@@ -22,6 +23,7 @@ class BagOptions:
         topics: the same for single bags, name of the bag -> topic.
         stamps: ``header``: a message without a stamp is left out, as in the node; ``log``: it gets
             the time at which it was recorded.
+        twist_frame: frame of the velocities in the messages, as the node's parameter.
         ego_topic: topic with the ego's odometry, which makes it a road user, as the node's
             parameter does; empty leaves it out.
         ego: size, class and place of the ego's box.
@@ -32,6 +34,7 @@ class BagOptions:
     topic: str = ""
     topics: dict[str, str] = field(default_factory=dict)
     stamps: str = option("header", choices=STAMPS)
+    twist_frame: str = option("default", choices=TWIST_FRAMES)
     ego_topic: str = ""
     ego: EgoOptions = field(default_factory=EgoOptions)
     fixed_frame: str = ""

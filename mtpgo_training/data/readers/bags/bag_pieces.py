@@ -123,7 +123,7 @@ class PieceReader:
         self.used = 0
         self._reader, self._topic = reader, topic
         self._log_stamps = options.bags.stamps == "log"
-        self._classes = options.classes
+        self._classes, self._twist_frame = options.classes, options.bags.twist_frame
         self._where = f"{reader.path}, topic {topic.name}"
         self._poses = BagPoses(reader, topic.name, options.bags.fixed_frame)
         self._guard = StreamGuard(HistoryConfig().keep_ns)
@@ -259,7 +259,10 @@ class PieceReader:
         counts = self._piece.counts
         try:
             decoded = adapter.decode(
-                message, fallback_stamp_ns=received_ns, class_map=self._classes
+                message,
+                twist_frame=self._twist_frame,
+                fallback_stamp_ns=received_ns,
+                class_map=self._classes,
             )
         except MessageError as error:
             self._count("malformed", str(error))

@@ -131,6 +131,7 @@ def bag_units(
             settings={
                 "topic": options.bags.topic_of(name),
                 "stamps": options.bags.stamps,
+                "twist_frame": options.bags.twist_frame,
                 "fixed_frame": options.bags.fixed_frame,
                 **_ego_settings(options.bags),
             },

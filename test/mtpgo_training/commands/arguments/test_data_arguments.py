@@ -144,11 +144,11 @@ def test_a_directory_without_an_option_and_a_default():
 def test_options_of_bags_belong_to_the_directory_before_them():
     line = (
         "--data a --layout bag --topic /x --data b --topics one=/y two=/z --stamps log "
-        "--data c --layout bag"
+        "--twist-frame object --data c --layout bag"
     )
     assert [source.options.bags for source in parsed(line)] == [
         BagOptions("/x"),
-        BagOptions("", {"one": "/y", "two": "/z"}, "log"),
+        BagOptions("", {"one": "/y", "two": "/z"}, "log", "object"),
         BagOptions(),
     ]
     assert parsed("--topic /x bag a", "LAYOUT DIRECTORY")[0].options.bags == BagOptions("/x")
