@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtpgo_core.history.alternation import AlternationDetector
 from mtpgo_core.history.causal_slope import CausalSlope
+from mtpgo_core.history.checks.alternation import AlternationDetector
 from mtpgo_core.history.resampling import NEVER_NS
 from mtpgo_core.history.sample_rings import SampleRings, longer
 from mtpgo_core.history.track_index import SortKeyArray, TrackIndex

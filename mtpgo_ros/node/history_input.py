@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from msg_adapters.stamp_seconds import StampPace, StampSeconds
-from mtpgo_core.history.movement_fit import SPAN_S, MovementFit
+from mtpgo_core.history.checks.movement_fit import SPAN_S, MovementFit
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.stream_guard import LATE_NS
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport

@@ -14,8 +14,8 @@ from collections import Counter
 
 import numpy as np
 
-from mtpgo_core.history.alternation import IN_A_ROW, deviations, turned_back
 from mtpgo_core.history.causal_slope import CausalSlope
+from mtpgo_core.history.checks.alternation import IN_A_ROW, deviations, turned_back
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.history.track_update import impossible_steps
 from mtpgo_core.schema import BoolArray, Float64Array, KeyArray, tracked_states

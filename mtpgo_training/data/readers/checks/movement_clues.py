@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtpgo_core.history.movement_fit import SPAN_S, MovementFit
+from mtpgo_core.history.checks.movement_fit import SPAN_S, MovementFit
 from mtpgo_training.data.recording import Recording
 
 MOST = 20_000

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtpgo_core.frames import rotate
-from mtpgo_core.history.movement_fit import MovementFit
+from mtpgo_core.history.checks.movement_fit import MovementFit
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import tracked_states
