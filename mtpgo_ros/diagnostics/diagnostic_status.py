@@ -67,7 +67,7 @@ class NodeStatus:
             if it was.
         ego_topic: resolved name of the topic with the ego's odometry, empty without one.
         ego_problem: why the ego was not known at the last observation, empty if it was.
-        misfits: how velocities and headings do not fit the movement of the road users.
+        doubts: what the input as a whole looks like: units, frames, identities, rate.
         degraded: why there is no model, empty if there is one.
         limitations: other reasons why the predictions are worse than they could be.
         left_out: why some of the selected outputs are not published.
@@ -102,7 +102,7 @@ class NodeStatus:
     frame_error: str = ""
     ego_topic: str = ""
     ego_problem: str = ""
-    misfits: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
     degraded: str = ""
     limitations: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
@@ -193,7 +193,7 @@ def _input_causes(status: NodeStatus, events: EventLog) -> list[Cause]:
         causes.append((ERROR, status.frame_error))
     if status.ego_problem:
         causes.append((WARN, f"no ego from {status.ego_topic}: {status.ego_problem}"))
-    causes += [(WARN, sentence) for sentence in status.misfits]
+    causes += [(WARN, sentence) for sentence in status.doubts]
     odd = events.recent(ODD_INPUT)
     if odd:
         causes.append((WARN, "odd input: " + ", ".join(odd)))

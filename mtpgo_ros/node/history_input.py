@@ -14,7 +14,9 @@ from typing import Protocol
 import numpy as np
 
 from msg_adapters.stamp_seconds import StampPace, StampSeconds
+from mtpgo_core.history.checks.known_past import KnownPast
 from mtpgo_core.history.checks.movement_fit import SPAN_S, MovementFit
+from mtpgo_core.history.checks.position_spread import PositionSpread
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.stream_guard import LATE_NS
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
@@ -39,7 +41,7 @@ _COUNTED = tuple(
 
 
 _LOOK_NS = round(SPAN_S * 1e9)
-"""Time between two looks at the movement (ns): each is compared once."""
+"""Time between two looks at the stream as a whole (ns): each movement is compared once."""
 
 
 class Resettable(Protocol):
@@ -65,7 +67,7 @@ class HistoryInput:
     Attributes:
         report: on the last observation; None where it did not reach the history.
         rejection: why the last observation was not usable, empty if it was.
-        misfits: how velocities and headings do not fit the movement of the road users.
+        doubts: what the stream looks like as a whole: units, frames, identities, rate.
     """
 
     def __init__(
@@ -86,16 +88,16 @@ class HistoryInput:
         self._newest_ns: int | None = None
         self._newest_came_ns = 0  # by the node's clock
         self.rejection = ""
-        self.misfits: list[str] = []
-        self._movement = MovementFit()
-        self._looked_ns = 0  # at the movement
+        self.doubts: list[str] = []
+        self._movement, self._past, self._spread = MovementFit(), KnownPast(), PositionSpread()
+        self._looked_ns = 0  # at the stream as a whole
 
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
         if parameters.rate != self._parameters.rate:
             self._rate_limiter = RateLimiter(parameters.rate)
         if parameters.twist_frame != self._parameters.twist_frame:
-            self._movement, self.misfits = MovementFit(), []
+            self._movement, self.doubts = MovementFit(), []
         self._parameters = parameters
 
     def clock_jumped_back(self, now_ns: int) -> bool:
@@ -186,6 +188,8 @@ class HistoryInput:
             self._newest_ns = None
         if self._newest_ns is None or states.stamp_ns > self._newest_ns:
             self._newest_ns, self._newest_came_ns = states.stamp_ns, now_ns
+        if report.accepted:
+            self._past.observed(states.stamp_ns)
         if not self._rate_limiter.due(states.stamp_ns):
             return None
         delay_ns = self._delay_ns(states.stamp_ns, now_ns)
@@ -196,14 +200,21 @@ class HistoryInput:
         return None if self.rejection and not window.valid[:, -1].any() else window
 
     def _look_at(self, window: HistoryWindow) -> None:
-        """Compare velocities and headings with the movement; log it where they begin to differ."""
-        self._movement.look(window, self._history.config.dt_s)
-        fit = self._movement
-        misfits = {"velocities": fit.velocity_problem, "headings": fit.heading_problem}
-        for kind, sentence in misfits.items():
+        """Look whether the stream as a whole can be what it should; log it where it cannot."""
+        config = self._history.config
+        self._movement.look(window, config.dt_s)
+        self._past.look(window, config.dt_s)
+        self._spread.look(window)
+        doubts = {
+            "positions": self._spread.problem,
+            "past": self._past.problem(config.max_gap_s),
+            "velocities": self._movement.velocity_problem,
+            "headings": self._movement.heading_problem,
+        }
+        for kind, sentence in doubts.items():
             if sentence:
                 self._events.log(kind, sentence)
-        self.misfits = [sentence for sentence in misfits.values() if sentence]
+        self.doubts = [sentence for sentence in doubts.values() if sentence]
 
     def _observed(self, key: KeyArray | None, stamp_ns: int) -> bool:
         """Return whether the last message was an observation of the agent with a key [4]."""

@@ -110,7 +110,7 @@ class PredictionPipeline:
         model.calibrator.live.clear_stream("clock_reset")
         model.configure(parameters, self.ego_text)
         status.frame_error = status.ego_problem = status.overload = ""
-        status.misfits = []
+        status.doubts = []
         status.agents = status.fallback_agents = status.preferred_agents = 0
         status.without_model_in_a_row = status.over_budget_in_a_row = 0
         self._tracks = TrackHistory(model.predictor.task.history, parameters.max_tracks)
@@ -262,7 +262,7 @@ class PredictionPipeline:
                     with_ego=joined.added,
                     receipt=receipt,
                 )
-            self._status.misfits = self.history.misfits
+            self._status.doubts = self.history.doubts
             if self.history.report is not None and self.history.report.clock_reset:
                 self._forget_poses()
             if self._model.uses_lanes and not self.history.rejection:

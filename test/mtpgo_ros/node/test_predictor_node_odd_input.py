@@ -13,6 +13,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
+from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.schema import AgentClass, Source
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -79,7 +80,7 @@ def test_an_absurd_speed_is_rejected(predicting):
 
 def test_velocities_and_headings_of_another_unit_are_noticed(bench):
     b = bench()
-    for step in range(60):
+    for step in range(90):
         states = traffic(0.2 * step)
         b.predict(changed(states, velocity=3.6 * states.velocity, yaw=states.yaw + np.pi / 2))
     b.status("input", WARN, "velocities of the road users do not fit their movement in 100 %")
@@ -87,9 +88,36 @@ def test_velocities_and_headings_of_another_unit_are_noticed(bench):
     b.status("input", WARN, "headings of the road users do not fit their movement in 100 %")
     # Another frame of the velocities begins anew, and what comes now fits.
     b.node.set_parameters_atomically([_parameter("twist_frame", "header")])
+    for step in range(90, 180):
+        b.predict(traffic(0.2 * step))
+    b.status("input", OK, "receiving")
+
+
+def test_identities_that_do_not_last_are_noticed(bench):
+    b = bench()
+    for step in range(60):
+        key = keys_from_integers(np.arange(4) + 4 * step)
+        b.predict(changed(traffic(0.2 * step), key=key))
+    b.status("input", WARN, "100 % of the road users have no past: their identities do not last")
     for step in range(60, 120):
         b.predict(traffic(0.2 * step))
     b.status("input", OK, "receiving")
+
+
+def test_a_tracker_that_is_too_slow_is_noticed(bench):
+    b = bench()
+    for step in range(12):
+        b.predict(traffic(1.0 * step))
+    b.status("input", WARN, "no past: the objects come every 1 s, and the history bridges 0.5 s")
+
+
+def test_positions_in_degrees_are_noticed(bench):
+    b = bench()
+    for step in range(60):
+        states = traffic(0.2 * step)
+        position = 1e-5 * states.position + [8.5, 49.0]
+        b.predict(changed(states, position=position, velocity=1e-5 * states.velocity))
+    b.status("input", WARN, "4 road users at a time are within 0.00")
 
 
 def test_unknown_classes_are_predicted_as_unknown(predicting):

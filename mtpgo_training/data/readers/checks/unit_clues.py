@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mtpgo_core.history.checks.position_spread import FEWEST_USERS, SMALLEST_M, one_place
 from mtpgo_core.schema import BoolArray
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording, first_and_last
@@ -14,9 +15,8 @@ LONGEST_STEP_S, SHORTEST_STEP_S = 2.0, 5e-4
 """Usual times between two rows of a road user (s) beyond which no movement can be followed;
 chosen: four times what the history bridges, and twice as often as any sensor measures."""
 
-FEWEST_USERS, SMALLEST_M = 2, 0.5
-"""So many road users at a time are not all in a square of this size (m); chosen: those of a site
-in degrees or kilometres are."""
+FEWEST_FRAMES = 10
+"""In so many frames a road user is seen more than once; chosen."""
 
 
 def unit_clue(recording: Recording) -> str:
@@ -44,8 +44,8 @@ def _clue(recording: Recording) -> str:
     """Return the clue in a recording with rows and finite positions."""
     frame, track, position = recording.frame, recording.track, recording.position
     first, last = first_and_last(track, len(recording.track_id))  # rows are in the order of time
-    rows = np.bincount(track, minlength=len(recording.track_id))
-    several = rows > 1
+    rows = rows_of = np.bincount(track, minlength=len(recording.track_id))
+    several, step_s = rows > 1, 0.0
     if several.any():
         first, last, rows = first[several], last[several], rows[several]
         seconds = (frame[last] - frame[first]) / recording.frame_rate
@@ -65,8 +65,17 @@ def _clue(recording: Recording) -> str:
     size_m = float(np.ptp(position, axis=0).max())
     _, together = np.unique(frame, return_counts=True)
     if together.max() >= FEWEST_USERS and size_m < SMALLEST_M:
+        return one_place(int(together.max()), size_m)
+    rows_of = rows_of[rows_of > 0]
+    if len(together) >= FEWEST_FRAMES and np.median(rows_of) < 2:
         return (
-            f"{together.max()} road users at a time are within {size_m:.2g} m; is the unit of the "
-            "positions another one, such as degrees or kilometres?"
+            f"most of the {len(rows_of)} road users have one row, so that no movement can be "
+            "followed; are the identities others in each frame?"
+        )
+    bridged_s = HistoryConfig().max_gap_s
+    if several.any() and step_s > bridged_s * (1.0 + 1e-6):
+        return (
+            f"a row of a road user every {step_s:.3g} s, where the history bridges {bridged_s:g} "
+            "s, so that the road users have no past"
         )
     return ""

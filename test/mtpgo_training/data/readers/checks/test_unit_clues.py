@@ -60,7 +60,21 @@ def test_other_recordings_have_no_clue():
             unknown,
             none,
             scaled(3.28),
-            scaled(1, 10),
+            scaled(1, 5),
         )
     ]
     assert found == [""] * 10
+
+
+def test_a_past_that_the_history_does_not_bridge_is_found():
+    slow = CARS.select_rows(CARS.frame % round(CARS.frame_rate) == 0)
+    assert "a row of a road user every 1 s, where the history bridges 0.5 s" in unit_clue(slow)
+    every = np.arange(len(CARS))
+    fresh = dataclasses.replace(
+        CARS,
+        track=every,
+        track_id=every,
+        agent_class=CARS.agent_class[CARS.track],
+        size=CARS.size[CARS.track],
+    )
+    assert f"most of the {len(CARS)} road users have one row" in unit_clue(fresh)
