@@ -67,7 +67,7 @@ class NodeStatus:
             if it was.
         ego_topic: resolved name of the topic with the ego's odometry, empty without one.
         ego_problem: why the ego was not known at the last observation, empty if it was.
-        doubts: what the input as a whole looks like: units, frames, identities, rate.
+        doubts: what does not look right in the input as a whole: units, frames, identities.
         degraded: why there is no model, empty if there is one.
         limitations: other reasons why the predictions are worse than they could be.
         left_out: why some of the selected outputs are not published.

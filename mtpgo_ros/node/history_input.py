@@ -14,9 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from msg_adapters.stamp_seconds import StampPace, StampSeconds
-from mtpgo_core.history.checks.known_past import KnownPast
-from mtpgo_core.history.checks.movement_fit import SPAN_S, MovementFit
-from mtpgo_core.history.checks.position_spread import PositionSpread
+from mtpgo_core.history.checks.stream_checks import StreamChecks
 from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.stream_guard import LATE_NS
 from mtpgo_core.history.track_history import TrackHistory, UpdateReport
@@ -38,10 +36,6 @@ _COUNTED = tuple(
     for field in dataclasses.fields(UpdateReport)
     if field.name not in ("accepted", "new_tracks", "forgotten")
 )
-
-
-_LOOK_NS = round(SPAN_S * 1e9)
-"""Time between two looks at the stream as a whole (ns): each movement is compared once."""
 
 
 class Resettable(Protocol):
@@ -67,7 +61,7 @@ class HistoryInput:
     Attributes:
         report: on the last observation; None where it did not reach the history.
         rejection: why the last observation was not usable, empty if it was.
-        doubts: what the stream looks like as a whole: units, frames, identities, rate.
+        checks: whether the stream as a whole can be what it should.
     """
 
     def __init__(
@@ -88,16 +82,14 @@ class HistoryInput:
         self._newest_ns: int | None = None
         self._newest_came_ns = 0  # by the node's clock
         self.rejection = ""
-        self.doubts: list[str] = []
-        self._movement, self._past, self._spread = MovementFit(), KnownPast(), PositionSpread()
-        self._looked_ns = 0  # at the stream as a whole
+        self.checks = StreamChecks(history.config)
 
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
         if parameters.rate != self._parameters.rate:
             self._rate_limiter = RateLimiter(parameters.rate)
         if parameters.twist_frame != self._parameters.twist_frame:
-            self._movement, self.doubts = MovementFit(), []
+            self.checks.twist_frame_changed()
         self._parameters = parameters
 
     def clock_jumped_back(self, now_ns: int) -> bool:
@@ -189,32 +181,15 @@ class HistoryInput:
         if self._newest_ns is None or states.stamp_ns > self._newest_ns:
             self._newest_ns, self._newest_came_ns = states.stamp_ns, now_ns
         if report.accepted:
-            self._past.observed(states.stamp_ns)
+            self.checks.observed(states.stamp_ns, now_ns)
         if not self._rate_limiter.due(states.stamp_ns):
             return None
         delay_ns = self._delay_ns(states.stamp_ns, now_ns)
         window = self._history.window(states.stamp_ns + delay_ns)
-        if abs(states.stamp_ns - self._looked_ns) >= _LOOK_NS:
-            self._looked_ns = states.stamp_ns
-            self._look_at(window)
-        return None if self.rejection and not window.valid[:, -1].any() else window
-
-    def _look_at(self, window: HistoryWindow) -> None:
-        """Look whether the stream as a whole can be what it should; log it where it cannot."""
-        config = self._history.config
-        self._movement.look(window, config.dt_s)
-        self._past.look(window, config.dt_s)
-        self._spread.look(window)
-        doubts = {
-            "positions": self._spread.problem,
-            "past": self._past.problem(config.max_gap_s),
-            "velocities": self._movement.velocity_problem,
-            "headings": self._movement.heading_problem,
-        }
-        for kind, sentence in doubts.items():
-            if sentence:
+        if self.checks.look(window):
+            for kind, sentence in self.checks.doubts.items():
                 self._events.log(kind, sentence)
-        self.doubts = [sentence for sentence in doubts.values() if sentence]
+        return None if self.rejection and not window.valid[:, -1].any() else window
 
     def _observed(self, key: KeyArray | None, stamp_ns: int) -> bool:
         """Return whether the last message was an observation of the agent with a key [4]."""

@@ -262,7 +262,7 @@ class PredictionPipeline:
                     with_ego=joined.added,
                     receipt=receipt,
                 )
-            self._status.doubts = self.history.doubts
+            self._status.doubts = list(self.history.checks.doubts.values())
             if self.history.report is not None and self.history.report.clock_reset:
                 self._forget_poses()
             if self._model.uses_lanes and not self.history.rejection:

@@ -16,8 +16,8 @@ _FORGET = 0.95
 """Share of the counts that is kept from one look to the next: twenty looks count; chosen."""
 
 _ENOUGH_LOOKS, _ENOUGH = 8.0, 20.0
-"""Looks (the first ten), and road users counted once for each look, from which on a verdict is given; chosen: at
-the start all road users are new."""
+"""Looks (the first ten), and road users counted once for each look, from which on a verdict is
+given; chosen: at the start all road users are new."""
 
 _LEAST_SHARE = 0.6
 """Share of them without a past from which on the source is at fault; chosen: in half a second

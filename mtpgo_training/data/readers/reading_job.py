@@ -14,7 +14,6 @@ from typing import Any
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.odd_input import described
 from mtpgo_training.data.readers.checks.layout_clues import is_of_another
-from mtpgo_training.data.readers.checks.movement_clues import movement_clues
 from mtpgo_training.data.readers.checks.reading_remarks import (
     keeping,
     keeping_all,
@@ -22,6 +21,7 @@ from mtpgo_training.data.readers.checks.reading_remarks import (
     remark,
     say_again,
 )
+from mtpgo_training.data.readers.checks.stream_clues import stream_clues
 from mtpgo_training.data.readers.checks.unit_clues import impossible_velocities, unit_clue
 from mtpgo_training.data.readers.reading_options import ReadingOptions
 from mtpgo_training.data.readers.reading_unit import Unit
@@ -89,7 +89,7 @@ def _read_unit(
     """Yield the recordings of a unit, from the cache if they are there; say what was odd."""
     counts: Counter[str] = Counter()
     clue = ""
-    misfits: list[str] = []
+    doubts: list[str] = []
     for sentence in unit.remarks:
         remark(sentence)
     for recording in _recordings_of(unit, options, cache):
@@ -99,10 +99,10 @@ def _read_unit(
             clue = unit_clue(recording)
             if clue:
                 remark(f"{unit.layout} {unit.name}, recording {recording.name}: {clue}")
-        if not misfits:
-            misfits = movement_clues(recording)
-            for misfit in misfits:
-                remark(f"{unit.layout} {unit.name}, recording {recording.name}: {misfit}")
+        if not doubts:
+            doubts = stream_clues(recording)
+            for doubt in doubts:
+                remark(f"{unit.layout} {unit.name}, recording {recording.name}: {doubt}")
         yield recording if options.lanes is None else with_lanes(recording, options.lanes)
     if described(counts):
         remark(f"{unit.layout} {unit.name}: {described(counts)}")

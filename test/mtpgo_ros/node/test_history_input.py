@@ -142,3 +142,14 @@ def test_stamps_with_microseconds_in_the_field_of_nanoseconds_are_left_out(make)
         rejected.append(bool(history.rejection))
     assert rejected == [False] * 20 + [True] * 21 + [False] * 19
     assert events.counts()["stamp_unit"] == 21
+
+
+def test_old_observations_and_what_else_is_odd_in_the_whole_stream_is_said(make):
+    history, _, _ = make()
+    for k in range(60):
+        history.update(traffic(k / 5), at(k / 5 + 2.0))
+    assert list(history.checks.doubts) == ["old"]
+    for k in range(60, 120):
+        states = traffic(k / 5)
+        history.update(dataclasses.replace(states, size=states.size[:, ::-1]), at(k / 5 + 0.1))
+    assert list(history.checks.doubts) == ["sizes"]
