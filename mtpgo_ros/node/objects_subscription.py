@@ -28,6 +28,7 @@ from msg_adapters.types import message_class
 from msg_adapters.wire.input_limits import DEFAULT_LIMITS, InputLimits
 from mtpgo_core.errors import MessageError
 from mtpgo_ros.diagnostics.event_log import EventLog
+from mtpgo_ros.diagnostics.topic_candidates import other_topics
 from mtpgo_ros.node.reliability_choice import ReliabilityChoice
 from mtpgo_ros.runtime.receipt_clock import Receipt, ReceiptClock
 from mtpgo_ros.runtime.sender_clock import SenderClock
@@ -50,6 +51,10 @@ second are then decoded, more than the history needs. Of 64 road users at 1000 H
 
 _POLL_S = 0.1
 """Time between two checks of the published type (s); chosen."""
+
+_SEARCH_S = 3.0
+"""Time without a publisher between two searches for other topics with objects (s); chosen: a
+tracker that starts with the node is there by then."""
 
 _OVERLAP_S = 1.0
 """How long a subscription goes on after its successor was made (s); chosen above the time that
@@ -104,6 +109,9 @@ class ObjectsSubscription:
         self._adapter: InputAdapter | None = None
         self.topic = node.resolve_topic_name(TOPIC)
         self.status = f"no publisher on {self.topic} yet"
+        self._matched = False  # ever
+        self._elsewhere = ""  # where objects may be
+        self._next_search_s = time.monotonic() + _SEARCH_S
         self._follows_type = input_type == "auto"
         self._choice = ReliabilityChoice(time.monotonic())
         # The last subscription, while its successor is discovered, and what both may receive.
@@ -173,8 +181,7 @@ class ObjectsSubscription:
         """
         others = published - {self.message_type}
         if not published:
-            subscribed = self._subscription is not None
-            self.status = "" if subscribed else f"no publisher on {self.topic} yet"
+            self.status = self._without_publisher()
         elif not others:
             self.status = ""
         elif others != published or not self._follows_type:
@@ -182,6 +189,18 @@ class ObjectsSubscription:
             self._events.log("objects type", self.status)
         else:
             self._subscribe_to_one_of(published)
+
+    def _without_publisher(self) -> str:
+        """Return the status without a publisher: none where there was one, else where to look."""
+        if self._subscription is not None and self._matched:
+            return ""
+        if time.monotonic() >= self._next_search_s:
+            self._next_search_s = time.monotonic() + _SEARCH_S
+            before, self._elsewhere = self._elsewhere, other_topics(self._node, self.topic)
+            if self._elsewhere not in ("", before):
+                line = f"no publisher on {self.topic} yet; {self._elsewhere}"
+                self._events.log("objects topic", line)
+        return "; ".join(filter(None, (f"no publisher on {self.topic} yet", self._elsewhere)))
 
     def _subscribe_to_one_of(self, published: set[str]) -> None:
         """Subscribe to the first of these types that has an adapter and is installed."""
@@ -273,6 +292,7 @@ class ObjectsSubscription:
         # Discovery ends on the two sides at different times, and messages sent before it has ended
         # here are lost. Scripts that must not lose the first message wait for this line.
         if event.current_count_change > 0:
+            self._matched = True
             self._node.get_logger().info(
                 f"hearing {event.current_count} publisher(s) on {self.topic}"
             )

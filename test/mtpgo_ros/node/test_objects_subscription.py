@@ -59,6 +59,21 @@ def make():
         one.close()
 
 
+def test_other_topics_with_objects_are_named_while_there_is_no_publisher(make):
+    setup = make()
+    for name in ("points", "tracks/fused"):
+        setup.peer.create_publisher(PointCloud2, name, 5)
+    setup.until(lambda: "objects may be on" in setup.objects.status)
+    namespace = setup.node.get_namespace()
+    status = setup.objects.status
+    assert status.startswith(f"no publisher on {namespace}/objects yet; objects may be on ")
+    assert f"{namespace}/tracks/fused (sensor_msgs/msg/PointCloud2)" in status
+    assert status.endswith(": remap with -r objects:=TOPIC")
+    assert "points" not in status
+    setup.peer.create_publisher(PointCloud2, "objects", RELIABLE)
+    setup.until(lambda: not setup.objects.status)
+
+
 def test_it_waits_for_a_publisher_and_takes_its_type(make):
     setup = make()
     assert (setup.objects.message_type, "no publisher" in setup.objects.status) == ("", True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from mtpgo_core.history.checks.box_fit import BoxFit
 from mtpgo_core.history.checks.movement_fit import SPAN_S, MovementFit
+from mtpgo_core.schema import BoolArray
 from mtpgo_training.data.recording import Recording
 
 MOST = 5000
@@ -40,7 +41,7 @@ def stream_clues(recording: Recording) -> list[str]:
 def _boxes(recording: Recording) -> BoxFit:
     """Look at the boxes of some frames."""
     fit, frames = BoxFit(), recording.frames
-    known = np.isfinite(recording.position).all(axis=1)
+    known: BoolArray = np.asarray(np.isfinite(recording.position).all(axis=1))
     places = np.linspace(0, len(frames) - 1, min(MOST_FRAMES, len(frames)))
     chosen = frames[places.astype(np.intp)]
     begins, ends = (np.searchsorted(recording.frame, chosen, side) for side in ("left", "right"))
