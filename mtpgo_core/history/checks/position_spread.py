@@ -8,12 +8,13 @@ import numpy as np
 
 from mtpgo_core.schema import HistoryWindow
 
-FEWEST_USERS, SMALLEST_M = 2, 0.5
-"""So many road users at a time are not all in a square of this size (m); chosen: those of a site
-in degrees or kilometres are."""
+FEWEST_USERS, SMALLEST_M = 3, 0.3
+"""So many road users at a time are not all in a square of this size (m); chosen: pedestrians need
+more, and those of a site in degrees or kilometres are. Two may be a single one that is there
+twice."""
 
 _ENOUGH_LOOKS = 10
-"""Looks in a row from which on a verdict is given; chosen: two pedestrians may stand together."""
+"""Looks in a row from which on a verdict is given; chosen."""
 
 
 class PositionSpread:

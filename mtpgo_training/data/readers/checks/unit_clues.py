@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtpgo_core.history.checks.position_spread import FEWEST_USERS, SMALLEST_M, one_place
+from mtpgo_core.history.checks.position_spread import one_place
 from mtpgo_core.schema import BoolArray
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording, first_and_last
@@ -14,6 +14,10 @@ from mtpgo_training.data.recording import Recording, first_and_last
 LONGEST_STEP_S, SHORTEST_STEP_S = 2.0, 5e-4
 """Usual times between two rows of a road user (s) beyond which no movement can be followed;
 chosen: four times what the history bridges, and twice as often as any sensor measures."""
+
+FEWEST_USERS, SMALLEST_M = 2, 0.5
+"""So many road users at a time are not in a square of this size (m) for a whole recording; chosen:
+those of a site in degrees or kilometres are."""
 
 FEWEST_FRAMES = 10
 """In so many frames a road user is seen more than once; chosen."""

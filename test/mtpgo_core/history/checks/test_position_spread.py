@@ -23,14 +23,19 @@ def problem(places, looks=30):
 
 
 def test_degrees():
-    found = problem(lambda second: [[8.5 + 1e-4 * second, 49.0], [8.5, 49.001]])
-    assert "2 road users at a time are within 0.0029 m; is the unit of the positions" in found
+    found = problem(lambda second: [[8.5 + 1e-4 * second, 49.0], [8.5, 49.001], [8.501, 49.0]])
+    assert "3 road users at a time are within 0.0029 m; is the unit of the positions" in found
+
+
+def crowd(*steps):
+    """Return three places, the last of them ``steps`` (m) beside the others."""
+    return [[0.0, 0.0], [0.1, 0.0], list(steps)]
 
 
 def test_other_places():
-    assert problem(lambda second: [[0.0, 0.0], [2.0, 0.0]]) == ""
-    assert problem(lambda second: [[1.0 * second, 0.0], [1.0 * second + 0.4, 0.0]]) == ""  # a pair
-    assert problem(lambda second: [[0.0, 0.0]]) == ""  # one alone
+    assert problem(lambda second: crowd(2.0, 0.0)) == ""
+    assert problem(lambda second: np.add(crowd(0.2, 0.0), [0.5 * second, 0.0])) == ""  # moving
+    assert problem(lambda second: crowd(0.2, 0.0)[:2]) == ""  # one that is there twice
     assert problem(lambda second: []) == ""
-    assert problem(lambda second: [[0.0, 0.0], [0.4, 0.0]], looks=9) == ""
-    assert problem(lambda second: [[0.0, 0.0], [0.4 + 5.0 * (second == 25), 0.0]]) == ""
+    assert problem(lambda second: crowd(0.2, 0.0), looks=9) == ""
+    assert problem(lambda second: crowd(0.2 + 5.0 * (second == 25), 0.0)) == ""
