@@ -14,10 +14,16 @@ from mtpgo_ros.node.predictor_node import PredictorNode
 from mtpgo_ros.risk_node.risk_lifecycle import RiskNode
 
 
+_others: set[threading.Thread] = set()
+"""Threads from before a test, which end when they like."""
+
+
 @pytest.fixture
 def make(monkeypatch):
     """A function that makes a node with remappings."""
     made = []
+    _others.clear()
+    _others.update(threading.enumerate())
     for user in ("mtpgo_ros.runtime.model_loading", "mtpgo_core.prediction.model_runner"):
         monkeypatch.setattr(f"{user}.is_shipped", lambda path: True)  # saves the trial
 
@@ -41,13 +47,17 @@ def make(monkeypatch):
 
 
 def entities(node):
-    """Return what exists of a node: topics, number of timers, names of threads."""
+    """Return what exists of a node: topics, number of timers, names of its threads."""
     return (
         sorted(one.topic_name for one in node.publishers),
         sorted(one.topic_name for one in node.subscriptions),
         len(list(node.timers)),
         len(node._managed_entities),
-        sorted(thread.name for thread in threading.enumerate() if "Thread-" not in thread.name),
+        sorted(
+            thread.name
+            for thread in set(threading.enumerate()) - _others
+            if "Thread-" not in thread.name
+        ),
     )
 
 
