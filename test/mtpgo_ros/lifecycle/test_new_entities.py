@@ -13,7 +13,6 @@ from rclpy.parameter import Parameter
 from mtpgo_ros.node.predictor_node import PredictorNode
 from mtpgo_ros.risk_node.risk_lifecycle import RiskNode
 
-
 _others: set[threading.Thread] = set()
 """Threads from before a test, which end when they like."""
 
