@@ -69,7 +69,7 @@ EXTRAS = {
         "tensorboard>=2.16,<3",
         "torch-geometric>=2.6,<3",
     ],
-    # Parquet and Feather files, and Waymo's protocol buffers.
+    # Parquet and Feather files, and Waymo's protocol buffers with their check sums.
     "datasets": ["google-crc32c>=1.5,<2", "protobuf>=4.21,<8", "pyarrow>=14.0"],
     # Many recordings on several processes or machines; cryptography encrypts what they exchange.
     "fleet": ["cryptography>=42.0", "distributed>=2024.8"],

@@ -56,10 +56,9 @@ class BoxFit:
             agent_class: [n] :class:`~mtpgo_core.schema.AgentClass` values.
         """
         which = np.flatnonzero(np.isin(agent_class, VEHICLES))[:_CHECKED]
-        size = size[which]
-        sized = np.isfinite(size).all(axis=1)
-        self._sized = _FORGET * self._sized + int(sized.sum())
-        self._wide = _FORGET * self._wide + int(_wider(size[sized]).sum())
+        known = size[which][np.isfinite(size[which]).all(axis=1)]
+        self._sized = _FORGET * self._sized + len(known)
+        self._wide = _FORGET * self._wide + int((known[:, 1] > known[:, 0]).sum())
         self._vehicles = _FORGET * self._vehicles + len(which)
         self._double = _FORGET * self._double + int(_near_another(position[which]).sum())
 
@@ -81,10 +80,6 @@ class BoxFit:
             f"{share:.0f} % of the vehicles are within {_NEAREST_M:g} m of another one, so they"
             " are there twice, as from two trackers"
         )
-
-
-def _wider(size: Float64Array) -> BoolArray:
-    return np.asarray(size[:, 1] > size[:, 0])
 
 
 def _near_another(position: Float64Array) -> BoolArray:

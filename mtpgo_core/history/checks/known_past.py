@@ -20,8 +20,8 @@ _ENOUGH_LOOKS, _ENOUGH = 8.0, 20.0
 given; chosen: at the start all road users are new."""
 
 _LEAST_SHARE = 0.6
-"""Share of them without a past from which on the source is at fault; chosen: in half a second
-nobody sees most of the road users for the first time, again and again."""
+"""Share of them without a past from which on the source is at fault; chosen: no sensor
+sees most of the road users for the first time again and again, every half second."""
 
 _INTERVAL_SHARE = 0.2
 """Weight of the last interval in the usual one; chosen."""

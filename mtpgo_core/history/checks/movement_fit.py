@@ -11,7 +11,7 @@ from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow
 
 SPAN_S = 1.0
 """Time over which a movement is compared (s); chosen: noise of positions hardly matters then, and
-nobody turns far."""
+a road user does not turn far."""
 
 _SLOWEST_MPS = 1.0
 """Neither the movement nor the velocity of a standing road user says anything below this (m/s);
@@ -131,15 +131,10 @@ class _Comparisons:
             ratio: of their lengths.
         """
         wrong = wrong & usable
-        new = (
-            int(usable.sum()),
-            int(wrong.sum()),
-            float(np.log(np.maximum(ratio[wrong], 1e-3)).sum()),
-        )
-        self._count, self._wrong, self._log_ratio = (
-            _FORGET * old + more
-            for old, more in zip((self._count, self._wrong, self._log_ratio), new, strict=True)
-        )
+        log_ratio = np.log(np.maximum(ratio[wrong], 1e-3))
+        self._count = _FORGET * self._count + int(usable.sum())
+        self._wrong = _FORGET * self._wrong + int(wrong.sum())
+        self._log_ratio = _FORGET * self._log_ratio + float(log_ratio.sum())
         self._direction = _FORGET * self._direction + complex(np.exp(1j * turn[wrong]).sum())
 
     def problem(self, what: str) -> str:

@@ -17,7 +17,6 @@ MOST = 5000
 _LONGEST_SPAN = 1.5
 """A movement whose end is later than this is left out (multiples of the usual span); chosen."""
 
-
 MOST_FRAMES = 50
 """Frames of a recording whose boxes are looked at, spread over it; chosen."""
 

@@ -48,12 +48,12 @@ def _clue(recording: Recording) -> str:
     """Return the clue in a recording with rows and finite positions."""
     frame, track, position = recording.frame, recording.track, recording.position
     first, last = first_and_last(track, len(recording.track_id))  # rows are in the order of time
-    rows = rows_of = np.bincount(track, minlength=len(recording.track_id))
+    rows = np.bincount(track, minlength=len(recording.track_id))
     several, step_s = rows > 1, 0.0
     if several.any():
-        first, last, rows = first[several], last[several], rows[several]
+        first, last = first[several], last[several]
         seconds = (frame[last] - frame[first]) / recording.frame_rate
-        step_s = float(np.median(seconds / (rows - 1)))
+        step_s = float(np.median(seconds / (rows[several] - 1)))
         if not SHORTEST_STEP_S <= step_s <= LONGEST_STEP_S:
             return (
                 f"a row of a road user every {step_s:.3g} s, so that no movement can be followed; "
@@ -70,14 +70,14 @@ def _clue(recording: Recording) -> str:
     _, together = np.unique(frame, return_counts=True)
     if together.max() >= FEWEST_USERS and size_m < SMALLEST_M:
         return one_place(int(together.max()), size_m)
-    rows_of = rows_of[rows_of > 0]
-    if len(together) >= FEWEST_FRAMES and np.median(rows_of) < 2:
+    rows = rows[rows > 0]
+    if len(together) >= FEWEST_FRAMES and np.median(rows) < 2:
         return (
-            f"most of the {len(rows_of)} road users have one row, so that no movement can be "
+            f"most of the {len(rows)} road users have one row, so that no movement can be "
             "followed; are the identities others in each frame?"
         )
     bridged_s = HistoryConfig().max_gap_s
-    if several.any() and step_s > bridged_s * (1.0 + 1e-6):
+    if step_s > bridged_s * (1.0 + 1e-6):
         return (
             f"a row of a road user every {step_s:.3g} s, where the history bridges {bridged_s:g} "
             "s, so that the road users have no past"

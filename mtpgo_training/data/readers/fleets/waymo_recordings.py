@@ -206,13 +206,12 @@ def _records(path: Path) -> Iterator[tuple[int, bytes]]:
             while head := stream.read(_HEAD.size):
                 number += 1
                 length, checksum = _HEAD.unpack(head) if len(head) == _HEAD.size else (size, 0)
-                intact = checksum == masked_crc32c(head[:8])
                 if length + _CHECKSUM.size > size - stream.tell():
                     raise RecordingError(
                         f"{path} ends within record {number}, expected a TFRecord file: it is "
                         "truncated or of another kind"
                     )
-                if not intact:
+                if checksum != masked_crc32c(head[:8]):
                     raise RecordingError(
                         f"{path}, record {number}: its length and the check sum of that differ, "
                         "expected a TFRecord file: it is damaged or of another kind"

@@ -116,7 +116,7 @@ def test_a_scenario_that_is_there_twice_is_refused(tmp_path):
 
 
 def test_check_sums_are_those_of_the_format():
-    # The record of b"abc" as TensorFlow writes it; CRC-32C of "123456789" is e3069283.
+    # The check value of CRC-32C, that of "123456789", is e3069283; the mask is that of TFRecord.
     assert (
         masked_crc32c(b"123456789")
         == ((0xE3069283 >> 15 | 0xE3069283 << 17) & 0xFFFFFFFF) + (0xA282EAD8) & 0xFFFFFFFF
