@@ -93,28 +93,32 @@ DEFAULT_DATA = $(foreach name,$(DEFAULT_REAL),--data "$(DATA)/$(name)" --layout 
 	  $(foreach name,$(DEFAULT_SIMULATED),--data "$(SIMULATED)/$(name)" \
 	  --layout $(if $(filter highway%,$(name)),highd,ind))
 
-# The shipped model `default`, in three stages. The first begins with random weights on half of the
+# The shipped model `default`, in four stages. The first begins with random weights on half of the
 # sites; the others go on from them, with losses of their own. All are done without each half of the
 # sites, which the covariances and weights are calibrated on and the card's figures are of (crossval),
 # and with all sites (train).
-FIRST_STAGE := --set optimisation.warm_up_share=0.25 --set optimisation.learning_rate=0.0025 \
+FIRST_STAGE := --set optimisation.epochs=6 --set optimisation.consistency_weight=0 \
+  --set optimisation.warm_up_share=0.25 --set optimisation.learning_rate=0.0025 \
   --set optimisation.heaviest_weight=0 --set optimisation.huber_delta=1 --set optimisation.mean_weight=0.5
-SECOND_STAGE := --set optimisation.heaviest_weight=1 --set optimisation.huber_delta=1 \
-  --set optimisation.mean_weight=0.5
+SECOND_STAGE := --set optimisation.epochs=6 --set optimisation.consistency_weight=0 \
+  --set optimisation.heaviest_weight=1 --set optimisation.huber_delta=1 --set optimisation.mean_weight=0.5
+THIRD_STAGE := --set optimisation.epochs=6 --set optimisation.consistency_weight=0
 DEFAULT_CROSSVAL = $(BIN)/mtpgo crossval default --folds first_half second_half --jobs 2 $(DEFAULT_DATA)
+DEFAULT_TRAIN = $(BIN)/mtpgo train default $(DEFAULT_DATA) $(TRAIN_ARGS)
+goes_on = $(if $(wildcard $(RUNS)/$(1)/last.pt),--resume,--init-from "$(RUNS)/$(2)") --out "$(RUNS)/$(1)"
 default: data-given $(STAMP) $(DEFAULT_SIMULATED:%=$(SIMULATED)/.%) ## train, calibrate and export the shipped model `default`; DATA=DIR of the real recordings [RUNS=DIR]
 	@$(DEFAULT_CROSSVAL) --out "$(RUNS)/default-crossval-1" --steps-per-fold 1200 $(FIRST_STAGE)
 	@$(DEFAULT_CROSSVAL) --out "$(RUNS)/default-crossval-2" $(SECOND_STAGE) \
 	  --init-from "$(RUNS)/default-crossval-1"
-	@$(DEFAULT_CROSSVAL) --out "$(RUNS)/default-crossval" --seed 2 \
+	@$(DEFAULT_CROSSVAL) --out "$(RUNS)/default-crossval-3" --seed 2 $(THIRD_STAGE) \
 	  --init-from "$(RUNS)/default-crossval-2"
-	@$(BIN)/mtpgo train default --out "$(RUNS)/default-1" $(DEFAULT_DATA) $(SECOND_STAGE) \
-	  --set optimisation.learning_rate=0.0015 $(if $(wildcard $(RUNS)/default-1/last.pt),--resume,\
-	  --init-from "$(RUNS)/default-crossval-1/folds/first_half/run") $(TRAIN_ARGS)
-	@$(BIN)/mtpgo train default --out "$(RUNS)/default-2" $(DEFAULT_DATA) $(SECOND_STAGE) \
-	  $(if $(wildcard $(RUNS)/default-2/last.pt),--resume,--init-from "$(RUNS)/default-1") $(TRAIN_ARGS)
-	@$(BIN)/mtpgo train default --out "$(RUNS)/default" $(DEFAULT_DATA) --seed 2 \
-	  $(if $(wildcard $(RUNS)/default/last.pt),--resume,--init-from "$(RUNS)/default-2") $(TRAIN_ARGS)
+	@$(DEFAULT_CROSSVAL) --out "$(RUNS)/default-crossval" --seed 3 \
+	  --init-from "$(RUNS)/default-crossval-3"
+	@$(DEFAULT_TRAIN) $(SECOND_STAGE) --set optimisation.learning_rate=0.0015 \
+	  $(call goes_on,default-1,default-crossval-1/folds/first_half/run)
+	@$(DEFAULT_TRAIN) $(SECOND_STAGE) $(call goes_on,default-2,default-1)
+	@$(DEFAULT_TRAIN) $(THIRD_STAGE) --seed 2 $(call goes_on,default-3,default-2)
+	@$(DEFAULT_TRAIN) --seed 3 $(call goes_on,default,default-3)
 	@$(BIN)/mtpgo export "$(RUNS)/default" -o "$(RUNS)/default.pt" \
 	  --checkpoint "$(RUNS)/default.ckpt" --calibration "$(RUNS)/default-crossval"
 

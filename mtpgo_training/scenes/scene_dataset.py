@@ -9,6 +9,7 @@ batches graphs of different sizes and :func:`dense` lays them out for the model.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,6 +33,13 @@ from mtpgo_training.scenes.augmentation import Augmentation
 from mtpgo_training.scenes.centre_sampling import copies, draw_cover, graph_sizes, standing
 from mtpgo_training.scenes.kinematic_baselines import predict_baselines
 from mtpgo_training.scenes.lane_change_balancing import balanced_copies, draw_balanced
+from mtpgo_training.scenes.pairs.scene_pair import (
+    alone,
+    are_steps_apart,
+    paired,
+    present_row,
+    steps_between_windows,
+)
 from mtpgo_training.scenes.prepared_recording import (
     RECORDED,
     RESTARTED,
@@ -80,6 +88,8 @@ class SceneDataset(Dataset[Data]):
         data: DataConfig,
         horizon_steps: int,
         seed: int,
+        *,
+        pairs: bool = False,
     ) -> None:
         """Draw the first epoch.
 
@@ -90,6 +100,11 @@ class SceneDataset(Dataset[Data]):
             data: augmentation.
             horizon_steps: H.
             seed: the draws depend on it and on the epoch only.
+            pairs: a sample also holds what is observed of its agents in the next window, see
+                :func:`mtpgo_training.scenes.pairs.scene_pair.paired`.
+
+        Raises:
+            ConfigurationError: with ``pairs``, windows that cannot be compared.
         """
         self.sources = list(sources)
         self.history = history
@@ -97,6 +112,10 @@ class SceneDataset(Dataset[Data]):
         self.data = data
         self.horizon_steps = horizon_steps
         self.seed = seed
+        self.pairs = pairs
+        if pairs:
+            self._pair_steps = steps_between_windows(data.stride_s, history.dt_s, horizon_steps)
+            self._require_pairs()
         self.items: list[Item] = []
         self._at_site = [scene_at(source, scene) for source in self.sources]
         self._copies = None
@@ -107,6 +126,18 @@ class SceneDataset(Dataset[Data]):
             share, copies_each = data.lane_change_share, data.lane_change_copies
             self._copies = balanced_copies(found, share, copies_each)
         self.set_epoch(0)
+
+    def _require_pairs(self) -> None:
+        for source in self.sources:
+            stamps = source.windows.instants.stamp_ns.tolist()
+            for stamp, later in itertools.pairwise(stamps):
+                if are_steps_apart(stamp, later, self.history.dt_s, self._pair_steps):
+                    return
+        raise ConfigurationError(
+            f"optimisation.consistency_weight is above 0 but no recording of data.train has two "
+            f"windows {self.data.stride_s:g} s (data.stride_s) apart, expected recordings with a "
+            "frame at such times, or optimisation.consistency_weight=0"
+        )
 
     def set_epoch(self, epoch: int) -> None:
         """Draw the graphs of an epoch (counted from 0), in the order of the recordings."""
@@ -164,17 +195,8 @@ class SceneDataset(Dataset[Data]):
         source = self.sources[item.source]
         view = source.views[item.view]
         tracked = view.windows[item.window]
-        trails = trail_context(
-            source, view, tracked, self.horizon_steps, self.history.dt_s, item.trails_age
-        )
-        batch = build_scenes(
-            with_own_keys(tracked, source),
-            self._at_site[item.source],
-            centres=np.array([item.centre]),
-            lanes=source.lanes,
-            trails=trails,
-        )
-        return scene_data(
+        batch = self._graph(item, tracked, item.centre)
+        data = scene_data(
             batch,
             0,
             tracked,
@@ -185,6 +207,52 @@ class SceneDataset(Dataset[Data]):
             augmentation=item.augmentation,
             standing_weight=self.data.standing_weight,
             unknown_seed=item.unknown_seed,
+        )
+        if self.pairs:
+            for name, value in self._later(data, batch, tracked, item).items():
+                data[name] = value
+        return data
+
+    def _graph(self, item: Item, tracked: TrackedWindow, centre: int) -> SceneBatch:
+        """Return the graph around a row of a window of the item's view."""
+        source = self.sources[item.source]
+        view = source.views[item.view]
+        trails = trail_context(
+            source, view, tracked, self.horizon_steps, self.history.dt_s, item.trails_age
+        )
+        return build_scenes(
+            with_own_keys(tracked, source),
+            self._at_site[item.source],
+            centres=np.array([centre]),
+            lanes=source.lanes,
+            trails=trails,
+        )
+
+    def _later(
+        self, data: Data, batch: SceneBatch, tracked: TrackedWindow, item: Item
+    ) -> dict[str, Tensor]:
+        """Return what is observed of an item's agents in the next window.
+
+        None of them is in both where there is no next window, or not at the right time, or the
+        centre is not in it.
+        """
+        windows = self.sources[item.source].views[item.view].windows
+        if item.window + 1 >= len(windows):
+            return alone(data)
+        later = windows[item.window + 1]
+        track = tracked.track[batch.agent[0]]
+        centre = present_row(later, int(track[0]))
+        stamps = tracked.window.stamp_ns, later.window.stamp_ns
+        if centre is None or not are_steps_apart(*stamps, self.history.dt_s, self._pair_steps):
+            return alone(data)
+        later_batch = self._graph(item, later, centre)
+        return paired(
+            batch,
+            track,
+            later_batch,
+            later.track[later_batch.agent[0]],
+            item.augmentation,
+            self.scene.features,
         )
 
 
@@ -386,6 +454,11 @@ def dense(batch: Batch) -> dict[str, Tensor]:
         "baselines",
         "trails",
         "group",
+        "later_x",
+        "later_valid",
+        "later_trails",
+        "later_both",
+        "later_change",
     )
     index, size = batch.batch, int(batch.num_graphs)
     return {

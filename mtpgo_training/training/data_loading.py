@@ -27,6 +27,7 @@ from mtpgo_training.scenes.prepared_recording import (
 )
 from mtpgo_training.scenes.scene_dataset import SceneDataset, validation_scenes
 from mtpgo_training.training.losses.gradient_accumulation import process_share
+from mtpgo_training.training.run_loss import consistency_term
 from mtpgo_training.training.run_state import RunState
 from mtpgo_training.training.training_config import TrainingConfig
 
@@ -85,6 +86,7 @@ def prepare_scenes(
         config.data,
         horizon_steps,
         config.seed,
+        pairs=consistency_term(config, horizon_steps).weight > 0.0,
     )
     validation = validation_scenes(
         prepared(splits.validation, False), config.history, config.scene, horizon_steps
@@ -115,7 +117,13 @@ def reweighted(scenes: Scenes, splits: Splits, config: TrainingConfig) -> Scenes
         for source, item in zip(old.sources, splits.train, strict=True)
     ]
     dataset = SceneDataset(
-        sources, old.history, old.scene, config.data, old.horizon_steps, old.seed
+        sources,
+        old.history,
+        old.scene,
+        config.data,
+        old.horizon_steps,
+        old.seed,
+        pairs=old.pairs,
     )
     if not len(dataset):
         raise ConfigurationError(

@@ -9,7 +9,9 @@ import functools
 from torch import Tensor, nn
 from torch_geometric.data import Batch
 
+from mtpgo_training.scenes.pairs.scene_pair import steps_between_windows
 from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
+from mtpgo_training.training.losses.consistency_loss import NO_CONSISTENCY, ConsistencyTerm
 from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
 from mtpgo_training.training.losses.huber_terms import HuberTerms
 from mtpgo_training.training.losses.likelihood_loss import (
@@ -18,7 +20,24 @@ from mtpgo_training.training.losses.likelihood_loss import (
     summed_negative_log_likelihood,
     trajectory_likelihood_loss,
 )
+from mtpgo_training.training.networks import family
 from mtpgo_training.training.run_state import TrainingRun
+from mtpgo_training.training.training_config import TrainingConfig
+
+
+def consistency_term(config: TrainingConfig, horizon_steps: int) -> ConsistencyTerm:
+    """Return the consistency loss of a configuration.
+
+    A network with an objective of its own has none.
+
+    Raises:
+        ConfigurationError: the windows are no whole number of steps of the horizon apart.
+    """
+    options = config.optimisation
+    if options.consistency_weight == 0.0 or family(config.network).objective is not None:
+        return NO_CONSISTENCY
+    steps = steps_between_windows(config.data.stride_s, config.history.dt_s, horizon_steps)
+    return ConsistencyTerm(options.consistency_weight, steps, options.huber_delta)
 
 
 class BatchLoss(nn.Module):
@@ -30,6 +49,7 @@ class BatchLoss(nn.Module):
         self.run = run
         options = run.config.optimisation
         self.huber = HuberTerms(options.huber_delta, options.mean_weight, options.heaviest_weight)
+        self.consistency = consistency_term(run.config, run.model.config.horizon_steps)
         self.likelihood: Likelihood = negative_log_likelihood
         if options.reduction == "sum":
             self.likelihood = summed_negative_log_likelihood
@@ -62,4 +82,5 @@ class BatchLoss(nn.Module):
             likelihood=mode_likelihood_loss if calibrates else self.likelihood,
             teacher_forcing=teacher_forcing,
             summed=self.run.averages_agents,
+            consistency=NO_CONSISTENCY if calibrates else self.consistency,
         )

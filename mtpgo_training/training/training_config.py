@@ -65,6 +65,10 @@ class OptimisationConfig:
         heaviest_weight: weight of the Huber loss of the heaviest component, see
             :func:`mtpgo_training.training.losses.huber_terms.heaviest_huber_loss`; 0 as in the
             paper.
+        consistency_weight: weight of the distance of the heaviest mode from what is predicted for
+            the same times one window later (``data.stride_s``), see
+            :func:`mtpgo_training.training.losses.consistency_loss.consistency_loss`; 0 as in the
+            paper. It nearly doubles the time of a step.
         likelihood: ``step``: the paper's, a mixture at every step (eq. 27); ``trajectory``: a
             mixture of whole trajectories, see
             :func:`mtpgo_training.training.losses.likelihood_loss.trajectory_likelihood_loss`;
@@ -103,6 +107,7 @@ class OptimisationConfig:
     huber_delta: float = option(1.0, above=0, below=math.inf)
     mean_weight: float = option(0.0, low=0.0, below=math.inf)
     heaviest_weight: float = option(0.0, low=0.0, below=math.inf)
+    consistency_weight: float = option(0.0, low=0.0, below=math.inf)
     likelihood: str = option("step", choices=LIKELIHOODS)
     correlated_steps: float = option(5.0, low=1.0)
     reduction: str = option("mean", choices=REDUCTIONS)
@@ -125,12 +130,13 @@ class OptimisationConfig:
         )
         paper = self.likelihood == "step" and self.calibration_epochs == 0
         paper = paper and self.mean_weight == 0.0 and self.heaviest_weight == 0.0
+        paper = paper and self.consistency_weight == 0.0
         require(
             "optimisation.reduction",
             self.reduction,
             paper or self.reduction == "mean",
-            "'mean' with mean_weight, heaviest_weight, calibration_epochs or another likelihood "
-            "than 'step'",
+            "'mean' with mean_weight, heaviest_weight, consistency_weight, calibration_epochs or "
+            "another likelihood than 'step'",
         )
 
     @property

@@ -11,6 +11,7 @@ from torch import Tensor
 from torch_geometric.data import Batch
 
 from models.trajectory_predictor import TrajectoryPredictor
+from mtpgo_training.training.losses.consistency_loss import NO_CONSISTENCY, ConsistencyTerm
 from mtpgo_training.training.losses.ewta_loss import ewta_loss
 from mtpgo_training.training.losses.gradient_accumulation import accumulated_loss, micro_batches
 from mtpgo_training.training.losses.huber_terms import NO_TERMS, HuberTerms
@@ -30,6 +31,7 @@ def training_loss(
     likelihood: Likelihood = negative_log_likelihood,
     teacher_forcing: bool = False,
     summed: bool = False,
+    consistency: ConsistencyTerm = NO_CONSISTENCY,
 ) -> Tensor:
     """Return the loss of a dense batch, a scalar.
 
@@ -42,6 +44,7 @@ def training_loss(
         teacher_forcing: feed the observed states to the roll-out.
         summed: the EWTA loss is the paper's sum, see :func:`.ewta_loss.ewta_loss`; ``likelihood``
             has to be summed, too.
+        consistency: added to NLL like ``huber``, from a second prediction a moment later.
     """
     states = model.config.state_size
     target, mask = fields["target"][..., :states], fields["weight"]
@@ -64,6 +67,19 @@ def training_loss(
     if with_covariance:
         loss = loss + weights.nll * likelihood(log_weight, mean, covariance, target, mask)
         loss = loss + weights.nll * huber(log_weight, mean, target, mask)
+    if with_covariance and consistency.weight > 0.0:
+        later_log_weight, later_mean, _ = model.roll_out(
+            fields["later_x"],
+            fields["later_valid"],
+            fields["static"],
+            None,
+            False,
+            None,
+            None,
+            fields.get("later_trails"),
+        )
+        term = consistency(log_weight, mean, later_log_weight, later_mean, fields)
+        loss = loss + weights.nll * term
     return loss
 
 
@@ -76,6 +92,7 @@ def batch_loss(
     likelihood: Likelihood = negative_log_likelihood,
     teacher_forcing: bool = False,
     summed: bool = False,
+    consistency: ConsistencyTerm = NO_CONSISTENCY,
 ) -> Tensor:
     """Return :func:`training_loss` of a PyG batch, averaged over all its observed agent-steps.
 
@@ -91,6 +108,7 @@ def batch_loss(
         likelihood: see :func:`training_loss`.
         teacher_forcing: see :func:`training_loss`.
         summed: average over the agents instead of the agent-steps; see :func:`training_loss`.
+        consistency: see :func:`training_loss`.
     """
     loss = functools.partial(
         training_loss,
@@ -100,5 +118,6 @@ def batch_loss(
         likelihood=likelihood,
         teacher_forcing=teacher_forcing,
         summed=summed,
+        consistency=consistency,
     )
     return accumulated_loss(model, micro_batches(batch, summed), loss)
