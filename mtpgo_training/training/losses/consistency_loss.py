@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The loss of heaviest modes that move from one instant to the next; not in the paper."""
+"""The loss of modes that move from one instant to the next; not in the paper."""
 
 from __future__ import annotations
 
@@ -47,8 +47,7 @@ class ConsistencyTerm:
         moved = torch.einsum("bnij,bnmhj->bnmhi", change[..., :2], later_mean[..., :2])
         path = moved + change[:, :, None, None, :, 2]
         loss = consistency_loss(
-            log_weight,
-            later_log_weight,
+            0.5 * (log_weight.exp() + later_log_weight.exp()),
             mean[..., :2],
             path,
             fields["weight"],
@@ -64,8 +63,7 @@ NO_CONSISTENCY = ConsistencyTerm()
 
 
 def consistency_loss(
-    log_weight: Tensor,
-    later_log_weight: Tensor,
+    weight: Tensor,
     path: Tensor,
     later_path: Tensor,
     mask: Tensor,
@@ -75,13 +73,12 @@ def consistency_loss(
 ) -> Tensor:
     """Return the Huber loss of the distance of two predictions of the same times, a scalar.
 
-    The heaviest mode of each is compared with the same mode of the other. Averaged over all modes
-    with their weights instead, the loss drew the modes together: on sites that were left out the
-    error of the best one was 19 % larger. The weights get no gradient.
+    Each mode is compared with itself, and the modes are averaged with their weights. The weights
+    get no gradient: they would shift to the modes that move least, instead of to those that are
+    likely.
 
     Args:
-        log_weight: [B, N, M] log mixture weights; only their order matters.
-        later_log_weight: [B, N, M] those predicted ``steps`` steps later.
+        weight: [B, N, M] mixture weights.
         path: [B, N, M, H, 2] predicted positions (m).
         later_path: [B, N, M, H, 2] those predicted later, in the same frame (m).
         mask: [B, N, H] weight of each step, 0 where not observed; like the other losses, this one
@@ -94,5 +91,4 @@ def consistency_loss(
     error = huber_loss(path[..., steps:, :], same_times, reduction="none", delta=huber_delta)
     seen = mask[..., steps:] * both[..., None]
     loss = (error.sum(dim=-1) * seen.unsqueeze(2)).sum(dim=-1)  # [B, N, M]
-    heaviest = torch.stack([log_weight.argmax(dim=-1), later_log_weight.argmax(dim=-1)], dim=-1)
-    return 0.5 * loss.gather(2, heaviest).sum() / mask.sum().clamp(min=1e-6)
+    return (weight.detach() * loss).sum() / mask.sum().clamp(min=1e-6)
