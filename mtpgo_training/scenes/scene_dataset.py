@@ -36,6 +36,7 @@ from mtpgo_training.scenes.lane_change_balancing import balanced_copies, draw_ba
 from mtpgo_training.scenes.pairs.scene_pair import (
     alone,
     are_steps_apart,
+    is_compared,
     paired,
     present_row,
     steps_between_windows,
@@ -253,6 +254,7 @@ class SceneDataset(Dataset[Data]):
             later.track[later_batch.agent[0]],
             item.augmentation,
             self.scene.features,
+            is_compared(tracked.window)[batch.agent[0]],
         )
 
 

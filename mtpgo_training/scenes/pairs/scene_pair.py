@@ -16,7 +16,14 @@ from torch_geometric.data import Data
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.frames import rotate
-from mtpgo_core.schema import Float64Array, SceneBatch
+from mtpgo_core.schema import (
+    MOVING_MPS,
+    AgentClass,
+    BoolArray,
+    Float64Array,
+    HistoryWindow,
+    SceneBatch,
+)
 from mtpgo_training.scenes.augmentation import Augmentation
 from mtpgo_training.scenes.windows import TrackedWindow
 
@@ -60,6 +67,16 @@ def present_row(tracked: TrackedWindow, track: int) -> int | None:
     return int(rows[0]) if len(rows) else None
 
 
+def is_compared(window: HistoryWindow) -> BoolArray:
+    """Return [n] the agents of a window whose predictions should not jump: moving vehicles.
+
+    Pedestrians change their ways within a cycle, and what stands may start: both are news.
+    """
+    speed = np.linalg.norm(np.nan_to_num(window.velocity[:, -1]), axis=-1)
+    moving: BoolArray = speed > MOVING_MPS
+    return moving & (window.agent_class != AgentClass.PEDESTRIAN)
+
+
 def alone(data: Data) -> dict[str, Tensor]:
     """Return the fields of :func:`paired` for a scene without a later one: no agent is in both."""
     count = int(data.num_nodes or 0)
@@ -81,6 +98,7 @@ def paired(
     later_track: IntArray,
     augmentation: Augmentation,
     features: tuple[str, ...],
+    compared: BoolArray,
 ) -> dict[str, Tensor]:
     """Return the fields of a later scene in the order of an earlier scene's agents.
 
@@ -91,13 +109,14 @@ def paired(
         later_track: [n] tracks of its agents.
         augmentation: of both.
         features: their names.
+        compared: [N] agents whose predictions are to be compared, see :func:`is_compared`.
 
     Returns:
         ``later_x`` [N, T, F], ``later_valid`` [N, T] and, if the task has trails, ``later_trails``
         [N, R, H, 3], zero and false for agents that are not in the later scene; ``later_both`` [N]
-        is 1 for agents that are present in both; ``later_change`` [N, 2, 3] is the turn and the
-        shift (m) from the frame of the later scene to that of the earlier one. Static features are
-        those of the earlier scene.
+        is 1 for agents that are present in both and compared; ``later_change`` [N, 2, 3] is the
+        turn and the shift (m) from the frame of the later scene to that of the earlier one. Static
+        features are those of the earlier scene.
     """
     order = np.argsort(later_track)
     place = order[np.searchsorted(later_track[order], track).clip(max=len(order) - 1)]
@@ -105,7 +124,7 @@ def paired(
     valid = later.valid[0][place] & found[:, None]
     x = augmentation.features(later.features[0][place], features)
     x[~valid] = 0.0
-    both = valid[:, -1] & earlier.valid[0][: len(track), -1]
+    both = valid[:, -1] & earlier.valid[0][: len(track), -1] & compared
     change = torch.from_numpy(_frame_change(earlier, later, augmentation).astype(np.float32))
     fields = {
         "later_x": torch.from_numpy(x),

@@ -12,9 +12,14 @@ from traffic import braking_cars, turning_cars
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.scene.scene_builder import build_scenes
+from mtpgo_core.schema import AgentClass
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.data.data_config import DataConfig
-from mtpgo_training.scenes.pairs.scene_pair import are_steps_apart, steps_between_windows
+from mtpgo_training.scenes.pairs.scene_pair import (
+    are_steps_apart,
+    is_compared,
+    steps_between_windows,
+)
 from mtpgo_training.scenes.prepared_recording import prepare
 from mtpgo_training.scenes.scene_dataset import SceneDataset, dense, trail_context
 
@@ -66,7 +71,7 @@ def test_the_later_past_is_that_of_the_next_windows_own_scene():
         agents = build_scenes(
             tracked.window, SCENE, centres=np.array([item.centre]), trails=trails
         ).agent[0]
-        expected = np.isin(tracked.track[agents], mine)
+        expected = np.isin(tracked.track[agents], mine) & is_compared(tracked.window)[agents]
         np.testing.assert_array_equal(sample.later_both > 0.0, expected)
         compared += 1
     assert compared > 50
@@ -108,3 +113,15 @@ def test_stamps_of_a_camera_count_as_whole_steps():
     assert are_steps_apart(0, round(12e9 / 29.97), 0.2, 2)
     assert not are_steps_apart(0, 375_000_000, 0.2, 2)
     assert not are_steps_apart(0, 800_000_000, 0.2, 2)
+
+
+def test_moving_vehicles_are_compared_and_pedestrians_and_standing_ones_are_not():
+    (tracked, *_) = paired(braking_cars()).sources[0].windows
+    window = tracked.window
+    velocity = np.zeros_like(window.velocity)
+    velocity[1:3, -1] = 3.0, 4.0
+    velocity[3, -1] = np.nan
+    agent_class = np.full_like(window.agent_class, AgentClass.CAR)
+    agent_class[2] = AgentClass.PEDESTRIAN
+    changed = dataclasses.replace(window, velocity=velocity, agent_class=agent_class)
+    assert np.flatnonzero(is_compared(changed)).tolist() == [1]
