@@ -97,12 +97,11 @@ DEFAULT_DATA = $(foreach name,$(DEFAULT_REAL),--data "$(DATA)/$(name)" --layout 
 # sites; the others go on from them, with losses of their own. All are done without each half of the
 # sites, which the covariances and weights are calibrated on and the card's figures are of (crossval),
 # and with all sites (train).
-FIRST_STAGE := --set optimisation.epochs=6 --set optimisation.consistency_weight=0 \
-  --set optimisation.warm_up_share=0.25 --set optimisation.learning_rate=0.0025 \
-  --set optimisation.heaviest_weight=0 --set optimisation.huber_delta=1 --set optimisation.mean_weight=0.5
-SECOND_STAGE := --set optimisation.epochs=6 --set optimisation.consistency_weight=0 \
-  --set optimisation.heaviest_weight=1 --set optimisation.huber_delta=1 --set optimisation.mean_weight=0.5
 THIRD_STAGE := --set optimisation.epochs=6 --set optimisation.consistency_weight=0
+SECOND_STAGE := $(THIRD_STAGE) --set optimisation.heaviest_weight=1 --set optimisation.huber_delta=1 \
+  --set optimisation.mean_weight=0.5
+FIRST_STAGE := $(THIRD_STAGE) --set optimisation.warm_up_share=0.25 --set optimisation.learning_rate=0.0025 \
+  --set optimisation.heaviest_weight=0 --set optimisation.huber_delta=1 --set optimisation.mean_weight=0.5
 DEFAULT_CROSSVAL = $(BIN)/mtpgo crossval default --folds first_half second_half --jobs 2 $(DEFAULT_DATA)
 DEFAULT_TRAIN = $(BIN)/mtpgo train default $(DEFAULT_DATA) $(TRAIN_ARGS)
 goes_on = $(if $(wildcard $(RUNS)/$(1)/last.pt),--resume,--init-from "$(RUNS)/$(2)") --out "$(RUNS)/$(1)"

@@ -65,8 +65,8 @@ class OptimisationConfig:
         heaviest_weight: weight of the Huber loss of the heaviest component, see
             :func:`mtpgo_training.training.losses.huber_terms.heaviest_huber_loss`; 0 as in the
             paper.
-        consistency_weight: weight of the distance of each mode from what is predicted for the
-            same times one window later (``data.stride_s``), see
+        consistency_weight: weight of the distance of each mode of a moving vehicle from what is
+            predicted for the same times one window later (``data.stride_s``), see
             :func:`mtpgo_training.training.losses.consistency_loss.consistency_loss`; 0 as in the
             paper. It nearly doubles the time of a step.
         likelihood: ``step``: the paper's, a mixture at every step (eq. 27); ``trajectory``: a

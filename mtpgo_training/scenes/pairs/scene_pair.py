@@ -124,7 +124,7 @@ def paired(
     valid = later.valid[0][place] & found[:, None]
     x = augmentation.features(later.features[0][place], features)
     x[~valid] = 0.0
-    both = valid[:, -1] & earlier.valid[0][: len(track), -1] & compared
+    both = valid[:, -1] & earlier.valid[0][:, -1] & compared
     change = torch.from_numpy(_frame_change(earlier, later, augmentation).astype(np.float32))
     fields = {
         "later_x": torch.from_numpy(x),
@@ -134,7 +134,7 @@ def paired(
     }
     if later.trails is not None:
         trails = augmentation.trails(later.trails[0][place]) * found[:, None, None, None]
-        fields["later_trails"] = torch.from_numpy(trails.astype(np.float32))
+        fields["later_trails"] = torch.from_numpy(trails)
     return fields
 
 

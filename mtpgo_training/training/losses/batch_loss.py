@@ -67,19 +67,19 @@ def training_loss(
     if with_covariance:
         loss = loss + weights.nll * likelihood(log_weight, mean, covariance, target, mask)
         loss = loss + weights.nll * huber(log_weight, mean, target, mask)
-    if with_covariance and consistency.weight > 0.0:
-        later_log_weight, later_mean, _ = model.roll_out(
-            fields["later_x"],
-            fields["later_valid"],
-            fields["static"],
-            None,
-            False,
-            None,
-            None,
-            fields.get("later_trails"),
-        )
-        term = consistency(log_weight, mean, later_log_weight, later_mean, fields)
-        loss = loss + weights.nll * term
+        if consistency.weight > 0.0:
+            later_log_weight, later_mean, _ = model.roll_out(
+                fields["later_x"],
+                fields["later_valid"],
+                fields["static"],
+                None,
+                False,
+                None,
+                None,
+                fields.get("later_trails"),
+            )
+            term = consistency(log_weight, mean, later_log_weight, later_mean, fields)
+            loss = loss + weights.nll * term
     return loss
 
 

@@ -77,7 +77,7 @@ def test_the_later_past_is_that_of_the_next_windows_own_scene():
     assert compared > 50
 
 
-def test_nobody_is_in_both_after_the_last_window():
+def test_no_agent_is_in_both_after_the_last_window():
     data = paired(braking_cars())
     last = len(data.sources[0].windows) - 1
     samples = [s for item, s in zip(data.items, data, strict=True) if item.window == last]
