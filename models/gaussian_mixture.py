@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The Gaussian mixture of the output (eq. 26): its likelihood (eq. 27) and its local mean."""
+"""The Gaussian mixture of the output (eq. 26): likelihood (eq. 27), bias to stay, local mean."""
 
 import math
 
@@ -12,6 +12,10 @@ PIVOT = 1e-7
 
 Chosen: float32's rounding, below which a Cholesky pivot could become negative.
 """
+
+STAY_M = 0.5
+"""How near its place at t an agent ends that stays there (m), as a standard deviation; chosen on
+left-out sites (docs/design.md, "Weight of staying")."""
 
 
 def gaussian_log_prob(mean: Tensor, covariance: Tensor, target: Tensor) -> Tensor:
@@ -90,6 +94,33 @@ def position_nll(
 ) -> Tensor:
     """Return [B, N, H] :func:`mixture_nll` of the position alone (nats, densities per m^2)."""
     return mixture_nll(log_weight, mean[..., :2], covariance[..., :2, :2], target[..., :2], mask)
+
+
+def favour_staying(
+    log_weight: Tensor,
+    mean: Tensor,
+    place: Tensor,
+    share: Tensor,
+    bias: float,
+    width_m: float = STAY_M,  # TorchScript sees no constants of the module
+) -> Tensor:
+    """Return log mixture weights [B, N, M] with which it is likelier that standing agents stay.
+
+    The logarithm of a mode's weight grows by bias exp(-d^2 / (2 width^2)), d being how far from
+    the agent's place at t the mode ends; then the weights are normalised.
+
+    Args:
+        log_weight: [B, N, M] log mixture weights.
+        mean: [B, N, M, H, S], x and y first (m).
+        place: [B, N, 2] at t, in the same frame (m).
+        share: [B, N] of its motion, 0 for agents that stand and 1 for those that move, whose
+            weights stay as they are.
+        bias: of agents that stand, for a mode that ends where it begins.
+        width_m: see :data:`STAY_M` (m).
+    """
+    way = (mean[:, :, :, -1, :2] - place.unsqueeze(2)) / width_m  # [B, N, M, 2]
+    stays = torch.exp(-0.5 * way.square().sum(dim=-1))
+    return torch.log_softmax(log_weight + bias * (1.0 - share).unsqueeze(-1) * stays, dim=-1)
 
 
 def heaviest_at_local_mean(

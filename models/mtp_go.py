@@ -12,7 +12,7 @@ from models.ablations.direct_states import DirectStates
 from models.decoder import Decoder
 from models.ekf import EkfCovariance
 from models.encoder import Encoder
-from models.gaussian_mixture import heaviest_at_local_mean
+from models.gaussian_mixture import favour_staying, heaviest_at_local_mean
 from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead
 from models.mtp_go_config import ModelConfig
 from models.neural_ode import NeuralODE
@@ -22,6 +22,7 @@ from models.own_frame.agent_frames import (
     motion_share,
     states_to_own,
     states_to_scene,
+    to_scene,
 )
 from models.own_frame.covariance_frames import FLOOR, initial_in_own_frame, rotate_blocks
 from models.own_frame.trail_input import TrailInput
@@ -46,6 +47,8 @@ class MTPGO(TrajectoryPredictor):
     static_everywhere: Final[bool]
     hold_standing: Final[bool]
     sees_trails: Final[bool]
+    favours_staying: Final[bool]
+    stay_bias: Final[float]
     moves_heaviest: Final[bool]
     heaviest_kernels: Tensor
     if TYPE_CHECKING:  # TorchScript would compile an annotation that it can see
@@ -59,6 +62,8 @@ class MTPGO(TrajectoryPredictor):
         self.static_everywhere = config.static_features and config.static_inputs == "all"
         self.hold_standing = config.hold_standing
         self.sees_trails = config.trail_branches > 0
+        self.favours_staying = config.stay_bias > 0.0
+        self.stay_bias = config.stay_bias
         self.moves_heaviest = any(config.heaviest_kernels)
         kernels = torch.zeros(config.static_size)
         kernels[: len(config.heaviest_kernels)] = torch.tensor(config.heaviest_kernels)
@@ -99,9 +104,14 @@ class MTPGO(TrajectoryPredictor):
         log_weight, mean, covariance = self.roll_out(
             features, valid, static, initial_covariance, True, None, None, trails
         )
-        if self.moves_heaviest:
+        if self.favours_staying or self.moves_heaviest:
             known = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
-            share = motion_share(self.condition.start(known, valid).velocity)
+            start = self.condition.start(known, valid)
+            share = motion_share(start.velocity)
+            if self.favours_staying:
+                place = start.origin + to_scene(start.position, start.direction)
+                log_weight = favour_staying(log_weight, mean, place, share, self.stay_bias)
+        if self.moves_heaviest:
             kernel = torch.mv(static.flatten(0, 1), self.heaviest_kernels).view(share.shape)
             mean = heaviest_at_local_mean(log_weight, mean, covariance, share, kernel)
         return log_weight, mean, covariance

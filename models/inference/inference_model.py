@@ -7,7 +7,7 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
-from models.gaussian_mixture import heaviest_at_local_mean
+from models.gaussian_mixture import favour_staying, heaviest_at_local_mean
 from models.gnn_layers.interaction_graph import complete_graph, squared_distances
 from models.inference.inference_covariance import FastCovariance
 from models.inference.inference_decoder import FastDecoder
@@ -50,6 +50,8 @@ class FastMTPGO(nn.Module):
     static_everywhere: Final[bool]
     hold_standing: Final[bool]
     sees_trails: Final[bool]
+    favours_staying: Final[bool]
+    stay_bias: Final[float]
     moves_heaviest: Final[bool]
     heaviest_kernels: Tensor
     time: Tensor
@@ -75,6 +77,8 @@ class FastMTPGO(nn.Module):
         self.static_everywhere = model.static_everywhere
         self.hold_standing = model.hold_standing
         self.sees_trails = model.sees_trails
+        self.favours_staying = model.favours_staying
+        self.stay_bias = model.stay_bias
         self.moves_heaviest = model.moves_heaviest
         self.register_buffer("heaviest_kernels", model.heaviest_kernels)
         if self.sees_trails:
@@ -136,8 +140,10 @@ class FastMTPGO(nn.Module):
             first = initial_in_own_frame(initial_covariance, first, start.direction)
         of_q, of_position = self.motion.jacobian(torch.cat(units))
         spread = self.covariance(first, of_q, of_position, noise, start.direction)
+        share = motion_share(start.velocity)
+        if self.favours_staying:  # each agent's own frame begins at its place
+            log_weight = favour_staying(log_weight, mean, start.origin, share, self.stay_bias)
         if self.moves_heaviest:
-            share = motion_share(start.velocity)
             kernel = torch.mv(static.flatten(0, 1), self.heaviest_kernels).view(share.shape)
             mean = heaviest_at_local_mean(log_weight, mean, spread, share, kernel)
         return log_weight, mean, spread

@@ -244,7 +244,11 @@ class ReferenceMTPGO(nn.Module):
             None if trails is None else trails.flatten(0, 1),
         )
         log_weight, mean, covariance = results
-        speed = self.frames(features.flatten(0, 1), valid.flatten(0, 1))[3].norm(dim=-1)
+        known = torch.where(valid.unsqueeze(-1), features, 0.0).flatten(0, 1)
+        origin, turn, start, velocity = self.frames(known, valid.flatten(0, 1))
+        speed = velocity.norm(dim=-1)
+        place = origin + torch.einsum("nij,nj->ni", turn, start)
+        log_weight = self.with_stay_bias(log_weight, mean, place, speed)
         mean = self.with_local_mean(log_weight, mean, covariance, speed, static.flatten(0, 1))
         log_weight, mean, covariance = (
             x.unflatten(0, (batch, agents)) for x in (log_weight, mean, covariance)
@@ -448,6 +452,20 @@ class ReferenceMTPGO(nn.Module):
         return each, self.linear("trail.out", elu(self.linear("trail.body", some)))
 
     # Motion and covariance.
+
+    def with_stay_bias(
+        self, log_weight: Tensor, mean: Tensor, place: Tensor, speed: Tensor
+    ) -> Tensor:
+        """Return [N, M] log weights with which standing agents are likelier to stay.
+
+        Not in the paper. Of a mode that ends d metres from the place of an agent up to 0.3 m/s,
+        the logarithm grows by the bias times exp(-2 d^2).
+        """
+        squared = (mean[:, :, -1, :2] - place.unsqueeze(1)).square().sum(dim=-1)
+        standing = ((0.5 - speed) / 0.2).clamp(0.0, 1.0).unsqueeze(1)
+        bias = self.config.stay_bias * standing * torch.exp(-2.0 * squared)
+        weight = torch.exp(log_weight + bias)
+        return torch.log(weight / weight.sum(dim=-1, keepdim=True))
 
     def with_local_mean(
         self, log_weight: Tensor, mean: Tensor, covariance: Tensor, speed: Tensor, static: Tensor

@@ -9,6 +9,7 @@ import torch
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
 from models.gaussian_mixture import (
+    favour_staying,
     gaussian_log_prob,
     heaviest_at_local_mean,
     mixture_nll,
@@ -162,3 +163,25 @@ def test_all_states_of_a_path_move_alike():
     mean = torch.cat((modes_ending_at([2.0, 0.0], [0.0, 0.0]),) * 2, dim=-1)
     moved = local_mean([0.4, 0.6], mean, covariances(2, 1.0, 1.0))
     torch.testing.assert_close(moved[..., 2:], moved[..., :2])
+
+
+def staying(share, bias=0.6):
+    """Return the weights of 0.2 for a mode that stays, 0.2 for one 0.5 m on and 0.6 for 9 m."""
+    place = torch.tensor([[[3.0, -4.0]]], dtype=torch.float64)
+    mean = modes_ending_at([0.0, 0.0], [0.3, 0.4], [9.0, 0.0]) + place[:, :, None, None]
+    log_weight = torch.tensor([[[0.2, 0.2, 0.6]]], dtype=torch.float64).log()
+    moving = torch.tensor([[share]], dtype=torch.float64)
+    return favour_staying(log_weight, mean, place, moving, bias).exp().flatten().tolist()
+
+
+def test_a_mode_that_stays_becomes_likelier():
+    stays, near = 0.2 * math.exp(0.6), 0.2 * math.exp(0.6 * math.exp(-0.5))
+    total = stays + near + 0.6
+    assert staying(0.0) == pytest.approx([stays / total, near / total, 0.6 / total], rel=1e-7)
+
+
+def test_the_bias_vanishes_as_agents_move():
+    half = 0.2 * math.exp(0.3)
+    total = half + 0.2 * math.exp(0.3 * math.exp(-0.5)) + 0.6
+    assert staying(0.5)[0] == pytest.approx(half / total, rel=1e-7)
+    assert staying(1.0) == pytest.approx([0.2, 0.2, 0.6], rel=1e-12)

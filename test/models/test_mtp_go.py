@@ -45,6 +45,9 @@ VARIANTS = {
     "trails, twelve steps": {"trail_branches": 2, "horizon_steps": 12},
     "held": {"hold_standing": True},
     "held, scene frame": {"hold_standing": True, "agent_frame": False},
+    "favours staying": {"stay_bias": 0.6},
+    "favours staying, first order": {"stay_bias": 2.0, "order": 1},
+    "favours staying, scene frame": {"stay_bias": 0.6, "agent_frame": False},
     "heaviest moved": {"heaviest_kernels": (0.0, 2.0)},
     "heaviest moved, first order": {"heaviest_kernels": (0.7, 1.5), "order": 1},
     "heaviest moved, no ODE": {"heaviest_kernels": (0.0, 2.0), "ekf": False, "ode": False},
@@ -58,6 +61,7 @@ SCRIPTED = (
     "gat+, two heads, two layers",
     "static, deep ODE",
     "no ODE",
+    "favours staying, scene frame",
     "heaviest moved",
     "heaviest moved, first order",
     "beyond the paper",
@@ -271,6 +275,23 @@ def test_the_first_mode_of_a_standing_agent_is_uniform_motion_whatever_the_weigh
     for got, want in ((given[1][:, :6], free[1][:, :6]), (given[1][:, 6, 1:], free[1][:, 6, 1:])):
         torch.testing.assert_close(got, want, rtol=1e-10, atol=1e-10)
     torch.testing.assert_close((given[0], given[2]), (free[0], free[2]), rtol=0.0, atol=0.0)
+
+
+@torch.no_grad()
+def test_the_stay_bias_changes_the_weights_of_standing_agents_alone():
+    """Agent 6 has 0.2 m/s, and its first mode is held, so that it ends 5 * 0.04 m away."""
+    plain = make_model(hold_standing=True)
+    model = make_model(hold_standing=True, stay_bias=0.6)
+    model.load_state_dict(plain.state_dict())
+    scene = make_scene(2, 7, steps=6, odd=False)
+    given, free = model(*scene.inputs()), plain(*scene.inputs())
+    torch.testing.assert_close(given[0][:, :6], free[0][:, :6], rtol=0.0, atol=1e-12)
+    torch.testing.assert_close(given[1:], free[1:], rtol=0.0, atol=0.0)
+    place = scene.features[:, 6, None, -1, :2]
+    squared = (free[1][:, 6, :, -1, :2] - place).square().sum(-1)
+    weight = free[0][:, 6].exp() * torch.exp(0.6 * torch.exp(-2.0 * squared))
+    torch.testing.assert_close(given[0][:, 6].exp(), weight / weight.sum(-1, keepdim=True))
+    assert (given[0][:, 6, 0] > free[0][:, 6, 0]).all()
 
 
 def test_a_held_mode_trains_no_motion_and_the_modes_of_moving_agents_do():

@@ -30,6 +30,7 @@ def test_round_trip_through_json():
         ),
         ("trail_branches", -1, "trail_branches is -1, expected at least 0"),
         ("hold_standing", 1, "hold_standing is 1, expected bool"),
+        ("stay_bias", -0.1, "stay_bias is -0.1, expected at least 0"),
         ("modes", 0, "modes is 0, expected 1 to 64"),
         ("feature_size", 7, "feature_size is 7, expected at least 8"),
         ("hidden", 64.0, "hidden is 64.0, expected int"),
