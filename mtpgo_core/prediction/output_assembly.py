@@ -84,7 +84,7 @@ def assemble(
     weight = _weights(output.log_weight.astype(np.float64))
     usable = _usable(weight, mean, covariance)
     if smoother is not None:
-        mean = smoother.smooth(window, agent, mean, usable, dt_s)
+        mean, weight = smoother.smooth(window, agent, mean, weight, usable, dt_s)
 
     order = np.argsort(-weight, axis=1, kind="stable")
     rows = np.arange(order.shape[0])[:, None]

@@ -5,6 +5,7 @@
 Five seconds ahead, noise of 0.1 m/s^2 in an agent's acceleration is more than a metre. What the
 model predicted for the same time in the cycle before was computed from nearly the same past with
 other noise, so a mean of the two is as accurate and jumps less (docs/design.md, "Smooth paths").
+And of two modes that are about as likely, now one and now the other would be the heaviest.
 """
 
 from __future__ import annotations
@@ -20,6 +21,10 @@ from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, IndexArray
 LONGEST_CYCLE_S = 1.0
 """Predictions farther apart are not combined (s); chosen: a pause, not a cycle."""
 
+KEEP_FACTOR = 1.22
+"""The weight of the mode that was the heaviest in the cycle before is multiplied by this; chosen
+on left-out sites (docs/design.md, "Smooth paths")."""
+
 
 @dataclass(frozen=True)
 class _Paths:
@@ -29,11 +34,13 @@ class _Paths:
         stamp_ns: when they start (ns).
         key: [m] ascending sort keys of the agents.
         mean: [m, M, H, 4] x, y, vx, vy in the fixed frame (m, m/s), modes in the network's order.
+        heaviest: [m] which mode had the largest weight.
     """
 
     stamp_ns: int
     key: SortKeyArray
     mean: Float64Array
+    heaviest: IndexArray
 
 
 class PathSmoother:
@@ -42,8 +49,9 @@ class PathSmoother:
     The point k of H steps ahead becomes (1 - b) new + b old with b = e^(-T / tau) k / H, where T
     is the time since the last cycle and ``old`` is the last cycle's path at the same time. So the
     next moments are as the model predicts them now, and the farthest point has a memory of tau.
-    What stands at t, pedestrians, who change their ways faster than that, and agents that were not
-    observed throughout T keep the new path.
+    The mode that was the heaviest counts a little more, so that it remains the heaviest until
+    another one is clearly likelier. What stands at t, pedestrians, who change their ways faster
+    than that, and agents that were not observed throughout T keep the new path and weights.
 
     Args:
         tau_s: tau (s), above 0.
@@ -59,10 +67,11 @@ class PathSmoother:
         window: HistoryWindow,
         agent: IndexArray,
         mean: Float64Array,
+        weight: Float64Array,
         usable: BoolArray,
         dt_s: float,
-    ) -> Float64Array:
-        """Return the smoothed paths and remember them for the next cycle.
+    ) -> tuple[Float64Array, Float64Array]:
+        """Return the smoothed paths and their weights, and remember them for the next cycle.
 
         A window of the same time as the last one gives the same result again.
 
@@ -71,17 +80,21 @@ class PathSmoother:
             agent: [p] rows of the window that the paths are of.
             mean: [p, M, H, 4] x, y, vx, vy in the fixed frame (m, m/s), modes in the network's
                 order.
+            weight: [p, M] of the modes, summing to 1.
             usable: [p] which paths are finite; others are returned as they are and forgotten.
             dt_s: step of the horizon and of the window (s).
         """
         if self._last is not None and self._last.stamp_ns != window.stamp_ns:
             self._before = self._last
         key = sort_keys(window.key[agent])
-        smoothed = self._combined(self._before, window, agent, key, mean, usable, dt_s)
+        smoothed, weight = self._combined(
+            self._before, window, agent, key, mean, weight, usable, dt_s
+        )
         kept = np.flatnonzero(usable)
         kept = kept[np.argsort(key[kept])]
-        self._last = _Paths(window.stamp_ns, key[kept], smoothed[kept])
-        return smoothed
+        heaviest = weight[kept].argmax(axis=1)
+        self._last = _Paths(window.stamp_ns, key[kept], smoothed[kept], heaviest)
+        return smoothed, weight
 
     def _combined(
         self,
@@ -90,23 +103,24 @@ class PathSmoother:
         agent: IndexArray,
         key: SortKeyArray,
         mean: Float64Array,
+        weight: Float64Array,
         usable: BoolArray,
         dt_s: float,
-    ) -> Float64Array:
-        """Return the new paths combined with those of the cycle before."""
+    ) -> tuple[Float64Array, Float64Array]:
+        """Return the new paths and weights combined with those of the cycle before."""
         elapsed_s = 0.0 if before is None else (window.stamp_ns - before.stamp_ns) * 1e-9
         steps = int(np.ceil(elapsed_s / dt_s - 1e-6))
         horizon = mean.shape[2]
         if before is None or not 0.0 < elapsed_s <= LONGEST_CYCLE_S:
-            return mean
+            return mean, weight
         if steps >= min(window.valid.shape[1], horizon):
-            return mean
+            return mean, weight
         row = find_sort_keys(before.key, key)
         moving = moving_vehicles(window.agent_class[agent], window.velocity[agent, -1])
         observed = window.valid[agent, -1 - steps :].all(axis=1)
         chosen = np.flatnonzero(usable & (row >= 0) & moving & observed)
         if not len(chosen):
-            return mean
+            return mean, weight
         old = _shifted(before.mean[row[chosen]], elapsed_s / dt_s, dt_s)
         new = mean[chosen]
         share_5s = np.exp(-elapsed_s / self.tau_s)
@@ -114,9 +128,11 @@ class PathSmoother:
         combined = (1.0 - share) * new + share * old
         # The share grows along the path, which moves the point as well.
         combined[..., 2:] += share_5s / (horizon * dt_s) * (old[..., :2] - new[..., :2])
-        smoothed = mean.copy()
+        smoothed, weighted = mean.copy(), weight.copy()
         smoothed[chosen] = combined
-        return smoothed
+        weighted[chosen, before.heaviest[row[chosen]]] *= KEEP_FACTOR
+        weighted[chosen] /= weighted[chosen].sum(axis=1, keepdims=True)
+        return smoothed, weighted
 
 
 def _shifted(mean: Float64Array, shift: float, dt_s: float) -> Float64Array:

@@ -21,6 +21,7 @@ from mtpgo_core.live_calibration.live_options import (
     SHIPPED,
 )
 from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
+from mtpgo_core.prediction.path_smoothing import LONGEST_CYCLE_S
 from mtpgo_core.task.model_file import shipped_models
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.atomic_files import require_writable, write_text
@@ -68,6 +69,7 @@ OF_A_RUN: dict[str, object] = {
     "calibration": None,
     "prefer": None,
     "kde_samples": 0,
+    "path_smoothing": 0.0,
     "no_centre": False,
     "min_future": 0.0,
     "seeds": False,
@@ -82,6 +84,7 @@ WITHOUT_EFFECT = (
     (("stride", "no_centre"), "all of which are scored as the node published them"),
     (("one_sample",), "which have a past"),
     (("calibration", "prefer"), "which were calibrated by the node"),
+    (("path_smoothing",), "which are scored as the node published them"),
 )
 """Those that do nothing for recorded predictions, and why."""
 
@@ -167,6 +170,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="also the likelihood by a kernel density estimate from N samples of each prediction, "
         "as Trajectron++ is scored (0: not; published: 2000)",
     )
+    add(
+        "--path-smoothing",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="memory of the farthest predicted points of moving vehicles, as the node's "
+        "path_smoothing (s; 0 for none)",
+    )
     add("--no-centre", action="store_true", help="score only all agents")
     add(
         "--seeds",
@@ -239,6 +250,7 @@ def run(args: argparse.Namespace) -> int:
         args.calibration or SHIPPED,
         args.prefer or PREFER_MODEL,
         args.kde_samples,
+        args.path_smoothing,
     )
     if args.predictions:
         result = _from_bags(args, runners, topic)
@@ -299,6 +311,17 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _check_path_smoothing(args: argparse.Namespace) -> None:
+    if not 0.0 <= args.path_smoothing <= 5.0:
+        raise ConfigurationError(f"--path-smoothing is {args.path_smoothing:g}, expected 0 to 5 s")
+    stride = STRIDE_S if args.stride is None else args.stride
+    if args.path_smoothing and stride > LONGEST_CYCLE_S:
+        raise ConfigurationError(
+            f"--path-smoothing is given with --stride {stride:g}, expected at most "
+            f"{LONGEST_CYCLE_S:g} s: predictions farther apart are not combined"
+        )
+
+
 def _given(args: argparse.Namespace, names: Iterable[str]) -> dict[str, bool]:
     """Return options of a run as they are written, and whether each is given."""
     return {f"--{name.replace('_', '-')}": getattr(args, name) != OF_A_RUN[name] for name in names}
@@ -331,6 +354,7 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigurationError(
             "--kde-samples is given with --predictions, expected models that are run here"
         )
+    _check_path_smoothing(args)
     if args.policy == "ego":
         raise ConfigurationError("--policy is 'ego' but a recording has no ego, expected another")
     if args.predictions:
@@ -339,6 +363,10 @@ def _check(args: argparse.Namespace) -> None:
     if args.seeds and len(args.model) < 2:
         raise ConfigurationError(
             f"--seeds is given with {len(args.model)} model(s), expected several of one recipe"
+        )
+    if args.one_sample and args.path_smoothing:
+        raise ConfigurationError(
+            "--one-sample is given with --path-smoothing, which needs a past, expected one of them"
         )
     if args.one_sample and (args.calibration == ONLINE or args.prefer == BEST):
         raise ConfigurationError(

@@ -62,6 +62,8 @@ class Settings:
             calibration with each recording.
         prefer: who predicts, see :data:`~mtpgo_core.live_calibration.live_options.PREFERENCES`.
         kde_samples: see :func:`~.scores.agent_scores.score_agents`.
+        path_smoothing_s: memory of the farthest predicted points over the instants (s), 0 for
+            none.
     """
 
     policy: str | None = None
@@ -73,6 +75,7 @@ class Settings:
     calibration: str = SHIPPED
     prefer: str = PREFER_MODEL
     kde_samples: int = 0
+    path_smoothing_s: float = 0.0
 
     @property
     def live(self) -> LiveOptions:
@@ -254,7 +257,9 @@ def evaluate_recording(
             kde_samples=settings.kde_samples,
         )
         predictors = {
-            (model, protocol): make_predictor(runners[model], recording, policy)
+            (model, protocol): make_predictor(
+                runners[model], recording, policy, settings.path_smoothing_s
+            )
             for model in group
             for protocol, policy in (("all", settings.policy), ("centre", "each"))
             if protocol == "all" or settings.centre

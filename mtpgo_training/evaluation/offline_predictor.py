@@ -20,12 +20,24 @@ MAX_AGENTS = 10_000
 
 
 def make_predictor(
-    runner: ModelRunner, recording: Recording, policy: str | None = None
+    runner: ModelRunner,
+    recording: Recording,
+    policy: str | None = None,
+    path_smoothing_s: float = 0.0,
 ) -> ScenePredictor:
-    """Return the predictor that the node would run on this recording."""
+    """Return the predictor that the node would run on this recording.
+
+    Args:
+        runner: the model.
+        recording: whose lanes and site it knows.
+        policy: graph policy, None for the model's own.
+        path_smoothing_s: see :class:`~mtpgo_core.prediction.scene_predictor.PredictorOptions` (s).
+    """
     return ScenePredictor(
         runner,
-        options=PredictorOptions(policy=policy, max_agents=MAX_AGENTS),
+        options=PredictorOptions(
+            policy=policy, max_agents=MAX_AGENTS, path_smoothing_s=path_smoothing_s
+        ),
         lanes=LaneMap(recording.lanes) if recording.lanes else None,
         site=recording.location,
     )

@@ -81,6 +81,7 @@ def summarise(
         "tracker": RECORDED if settings.tracker_seed is None else SIMULATED,
         "tracker_seed": settings.tracker_seed,
         "kde_samples": settings.kde_samples,
+        "path_smoothing_s": None if from_bags else settings.path_smoothing_s,
         "baselines": list(BASELINES),
         "tasks": {name: dataclasses.asdict(r.task.scene) for name, r in runners.items()},
         "weights": {name: r.task.weights_sha256 for name, r in runners.items()},

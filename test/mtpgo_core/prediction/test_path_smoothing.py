@@ -5,13 +5,14 @@
 import numpy as np
 import pytest
 
-from mtpgo_core.prediction.path_smoothing import PathSmoother
+from mtpgo_core.prediction.path_smoothing import KEEP_FACTOR, PathSmoother
 from mtpgo_core.schema import AgentClass, HistoryWindow
 
 M, H, T, DT = 2, 25, 16, 0.2
 TIME = DT * np.arange(1, H + 1)
 ALL = np.arange(2)
 USABLE = np.ones(2, dtype=bool)
+EQUAL = np.full((2, M), 1.0 / M)
 
 
 def window(stamp_s=0.0, *, keys=(1, 2), speed=(10.0, 10.0), classes=(1, 1), first=(0, 0)):
@@ -46,8 +47,15 @@ def paths(speed=10.0, start=0.0, *, offset=0.0):
     return mean
 
 
-def smooth(smoother, at, mean, usable=USABLE):
-    return smoother.smooth(at, np.arange(len(at.key)), mean, usable, DT)
+def smooth(smoother, at, mean, usable=USABLE, weight=EQUAL):
+    return smoother.smooth(at, np.arange(len(at.key)), mean, weight, usable, DT)[0]
+
+
+def weights(smoother, at, mean, *first):
+    """Return the weights of the first modes after a cycle in which they were ``first``."""
+    first = np.array(first)
+    given = np.stack((first, 1.0 - first), axis=1)
+    return smoother.smooth(at, np.arange(len(at.key)), mean, given, USABLE, DT)[1][:, 0]
 
 
 def test_the_first_cycle_is_as_given():
@@ -114,6 +122,28 @@ def test_without_a_continuing_vehicle_paths_are_as_given(later):
     smooth(smoother, window(), paths())
     mean = paths(start=2.0, offset=2.0)
     np.testing.assert_array_equal(smooth(smoother, later, mean), mean)
+    assert weights(smoother, later, mean, 0.3, 0.6).tolist() == [0.3, 0.6]
+
+
+def test_the_heaviest_mode_remains_it_until_another_is_clearly_likelier():
+    """0.46 and 0.44 of 1 in the next cycle, multiplied: 0.51 and 0.489."""
+    smoother = PathSmoother(0.4)
+    assert weights(smoother, window(), paths(), 0.6, 0.6).tolist() == [0.6, 0.6]
+    found = weights(smoother, window(0.2), paths(start=2.0), 0.46, 0.44)
+    kept = KEEP_FACTOR * np.array([0.46, 0.44])
+    np.testing.assert_allclose(found, kept / (kept + np.array([0.54, 0.56])), rtol=1e-12)
+    assert (found > 0.5).tolist() == [True, False]
+    again = weights(smoother, window(0.4), paths(start=4.0), 0.48, 0.52)
+    assert (again > 0.5).tolist() == [True, False]
+
+
+def test_weights_follow_their_agents():
+    smoother = PathSmoother(0.4)
+    weights(smoother, window(), paths(), 0.9, 0.2)
+    found = weights(smoother, window(0.2, keys=(2, 1)), paths(start=2.0), 0.5, 0.5)
+    np.testing.assert_allclose(
+        found, [1.0 / (1.0 + KEEP_FACTOR), KEEP_FACTOR / (1.0 + KEEP_FACTOR)]
+    )
 
 
 def test_what_is_not_usable_is_not_remembered():

@@ -187,6 +187,20 @@ def test_the_calibration_goes_on_over_each_recording_or_is_taken_off(
     assert reliability["off"] != reliability["online"]
 
 
+def test_smoothed_paths_jump_less(data, tmp_path):
+    """Of a noisy tracker; where tracks are clean there is little to smooth."""
+    jump = {}
+    for smoothing_s in (0.0, 0.4):
+        out = tmp_path / "scores.json"
+        given = ["--model", "default", "--stride", "0.2", "--path-smoothing", smoothing_s]
+        given += ["--tracker", "simulated"]
+        assert run(data / "b", "--no-centre", *given, "--json", out) == 0
+        result = json.loads(out.read_text())
+        assert result["path_smoothing_s"] == smoothing_s
+        jump[smoothing_s] = result["honesty"]["default"]["all"]["all"]["consistency"]["jump"]
+    assert jump[0.4] < 0.95 * jump[0.0]
+
+
 def test_one_sample_forgets_the_past(data, content, tmp_path):
     out = tmp_path / "scores.json"
     assert run(data / "b", "--model", "default", "--no-centre", "--one-sample", "--json", out) == 0
@@ -298,6 +312,22 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
         (
             ["--model=default", "--data", "DATA", "--one-sample", "--calibration=online"],
             "--one-sample is given with --calibration online or --prefer best",
+        ),
+        (
+            ["--model=default", "--data", "DATA", "--one-sample", "--path-smoothing=0.4"],
+            "--one-sample is given with --path-smoothing, which needs a past",
+        ),
+        (
+            ["--model=default", "--data", "DATA", "--path-smoothing=0.4", "--stride=2"],
+            "--path-smoothing is given with --stride 2, expected at most 1 s",
+        ),
+        (
+            ["--model=default", "--data", "DATA", "--path-smoothing", "-1"],
+            "--path-smoothing is -1, expected 0 to 5 s",
+        ),
+        (
+            ["--predictions", "NONE", "--path-smoothing", "0.4"],
+            "--path-smoothing is given with --predictions, which are scored as the node published",
         ),
         (["--predictions", "NONE", "--policy", "each"], "--policy is given with --predictions"),
         (["--model", "default", "--data", "DATA", "--layout", "ind", "--topic", "/x"], "--topic"),
