@@ -102,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
         type=int,
         default=0,
         metavar="N",
-        help="start when one of the topics has this many subscribers",
+        help="start when this many nodes subscribe to one of the topics",
     )
     add(
         "--wait-timeout",

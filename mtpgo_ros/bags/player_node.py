@@ -45,6 +45,9 @@ _ARRIVAL_S = 1.0
 _PAUSE_S = 1.0
 """Time between two repetitions of a part without a duration, as one message is (s); chosen."""
 
+_PARTICIPANT_BYTES = 12
+"""Bytes of an endpoint's identifier that are of its participant (DDSI-RTPS, GUID prefix)."""
+
 _MOST_LATCHED = 1000
 """Most messages of a latched topic kept for late subscribers; chosen: bounds the memory."""
 
@@ -54,7 +57,7 @@ class Wait:
     """What the player waits for before it starts.
 
     Attributes:
-        subscribers: number of subscribers that one of the topics must have.
+        subscribers: number of subscribing nodes that one of the topics must have.
         timeout_s: longest time to wait for them (s).
         delay_s: time for discovery after the subscribers are there (s).
         paused: wait after that for a line on standard input.
@@ -159,7 +162,20 @@ class BagPlayer:
         return not stopped()
 
     def _subscribers(self) -> int:
-        return max(publisher.get_subscription_count() for publisher in self._publishers.values())
+        """Return how many nodes subscribe to the topic that has most of them.
+
+        Nodes, not subscriptions: while a node subscribes anew it has two.
+        """
+        return max(map(self._subscribers_of, self._publishers.values()))
+
+    def _subscribers_of(self, publisher: Publisher) -> int:
+        subscriptions = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
+        # The participant comes first in an identifier; names are known a little later than it.
+        nodes = {
+            (tuple(info.endpoint_gid[:_PARTICIPANT_BYTES]), info.node_namespace, info.node_name)
+            for info in subscriptions
+        }
+        return min(len(nodes), publisher.get_subscription_count())
 
     def run(self, stopped: Callable[[], bool], *, loop: bool, progress: bool) -> Report:
         """Play the topics once, or again and again until stopped.

@@ -25,6 +25,9 @@ periods of 0.2 s."""
 FIRST_PREDICTION = "first prediction"
 """Begin of the line by which the predictor reports its first prediction with a road user."""
 
+_HEARS = "hearing"
+"""In the line by which the predictor reports a publisher of objects that it can hear."""
+
 _WARNING = re.compile(r"^\[WARN\] \[[^]]*\] \[[^]]*\]: (.*)$", re.MULTILINE)
 """A warning in the log of a node; its sentence is the group."""
 
@@ -64,10 +67,11 @@ def run_session(
             recorder.wait_for("ready", READY_S)
             predictor.wait_for("heard by", READY_S)
             with _Progress(sum(durations_s)) as progress:
-                for number, (bag, duration_s) in enumerate(zip(bags, durations_s, strict=True), 1):
+                for bag, duration_s in zip(bags, durations_s, strict=True):
+                    heard = predictor.text().count(_HEARS)  # it may subscribe anew meanwhile
                     with _player(bag, logs, environment) as replay:
                         replay.wait_for("paused", READY_S)
-                        predictor.wait_for("hearing", READY_S, times=number)
+                        predictor.wait_for(_HEARS, READY_S, times=heard + 1)
                         replay.press_enter()
                         _watch(replay, duration_s, progress, (predictor, recorder))
             time.sleep(LAST_REPORT_S)

@@ -6,6 +6,7 @@ import dataclasses
 import time
 
 import pytest
+import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy
 from ros_helpers import LATCHED, LIMIT_S
@@ -129,6 +130,23 @@ def test_too_few_subscribers_are_counted_and_the_topics_named(player):
     assert str(error.value).startswith(sentence)
     assert str(error.value).endswith("expected 3")
     assert "/player_text" in str(error.value)
+
+
+def test_a_node_with_two_subscriptions_is_one_subscriber(player, peer):
+    """As the predictor while it subscribes anew; the recorder would be waited for no longer."""
+    one = player()
+    for _ in range(2):
+        peer.create_subscription(String, "/player_text", lambda _: None, 10)
+    publisher = one._publishers["/player_text"]
+    until(lambda: publisher.get_subscription_count() == 2)
+    with pytest.raises(RecordingError, match=r"^1 subscribers after 0\.3 s"):
+        one.wait(Wait(2, 0.3, 0.0), lambda: False)
+    other = rclpy.create_node("player_peer_2")
+    try:
+        other.create_subscription(String, "/player_text", lambda _: None, 10)
+        assert one.wait(Wait(2, LIMIT_S, 0.0), lambda: False)
+    finally:
+        other.destroy_node()
 
 
 def test_a_stop_ends_the_waiting(player):
