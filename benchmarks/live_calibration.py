@@ -39,7 +39,7 @@ from mtpgo_training.evaluation.calibration_bars import (
     SiteCalibration,
     measure_calibration,
 )
-from mtpgo_training.evaluation.training_overlap import training_hashes
+from mtpgo_training.evaluation.training_overlap import is_known
 from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS, RECORDED, SIMULATED
 from mtpgo_training.table_format import Row, Table, to_text
 
@@ -112,11 +112,10 @@ def site_row(name: str, seen: int, found: SiteCalibration) -> Row:
 def measure_sites(args: argparse.Namespace) -> None:
     """Print the table of all sites, and the bars that are missed."""
     runner = ModelRunner.load(find_model(args.model))
-    hashes = training_hashes(runner.task.training)
     rows, misses = [], []
     for source in data_sources(args.data_options):
         recordings = [item.recording for item in read_sources([source], cache_from(args))]
-        seen = sum(recording.sha256 in hashes for recording in recordings)
+        seen = sum(is_known(runner.task.training, r.sha256, r.name) for r in recordings)
         for tracker, seed in ((RECORDED, None), (SIMULATED, args.tracker_seed)):
             if tracker not in args.trackers:
                 continue

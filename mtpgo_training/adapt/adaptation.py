@@ -31,7 +31,7 @@ from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 from mtpgo_training.data.data_config import DataConfig
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, Splits, split, window_s
-from mtpgo_training.evaluation.training_overlap import training_hashes
+from mtpgo_training.evaluation.training_overlap import is_known
 from mtpgo_training.export.exporter import load_model
 from mtpgo_training.export.model_calibration import own_calibration
 from mtpgo_training.training.data_loading import Scenes, prepare_scenes
@@ -262,8 +262,12 @@ def _scenes_of(
 
 def _overlap(base: Checkpoint, splits: Splits) -> list[str]:
     """Return a sentence if the base model has seen recordings of the validation."""
-    known = training_hashes({"recordings": base["splits"]})
-    seen = [item.name for item in splits.validation if item.recording.sha256 in known]
+    training = {"recordings": base["splits"]}
+    seen = [
+        item.name
+        for item in splits.validation
+        if is_known(training, item.recording.sha256, item.name)
+    ]
     return [f"the model was already trained on {', '.join(seen)}"] if seen else []
 
 

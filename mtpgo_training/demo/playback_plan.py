@@ -11,7 +11,7 @@ from typing import Any
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.recording import DEFAULT_START_NS, Recording
-from mtpgo_training.evaluation.training_overlap import training_hashes
+from mtpgo_training.evaluation.training_overlap import is_known
 
 PAUSE_S = 60.0
 """Gap between the stamps of two recordings (s). Chosen: far longer than a history (3 s)."""
@@ -56,9 +56,10 @@ def make_plan(
     Raises:
         RecordingError: no recording is left to play.
     """
-    seen = training_hashes(training)
-    played = [r for r in recordings if len(r) and (play_all or r.sha256 not in seen)]
-    left_out = [r.name for r in recordings if len(r) and not play_all and r.sha256 in seen]
+    present = [r for r in recordings if len(r)]
+    seen = [not play_all and is_known(training, r.sha256, r.name) for r in present]
+    played = [r for r, known in zip(present, seen, strict=True) if not known]
+    left_out = [r.name for r, known in zip(present, seen, strict=True) if known]
     if not played:
         raise RecordingError(
             f"the model was trained on all {len(left_out)} recordings given, expected one that "

@@ -7,36 +7,42 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mtpgo_training.data.readers.recording_parts import share_time
+
 OVERLAPPING_USES = ("train", "validation")
 """Uses of a recording in training that make a score on it no test result."""
 
 
-def uses_of(training: Mapping[str, Any], sha256: str) -> list[str]:
+def uses_of(training: Mapping[str, Any], sha256: str, name: str = "") -> list[str]:
     """Return the uses of a recording in training: ``train``, ``validation``, ``test``, each once.
 
     Args:
         training: the model's description of its training, ``TaskDescription.training``.
         sha256: of the recording's source files.
+        name: of the recording. One that is a part by time (``01@480-846s``) does not overlap with
+            parts of the same files at other times.
     """
     entries = training.get("recordings", ())
     found = {
         str(entry.get("split"))
         for entry in entries
-        if isinstance(entry, Mapping) and sha256 and entry.get("sha256") == sha256
+        if isinstance(entry, Mapping)
+        and sha256
+        and entry.get("sha256") == sha256
+        and share_time(name, str(entry.get("name", "")))
     }
     return [use for use in (*OVERLAPPING_USES, "test") if use in found]
 
 
-def training_hashes(training: Mapping[str, Any]) -> set[str]:
-    """Return the SHA-256 of the recordings used in training or in choosing its best state."""
-    entries = training.get("recordings", ())
-    return {
-        str(entry["sha256"])
-        for entry in entries
-        if isinstance(entry, Mapping)
-        and entry.get("split") in OVERLAPPING_USES
-        and "sha256" in entry
-    }
+def is_known(training: Mapping[str, Any], sha256: str, name: str = "") -> bool:
+    """Return whether a recording was used in training or in choosing its best state.
+
+    Args:
+        training: as in :func:`uses_of`, as ``sha256`` and ``name``.
+        sha256: of the recording's source files.
+        name: of the recording.
+    """
+    return not set(OVERLAPPING_USES).isdisjoint(uses_of(training, sha256, name))
 
 
 def overlap_warnings(overlaps: Mapping[str, Mapping[str, Sequence[str]]]) -> list[str]:
@@ -71,7 +77,7 @@ def overlap_by_model(
             use: [
                 name
                 for name, sha256 in recordings.items()
-                if (uses := uses_of(training, sha256)) and uses[0] == use
+                if (uses := uses_of(training, sha256, name)) and uses[0] == use
             ]
             for use in OVERLAPPING_USES
         }

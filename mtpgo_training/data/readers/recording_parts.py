@@ -9,6 +9,7 @@ for instance to evaluate the blocks kept for the test.
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -56,6 +57,25 @@ class RecordingPart:
 def part_name(whole: str, start_s: float, end_s: float) -> str:
     """Return the name of a part of a recording."""
     return f"{whole}@{start_s:.10g}-{end_s:.10g}s"
+
+
+def span_of(name: str) -> tuple[float, float]:
+    """Return begin and end of a part of a part of a recording, from the first frame of all (s).
+
+    Args:
+        name: of a part, of a part of one, or of a whole recording, which has no end.
+    """
+    part = RecordingPart.from_name(name)
+    if part is None:
+        return 0.0, math.inf
+    start_s, end_s = span_of(part.whole)
+    return start_s + part.start_s, min(start_s + part.end_s, end_s)
+
+
+def share_time(name: str, other: str) -> bool:
+    """Return whether two parts of one recording, by name, have some time in common."""
+    (start_s, end_s), (other_start_s, other_end_s) = span_of(name), span_of(other)
+    return start_s < other_end_s and other_start_s < end_s
 
 
 def parts_in(names: Sequence[str]) -> list[RecordingPart]:

@@ -3,9 +3,9 @@
 """Recordings that a model has seen, found by their hashes."""
 
 from mtpgo_training.evaluation.training_overlap import (
+    is_known,
     overlap_by_model,
     overlap_warnings,
-    training_hashes,
     uses_of,
 )
 
@@ -34,9 +34,28 @@ def test_overlap_with_training_is_always_reported():
 def test_only_training_and_validation_make_a_recording_known():
     entries = [{"sha256": use, "split": use} for use in ("train", "validation", "test")]
     broken = ["a text", {"split": "train"}]
-    assert training_hashes({"recordings": [*entries, *broken]}) == {"train", "validation"}
-    assert training_hashes({}) == set()
+    training = {"recordings": [*entries, *broken]}
+    known = [use for use in ("train", "validation", "test", "other") if is_known(training, use)]
+    assert known == ["train", "validation"]
+    assert not is_known({}, "train")
     assert uses_of({"recordings": [*entries, *broken]}, "test") == ["test"]
+
+
+def test_other_parts_of_a_recording_are_not_known():
+    """As after an adaptation to the first 480 s, of which the last quarter is validation."""
+    entries = [
+        {"sha256": "a", "name": "01@0-480s@0-350s", "split": "train"},
+        {"sha256": "a", "name": "01@0-480s@358-472s", "split": "validation"},
+        {"sha256": "b", "name": "02", "split": "train"},
+    ]
+    training = {"recordings": entries}
+    assert uses_of(training, "a", "01@480-846s") == []
+    assert uses_of(training, "a", "data/01@340-355s") == ["train"]
+    assert uses_of(training, "a", "01@350-400s") == ["validation"]
+    assert uses_of(training, "a", "01@340-846s@0-20s") == ["train", "validation"]  # 340 to 360 s
+    assert uses_of(training, "a", "01@340-846s@140-846s") == []  # from 480 s on
+    assert uses_of(training, "a", "01") == ["train", "validation"]
+    assert uses_of(training, "b", "02@60-70s") == ["train"]
 
 
 def test_each_model_and_use_has_one_sentence_with_all_its_recordings():
