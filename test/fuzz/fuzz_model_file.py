@@ -25,6 +25,11 @@ def without_hash(task: bytes) -> bytes:
     return json.dumps({**json.loads(task), "content_sha256": ""}).encode()
 
 
+def first_lines(code: bytes) -> bytes:
+    """Return the begin of a model's code, in whole lines: half a name is refused."""
+    return code[: code.rindex(b"\n", 0, 3000) + 1]
+
+
 def small_model() -> bytes:
     """Return the shipped model with less code and without most weights."""
     buffer = io.BytesIO()
@@ -38,7 +43,7 @@ def small_model() -> bytes:
                 text = full.read(info)
                 if name.endswith("task.json"):
                     text = without_hash(text)
-                out.writestr(info.filename, text[:3000] if name.endswith(".py") else text)
+                out.writestr(info.filename, first_lines(text) if name.endswith(".py") else text)
     return buffer.getvalue()
 
 
@@ -66,9 +71,9 @@ def record_seeds() -> list[bytes]:
     """Return code and task description of the shipped model."""
     with zipfile.ZipFile(find_model("default")) as full:
         names = full.namelist()
-        code = full.read(next(name for name in names if name.endswith(".py")))[:3000]
+        code = full.read(next(name for name in names if name.endswith(".py")))
         task = full.read(next(name for name in names if name.endswith("task.json")))
-    return [code + _BETWEEN + without_hash(task)]
+    return [first_lines(code) + _BETWEEN + without_hash(task)]
 
 
 def run_code(data: bytes) -> None:
