@@ -24,6 +24,10 @@ from mtpgo_ros.node.rate_limiter import RateLimiter
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.runtime.receipt_clock import UNKNOWN, Receipt
 
+_STAMPS_FOLLOW_NS = 1_000_000_000
+"""How long after its clock was set a sender may have stamps from before (ns), of messages that
+were stamped before and sent after it; chosen: several periods of most trackers."""
+
 _CONFIRMATIONS = 3
 """Consecutive observations from the future after which the stream's clock is accepted; chosen as
 for a jump of the clock backwards."""
@@ -81,6 +85,7 @@ class HistoryInput:
         self._ahead = 0
         self._newest_ns: int | None = None
         self._newest_came_ns = 0  # by the node's clock
+        self._sender_set_until_ns = 0  # of the monotonic clock
         self.rejection = ""
         self.checks = StreamChecks(history.config)
 
@@ -157,7 +162,7 @@ class HistoryInput:
         if self._is_from_the_future(states.stamp_ns, now_ns):
             self._reject("future_stamp")
             return None
-        set_forward = self._set_forward(states.stamp_ns, now_ns, receipt.sender_set)
+        set_forward = self._set_forward(states.stamp_ns, now_ns, self._sender_set(receipt))
         if set_forward:
             self._history.clear()
         report = self._history.update(states, ego_key)
@@ -165,6 +170,7 @@ class HistoryInput:
             self._events.count(name, int(getattr(report, name)))
         if set_forward:
             self._events.count("clock_set", reason="the clock of the objects was set forward")
+            self._sender_set_until_ns = 0
             report = dataclasses.replace(report, clock_reset=True)
         self.report = report
         self._events.count("unknown_class", int(np.count_nonzero(states.agent_class == 0)))
@@ -229,6 +235,13 @@ class HistoryInput:
             return True
         self._events.count("future_stamp")
         return False
+
+    def _sender_set(self, receipt: Receipt) -> bool:
+        """Return whether the sender's clock was set forward, before this message or lately."""
+        if receipt.sender_set:
+            self._sender_set_until_ns = receipt.monotonic_ns + _STAMPS_FOLLOW_NS
+            return True
+        return receipt.monotonic_ns < self._sender_set_until_ns
 
     def _set_forward(self, stamp_ns: int, now_ns: int, sender_set: bool) -> bool:
         """Return whether the stream's clock was set forward.

@@ -101,8 +101,27 @@ def test_a_sender_whose_clock_was_set_clears_the_history_if_the_stamps_jump(
     assert window.valid[:, :-1].any() != cleared
     assert events.counts() == ({"clock_set": 1} if cleared else {})
     # Without what is known of the sender, a jump looks like a pause.
-    history.update(dataclasses.replace(states, stamp_ns=at(stamp_s + 9.0)), at(3600.0 + now_s))
+    jumped = dataclasses.replace(states, stamp_ns=at(stamp_s + 9.0))
+    history.update(jumped, at(3600.0 + now_s), receipt=Receipt(monotonic_ns=2_000_000_000))
     assert not history.report.clock_reset
+
+
+@pytest.mark.parametrize(("later_s", "noticed"), [(0.2, True), (0.8, True), (1.2, False)])
+def test_a_message_that_was_stamped_before_the_clock_was_set_and_sent_after_it(
+    make, later_s, noticed
+):
+    """Its stamp goes on as before; that of the next message has jumped."""
+    history, events, _ = make()
+    for k in range(10):
+        history.update(traffic(k / 5), at(3600.0 + k / 5))
+    between = Receipt(5_000_000_000, sender_set=True)
+    history.update(traffic(2.0), at(3602.0), receipt=between)
+    assert not history.report.clock_reset
+    after = dataclasses.replace(traffic(2.0 + later_s), stamp_ns=at(4.0 + later_s))
+    receipt = Receipt(5_000_000_000 + round(later_s * 1e9))
+    history.update(after, at(3602.0 + later_s), receipt=receipt)
+    assert history.report.clock_reset == noticed
+    assert events.counts() == ({"clock_set": 1} if noticed else {})
 
 
 def test_a_new_rate_counts_from_the_next_observation(make):
