@@ -21,6 +21,9 @@ from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, IndexArray
 LONGEST_CYCLE_S = 1.0
 """Predictions farther apart are not combined (s); chosen: a pause, not a cycle."""
 
+LONGEST_MEMORY_S = 5.0
+"""Largest tau (s); chosen: the horizon, beyond which news would never arrive."""
+
 KEEP_FACTOR = 1.22
 """The weight of the mode that was the heaviest in the cycle before is multiplied by this; chosen
 on left-out sites (docs/design.md, "Smooth paths")."""
@@ -54,7 +57,7 @@ class PathSmoother:
     than that, and agents that were not observed throughout T keep the new path and weights.
 
     Args:
-        tau_s: tau (s), above 0.
+        tau_s: tau (s), above 0, at most :data:`LONGEST_MEMORY_S`.
     """
 
     def __init__(self, tau_s: float) -> None:

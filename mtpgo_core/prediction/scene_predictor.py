@@ -23,7 +23,7 @@ from mtpgo_core.options import check_options, option
 from mtpgo_core.prediction.agent_limit import AgentLimit
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import replace_rows, select, with_strongest_modes
-from mtpgo_core.prediction.path_smoothing import PathSmoother
+from mtpgo_core.prediction.path_smoothing import LONGEST_MEMORY_S, PathSmoother
 from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.scene_builder import build_scenes
@@ -59,7 +59,7 @@ class PredictorOptions:
     max_agents: int = option(128, low=0)
     max_points: int = option(1 << 40, low=1)
     use_tracker_covariance: bool = False
-    path_smoothing_s: float = option(0.0, low=0.0, high=5.0)
+    path_smoothing_s: float = option(0.0, low=0.0, high=LONGEST_MEMORY_S)
 
     def __post_init__(self) -> None:
         check_options(self)

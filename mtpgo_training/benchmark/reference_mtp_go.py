@@ -244,8 +244,7 @@ class ReferenceMTPGO(nn.Module):
             None if trails is None else trails.flatten(0, 1),
         )
         log_weight, mean, covariance = results
-        known = torch.where(valid.unsqueeze(-1), features, 0.0).flatten(0, 1)
-        origin, turn, start, velocity = self.frames(known, valid.flatten(0, 1))
+        origin, turn, start, velocity = self.frames(features.flatten(0, 1), valid.flatten(0, 1))
         speed = velocity.norm(dim=-1)
         place = origin + torch.einsum("nij,nj->ni", turn, start)
         log_weight = self.with_stay_bias(log_weight, mean, place, speed)

@@ -21,7 +21,7 @@ from mtpgo_core.live_calibration.live_options import (
     SHIPPED,
 )
 from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
-from mtpgo_core.prediction.path_smoothing import LONGEST_CYCLE_S
+from mtpgo_core.prediction.path_smoothing import LONGEST_CYCLE_S, LONGEST_MEMORY_S
 from mtpgo_core.task.model_file import shipped_models
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.atomic_files import require_writable, write_text
@@ -312,8 +312,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_path_smoothing(args: argparse.Namespace) -> None:
-    if not 0.0 <= args.path_smoothing <= 5.0:
-        raise ConfigurationError(f"--path-smoothing is {args.path_smoothing:g}, expected 0 to 5 s")
+    if not 0.0 <= args.path_smoothing <= LONGEST_MEMORY_S:
+        raise ConfigurationError(
+            f"--path-smoothing is {args.path_smoothing:g}, expected 0 to {LONGEST_MEMORY_S:g} s"
+        )
     stride = STRIDE_S if args.stride is None else args.stride
     if args.path_smoothing and stride > LONGEST_CYCLE_S:
         raise ConfigurationError(
