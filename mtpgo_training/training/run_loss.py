@@ -82,5 +82,5 @@ class BatchLoss(nn.Module):
             likelihood=mode_likelihood_loss if calibrates else self.likelihood,
             teacher_forcing=teacher_forcing,
             summed=self.run.averages_agents,
-            consistency=NO_CONSISTENCY if calibrates else self.consistency,
+            consistency=self.consistency if self.run.compares_windows else NO_CONSISTENCY,
         )

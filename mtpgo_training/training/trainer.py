@@ -239,7 +239,8 @@ def _with_rate(config: TrainingConfig, rate: float) -> TrainingConfig:
 def _fit_statistics(run: TrainingRun, scenes: Scenes) -> None:
     """Set the scales of the network's inputs from random scenes of the first epoch."""
     order = torch.Generator().manual_seed(run.config.seed)
-    loader = DataLoader(scenes.training, STATISTICS_SCENES, shuffle=True, generator=order)
+    single = scenes.training.without_pairs()
+    loader = DataLoader(single, STATISTICS_SCENES, shuffle=True, generator=order)
     fields = dense(next(iter(loader)))
     run.model.fit_statistics(fields["x"], fields["valid"])
     run.model.fit_futures(fields["x"], fields["valid"], fields["target"], fields["weight"])

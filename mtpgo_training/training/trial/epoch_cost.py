@@ -108,7 +108,7 @@ def _epoch_s(
 ) -> float:
     """Return the time of all steps of an epoch from a few of them (s)."""
     run.state.epoch = epoch
-    loader, steps = epoch_loader(scenes.training, run.config, run.state, 0, 1)
+    loader, steps = epoch_loader(scenes.training, run, 0, 1)
     module = BatchLoss(run).train()
     optimiser = torch.optim.AdamW(run.model.parameters(), lr=run.config.optimisation.learning_rate)
     durations: list[float] = []
