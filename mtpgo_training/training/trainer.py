@@ -79,7 +79,8 @@ def train(
         recordings: all recordings; the configuration says how they are split.
         folder: the run's folder, new unless ``resume``.
         resume: continue the run in the folder; its configuration and data must be the same.
-        init_from: checkpoint of the same architecture whose weights to start from.
+        init_from: checkpoint of the same architecture whose weights to start from; a resumed run
+            needs it only if it ended before its first checkpoint.
         find_rate: take the learning rate from a range test before the first epoch, see
             :mod:`mtpgo_training.training.trial.learning_rate_range`; a resumed run has its own.
         max_minutes: time limit (min). The current step is completed, and the weights are
@@ -116,11 +117,12 @@ def train(
     run = TrainingRun(model, config)
     initial = load_checkpoint(init_from) if init_from else None
     checkpoint: Checkpoint | None = None
-    if resume:
-        folder.check_same(config, splits.describe())
-        checkpoint = load_checkpoint(folder.last) if folder.last.exists() else None
     if init_from and initial:
         start_from(run, initial, init_from)
+    start_hash = weights_hash(run.average) if initial else ""
+    if resume:
+        folder.check_same(config, splits.describe(), start_hash)
+        checkpoint = load_checkpoint(folder.last) if folder.last.exists() else None
     if checkpoint:
         resume_from(run, checkpoint, folder.last)
 
@@ -153,7 +155,6 @@ def train(
         if not initial:
             _fit_statistics(run, scenes)  # as every process finds them, and a run of this config
     if creates_folder:
-        start_hash = weights_hash(run.average) if initial else ""
         files = {} if range_test is None else {RANGE_TEST_FILE: range_test.to_csv()}
         if plan is not None:
             files[PLAN_FILE] = plan.to_json()
