@@ -41,7 +41,7 @@ from mtpgo_training.training.loop.training_loop import TrainingLoop
 from mtpgo_training.training.networks import build_network, weights_hash
 from mtpgo_training.training.recipes.configured_origins import with_site_origins
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
-from mtpgo_training.training.run_loss import consistency_term
+from mtpgo_training.training.run_loss import trainable_network
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.training_config import TrainingConfig, load_config
@@ -211,8 +211,7 @@ def require_startable(
         folder.require_run()
     elif is_first_process():
         folder.require_new()
-    network = build_network(config.network, config.model, config.history, config.scene)
-    consistency_term(config, network.config.horizon_steps)
+    network = trainable_network(config)
     if init_from is not None:
         start_from(TrainingRun(network, config), load_checkpoint(init_from), init_from)
 
