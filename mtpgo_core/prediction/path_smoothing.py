@@ -20,7 +20,7 @@ from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, IndexArray
 
 LONGEST_CYCLE_S = 1.0
 """Predictions farther apart, to the nearest step, are not combined (s); chosen: a pause, not a
-cycle. To the nearest step, since 30 frames of a camera at 29.97 Hz are not quite a second."""
+cycle. To the nearest step, since 30 frames of a camera at 29.97 Hz take a little more than 1 s."""
 
 LONGEST_MEMORY_S = 5.0
 """Largest tau (s); chosen: the horizon, beyond which news would never arrive."""
