@@ -19,7 +19,8 @@ from mtpgo_core.prediction.forward_motion import moving_vehicles
 from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, IndexArray
 
 LONGEST_CYCLE_S = 1.0
-"""Predictions farther apart are not combined (s); chosen: a pause, not a cycle."""
+"""Predictions farther apart, to the nearest step, are not combined (s); chosen: a pause, not a
+cycle. To the nearest step, since 30 frames of a camera at 29.97 Hz take a little more than 1 s."""
 
 LONGEST_MEMORY_S = 5.0
 """Largest tau (s); chosen: the horizon, beyond which news would never arrive."""
@@ -114,7 +115,7 @@ class PathSmoother:
         elapsed_s = 0.0 if before is None else (window.stamp_ns - before.stamp_ns) * 1e-9
         steps = int(np.ceil(elapsed_s / dt_s - 1e-6))
         horizon = mean.shape[2]
-        if before is None or not 0.0 < elapsed_s <= LONGEST_CYCLE_S:
+        if before is None or not 0.0 < elapsed_s <= LONGEST_CYCLE_S + 0.5 * dt_s:
             return mean, weight
         if steps >= min(window.valid.shape[1], horizon):
             return mean, weight

@@ -170,6 +170,7 @@ class HistoryInput:
             self._events.count(name, int(getattr(report, name)))
         if set_forward:
             self._events.count("clock_set", reason="the clock of the objects was set forward")
+            # Once: two senders whose clocks differ would clear it by turns.
             self._sender_set_until_ns = 0
             report = dataclasses.replace(report, clock_reset=True)
         self.report = report

@@ -212,6 +212,7 @@ def adapted_config(
             warm_up_share=0.0,
             calibration_epochs=0,  # the calibration is fitted to the site afterwards
             consistency_weight=0.0,  # twice the steps in the same time
+            train_only=(),  # of the base model's last stage
             learning_rate=options.learning_rate,
             learning_rate_schedule="cosine",
             keep="best",

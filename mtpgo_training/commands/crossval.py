@@ -149,16 +149,16 @@ def run(args: argparse.Namespace) -> int:
     )
     from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.training.interruption import Interruption
-    from mtpgo_training.training.networks import build_network
     from mtpgo_training.training.recipes.configured_origins import with_site_origins
     from mtpgo_training.training.recipes.named_configs import find_config
+    from mtpgo_training.training.run_loss import trainable_network
     from mtpgo_training.training.training_config import load_config
     from mtpgo_training.training.trial.schedule_plan import Budget
 
     config = load_config(find_config(args.config), args.set)
     if args.seed is not None:
         config = dataclasses.replace(config, seed=args.seed)
-    build_network(config.network, config.model, config.history, config.scene)
+    trainable_network(config)
     folder = CrossvalFolder(args.out)
     folder.require_usable()
     if args.init_from is not None and not args.init_from.is_dir():

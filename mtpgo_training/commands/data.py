@@ -32,6 +32,7 @@ from mtpgo_training.commands.arguments.pool_arguments import (
     failures_text,
     pool_from,
 )
+from mtpgo_training.data.data_sources import KnownContents
 from mtpgo_training.data.summary.data_summary import DataSummary
 from mtpgo_training.data.summary.recording_defects import Defect
 from mtpgo_training.data.summary.recording_summary import RecordingSummary
@@ -85,7 +86,9 @@ def run(args: argparse.Namespace) -> int:
     describing = Describing(cache_from(args), args.resume, args.picture is not None)
     picture: Any = None
     summaries: list[RecordingSummary] = []
+    copies: list[Defect] = []
     failures: list[Failure] = []
+    known = KnownContents()
     bar = tqdm(total=len(items), unit="file", disable=not sys.stderr.isatty(), leave=False)
     with bar:
         for found in work_through(describing, items, pool):
@@ -94,6 +97,10 @@ def run(args: argparse.Namespace) -> int:
                 failures.append(found)
                 continue
             summaries += found.summaries
+            for name, sha256 in found.contents:
+                original = known.original_of(name, sha256)
+                if original is not None:
+                    copies.append(Defect("copy", f"recording {name}", f"that of {original}"))
             if picture is None:
                 picture = found.picture
             elif found.picture is not None:
@@ -104,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
         places = ", ".join(str(source.directory) for source in sources)
         where = "" if unreadable else f" of {places}"
         raise RecordingError(f"no recording{where} has a road user{reason}")
-    summary = DataSummary(summaries, unreadable)
+    summary = DataSummary(summaries, unreadable, copies)
     if args.json != "-":
         print(summary.to_text())
     if args.json is not None:

@@ -83,13 +83,13 @@ def train_planned(
         plan = plan_fold(config, recordings, budget, cache)
         plan.save(files.plan)
     print(f"plan       {plan}", flush=True)
-    resume = (files.run / FACTS_FILE).is_file()
+    folder = RunFolder(files.run)
     run = train(
         plan.applied(config, recordings),
         recordings,
-        RunFolder(files.run),
-        resume=resume,
-        init_from=None if resume else init_from,
+        folder,
+        resume=(files.run / FACTS_FILE).is_file(),
+        init_from=None if folder.last.exists() else init_from,
         find_rate=find_rate,
         max_minutes=plan.limit_minutes,
         cache=cache,

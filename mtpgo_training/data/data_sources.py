@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ from mtpgo_training.data.readers import reading_jobs
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.readers.reading_job import ReadingJob
 from mtpgo_training.data.readers.reading_options import AS_USUAL, ReadingOptions
-from mtpgo_training.data.readers.recording_parts import RecordingPart
+from mtpgo_training.data.readers.recording_parts import span_of
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording
@@ -101,9 +100,7 @@ class KnownContents:
         """
         if not sha256:
             return None
-        part = RecordingPart.from_name(name)
-        begin, end = (part.start_s, part.end_s) if part is not None else (0.0, math.inf)
-        first = self._names.setdefault((sha256, begin, end), name)
+        first = self._names.setdefault((sha256, *span_of(name)), name)
         return None if first == name else first
 
 

@@ -38,7 +38,8 @@ from mtpgo_training.scenes.tracker.simulated_tracker import draw_tracker
 from mtpgo_training.scenes.windows import frames_every
 
 CENTRE_EVERY = 5
-"""The protocol ``centre`` is scored at every fifth instant; chosen: it needs a graph per agent."""
+"""The protocol ``centre`` is scored at every fifth instant; chosen: it needs a graph per agent.
+Where paths are smoothed it is predicted at all of them, as the node would."""
 
 HONESTY_PROTOCOL = "all"
 """The protocol whose predictions are also judged by honesty and plausibility: what users get."""
@@ -276,7 +277,10 @@ def evaluate_recording(
         for window, protocols in _windows(recording, observed, history, settings, tick, learn):
             for (model, protocol), predictor in predictors.items():
                 if protocol not in protocols:
-                    predictor.observe(window)
+                    if settings.path_smoothing_s and "all" in protocols:
+                        predictor.predict(window)  # with which the next paths are combined
+                    else:
+                        predictor.observe(window)
                     continue
                 prediction = predictor.predict(window)
                 prediction = live[model, protocol].serve(prediction, window)

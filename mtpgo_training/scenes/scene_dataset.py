@@ -8,6 +8,7 @@ batches graphs of different sizes and :func:`dense` lays them out for the model.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import itertools
 from collections.abc import Sequence
@@ -187,6 +188,12 @@ class SceneDataset(Dataset[Data]):
             return TRACKED + int(rng.integers(len(source.tracked)))
         restarted = source.restarted is not None and rng.random() < self.data.restart_probability
         return RESTARTED if restarted else RECORDED
+
+    def without_pairs(self) -> SceneDataset:
+        """Return the same samples without what is observed in the next window."""
+        single = copy.copy(self)
+        single.pairs = False
+        return single
 
     def __len__(self) -> int:
         return len(self.items)

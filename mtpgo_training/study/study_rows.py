@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 from mtpgo_core.errors import ConfigurationError, MtpgoError
 from mtpgo_training.study.paper_tables import CLASS_VALUES, CLASSES, VALUES
-from mtpgo_training.training.networks import MTP_GO, build_network, options_for
+from mtpgo_training.training.networks import MTP_GO, options_for
 from mtpgo_training.training.recipes.named_configs import find_config
+from mtpgo_training.training.run_loss import trainable_network
 from mtpgo_training.training.training_config import TrainingConfig, load_config
 
 
@@ -235,5 +236,5 @@ def row_config(
             config.trainer, devices=1, num_nodes=1, strategy="auto", loader_workers=0
         ),
     )
-    build_network(config.network, config.model, config.history, config.scene)
+    trainable_network(config)
     return config

@@ -28,7 +28,7 @@ from mtpgo_training.scenes.prepared_recording import (
 from mtpgo_training.scenes.scene_dataset import SceneDataset, validation_scenes
 from mtpgo_training.training.losses.gradient_accumulation import process_share
 from mtpgo_training.training.run_loss import consistency_term
-from mtpgo_training.training.run_state import RunState
+from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.training_config import TrainingConfig
 
 
@@ -133,22 +133,22 @@ def reweighted(scenes: Scenes, splits: Splits, config: TrainingConfig) -> Scenes
 
 
 def epoch_loader(
-    dataset: SceneDataset, config: TrainingConfig, state: RunState, rank: int, processes: int
+    dataset: SceneDataset, run: TrainingRun, rank: int, processes: int
 ) -> tuple[DataLoader, int]:
     """Return the remaining batches of the current epoch, and the number of all its batches.
 
     They follow from the seed and the epoch alone. Each of several processes takes its share of
     every batch, so that a step sees the same scenes on any number of devices. Scenes left over at
     the end of an epoch join the last whole batch if they are fewer than half of one: the gradient
-    of a scene or two is mostly noise.
+    of a scene or two is mostly noise. Scenes are pairs only where the epoch's loss compares them.
 
     Args:
         dataset: the training scenes, which are sampled for the epoch.
-        config: the configuration.
-        state: the progress, which gives the epoch and its completed batches.
+        run: the run, whose progress gives the epoch and its completed batches.
         rank: number of this process.
         processes: number of processes.
     """
+    config, state = run.config, run.state
     dataset.set_epoch(state.epoch)
     size, workers = config.optimisation.batch_scenes, config.trainer.loader_workers
     seed = config.seed * 1_000_003 + state.epoch  # a prime above any number of epochs
@@ -159,7 +159,7 @@ def epoch_loader(
         sizes = [dataset.items[i].agents for i in batch.tolist()]
         shares.append(batch[process_share(sizes, rank, processes)].tolist())
     loader = DataLoader(
-        dataset,
+        dataset if run.compares_windows else dataset.without_pairs(),
         batch_sampler=shares,
         num_workers=workers,
         multiprocessing_context=_worker_context() if workers else None,

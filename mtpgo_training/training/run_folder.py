@@ -126,10 +126,18 @@ class RunFolder:
             for name, text in (more or {}).items():
                 write_text(folder / name, text)
 
-    def check_same(self, config: TrainingConfig, splits: list[dict[str, str]]) -> None:
+    def check_same(
+        self, config: TrainingConfig, splits: list[dict[str, str]], initial_weights: str = ""
+    ) -> None:
         """Check that a resumed run has the configuration and data with which it was started.
 
         The sections ``trainer`` and ``crossval`` and the number of threads may differ.
+
+        Args:
+            config: the configuration.
+            splits: the recordings of each split, with their hashes.
+            initial_weights: SHA-256 of the weights it starts from without a checkpoint, if they
+                are not random.
 
         Raises:
             ConfigurationError: the folder holds no run, or the configuration or the data differ.
@@ -152,8 +160,9 @@ class RunFolder:
                 f"the configuration differs from {self.config_file} in "
                 f"{first_difference(stored, config)}, expected the same to resume"
             )
-        if facts.get("initial_weights_sha256") and not self.last.exists():
-            # Without a checkpoint the run would begin with random weights.
+        begun_with = facts.get("initial_weights_sha256") or ""
+        if begun_with != initial_weights and not self.last.exists():
+            # Without a checkpoint the run would begin with these.
             raise ConfigurationError(
                 f"the run in {self.path} started from other weights and ended before its first "
                 "checkpoint, expected it to be started again in a new folder with --init-from"

@@ -9,6 +9,7 @@ import functools
 from torch import Tensor, nn
 from torch_geometric.data import Batch
 
+from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_training.scenes.pairs.scene_pair import steps_between_windows
 from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
 from mtpgo_training.training.losses.consistency_loss import NO_CONSISTENCY, ConsistencyTerm
@@ -20,7 +21,7 @@ from mtpgo_training.training.losses.likelihood_loss import (
     summed_negative_log_likelihood,
     trajectory_likelihood_loss,
 )
-from mtpgo_training.training.networks import family
+from mtpgo_training.training.networks import build_network, family
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.training_config import TrainingConfig
 
@@ -38,6 +39,17 @@ def consistency_term(config: TrainingConfig, horizon_steps: int) -> ConsistencyT
         return NO_CONSISTENCY
     steps = steps_between_windows(config.data.stride_s, config.history.dt_s, horizon_steps)
     return ConsistencyTerm(options.consistency_weight, steps, options.huber_delta)
+
+
+def trainable_network(config: TrainingConfig) -> TrajectoryPredictor:
+    """Return a new network with random weights, of a configuration that it can be trained by.
+
+    Raises:
+        ConfigurationError: there is no such network, or the losses do not fit it or the windows.
+    """
+    network = build_network(config.network, config.model, config.history, config.scene)
+    consistency_term(config, network.config.horizon_steps)
+    return network
 
 
 class BatchLoss(nn.Module):
@@ -82,5 +94,5 @@ class BatchLoss(nn.Module):
             likelihood=mode_likelihood_loss if calibrates else self.likelihood,
             teacher_forcing=teacher_forcing,
             summed=self.run.averages_agents,
-            consistency=NO_CONSISTENCY if calibrates else self.consistency,
+            consistency=self.consistency if self.run.compares_windows else NO_CONSISTENCY,
         )

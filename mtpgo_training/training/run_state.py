@@ -151,6 +151,13 @@ class TrainingRun:
         return family(self.config.network).objective if main else None
 
     @property
+    def compares_windows(self) -> bool:
+        """Whether the loss of the current epoch has the consistency loss, which needs pairs."""
+        common = self.objective() is None and not self.calibrates
+        wanted = self.config.optimisation.consistency_weight > 0.0
+        return wanted and common and self.loss_weights().nll > 0.0
+
+    @property
     def averages_agents(self) -> bool:
         """Whether the loss of the current epoch is an average over agents, not agent-steps."""
         return self.config.optimisation.reduction == "sum" and self.objective() is None

@@ -41,7 +41,7 @@ from mtpgo_training.training.loop.training_loop import TrainingLoop
 from mtpgo_training.training.networks import build_network, weights_hash
 from mtpgo_training.training.recipes.configured_origins import with_site_origins
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, load_checkpoint
-from mtpgo_training.training.run_loss import consistency_term
+from mtpgo_training.training.run_loss import trainable_network
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.torch_process import prepare_process
 from mtpgo_training.training.training_config import TrainingConfig, load_config
@@ -79,7 +79,8 @@ def train(
         recordings: all recordings; the configuration says how they are split.
         folder: the run's folder, new unless ``resume``.
         resume: continue the run in the folder; its configuration and data must be the same.
-        init_from: checkpoint of the same architecture whose weights to start from.
+        init_from: checkpoint of the same architecture whose weights to start from; a resumed run
+            needs it only if it ended before its first checkpoint.
         find_rate: take the learning rate from a range test before the first epoch, see
             :mod:`mtpgo_training.training.trial.learning_rate_range`; a resumed run has its own.
         max_minutes: time limit (min). The current step is completed, and the weights are
@@ -116,11 +117,12 @@ def train(
     run = TrainingRun(model, config)
     initial = load_checkpoint(init_from) if init_from else None
     checkpoint: Checkpoint | None = None
-    if resume:
-        folder.check_same(config, splits.describe())
-        checkpoint = load_checkpoint(folder.last) if folder.last.exists() else None
     if init_from and initial:
         start_from(run, initial, init_from)
+    start_hash = weights_hash(run.average) if initial else ""
+    if resume:
+        folder.check_same(config, splits.describe(), start_hash)
+        checkpoint = load_checkpoint(folder.last) if folder.last.exists() else None
     if checkpoint:
         resume_from(run, checkpoint, folder.last)
 
@@ -153,7 +155,6 @@ def train(
         if not initial:
             _fit_statistics(run, scenes)  # as every process finds them, and a run of this config
     if creates_folder:
-        start_hash = weights_hash(run.average) if initial else ""
         files = {} if range_test is None else {RANGE_TEST_FILE: range_test.to_csv()}
         if plan is not None:
             files[PLAN_FILE] = plan.to_json()
@@ -210,8 +211,7 @@ def require_startable(
         folder.require_run()
     elif is_first_process():
         folder.require_new()
-    network = build_network(config.network, config.model, config.history, config.scene)
-    consistency_term(config, network.config.horizon_steps)
+    network = trainable_network(config)
     if init_from is not None:
         start_from(TrainingRun(network, config), load_checkpoint(init_from), init_from)
 
@@ -239,7 +239,8 @@ def _with_rate(config: TrainingConfig, rate: float) -> TrainingConfig:
 def _fit_statistics(run: TrainingRun, scenes: Scenes) -> None:
     """Set the scales of the network's inputs from random scenes of the first epoch."""
     order = torch.Generator().manual_seed(run.config.seed)
-    loader = DataLoader(scenes.training, STATISTICS_SCENES, shuffle=True, generator=order)
+    single = scenes.training.without_pairs()
+    loader = DataLoader(single, STATISTICS_SCENES, shuffle=True, generator=order)
     fields = dense(next(iter(loader)))
     run.model.fit_statistics(fields["x"], fields["valid"])
     run.model.fit_futures(fields["x"], fields["valid"], fields["target"], fields["weight"])

@@ -73,9 +73,10 @@ class KnownPast:
             return ""
         which = f"{100 * share:.0f} % of the road users have no past"
         if self._interval_s > bridged_s:
+            expected = f"; expected at least {1.0 / bridged_s:.2g} Hz" if bridged_s else ""
             return (
                 f"{which}: the objects come every {self._interval_s:.2g} s, and the history"
-                f" bridges {bridged_s:g} s; expected at least {1.0 / bridged_s:.2g} Hz"
+                f" bridges {bridged_s:g} s{expected}"
             )
         return (
             f"{which}: their identities do not last; expected those of a tracker, the same from"

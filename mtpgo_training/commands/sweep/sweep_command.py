@@ -36,9 +36,10 @@ from mtpgo_training.sweep.sweep_run import (
 )
 from mtpgo_training.table_format import to_text
 from mtpgo_training.training.checkpointing import start_from
-from mtpgo_training.training.networks import build_network, options_for
+from mtpgo_training.training.networks import options_for
 from mtpgo_training.training.recipes.named_configs import find_config
 from mtpgo_training.training.run_folder import load_checkpoint
+from mtpgo_training.training.run_loss import trainable_network
 from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.training_config import TrainingConfig, load_config
 
@@ -185,7 +186,7 @@ def _configs(
                 model = options_for(config.network, config.model)
                 config = dataclasses.replace(config, model=model)
             config = dataclasses.replace(for_one_process(config, jobs), name=point.name)
-            network = build_network(config.network, config.model, config.history, config.scene)
+            network = trainable_network(config)
             if initial is not None and init_from is not None:
                 start_from(TrainingRun(network, config), initial, init_from)
         except ConfigurationError as error:

@@ -37,10 +37,12 @@ class DataSummary:
     Attributes:
         recordings: what is in each.
         unreadable: what cannot be read, in one sentence each.
+        copies: recordings with the content of another; they count in all numbers.
     """
 
     recordings: Sequence[RecordingSummary]
     unreadable: Sequence[Defect] = ()
+    copies: Sequence[Defect] = ()
 
     @property
     def duration_s(self) -> float:
@@ -69,8 +71,9 @@ class DataSummary:
     def defects(self) -> list[DefectList]:
         """The defects of all recordings by kind."""
         lists = [item for recording in self.recordings for item in recording.defects]
-        if self.unreadable:
-            lists.append(DefectList("unreadable", len(self.unreadable), tuple(self.unreadable)))
+        for kind, found in (("unreadable", self.unreadable), ("copy", self.copies)):
+            if found:
+                lists.append(DefectList(kind, len(found), tuple(found)))
         out = []
         for kind in KINDS:
             of_kind = [item for item in lists if item.kind == kind]
@@ -84,6 +87,7 @@ class DataSummary:
         return {
             "recordings": [recording.to_json() for recording in self.recordings],
             "unreadable": [defect.place for defect in self.unreadable],
+            "copies": [str(defect) for defect in self.copies],
             "total": {
                 "recordings": len(self.recordings),
                 "duration_s": self.duration_s,

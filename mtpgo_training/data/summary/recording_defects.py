@@ -58,6 +58,7 @@ EMPTY_S = 1.0
 
 KINDS = {
     "unreadable": "files that cannot be read",
+    "copy": "recordings with the content of another, which a training leaves out",
     "unit": "recordings whose times or positions seem to be in another unit",
     "gap": "road users not observed for longer than the history bridges",
     "jump": "positions far from where the movement led",

@@ -25,10 +25,12 @@ class Description:
 
     Attributes:
         summaries: of each recording with a road user.
+        contents: their names, with that of the directory where there are several, and SHA-256.
         picture: what a picture needs of them, None if there is to be none.
     """
 
     summaries: list[RecordingSummary] = field(default_factory=list)
+    contents: list[tuple[str, str]] = field(default_factory=list)
     picture: PictureData | None = None
 
 
@@ -71,8 +73,9 @@ class Describing:
             from mtpgo_training.reports.recordings.data_picture import PictureData
 
             found.picture = PictureData()
-        for _, recording in item.read(self.cache):
+        for name, recording in item.read(self.cache):
             found.summaries.append(summarise(recording))
+            found.contents.append((name, recording.sha256))
             if found.picture is not None:
                 found.picture.add(recording)
         return found

@@ -114,7 +114,7 @@ class TrainingLoop:
         trained = calibrated_parts(run.model) if run.calibrates else options.train_only
         train_only(run.model, trained)
         loader, steps = epoch_loader(
-            self._scenes.training, config, state, fabric.global_rank, fabric.world_size
+            self._scenes.training, run, fabric.global_rank, fabric.world_size
         )
         title = f"epoch {state.epoch + 1}/{options.epochs} {run.loss_weights().name}"
         bar = tqdm(

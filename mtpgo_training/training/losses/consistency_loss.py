@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 from torch.nn.functional import huber_loss
 
@@ -43,9 +42,10 @@ class ConsistencyTerm:
             later_mean: [B, N, M, H, S] its states in the frame of the later scene.
             fields: a batch with those of :func:`mtpgo_training.scenes.pairs.scene_pair.paired`.
         """
-        change = fields["later_change"]
-        moved = torch.einsum("bnij,bnmhj->bnmhi", change[..., :2], later_mean[..., :2])
-        path = moved + change[:, :, None, None, :, 2]
+        change = fields["later_change"][:, :, None, None]  # [B, N, 1, 1, 2, 3]
+        x, y = later_mean[..., 0, None], later_mean[..., 1, None]
+        # No matrix product: autocast would narrow it, to where places have a grid of half a metre.
+        path = change[..., 0] * x + change[..., 1] * y + change[..., 2]
         loss = consistency_loss(
             0.5 * (log_weight.exp() + later_log_weight.exp()),
             mean[..., :2],

@@ -35,7 +35,7 @@ class EpochCost:
 
     Attributes:
         ewta: of its steps while the loss is EWTA.
-        likelihood: of its steps on the likelihood.
+        likelihood: of its steps on the likelihood, or on the network's own objective.
         validation: of a validation.
         scenes: number of training scenes.
     """
@@ -73,10 +73,10 @@ def measure_epoch(
         clock = time.process_time if device.type == "cpu" else time.monotonic
     run.model.to(device)
     run.average.to(device)
-    options = run.config.optimisation
-    last = options.epochs - 1
+    # Not one that trains the covariances alone: it is cheaper than the others.
+    last = run.config.optimisation.main_epochs - 1
     ewta_s = likelihood_s = _epoch_s(run, scenes, 0, device, clock, trial_s)
-    if options.calibration_epochs or run.loss_weights(last) != run.loss_weights(0):
+    if run.loss_weights(last) != run.loss_weights(0):
         likelihood_s = _epoch_s(run, scenes, last, device, clock, trial_s)
     validation_s = measure_validation(run, scenes, clock)
     return EpochCost(ewta_s, likelihood_s, validation_s, len(scenes.training))
@@ -108,7 +108,7 @@ def _epoch_s(
 ) -> float:
     """Return the time of all steps of an epoch from a few of them (s)."""
     run.state.epoch = epoch
-    loader, steps = epoch_loader(scenes.training, run.config, run.state, 0, 1)
+    loader, steps = epoch_loader(scenes.training, run, 0, 1)
     module = BatchLoss(run).train()
     optimiser = torch.optim.AdamW(run.model.parameters(), lr=run.config.optimisation.learning_rate)
     durations: list[float] = []

@@ -88,7 +88,7 @@ def learning_rate_range_test(
     loss_of = BatchLoss(trial).train()
     optimiser = torch.optim.AdamW(model.parameters(), lr=LOWEST, weight_decay=options.weight_decay)
     forced = trial.teacher_forcing_probability()
-    loader, _ = epoch_loader(scenes.training, run.config, trial.state, 0, 1)
+    loader, _ = epoch_loader(scenes.training, trial, 0, 1)
     batches = itertools.chain.from_iterable(itertools.repeat(loader))
     torch.manual_seed(run.config.seed)
     rates: list[float] = []

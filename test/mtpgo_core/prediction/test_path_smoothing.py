@@ -72,7 +72,7 @@ def test_paths_that_agree_are_not_changed(elapsed_s):
     np.testing.assert_allclose(result, mean, atol=1e-9)
 
 
-@pytest.mark.parametrize("elapsed_s", [0.2, 0.3])
+@pytest.mark.parametrize("elapsed_s", [0.2, 0.3, 30 / 29.97])
 def test_a_step_is_followed_at_once_nearby_and_with_memory_far_away(elapsed_s):
     smoother = PathSmoother(0.4)
     smooth(smoother, window(), paths())

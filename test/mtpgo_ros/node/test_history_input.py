@@ -14,6 +14,7 @@ from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.history_input import HistoryInput
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
 from mtpgo_ros.runtime.receipt_clock import Receipt
+from mtpgo_ros.runtime.sender_clock import SenderClock
 
 
 @pytest.fixture
@@ -122,6 +123,22 @@ def test_a_message_that_was_stamped_before_the_clock_was_set_and_sent_after_it(
     history.update(after, at(3602.0 + later_s), receipt=receipt)
     assert history.report.clock_reset == noticed
     assert events.counts() == ({"clock_set": 1} if noticed else {})
+
+
+@pytest.mark.parametrize("ahead_s", [2.0, 4.0, 60.0])
+def test_a_second_sender_with_another_clock_clears_the_history_once(make, ahead_s):
+    """Then the two are told apart by their stamps."""
+    history, events, _ = make()
+    clock = SenderClock()
+    for k in range(100):
+        sent_s = k / 20 - 100.0 + (ahead_s if k > 40 and k % 2 else 0.0)
+        states = dataclasses.replace(traffic(k / 20), stamp_ns=at(sent_s))
+        received_ns = 5_000_000_000 + round(k / 20 * 1e9)
+        receipt = Receipt(received_ns, clock.was_set_forward(at(sent_s), received_ns))
+        history.update(states, at(k / 20), receipt=receipt)
+    counts = events.counts()
+    assert counts["clock_set"] == 1
+    assert counts.get("clock_reset", 0) <= 1
 
 
 def test_a_new_rate_counts_from_the_next_observation(make):

@@ -187,6 +187,16 @@ def test_the_training_has_no_epochs_for_the_covariances_which_are_calibrated_aft
     assert (config.optimisation.epochs, config.optimisation.main_epochs) == (1, 1)
 
 
+def test_the_training_is_of_all_parts_with_the_likelihood_alone(base):
+    """Whatever the last stage of the base model was."""
+    checkpoint = base_checkpoint()
+    last = {"train_only": ["noise"], "warm_up_share": 0.0, "consistency_weight": 10.0}
+    checkpoint["config"]["optimisation"] |= last
+    options = adapted_config(checkpoint, site(), AdaptOptions(), "mine").optimisation
+    assert options.train_only == ()
+    assert options.consistency_weight == 0.0
+
+
 def test_options_out_of_range_are_refused():
     with pytest.raises(ConfigurationError, match=r"adapt\.minutes is 0, expected more than 0"):
         AdaptOptions(minutes=0)

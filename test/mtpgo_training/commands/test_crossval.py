@@ -198,6 +198,10 @@ def test_strides_that_are_no_whole_number_of_frames_are_told(place, capsys, monk
         (["--set", "crossval.sites.a=east"], "crossval.sites.a is 'east', expected a list"),
         (["--set", "crossval.folds={1: [east]}"], "a name in crossval.folds is 1, expected text"),
         (["--set", "model.layer=gat3"], "layer is 'gat3', expected one of"),
+        (
+            ["--set", "optimisation.consistency_weight=1", "--set", "data.stride_s=0.5"],
+            "data.stride_s is 0.5 but optimisation.consistency_weight compares",
+        ),
         (["--minutes-per-fold", "3"], "--minutes-per-fold and --steps-per-fold are given"),
         (
             ["--init-from", "nowhere"],

@@ -3,6 +3,7 @@
 """``mtpgo data`` on the command line: text, JSON, picture, files that cannot be read."""
 
 import json
+import shutil
 
 import pytest
 from traffic import braking_cars
@@ -47,6 +48,27 @@ def test_a_file_that_cannot_be_read_is_named_and_the_others_are_described(folder
     error = capsys.readouterr().err
     assert error.startswith("mtpgo: no recording has a road user: ")
     assert error.count("\n") == 1
+
+
+def test_copies_are_named(folder, tmp_path, capsys):
+    """As a training names what it leaves out; also from results that were kept."""
+    shutil.copytree(folder, tmp_path / "copy")
+    write_ind(braking_cars("04", seconds=7.0, tracks=5), tmp_path / "copy")
+    command = ["data", str(folder), "--layout", "ind", "--data", str(tmp_path / "copy")]
+    command += ["--layout", "ind", "--no-cache", "--resume", str(tmp_path / "done")]
+    for _ in range(2):
+        assert cli.main(command) == 0
+        text = capsys.readouterr().out
+        assert "5 recordings, " in text
+        assert (
+            "  2 x copy (recordings with the content of another, which a training leaves out)\n"
+            "    recording copy/01: that of data/01\n"
+            "    recording copy/02: that of data/02\n"
+        ) in text
+    assert cli.main([*command, "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["copies"] == [f"recording copy/0{n}: that of data/0{n}" for n in (1, 2)]
+    assert content["total"]["defects"]["copy"] == 2
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """The folder of several trainings: new, or one to continue, also when others begin just now."""
 
+import dataclasses
 import json
 
 import pytest
+import torch
+from tiny_run import with_options
+from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.crossval.planned_training import keep_facts, require_folder_of
+from mtpgo_training.crossval.planned_training import (
+    PlannedFiles,
+    keep_facts,
+    require_folder_of,
+    train_planned,
+)
+from mtpgo_training.data.data_config import DataConfig
+from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.run_files import CONFIG_FILE, FACTS_FILE
+from mtpgo_training.training.run_folder import load_checkpoint
+from mtpgo_training.training.trial.schedule_plan import Budget
 
 
 @pytest.mark.parametrize("place", ["none", "empty"])
@@ -35,3 +49,29 @@ def test_what_another_process_is_about_to_write_is_nothing_else(tmp_path):
     (tmp_path / ".study.json.k3j4").write_text('{"stu')
     require_folder_of(tmp_path / "study.json", "study")
     keep_facts(tmp_path / "study.json", {"study": "layers"}, "study", ())
+
+
+def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(tmp_path):
+    """Also one that begins with the weights of another, which it finds where they were."""
+    config = dataclasses.replace(
+        with_options(epochs=1, batch_scenes=8),
+        data=DataConfig(stride_s=1.0, validation_stride_s=1.0, validation=("00",)),
+    )
+    cars = [
+        NamedRecording("cars", braking_cars(f"0{n}", tracks=4, seconds=4.0, seed=n))
+        for n in range(2)
+    ]
+    first, second = PlannedFiles(tmp_path / "first"), PlannedFiles(tmp_path / "second")
+    train_planned(first, config, cars, Budget(), None)
+    train_planned(second, config, cars, Budget(), None, init_from=first.run)
+    whole = load_checkpoint(second.run)
+    for file in second.run.iterdir():
+        if file.is_file() and file.name not in (CONFIG_FILE, FACTS_FILE):
+            file.unlink()
+    train_planned(second, config, cars, Budget(), None, init_from=first.run)
+    again = load_checkpoint(second.run)
+    assert again["splits"] == whole["splits"]
+    for name, value in whole["average"].items():
+        torch.testing.assert_close(again["average"][name], value, rtol=0.0, atol=0.0)
+    # With a checkpoint it needs the others no more.
+    train_planned(second, config, cars, Budget(), None, init_from=tmp_path / "nowhere")

@@ -12,6 +12,7 @@ from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_training.data import data_sources
 from mtpgo_training.data.data_sources import (
     DataSource,
+    KnownContents,
     named_recordings,
     read_all,
     read_sources,
@@ -62,6 +63,13 @@ def test_a_copy_is_left_out_with_a_remark(folders, caplog):
     halves = [source._replace(names=("01@0-0.4s", "01@0.4-0.8s")) for source in sources]
     names = [item.name for item in read_sources(halves)]
     assert names == ["ind/01@0-0.4s", "ind/01@0.4-0.8s"]
+
+
+def test_parts_of_parts_are_copies_where_they_are_of_the_same_time():
+    contents = KnownContents()
+    for name in ("a/01@60-116s@0-10s", "a/01@0-10s", "a/01"):
+        assert contents.original_of(name, "ab") is None
+    assert contents.original_of("b/01@60-70s", "ab") == "a/01@60-116s@0-10s"
 
 
 def test_recordings_without_a_road_user_are_refused_where_all_are_needed(folders, monkeypatch):

@@ -74,6 +74,24 @@ def test_a_tracker_observes_and_the_recording_is_the_truth(runner):
     assert of_itself["cv"]["all"]["ade"] != one["cv"]["ade"]
 
 
+def test_smoothed_paths_of_the_centre_are_combined_from_instant_to_instant(runner):
+    """As those of the same graphs that are scored at every instant."""
+    noisy = draw_tracker(braking_cars(tracks=4, seconds=6.0), 1)
+    recordings = [("01", noisy.observe(braking_cars(tracks=4, seconds=6.0)))]
+
+    def scores(protocol, **values):
+        settings = Settings(**values)
+        agents = evaluate_all({"m": runner}, recordings, settings).scores.agents()
+        agents = agents[(agents["model"] == "m") & (agents["protocol"] == protocol)]
+        return agents.set_index(["stamp_ns", "track"])["ade"]
+
+    for stride_s in (0.2, 0.4):
+        centre = scores("centre", stride_s=stride_s, path_smoothing_s=0.5)
+        each = scores("all", stride_s=stride_s, path_smoothing_s=0.5, policy="each", centre=False)
+        assert len(centre) > 4
+        np.testing.assert_allclose(centre, each.loc[centre.index], rtol=1e-6)
+
+
 def test_instants_have_the_stride_and_every_fifth_is_scored_for_the_centre(runner):
     recording = braking_cars(tracks=2, seconds=6.0)
     ticks = []

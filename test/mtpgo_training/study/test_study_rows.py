@@ -42,6 +42,12 @@ def test_figures_of_the_ablation_have_half_widths():
     assert set(PAPER["ablation"]["round"]["7"]) == set(VALUES)
 
 
+def test_windows_that_the_losses_cannot_compare_are_refused():
+    settings = ("data.stride_s=0.5",)
+    with pytest.raises(ConfigurationError, match=r"data\.stride_s is 0\.5 but optimisation\.cons"):
+        row_config(STUDIES["layers"].rows[0], "highd", "default", settings)
+
+
 def test_an_unknown_configuration_is_refused():
     row = STUDIES["layers"].rows[0]
     with pytest.raises(ConfigurationError, match="expected a YAML file or one of"):

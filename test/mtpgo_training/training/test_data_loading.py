@@ -12,13 +12,14 @@ import time
 
 import numpy as np
 import pytest
-from tiny_run import CONFIG, with_options
+import torch
+from tiny_run import CONFIG, new_run, with_options
 from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.data.splits import NamedRecording, Splits
 from mtpgo_training.training.data_loading import epoch_loader, prepare_scenes
-from mtpgo_training.training.run_state import RunState
+from mtpgo_training.training.run_loss import BatchLoss
 from mtpgo_training.training.training_config import TrainingConfig
 
 
@@ -33,9 +34,9 @@ def scenes():
 
 def batches(scenes, size=4, *, epoch=0, batch=0, rank=0, processes=1, config=CONFIG):
     """The scenes of the batches that are left of an epoch."""
-    config = with_options(batch_scenes=size, config=config)
-    state = RunState(epoch=epoch, batch=batch)
-    loader, count = epoch_loader(scenes.training, config, state, rank, processes)
+    run = new_run(with_options(batch_scenes=size, config=config))
+    run.state.epoch, run.state.batch = epoch, batch
+    loader, count = epoch_loader(scenes.training, run, rank, processes)
     found = [list(scene) for scene in loader.batch_sampler]
     assert len(found) == count - batch
     return found
@@ -82,12 +83,35 @@ def test_processes_share_every_batch(scenes, processes):
 
 
 def test_the_batches_contain_their_scenes(scenes):
-    config = with_options(batch_scenes=4)
-    loader, _ = epoch_loader(scenes.training, config, RunState(), 0, 1)
+    loader, _ = epoch_loader(scenes.training, new_run(with_options(batch_scenes=4)), 0, 1)
     first, batch = next(iter(loader.batch_sampler)), next(iter(loader))
     np.testing.assert_array_equal(
         batch.x.numpy(), np.concatenate([scenes.training[i].x.numpy() for i in first])
     )
+
+
+@pytest.mark.parametrize(
+    ("network", "epoch", "paired"),
+    [
+        ("mtp-go", 0, False),  # EWTA alone
+        ("mtp-go", 2, True),
+        ("mtp-go", 3, True),
+        ("mtp-go", 7, False),  # the covariances alone
+        ("mmtransformer", 3, False),
+    ],
+)
+def test_scenes_are_pairs_where_the_loss_compares_them(network, epoch, paired):
+    """To cut the window after each scene takes time."""
+    data = dataclasses.replace(CONFIG.data, stride_s=0.4)
+    model = {"hidden": 8, "modes": 2, "horizon_steps": 5}
+    config = dataclasses.replace(CONFIG, data=data, network=network, model=model)
+    run = new_run(with_options(config=config, consistency_weight=1.0, calibration_epochs=1))
+    run.state.epoch = epoch
+    cars = NamedRecording("cars", braking_cars("01", tracks=4, seconds=4.0))
+    scenes = prepare_scenes(run.config, Splits((cars,), (cars,), ()), 5, progress=False)
+    batch = next(iter(epoch_loader(scenes.training, run, 0, 1)[0]))
+    assert ("later_x" in batch) == paired
+    assert torch.isfinite(BatchLoss(run)(batch, False))
 
 
 def test_a_recording_without_road_users_is_reported():
@@ -109,15 +133,14 @@ def test_a_validation_without_a_future_is_refused():
 
 LOADING = """
 import sys, time
-from tiny_run import CONFIG, with_options
+from tiny_run import new_run, with_options
 from traffic import braking_cars
 from mtpgo_training.data.splits import NamedRecording, Splits
 from mtpgo_training.training.data_loading import epoch_loader, prepare_scenes
-from mtpgo_training.training.run_state import RunState
 cars = NamedRecording("cars", braking_cars("01", tracks=4, seconds=4.0))
 config = with_options(batch_scenes=1, trainer={"loader_workers": 1})
 scenes = prepare_scenes(config, Splits((cars,), (cars,), ()), 5, progress=False)
-batches = iter(epoch_loader(scenes.training, config, RunState(), 0, 1)[0])
+batches = iter(epoch_loader(scenes.training, new_run(config), 0, 1)[0])
 next(batches)
 print(batches._workers[0].pid, flush=True)
 time.sleep(600)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Road users without a past: slow trackers, identities that do not last; ordinary traffic."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -14,9 +16,9 @@ from mtpgo_core.task.task_description import HistoryConfig
 CONFIG = HistoryConfig()
 
 
-def problem(identities, interval_s=0.1, seconds=30.0):
+def problem(identities, interval_s=0.1, seconds=30.0, config=CONFIG):
     """Return the problem of a stream; ``identities(time_s)`` are those there at a time."""
-    history, past, looked_s = TrackHistory(CONFIG), KnownPast(), 0.0
+    history, past, looked_s = TrackHistory(config), KnownPast(), 0.0
     for step in range(round(seconds / interval_s)):
         time_s = step * interval_s
         there = np.asarray(identities(time_s), dtype=np.int64)
@@ -26,9 +28,9 @@ def problem(identities, interval_s=0.1, seconds=30.0):
         history.update(tracked_states(stamp_ns, "map", key, position))
         past.observed(stamp_ns)
         if time_s - looked_s >= 1.0:
-            past.look(history.window(), CONFIG.dt_s)
+            past.look(history.window(), config.dt_s)
             looked_s = time_s
-    return past.problem(CONFIG.max_gap_s)
+    return past.problem(config.max_gap_s)
 
 
 @pytest.mark.parametrize("interval_s", [0.6, 1.0, 2.0])
@@ -36,6 +38,12 @@ def test_a_slow_tracker(interval_s):
     found = problem(lambda time_s: range(5), interval_s, 60.0)
     assert f"objects come every {interval_s:g} s, and the history bridges 0.5 s" in found
     assert "expected at least 2 Hz" in found
+
+
+def test_a_history_that_bridges_nothing():
+    config = dataclasses.replace(CONFIG, max_gap_s=0.0)
+    found = problem(lambda time_s: range(5), 0.13, config=config)
+    assert found.endswith("the objects come every 0.13 s, and the history bridges 0 s")
 
 
 def test_identities_that_do_not_last():

@@ -148,6 +148,10 @@ def test_swept_strides_that_are_no_whole_number_of_frames_are_told(place, inline
         (["--sweep", "model.no=4"], "--sweep model.no=4 seed=1: "),
         (["--sweep", "seed=1..2", "--seed", "1"], "seed is given with --sweep and --seed"),
         (["--sweep", "model.order=1,2", "--set", "model.order=1"], "--sweep and --set"),
+        (
+            ["--sweep", "data.stride_s=0.4,0.5", "--set", "optimisation.consistency_weight=1"],
+            "--sweep data.stride_s=0.5 seed=1: data.stride_s is 0.5 but",
+        ),
         (["--sweep", "trainer.devices=1,2"], "which does not change what is trained"),
         (["--sweep", "name=a,b"], "--sweep names name, which does not change what is trained"),
         (["--sweep", "seed"], "expected KEY=VALUE"),
