@@ -190,5 +190,7 @@ def _facts(content: Json) -> list[tuple[str, str]]:
         facts.append(("calibration", f"{content['calibration']}, prefer {content['prefer']}"))
     if content["tracker"] == SIMULATED:
         facts.append(("observations", f"of a simulated tracker, seed {content['tracker_seed']}"))
+    if content.get("unknown_classes"):
+        facts.append(("classes", "every road user was observed as one of an unknown class"))
     facts += [(f"recording {n}", f"SHA-256 {h[:16]}") for n, h in content["recordings"].items()]
     return facts
