@@ -29,7 +29,7 @@ _WEIGHTS_TEXT = (
 )
 _PATHS_TEXT = (
     "Of the heaviest mode. reverses, lateral: moving vehicles that are predicted to drive back, "
-    "steps above 4 and 8 m/s^2. creep: predicted displacement of road users that stand and stay, "
+    "steps above 4 and 8 m/s^2 and, in brackets, those of the recorded positions. creep: predicted displacement of road users that stand and stay, "
     "and share above 0.5 m. overlap: share whose box meets another's that it did not meet."
 )
 _COMPARISON_TEXT = (
@@ -133,13 +133,15 @@ def paths_table(content: Json) -> Table | None:
             for key in ("jump", "mixture_jump")
         ]
         cells = ["-" if cell == "- (-)" else cell for cell in cells]
-        cells += [_percent(feasible[key]) for key in ("reverses", "lateral_4", "lateral_8")]
+        cells += [_percent(feasible["reverses"])]
+        cells += [_percents(feasible, key) for key in ("lateral_4", "lateral_8")]
         cells += [value_text(feasible["creep"], 2), _percent(feasible["creeps"])]
         cells += [_percent(feasible["overlaps"])]
         rows.append(_row(content, "", name, cells))
     heads = [
         "paths",
-        *("jump m (95 %)", "mixture jump m (95 %)", "reverses", "lateral > 4", "lateral > 8"),
+        *("jump m (95 %)", "mixture jump m (95 %)", "reverses", "lateral > 4 (truth)"),
+        "> 8 (truth)",
         *("creep m", "creeps", "overlap"),
     ]
     if not rows:
@@ -278,3 +280,9 @@ def _pair(value: float | None, other: float | None) -> str:
 
 def _percent(share: float | None) -> str:
     return "-" if share is None else f"{100.0 * share:.1f} %"
+
+
+def _percents(feasible: Json, key: str) -> str:
+    """Return a share of the predictions and, in brackets, of the truth."""
+    share, truth = feasible[key], feasible[f"truth_{key}"]
+    return "-" if share is None else f"{_percent(share)} ({_percent(truth)})"

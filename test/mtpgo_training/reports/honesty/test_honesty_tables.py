@@ -52,6 +52,7 @@ def test_a_value_that_is_not_defined_is_a_dash(content):
     assert cell(table, "cv", "jump m (95 %)") == "0.50 (0.50)"
     assert cell(table, "cv", "creep m") == "-"
     assert cell(table, "cv", "reverses") == "0.0 %"
+    assert cell(table, "cv", "lateral > 4 (truth)") == "0.0 % (0.0 %)"
     assert [row.name for row in weights_table(content, ("moving", "standing")).rows] == [
         "moving: m",
         "standing: m",
