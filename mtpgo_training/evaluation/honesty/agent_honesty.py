@@ -138,7 +138,8 @@ def agent_honesty(
     ``brier``, ``heaviest_nearest``, ``chance``, ``brier_min_fde``, ``brier_min_ade`` (m) and,
     for each bin b of weights, ``bin_count_b``, ``bin_weight_b``, ``bin_nearest_b``.
     ``mode_distance`` (m), ``weight_near_heaviest``. ``reverses``, ``lateral_4``, ``lateral_8``
-    and, of the truth, ``truth_lateral_4``, ``truth_lateral_8``: moving vehicles. ``creep`` (m), ``creeps``: those that stand and stay. ``overlaps``.
+    and, of the truth, ``truth_lateral_4``, ``truth_lateral_8``: moving vehicles. ``creep`` (m),
+    ``creeps``: those that stand and stay. ``overlaps``.
     ``cycle_s`` (s), ``jump``, ``mixture_jump`` (m): see :mod:`.consistency`.
 
     Args:

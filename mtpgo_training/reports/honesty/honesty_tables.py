@@ -29,8 +29,9 @@ _WEIGHTS_TEXT = (
 )
 _PATHS_TEXT = (
     "Of the heaviest mode. reverses, lateral: moving vehicles that are predicted to drive back, "
-    "steps above 4 and 8 m/s^2 and, in brackets, those of the recorded positions. creep: predicted displacement of road users that stand and stay, "
-    "and share above 0.5 m. overlap: share whose box meets another's that it did not meet."
+    "steps above 4 and 8 m/s^2 and, in brackets, those of the recorded positions. creep: "
+    "predicted displacement of road users that stand and stay, and share above 0.5 m. overlap: "
+    "share whose box meets another's that it did not meet."
 )
 _COMPARISON_TEXT = (
     "ADE of each class and motion against constant velocity and acceleration. Marked where the "
