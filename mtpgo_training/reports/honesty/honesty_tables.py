@@ -33,6 +33,10 @@ _PATHS_TEXT = (
     "predicted displacement of road users that stand and stay, and share above 0.5 m. overlap: "
     "share whose box meets another's that it did not meet."
 )
+_FEASIBLE_HEADS = (
+    *("reverses", "lateral > 4 (truth)", "> 8 (truth)"),
+    *("creep m", "creeps", "overlap"),
+)
 _COMPARISON_TEXT = (
     "ADE of each class and motion against constant velocity and acceleration. Marked where the "
     "model is more than 2 % worse than the better of the two."
@@ -127,27 +131,33 @@ def paths_table(content: Json) -> Table | None:
     """Return jumps and feasibility of all series, None without any."""
     rows = []
     for name, values in _series(content, "all"):
-        feasible = values["feasibility"]
-        moving = dict(_series(content, "moving")).get(name, {}).get("consistency", {})
-        cells = [
-            f"{value_text(moving.get(key), 2)} ({value_text(moving.get(f'{key}_95'), 2)})"
-            for key in ("jump", "mixture_jump")
-        ]
-        cells = ["-" if cell == "- (-)" else cell for cell in cells]
-        cells += [_percent(feasible["reverses"])]
-        cells += [_percents(feasible, key) for key in ("lateral_4", "lateral_8")]
-        cells += [value_text(feasible["creep"], 2), _percent(feasible["creeps"])]
-        cells += [_percent(feasible["overlaps"])]
-        rows.append(_row(content, "", name, cells))
-    heads = [
-        "paths",
-        *("jump m (95 %)", "mixture jump m (95 %)", "reverses", "lateral > 4 (truth)"),
-        "> 8 (truth)",
-        *("creep m", "creeps", "overlap"),
-    ]
+        moving, standing = (
+            dict(_series(content, motion)).get(name, {}).get("consistency", {})
+            for motion in ("moving", "standing")
+        )
+        cells = [_jump(moving, "jump"), _jump(moving, "mixture_jump"), _jump(standing, "jump")]
+        rows.append(_row(content, "", name, [*cells, *_feasible_cells(values)]))
+    heads = ["paths", "jump m (95 %)", "mixture", "standing", *_FEASIBLE_HEADS]
     if not rows:
         return None
     return Table(heads, rows, "Plausibility", f"{jump_text(content)} {_PATHS_TEXT}")
+
+
+def _jump(consistency: Json, key: str) -> str:
+    """Return the mean of a jump and its quantile."""
+    mean, quantile = consistency.get(key), consistency.get(f"{key}_95")
+    return "-" if mean is None else f"{value_text(mean, 2)} ({value_text(quantile, 2)})"
+
+
+def _feasible_cells(values: Json) -> list[str]:
+    feasible = values["feasibility"]
+    return [
+        _percent(feasible["reverses"]),
+        *(_percents(feasible, key) for key in ("lateral_4", "lateral_8")),
+        value_text(feasible["creep"], 2),
+        _percent(feasible["creeps"]),
+        _percent(feasible["overlaps"]),
+    ]
 
 
 def jump_text(content: Json) -> str:
@@ -165,7 +175,8 @@ def jump_text(content: Json) -> str:
     apart = " to ".join(f"{value:.2g} s" for value in sorted({min(cycles), max(cycles)}))
     return (
         "jump: distance between the last point predicted for moving road users and what is "
-        f"predicted for the same time {apart} later."
+        f"predicted for the same time {apart} later; mixture: that of the mean of all modes; "
+        "standing: the jump of standing road users."
     )
 
 

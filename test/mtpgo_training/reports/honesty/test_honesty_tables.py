@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of honesty, from known paths."""
 
+import copy
+
 import pytest
 from known_paths import honest_content
 from known_scores import json_content
@@ -49,7 +51,7 @@ def test_every_table_has_as_many_cells_as_heads(content):
 
 def test_a_value_that_is_not_defined_is_a_dash(content):
     table = paths_table(content)
-    assert cell(table, "cv", "jump m (95 %)") == "0.50 (0.50)"
+    assert cell(table, "cv", "jump m (95 %)") == cell(table, "cv", "mixture") == "0.50 (0.50)"
     assert cell(table, "cv", "creep m") == "-"
     assert cell(table, "cv", "reverses") == "0.0 %"
     assert cell(table, "cv", "lateral > 4 (truth)") == "0.0 % (0.0 %)"
@@ -69,6 +71,18 @@ def test_a_model_that_is_worse_than_simple_motion_is_marked(content):
     assert cell(table, "car, moving: m", "> 2 % worse") == "worse"
     assert cell(table, "car, moving: m", "/ cv") == "4.00"
     assert cell(table, "car, moving: m", "ca") == "-"
+
+
+def test_jumps_of_standing_road_users_have_a_column():
+    content = copy.deepcopy(honest_content())
+    standing = content["honesty"]["cv"]["all"]["by_motion"]["standing"]
+    standing["consistency"] |= {"jump": 0.25, "jump_95": 1.0}
+    table = paths_table(content)
+    assert cell(table, "cv", "standing") == "0.25 (1.00)"
+    assert cell(table, "cv", "jump m (95 %)") == "0.50 (0.50)"
+    del content["honesty"]["cv"]["all"]["by_motion"]["standing"]
+    assert cell(paths_table(content), "cv", "standing") == "-"
+    assert "standing: the jump of standing road users" in table.text
 
 
 def test_the_text_says_over_which_time_jumps_are(content):
