@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from mtpgo_training.evaluation.scores.score_summary import POOLED_TITLES, value_text
@@ -33,6 +34,7 @@ _PATHS_TEXT = (
     "predicted displacement of road users that stand and stay, and share above 0.5 m. overlap: "
     "share whose box meets another's that it did not meet."
 )
+_SPLITS = {"by_class_and_motion": "by class and motion", "by_speed": "by speed (m/s)"}
 _FEASIBLE_HEADS = (
     *("reverses", "lateral > 4 (truth)", "> 8 (truth)"),
     *("creep m", "creeps", "overlap"),
@@ -43,16 +45,19 @@ _COMPARISON_TEXT = (
 )
 
 
-def coverage_table(content: Json, groups: Sequence[str] = ("moving",)) -> Table | None:
+def coverage_table(
+    content: Json, groups: Sequence[str] = ("moving",), breakdown: str = "by_motion"
+) -> Table | None:
     """Return coverage, sharpness and likelihood at 1, 3 and 5 s, None without any.
 
     Args:
         content: of the evaluation.
-        groups: :data:`ALL` or motions; a row for each and model.
+        groups: ``all`` or groups of the breakdown; a row for each and model.
+        breakdown: its name in the JSON.
     """
     rows, times = [], [1, 3, 5]
     for group in groups:
-        for name, values in _series(content, group):
+        for name, values in _series(content, group, breakdown):
             if all(value is None for value in values["nll"]):
                 continue
             cells = []
@@ -101,11 +106,19 @@ def headline_table(content: Json) -> Table | None:
     return Table(heads, rows) if rows else None
 
 
-def weights_table(content: Json, groups: Sequence[str] = ("moving",)) -> Table | None:
-    """Return the quality of the mode weights and the modes' diversity, None without any."""
+def weights_table(
+    content: Json, groups: Sequence[str] = ("moving",), breakdown: str = "by_motion"
+) -> Table | None:
+    """Return the quality of the mode weights and the modes' diversity, None without any.
+
+    Args:
+        content: of the evaluation.
+        groups: see :func:`coverage_table`.
+        breakdown: likewise.
+    """
     rows = []
     for group in groups:
-        for name, values in _series(content, group):
+        for name, values in _series(content, group, breakdown):
             weights, diversity = values["weights"], values["diversity"]
             if weights["chance"] is None:
                 continue
@@ -120,7 +133,7 @@ def weights_table(content: Json, groups: Sequence[str] = ("moving",)) -> Table |
             ]
             rows.append(_row(content, group, name, cells, groups))
     heads = [
-        "weights" if len(groups) > 1 else f"weights, {groups[0]}",
+        f"weights, {groups[0]}" if len(groups) == 1 else "weights",
         *("Brier", "nearest (chance)", "ECE", "brier-minFDE m", "brier-minADE m"),
         *("apart m", "within 1 m"),
     ]
@@ -141,6 +154,24 @@ def paths_table(content: Json) -> Table | None:
     if not rows:
         return None
     return Table(heads, rows, "Plausibility", f"{jump_text(content)} {_PATHS_TEXT}")
+
+
+def group_paths_table(content: Json, groups: Sequence[str], breakdown: str) -> Table | None:
+    """Return jumps and feasibility of the groups of a breakdown, None without any.
+
+    Args:
+        content: of the evaluation.
+        groups: see :func:`coverage_table`.
+        breakdown: likewise.
+    """
+    rows = []
+    for group in groups:
+        for name, values in _series(content, group, breakdown):
+            cells = [_jump(values["consistency"], key) for key in ("jump", "mixture_jump")]
+            rows.append(_row(content, group, name, [*cells, *_feasible_cells(values)], groups))
+    first = f"paths, {groups[0]}" if len(groups) == 1 else "paths"
+    heads = [first, "jump m (95 %)", "mixture", *_FEASIBLE_HEADS]
+    return Table(heads, rows, "Plausibility", _PATHS_TEXT) if rows else None
 
 
 def _jump(consistency: Json, key: str) -> str:
@@ -203,15 +234,10 @@ def breakdown_table(content: Json, name: str, heading: str) -> Table | None:
         name: of the breakdown in the JSON.
         heading: of the table.
     """
-    own = content.get("honesty", {})
-    names = [series for series in series_names(content) if PROTOCOL in own.get(series, {})]
-    found = {series: own[series][PROTOCOL][name] for series in names}
-    groups = list(dict.fromkeys(group for values in found.values() for group in values))
-    rows = []
+    rows, groups = [], _groups(content, name)
     for group in groups:
-        for series in names:
-            values = found[series].get(group)
-            if values is None or values["nll"][2] is None:
+        for series, values in _series(content, group, name):
+            if values["nll"][2] is None:
                 continue
             cells = [
                 _pair(*(values[f"{kind}_90"][k] for kind in ("ellipse", "region")))
@@ -265,18 +291,43 @@ def honesty_tables(content: Json) -> list[Table]:
     return [table for table in tables if table is not None]
 
 
-def _series(content: Json, group: str) -> list[tuple[str, Json]]:
-    """Return name and values of each model and baseline, of all agents or one motion."""
+def split_tables(content: Json) -> list[Table]:
+    """Return coverage, weights and paths by class and motion and by speed."""
+    kinds = {
+        "Coverage and sharpness": coverage_table,
+        "Weights of the modes": weights_table,
+        "Plausibility": group_paths_table,
+    }
+    tables = []
+    for breakdown, by in _SPLITS.items():
+        groups = _groups(content, breakdown)
+        for heading, make in kinds.items():
+            table = make(content, groups, breakdown)
+            if table is not None:
+                tables.append(replace(table, heading=f"{heading} {by}", text=""))
+    return tables
+
+
+def _series(content: Json, group: str, breakdown: str = "by_motion") -> list[tuple[str, Json]]:
+    """Return name and values of each model and baseline, of all agents or a breakdown's group."""
     own = content.get("honesty", {})
     found = []
     for name in series_names(content):
         protocols = own.get(name, {})
         if PROTOCOL in protocols:
             values = protocols[PROTOCOL]
-            values = values["all"] if group == "all" else values["by_motion"].get(group)
+            values = values["all"] if group == "all" else values[breakdown].get(group)
             if values is not None:
                 found.append((name, values))
     return found
+
+
+def _groups(content: Json, breakdown: str) -> list[str]:
+    """Return the groups of a breakdown that any model or baseline has."""
+    own = content.get("honesty", {})
+    protocols = [own.get(name, {}) for name in series_names(content)]
+    found = [values[PROTOCOL][breakdown] for values in protocols if PROTOCOL in values]
+    return list(dict.fromkeys(group for groups in found for group in groups))
 
 
 def _row(

@@ -104,6 +104,9 @@ def test_the_page_is_complete_and_needs_nothing_from_outside(results):
     assert "@import" not in text
     for heading in ("all agents", "centre of its graph", "By manoeuvre", "By recording"):
         assert heading in text
+    folded = re.findall(r"<details><summary>(.*)</summary>", text)
+    assert len(folded) == 6
+    assert "Weights of the modes by class and motion" in folded
     pictures = {path.name for path in report.glob("*.png")}
     assert {"horizon.png", "reliability.png", "nees.png", "manoeuvres.png"} <= pictures
     assert {"coverage.png", "spread.png", "weights.png"} <= pictures

@@ -15,6 +15,7 @@ from mtpgo_training.reports.honesty.honesty_tables import (
     honesty_tables,
     jump_text,
     paths_table,
+    split_tables,
     weights_table,
 )
 from mtpgo_training.table_format import to_html, to_text
@@ -47,6 +48,36 @@ def test_every_table_has_as_many_cells_as_heads(content):
         assert "nan" not in to_text(table).lower()
         cells = sum(len(row.cells) + 1 for row in table.rows)
         assert to_html(table).count("<td") == cells
+
+
+def test_coverage_weights_and_paths_are_split_by_class_and_by_speed(content):
+    tables = {table.heading: table for table in split_tables(content)}
+    kinds = ("Coverage and sharpness", "Weights of the modes", "Plausibility")
+    assert list(tables) == [
+        f"{kind} {by}" for by in ("by class and motion", "by speed (m/s)") for kind in kinds
+    ]
+    for table in tables.values():
+        assert all(len(row.cells) + 1 == len(table.heads) for row in table.rows), table.heads
+    coverage, weights, plausible = (tables[f"{kind} by class and motion"] for kind in kinds)
+    assert {f"{percent}% {t}s" for percent in (50, 90, 95) for t in (1, 3, 5)} < {*coverage.heads}
+    # Cars and pedestrians are predicted alike: 3 m off with a standard deviation of 1 m.
+    for group, agents in (("car, moving", "12"), ("pedestrian, standing", "8")):
+        assert cell(coverage, f"{group}: m", "90% 5s") == "0.000 (1.000)"
+        assert cell(coverage, f"{group}: m", "agents") == agents
+        assert cell(weights, f"{group}: m", "nearest (chance)") == "0.000 (0.500)"
+        assert cell(plausible, f"{group}: cv", "jump m (95 %)") == "0.50 (0.50)"
+    assert cell(plausible, "car, moving: m", "reverses") == "0.0 %"
+    assert cell(plausible, "pedestrian, standing: m", "reverses") == "-"
+    slow = tables["Coverage and sharpness by speed (m/s)"]
+    assert [row.name for row in slow.rows] == ["0-1: m", "0-1: cv", "5-15: m", "5-15: cv"]
+
+
+def test_a_single_group_is_named_in_the_head():
+    content = copy.deepcopy(honest_content())
+    for protocols in content["honesty"].values():
+        protocols["all"]["by_speed"].pop("0-1")
+    heads = [table.heads[0] for table in split_tables(content)[3:]]
+    assert heads == ["5-15", "weights, 5-15", "paths, 5-15"]
 
 
 def test_a_value_that_is_not_defined_is_a_dash(content):
@@ -94,3 +125,4 @@ def test_results_without_honesty_have_the_pooled_coverage_only():
     content = json_content()
     assert headline_table(content) is None
     assert [table.heading for table in honesty_tables(content)] == ["Coverage, pooled"]
+    assert split_tables(content) == []
