@@ -47,6 +47,19 @@ def step_at(time_s: float, steps: int, step_s: float) -> int | None:
     return step - 1 if exact and 1 <= step <= steps else None
 
 
+def headline_time_s(steps: int, step_s: float) -> float:
+    """Return the time of the share by which a model is judged first (s): 5 s.
+
+    Of a shorter horizon it is the last of ``TIMES_S`` at which there is a step, else its end.
+
+    Args:
+        steps: H.
+        step_s: time between two of them (s).
+    """
+    reached = [time_s for time_s in TIMES_S if step_at(time_s, steps, step_s) is not None]
+    return float(reached[-1]) if reached else round(steps * step_s, 6)
+
+
 def average(values: Array) -> float:
     """Mean over the agents for which ``values`` [...] is defined, NaN if there is none."""
     known = np.isfinite(values)

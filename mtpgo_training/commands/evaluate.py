@@ -66,6 +66,7 @@ OF_A_RUN: dict[str, object] = {
     "one_sample": False,
     "tracker": RECORDED,
     "tracker_seed": None,
+    "unknown_classes": False,
     "calibration": None,
     "prefer": None,
     "kde_samples": 0,
@@ -83,6 +84,7 @@ WITHOUT_EFFECT = (
     (("policy",), "whose graphs were chosen by the node"),
     (("stride", "no_centre"), "all of which are scored as the node published them"),
     (("one_sample",), "which have a past"),
+    (("unknown_classes",), "whose classes were those that the node received"),
     (("calibration", "prefer"), "which were calibrated by the node"),
     (("path_smoothing",), "which are scored as the node published them"),
 )
@@ -149,6 +151,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         type=int,
         metavar="N",
         help="seed of the simulated tracker, of which each recording gets another (0)",
+    )
+    add(
+        "--unknown-classes",
+        action="store_true",
+        help="observe every road user as one of an unknown class; the scores are by its own",
     )
     add(
         "--calibration",
@@ -251,6 +258,7 @@ def run(args: argparse.Namespace) -> int:
         args.prefer or PREFER_MODEL,
         args.kde_samples,
         args.path_smoothing,
+        args.unknown_classes,
     )
     if args.predictions:
         result = _from_bags(args, runners, topic)
@@ -297,6 +305,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         if settings.tracker_seed is not None:
             print(f"observed by a simulated tracker, seed {settings.tracker_seed}\n")
+        if settings.unknown_classes:
+            print("every road user observed as one of an unknown class\n")
         if settings.live.watches or settings.calibration != SHIPPED:
             print(f"calibration {settings.calibration}, prefer {settings.prefer}\n")
         from mtpgo_training.reports.terminal import print_result

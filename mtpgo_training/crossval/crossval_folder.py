@@ -240,7 +240,7 @@ class CrossvalFolder:
         write_text(self.result, _json(content))
         parts = [to_markdown(trainings_table(content))]
         for tracker in content["mean_of_sites"]:
-            table = to_markdown(scores_table(content, tracker, manoeuvres=True))
+            table = to_markdown(scores_table(content, tracker, manoeuvres=True, brier=True))
             parts.append(f"Observations: {tracker}\n\n{table}")
         calibrated = self.calibration()
         if calibrated is not None:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mtpgo_core.quality.metrics import TIMES_S
@@ -35,17 +35,21 @@ _COMPARED = (
     ("ADE m", "ade"),
     ("minADE m", "min_ade"),
     ("brier-minFDE m", "brier_min_fde"),
+    ("Brier", "brier"),
     ("nearest", "heaviest_nearest"),
     (f"in 90% {TIMES_S[-1]:g} s", f"{TIMES_S[-1]:g}"),
     ("NLL", "anll"),
+    ("jump m", "jump"),
 )
 """Columns of a comparison: title, and key of the value or time of the coverage."""
 
-_CHANGES = ("nearest", _COMPARED[-2][0], "NLL")
+_CHANGES = ("nearest", f"in 90% {TIMES_S[-1]:g} s", "NLL")
 """Those that are compared by their difference; the others by their ratio."""
 
 
-def scores_table(content: Json, tracker: str, *, manoeuvres: bool = False) -> Table:
+def scores_table(
+    content: Json, tracker: str, *, manoeuvres: bool = False, brier: bool = False
+) -> Table:
     """Return the scores of each left-out site and their mean, a row for each group.
 
     Moving road users come first. Groups of a site with fewer than :data:`LEAST_AGENTS` agents and
@@ -56,14 +60,15 @@ def scores_table(content: Json, tracker: str, *, manoeuvres: bool = False) -> Ta
         content: of a cross-validation.
         tracker: what the observations come from, a key of ``scores``.
         manoeuvres: give the manoeuvres as well.
+        brier: give the Brier score as well, for which a terminal is too narrow.
     """
     sites = {name: site["scores"][tracker] for name, site in left_out_sites(content).items()}
     rows = [
         row
         for site, scores in (sites | {POOLED: pooled_scores(list(sites.values()))}).items()
-        for row in _site_rows(site, scores, manoeuvres)
+        for row in _site_rows(site, scores, manoeuvres, brier)
     ]
-    return Table(_HEADS, rows)
+    return Table([*_HEADS, "Brier"] if brier else _HEADS, rows)
 
 
 def left_out_sites(content: Json) -> dict[str, Json]:
@@ -94,7 +99,14 @@ def _place(group: str) -> int:
     return {"moving": 0, "standing": 1}.get(kind, 3)
 
 
-def _site_rows(site: str, scores: Json, manoeuvres: bool) -> list[Row]:
+def _nearest(row: Json) -> str:
+    """Return the share in which the heaviest mode is the nearest, and that by chance."""
+    share, chance = row["heaviest_nearest"], row.get("chance")  # earlier versions kept no chance
+    text = value_text(share, 2)
+    return text if share is None or chance is None else f"{text}/{value_text(chance, 2)}"
+
+
+def _site_rows(site: str, scores: Json, manoeuvres: bool, brier: bool) -> list[Row]:
     rows = []
     for group in _shown_groups(scores, manoeuvres):
         row = scores[group]
@@ -114,8 +126,9 @@ def _site_rows(site: str, scores: Json, manoeuvres: bool) -> list[Row]:
                     value_text(row["min_ade"]),
                     coverage,
                     value_text(row["sigma_to_rmse_at"][f"{TIMES_S[-1]:g}"], 2),
-                    value_text(row["heaviest_nearest"], 2),
+                    _nearest(row),
                     value_text(row["anll"], 2),
+                    *([value_text(row.get("brier"))] if brier else ()),
                 ],
             )
         )
@@ -148,6 +161,7 @@ def comparison_table(
 ) -> Table:
     """Return two cross-validations side by side: of each value the first, the second, the ratio.
 
+    Values that neither of them has, such as jumps with a long stride, have no columns.
     Sites and groups that only one of them has are left out, from the mean of sites as well, and
     the groups that :func:`scores_table` leaves out.
 
@@ -159,10 +173,7 @@ def comparison_table(
     """
     contents = [left_out_sites(content) for content in (first, second)]
     common = [site for site in contents[0] if site in contents[1]]
-    heads = ["site, road users", "n"]
-    for title, _ in _COMPARED:
-        heads += [f"{title} {names[0]}", names[1], "change" if title in _CHANGES else "ratio"]
-    rows = []
+    pairs = {}
     trackers = [name for name in first["trackers"] if name in second["trackers"]]
     for tracker in trackers:
         pair = [[c[site]["scores"][tracker] for site in common] for c in contents]
@@ -173,16 +184,30 @@ def comparison_table(
             also = _shown_groups(other, manoeuvres)
             for group in _shown_groups(one, manoeuvres):
                 if group in also:
-                    rows.append(_compared_row(f"{prefix}: {group}", one[group], other[group]))
-    return Table(heads, rows)
+                    pairs[f"{prefix}: {group}"] = (one[group], other[group])
+    known = [row for pair in pairs.values() for row in pair]
+    columns = {
+        title: key
+        for title, key in _COMPARED
+        if any(_compared_value(row, key) is not None for row in known)
+    }
+    heads = ["site, road users", "n"]
+    for title in columns:
+        heads += [f"{title} {names[0]}", names[1], "change" if title in _CHANGES else "ratio"]
+    return Table(heads, [_compared_row(name, *pair, columns) for name, pair in pairs.items()])
 
 
-def _compared_row(name: str, one: Json, other: Json) -> Row:
+def _compared_value(row: Json, key: str) -> float | None:
+    value: float | None = row["coverage_90_at"].get(key, row.get(key))
+    return value
+
+
+def _compared_row(name: str, one: Json, other: Json, columns: Mapping[str, str]) -> Row:
     n = str(one["n"]) if one["n"] == other["n"] else f"{one['n']}, {other['n']}"
     cells = [n]
-    for title, key in _COMPARED:
-        a, b = (row["coverage_90_at"].get(key, row.get(key)) for row in (one, other))
-        digits = 3 if title.endswith(" m") else 2
+    for title, key in columns.items():
+        a, b = (_compared_value(row, key) for row in (one, other))
+        digits = 3 if title.endswith(" m") or key == "brier" else 2
         cells += [value_text(a, digits), value_text(b, digits)]
         if a is None or b is None or (title not in _CHANGES and a == 0.0):
             cells.append("-")
@@ -197,6 +222,7 @@ NOTE = (
     "the better of constant velocity (CV) and constant acceleration (CA). in 90%: share of the "
     "truths in the heaviest mode's 90 % ellipse. sigma/RMSE: standard deviation of the heaviest "
     f"mode over its error {TIMES_S[-1]:g} s ahead. nearest: share in which the heaviest mode is "
-    "the nearest."
+    "the nearest / share by chance. Brier: squared difference of weights and nearest mode, 0 "
+    "is best."
 )
 """Explains the tables."""

@@ -30,6 +30,7 @@ VALUES = ("ade", "fde", "min_ade", "min_fde", "mr", "anll", "coverage_90")
 
 HONESTY_VALUES = (
     "heaviest_nearest",
+    "chance",
     "brier",
     "brier_min_fde",
     "weight_near_heaviest",
@@ -172,12 +173,13 @@ def pooled_scores(sites: Sequence[Mapping[str, Json]]) -> dict[str, Json]:
 
 def _mean(rows: Sequence[Json]) -> Json:
     found: Json = {"sites": len(rows), "n": sum(row["n"] for row in rows)}
-    for key, first in rows[0].items():
+    for key in dict.fromkeys(key for row in rows for key in row):  # earlier versions had fewer
         if key == "n":
             continue
-        values = [row[key] for row in rows]
-        if isinstance(first, dict):
-            found[key] = {k: _average([value[k] for value in values]) for k in first}
+        values = [row.get(key) for row in rows]
+        nested = [value for value in values if isinstance(value, dict)]
+        if nested:
+            found[key] = {k: _average([value[k] for value in nested]) for k in nested[0]}
         else:
             found[key] = _average(values, geometric=key.startswith("ratio_"))
     return found

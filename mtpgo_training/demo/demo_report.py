@@ -18,7 +18,8 @@ from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.demo.publication_timing import PublicationTiming
 from mtpgo_training.demo.recorded_messages import ReceivedPrediction, RecordedMessages
 from mtpgo_training.evaluation.bags.bag_evaluation import FALLBACK_SHARE
-from mtpgo_training.evaluation.scores.score_table import Averages
+from mtpgo_training.evaluation.scores.score_summary import MOVING_TITLE
+from mtpgo_training.evaluation.scores.score_table import HEADLINE_TIMES_S, Averages
 from mtpgo_training.table_format import Row, Table, to_text
 
 MODEL, PROTOCOL = "mtpgo", "all"
@@ -37,12 +38,16 @@ _METRICS = {
     "coverage_50": "coverage_50",
     "coverage_90": "coverage_90",
     "coverage_95": "coverage_95",
+    **{key: key for key in HEADLINE_TIMES_S},
 }
 """Key in the summary -> key in the score table."""
 
-_HEADS = (
-    *("recording", "scenes", "agents", "ADE m", "FDE m", "MR", "NLL", "in 95 %"),
-    *("CV ADE", "CV FDE", "CV MR", "CV NLL"),
+_HEADS = ("recording", "scenes", "agents", "ADE m", "FDE m", "MR", "NLL")
+_CV_HEADS = ("CV ADE", "CV FDE", "CV MR", "CV NLL")
+
+_RESULTS_TEXT = (
+    "The model beside constant velocity (CV). moving 90%: share of moving road users whose truth "
+    "is inside the most probable mode's 90 % ellipse at that time; 0.9 is right."
 )
 
 _PACKAGES = ("mtpgo_ros", "torch", "numpy", "rosbags", "ros-rclpy")
@@ -135,12 +140,24 @@ def results_table(content: Mapping[str, Any]) -> Table:
     Args:
         content: content of ``summary.json``.
     """
-    rows = []
+    rows, headline = [], _headline(content)
     for name, row in _by_recording(content).items():
-        own = [_cell(row[key]) for key in ("ade_m", "fde_m", "miss_rate", "nll", "coverage_95")]
+        keys = ("ade_m", "fde_m", "miss_rate", "nll", headline)
+        own = [_cell(row[key]) for key in keys]
         cv = [_cell(row[key]) for key in ("cv_ade_m", "cv_fde_m", "cv_miss_rate", "cv_nll")]
         rows.append(Row(name, [str(row["scenes"]), str(row["agents_max"]), *own, *cv]))
-    return Table(_HEADS, rows, "Results", "The model beside constant velocity (CV).")
+    heads = [*_HEADS, MOVING_TITLE.format(HEADLINE_TIMES_S[headline]), *_CV_HEADS]
+    return Table(heads, rows, "Results", _RESULTS_TEXT)
+
+
+def _headline(content: Mapping[str, Any]) -> str:
+    """Return the name of the coverage of moving road users at 5 s, or earlier if that is unknown.
+
+    Args:
+        content: content of ``summary.json``.
+    """
+    *shorter, last = HEADLINE_TIMES_S
+    return next((key for key in (last, *reversed(shorter)) if content[key] is not None), last)
 
 
 def _by_recording(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -152,9 +169,9 @@ def _by_recording(content: Mapping[str, Any]) -> dict[str, Any]:
 def terminal_table(content: Mapping[str, Any]) -> str:
     """Return the table that the demo prints, from the content of ``summary.json``."""
     table = results_table(content)
-    bar = _HEADS.index("CV ADE")
+    heads, bar = table.heads, table.heads.index(_CV_HEADS[0])
     rows = [Row(r.name, [*r.cells[: bar - 1], "|", *r.cells[bar - 1 :]]) for r in table.rows]
-    lines = to_text(Table([*_HEADS[:bar], "|", *_HEADS[bar:]], rows)).splitlines()
+    lines = to_text(Table([*heads[:bar], "|", *heads[bar:]], rows)).splitlines()
     rule = "-" * len(lines[0])
     return "\n".join([lines[0], rule, *lines[1:-1], *([rule] if len(rows) > 1 else []), lines[-1]])
 

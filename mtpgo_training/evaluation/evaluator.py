@@ -10,6 +10,7 @@ which are made once; the baselines use those of the first model.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -22,7 +23,7 @@ from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
 from mtpgo_core.live_calibration.live_options import OFF, SHIPPED, LiveOptions
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
-from mtpgo_core.schema import HistoryWindow, Prediction, Source
+from mtpgo_core.schema import AgentClass, HistoryWindow, Prediction, Source
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
@@ -65,6 +66,8 @@ class Settings:
         kde_samples: see :func:`~.scores.agent_scores.score_agents`.
         path_smoothing_s: memory of the farthest predicted points over the instants (s), 0 for
             none.
+        unknown_classes: every road user is observed as one of an unknown class. The truth keeps
+            its class, by which the scores are broken down.
     """
 
     policy: str | None = None
@@ -77,6 +80,7 @@ class Settings:
     prefer: str = PREFER_MODEL
     kde_samples: int = 0
     path_smoothing_s: float = 0.0
+    unknown_classes: bool = False
 
     @property
     def live(self) -> LiveOptions:
@@ -248,6 +252,9 @@ def evaluate_recording(
     observed = recording
     if settings.tracker_seed is not None:
         observed = draw_tracker(recording, settings.tracker_seed).observe(recording)
+    if settings.unknown_classes:
+        unknown = np.full_like(observed.agent_class, AgentClass.UNKNOWN)
+        observed = dataclasses.replace(observed, agent_class=unknown)
     for group in _same_history(runners):
         history = runners[group[0]].task.history
         scorer = Scorer(

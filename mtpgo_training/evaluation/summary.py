@@ -80,6 +80,7 @@ def summarise(
         "prefer": None if from_bags else settings.prefer,
         "tracker": RECORDED if settings.tracker_seed is None else SIMULATED,
         "tracker_seed": settings.tracker_seed,
+        "unknown_classes": settings.unknown_classes,
         "kde_samples": settings.kde_samples,
         "path_smoothing_s": None if from_bags else settings.path_smoothing_s,
         "baselines": list(BASELINES),

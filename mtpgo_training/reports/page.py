@@ -16,7 +16,7 @@ from mtpgo_core.errors import ConfigurationError, found_names
 from mtpgo_training.atomic_files import write_text
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.reports.figures import draw_figures
-from mtpgo_training.reports.honesty.honesty_tables import honesty_tables
+from mtpgo_training.reports.honesty.honesty_tables import honesty_tables, split_tables
 from mtpgo_training.reports.honesty.live_scores import live_tables
 from mtpgo_training.reports.scene_plot import draw_picture
 from mtpgo_training.reports.series import series_names
@@ -72,6 +72,7 @@ def write_report(folder: Path, content: Json, scenes: Mapping[str, ExtremeScenes
         warnings=content["warnings"],
         notes=content["notes"],
         tables=[*result_tables(content), *honesty_tables(content), *live_tables(content)],
+        folded=split_tables(content),
         agreement=agreement_table(content),
         figures={name: path for name, path in figures.items() if name != "manoeuvres"},
         wide={name: path for name, path in figures.items() if name == "manoeuvres"},
@@ -93,6 +94,7 @@ def render_page(
     scenes: Sequence[Mapping[str, str]] = (),
     wide: Mapping[str, Path] | None = None,
     groups: Sequence[Table] = (),
+    folded: Sequence[Table] = (),
     agreement: Table | None = None,
     warnings: Sequence[str] = (),
     notes: Sequence[str] = (),
@@ -109,6 +111,7 @@ def render_page(
         scenes: pictures of the best and worst scenes: ``heading``, ``alt`` and ``data``.
         wide: figures of the whole width.
         groups: tables by group, after the figures.
+        folded: details with headings, which a reader opens one by one.
         agreement: of recorded and offline predictions.
         warnings: why this is no clean test.
         notes: what else a reader should know.
@@ -130,6 +133,7 @@ def render_page(
         figures=[_figure(name, path) for name, path in figures.items()],
         wide=[_figure(name, path) for name, path in (wide or {}).items()],
         groups=groups,
+        folded=folded,
         scenes=scenes,
         facts=facts,
     )
@@ -190,5 +194,7 @@ def _facts(content: Json) -> list[tuple[str, str]]:
         facts.append(("calibration", f"{content['calibration']}, prefer {content['prefer']}"))
     if content["tracker"] == SIMULATED:
         facts.append(("observations", f"of a simulated tracker, seed {content['tracker_seed']}"))
+    if content.get("unknown_classes"):
+        facts.append(("classes", "every road user was observed as one of an unknown class"))
     facts += [(f"recording {n}", f"SHA-256 {h[:16]}") for n, h in content["recordings"].items()]
     return facts

@@ -11,7 +11,10 @@ import statistics
 from collections.abc import Sequence
 from typing import Any
 
+from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY
 from mtpgo_training.atomic_files import write_text
+from mtpgo_training.calibration.calibration_text import moving_coverage
+from mtpgo_training.evaluation.scores.score_summary import MOVING_TITLE
 from mtpgo_training.study.study_run import missing_text
 from mtpgo_training.sweep.sweep_folder import SweepFolder
 from mtpgo_training.sweep.sweep_grid import GridPoint, setting_text
@@ -19,23 +22,38 @@ from mtpgo_training.table_format import Row, Table, to_markdown
 
 Json = dict[str, Any]
 
-COLUMNS = {
+SCORES = {
     "ade": "ADE m",
     "fde": "FDE m",
     "mr": "MR",
     "min_ade": "minADE m",
     "anll": "ANLL",
-    "coverage_90": "in 90%",
 }
-"""Score of the validation -> title."""
+"""Score of the validation -> title; the coverage of moving road users comes after them."""
 
 CRITERION = "ade"
 """Score by which a combination is the best."""
 
 NOTE = (
     "Validation recordings, all road users, the best epoch of each run: mean ± standard deviation "
-    "over the seeds."
+    "over the seeds. moving 90%: share of moving road users inside the heaviest mode's 90 % "
+    "ellipse at that time."
 )
+
+
+def score_columns(runs: Sequence[Json]) -> dict[str, str]:
+    """Return the titles of :data:`SCORES` and of the coverage of moving road users.
+
+    The coverage is that of the last time that a run has, see
+    :func:`~mtpgo_core.quality.metrics.headline_time_s`; runs with other horizons have another
+    column.
+
+    Args:
+        runs: results of the runs that are done; those of earlier versions may have no coverage.
+    """
+    times = (moving_coverage(run["values"]["model"]) for run in runs)
+    last = sorted({max(shares) for shares in times if shares})
+    return SCORES | {MOVING_COVERAGE_KEY.format(t): MOVING_TITLE.format(t) for t in last}
 
 
 def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
@@ -65,12 +83,16 @@ def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
             {
                 "settings": dict(settings),
                 "seeds": [one["seed"] for one in done],
-                "values": {key: _mean(done, key) for key in COLUMNS},
+                "done": done,
                 "minutes": statistics.fmean(t["minutes"] for t in trained) if trained else None,
                 "parameters": trained[0]["parameters"] if trained else None,
                 "gap": missing_text(files),
             }
         )
+    columns = score_columns(runs)
+    for row in rows:
+        done = row.pop("done")
+        row["values"] = {key: _mean(done, key) for key in columns}
     known = [row for row in rows if row["values"][CRITERION] is not None]
     best = min(known, key=lambda row: row["values"][CRITERION]["mean"], default=None)
     name = None
@@ -92,10 +114,11 @@ def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
 
 def results_table(content: Json) -> Table:
     """Return the combinations and the baselines as a table; the best one has an asterisk."""
+    columns = score_columns(content["runs"])
     shown = [
-        key for key in COLUMNS if any(row["values"][key] is not None for row in content["rows"])
+        key for key in columns if any(row["values"][key] is not None for row in content["rows"])
     ] or [CRITERION]
-    heads = ["", *(COLUMNS[key] for key in shown), "runs", "min", "parameters"]
+    heads = ["", *(columns[key] for key in shown), "runs", "min", "parameters"]
     lines = []
     for row in content["rows"]:
         name = setting_text(row["settings"]) or "all"
@@ -143,11 +166,12 @@ def _csv(content: Json) -> str:
     keys = list(dict.fromkeys(key for run in content["runs"] for key in run["settings"]))
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
-    writer.writerow([*keys, "seed", *COLUMNS, "minutes", "epochs", "steps", "parameters"])
+    columns = score_columns(content["runs"])
+    writer.writerow([*keys, "seed", *columns, "minutes", "epochs", "steps", "parameters"])
     for run in content["runs"]:
         training = run["training"]
         cells = [run["settings"].get(key, "") for key in keys] + [run["seed"]]
-        cells += [_value(run, key) for key in COLUMNS]
+        cells += [_value(run, key) for key in columns]
         cells += [training[key] for key in ("minutes", "epochs", "steps", "parameters")]
         writer.writerow(cells)
     return file.getvalue()

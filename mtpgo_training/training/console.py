@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections import Counter
 from collections.abc import Sequence
@@ -11,9 +12,10 @@ from pathlib import Path
 
 import torch
 
+from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY
 from mtpgo_training.calibration.calibration_text import moving_text
 from mtpgo_training.data.splits import NamedRecording, Splits
-from mtpgo_training.evaluation.scores.score_summary import averages_table
+from mtpgo_training.evaluation.scores.score_summary import MOVING_TITLE, averages_table
 from mtpgo_training.table_format import to_text
 from mtpgo_training.training.data_loading import Scenes
 from mtpgo_training.training.networks import parameter_count
@@ -27,16 +29,17 @@ COLUMNS = (
     ("minADE m", "all_min_ade", "{:.3f}"),
     ("cv", "cv_all_ade", "{:.3f}"),
     ("ca", "ca_all_ade", "{:.3f}"),
-    ("in 90%", "all_coverage_90", "{:.3f}"),
+    (MOVING_TITLE, f"all_{MOVING_COVERAGE_KEY}", "{:.3f}"),
     ("seconds", "seconds", "{:.1f}"),
 )
-"""Title, column of the log and format, of the line printed for each epoch."""
+"""Title, column of the log and format, of the line printed for each epoch; the coverage is that
+of moving road users at the time (s) that is filled in."""
 
 LEFT_ALIGNED = {"epoch": 7, "objective": 26}
 """Width of the left-aligned columns (characters)."""
 
 WIDTH = 9
-"""Width of the other columns (characters)."""
+"""Width of the other columns, wider under a long title (characters)."""
 
 
 def setting_text(
@@ -65,16 +68,30 @@ def setting_text(
     return "\n".join(lines)
 
 
-def title_line() -> str:
-    """Return the titles above the lines of the epochs."""
-    return _line([title for title, _, _ in COLUMNS])
+def title_line(time_s: float) -> str:
+    """Return the titles above the lines of the epochs.
+
+    Args:
+        time_s: time of the coverage, see
+            :func:`~mtpgo_core.quality.metrics.headline_time_s` (s).
+    """
+    return _line(_titles(time_s), time_s)
 
 
-def epoch_line(row: Row) -> str:
-    """Return the line of a completed epoch, and a second one if steps were skipped."""
-    cells = [form.format(row[key]) if key in row else "-" for _, key, form in COLUMNS]
+def epoch_line(row: Row, time_s: float) -> str:
+    """Return the line of a completed epoch, and a second one if steps were skipped.
+
+    Args:
+        row: of the log.
+        time_s: see :func:`title_line`.
+    """
+    values = [row.get(key.format(time_s), math.nan) for _, key, _ in COLUMNS]
+    cells = [
+        "-" if value != value else form.format(value)  # NaN is not known
+        for value, (_, _, form) in zip(values, COLUMNS, strict=True)
+    ]
     skipped = f"\n  {row['skipped']} steps were skipped: loss or gradient was not finite"
-    return _line(cells) + (skipped if row["skipped"] else "")
+    return _line(cells, time_s) + (skipped if row["skipped"] else "")
 
 
 def summary(run: TrainingRun, folder: Path, again: str) -> str:
@@ -106,11 +123,15 @@ def summary(run: TrainingRun, folder: Path, again: str) -> str:
     return "\n".join(lines)
 
 
-def _line(cells: Sequence[str]) -> str:
+def _titles(time_s: float) -> list[str]:
+    return [title.format(time_s) for title, _, _ in COLUMNS]
+
+
+def _line(cells: Sequence[str], time_s: float) -> str:
     text = ""
-    for cell, (title, _, _) in zip(cells, COLUMNS, strict=True):
-        left = LEFT_ALIGNED.get(title)
-        text += cell.rjust(WIDTH) if left is None else cell.ljust(left)
+    for cell, title in zip(cells, _titles(time_s), strict=True):
+        left, width = LEFT_ALIGNED.get(title), WIDTH if len(title) < WIDTH else len(title) + 2
+        text += cell.rjust(width) if left is None else cell.ljust(left)
     return text
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -19,7 +19,7 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.calibrated_prediction import calibrated_covariances, calibrated_weights
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_training.calibration.calibration_fit import fit_calibration
-from mtpgo_training.calibration.calibration_report import with_moving_scores
+from mtpgo_training.calibration.calibration_report import moving_scores, with_moving_scores
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.evaluation.scores.agent_scores import score_agents, score_paths
 from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
@@ -36,7 +36,7 @@ EWTA_PENALTY_M = 1e3
 the first epoch trained on the likelihood alone (m)."""
 
 LOGGED_SCORES = ("ade", "fde", "mr", "anll", "min_ade", "coverage_90")
-"""Validation scores in the log."""
+"""Validation scores in the log, besides the coverage of moving road users."""
 
 
 @torch.no_grad()
@@ -155,7 +155,7 @@ def validate_epoch(
         state.calibration = dataclasses.asdict(calibration)
         state.metrics = calibrated
         run.samples = samples
-    return _columns(averages), better
+    return _columns(averages, moving_scores(samples)), better
 
 
 def _validate_together(
@@ -198,11 +198,13 @@ def scene_batches(scenes: Sequence[Data], sites: Sequence[str]) -> Iterator[Fiel
         yield {**fields, "site": site[:, None].expand(fields["primary"].shape)}
 
 
-def _columns(averages: Averages) -> Row:
+def _columns(averages: Averages, moving: Mapping[str, float | None]) -> Row:
     row: Row = {}
     for protocol in ("all", "centre"):
         for key in LOGGED_SCORES:
             row[f"{protocol}_{key}"] = _rounded(averages["model"][protocol][key])
+    for key, value in moving.items():
+        row[f"all_{key}"] = _rounded(value)
     for name in ("cv", "ca"):
         row[f"{name}_all_ade"] = _rounded(averages[name]["all"]["ade"])
         row[f"{name}_centre_ade"] = _rounded(averages[name]["centre"]["ade"])

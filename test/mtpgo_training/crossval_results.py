@@ -8,6 +8,9 @@ VALUES = {
     "mr": 0.1,
     "coverage_90": 0.9,
     "heaviest_nearest": 0.25,
+    "chance": 0.125,
+    "brier": 0.875,
+    "jump": 1.25,
     "brier_min_fde": 1.5,
     "sigma_to_rmse_at": {"1": 1.0, "3": 0.9, "5": 0.8},
 }

@@ -137,8 +137,9 @@ def agent_honesty(
     ``squared_error_Ts``: trace of the heaviest mode's covariance, squared distance (m^2).
     ``brier``, ``heaviest_nearest``, ``chance``, ``brier_min_fde``, ``brier_min_ade`` (m) and,
     for each bin b of weights, ``bin_count_b``, ``bin_weight_b``, ``bin_nearest_b``.
-    ``mode_distance`` (m), ``weight_near_heaviest``. ``reverses``, ``lateral_4``, ``lateral_8``:
-    moving vehicles. ``creep`` (m), ``creeps``: those that stand and stay. ``overlaps``.
+    ``mode_distance`` (m), ``weight_near_heaviest``. ``reverses``, ``lateral_4``, ``lateral_8``
+    and, of the truth, ``truth_lateral_4``, ``truth_lateral_8``: moving vehicles. ``creep`` (m),
+    ``creeps``: those that stand and stay. ``overlaps``.
     ``cycle_s`` (s), ``jump``, ``mixture_jump`` (m): see :mod:`.consistency`.
 
     Args:
@@ -231,7 +232,11 @@ def _feasibility(given: PredictedPaths, path: Array, dt_s: float) -> Values:
     moving = np.nan_to_num(given.speed_mps) > MOVING_MPS
     drives = moving & is_vehicle(given.agent_class)
     reverses = feasibility.reverses(path, given.start, dt_s)
-    lateral = feasibility.lateral_acceleration(path, dt_s)
+    seen = given.mask[:, :-2] & given.mask[:, 1:-1] & given.mask[:, 2:]
+    lateral = {
+        "lateral": (feasibility.lateral_acceleration(path, dt_s), np.ones_like(seen)),
+        "truth_lateral": (feasibility.lateral_acceleration(given.truth, dt_s), seen),
+    }
     stays = ~moving & members(given.manoeuvres, "standing")
     creep = feasibility.final_displacement(path, given.start)
     size = known_sizes(given.size, given.agent_class)
@@ -250,9 +255,10 @@ def _feasibility(given: PredictedPaths, path: Array, dt_s: float) -> Values:
         "creeps": np.where(stays, creep > feasibility.CREEP_M, np.nan),
         "overlaps": overlaps.astype(float),
     }
-    for limit in feasibility.LATERAL_MPS2:
-        share = (lateral > limit).mean(axis=1) if lateral.shape[1] else np.full(len(path), np.nan)
-        values[f"lateral_{limit:g}"] = np.where(drives, share, np.nan)
+    for name, (acceleration, known) in lateral.items():
+        for limit in feasibility.LATERAL_MPS2:
+            share = metrics.over_steps((acceleration > limit).astype(np.float64), known)
+            values[f"{name}_{limit:g}"] = np.where(drives, share, np.nan)
     return values
 
 

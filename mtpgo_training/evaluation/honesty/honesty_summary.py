@@ -68,7 +68,8 @@ def honesty_values(
     ``calibration_error`` and, over bins, ``reliability`` with ``weight``, ``nearest``, ``count``.
     ``diversity``: ``mode_distance`` (m), ``weight_near_heaviest``. ``consistency``: ``cycle_s``,
     ``jump``, ``jump_95``, ``mixture_jump``, ``mixture_jump_95`` (m), ``n``. ``feasibility``:
-    ``reverses``, ``creep`` (m), ``creeps``, ``lateral_4``, ``lateral_8``, ``overlaps``.
+    ``reverses``, ``creep`` (m), ``creeps``, ``lateral_4``, ``lateral_8`` and, of the truth,
+    ``truth_lateral_4``, ``truth_lateral_8``, ``overlaps``.
 
     Args:
         sums: :meth:`HonestyTable.sums`, or some of its rows.
@@ -140,7 +141,7 @@ def _values(own: dict[str, tuple[float, float]], quantiles: dict[str, float]) ->
             "reverses",
             "creep",
             "creeps",
-            *(f"lateral_{limit:g}" for limit in LATERAL_MPS2),
+            *(f"{who}lateral_{limit:g}" for who in ("", "truth_") for limit in LATERAL_MPS2),
             "overlaps",
         ),
     }

@@ -21,6 +21,7 @@ from mtpgo_training.evaluation.scores.bootstrap import (
     resampling_counts,
 )
 from mtpgo_training.evaluation.scores.score_table import (
+    HEADLINE_TIMES_S,
     Averages,
     ScoreTable,
     average,
@@ -32,6 +33,9 @@ from mtpgo_training.table_format import Row, Table
 
 Json = dict[str, Any]
 
+MOVING_TITLE = "moving 90% {:g}s"
+"""Head of the share of moving agents in the heaviest mode's 90 % ellipse at a time (s)."""
+
 TITLES = {
     "ade": "ADE m",
     "fde": "FDE m",
@@ -41,9 +45,7 @@ TITLES = {
     "fnll": "FNLL",
     "min_ade": "minADE m",
     "min_fde": "minFDE m",
-    "coverage_90_moving_1s": "moving 90% 1s",
-    "coverage_90_moving_3s": "moving 90% 3s",
-    "coverage_90_moving_5s": "moving 90% 5s",
+    **{key: MOVING_TITLE.format(time_s) for key, time_s in HEADLINE_TIMES_S.items()},
     "n": "agents",
 }
 """Heads of the columns of tables."""

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from mtpgo_training.evaluation.scores.score_summary import POOLED_TITLES, value_text
@@ -29,8 +30,14 @@ _WEIGHTS_TEXT = (
 )
 _PATHS_TEXT = (
     "Of the heaviest mode. reverses, lateral: moving vehicles that are predicted to drive back, "
-    "steps above 4 and 8 m/s^2. creep: predicted displacement of road users that stand and stay, "
-    "and share above 0.5 m. overlap: share whose box meets another's that it did not meet."
+    "steps above 4 and 8 m/s^2 and, in brackets, those of the recorded positions. creep: "
+    "predicted displacement of road users that stand and stay, and share above 0.5 m. overlap: "
+    "share whose box meets another's that it did not meet."
+)
+_SPLITS = {"by_class_and_motion": "by class and motion", "by_speed": "by speed (m/s)"}
+_FEASIBLE_HEADS = (
+    *("reverses", "lateral > 4 (truth)", "> 8 (truth)"),
+    *("creep m", "creeps", "overlap"),
 )
 _COMPARISON_TEXT = (
     "ADE of each class and motion against constant velocity and acceleration. Marked where the "
@@ -38,16 +45,19 @@ _COMPARISON_TEXT = (
 )
 
 
-def coverage_table(content: Json, groups: Sequence[str] = ("moving",)) -> Table | None:
+def coverage_table(
+    content: Json, groups: Sequence[str] = ("moving",), breakdown: str = "by_motion"
+) -> Table | None:
     """Return coverage, sharpness and likelihood at 1, 3 and 5 s, None without any.
 
     Args:
         content: of the evaluation.
-        groups: :data:`ALL` or motions; a row for each and model.
+        groups: ``all`` or groups of the breakdown; a row for each and model.
+        breakdown: its name in the JSON.
     """
     rows, times = [], [1, 3, 5]
     for group in groups:
-        for name, values in _series(content, group):
+        for name, values in _series(content, group, breakdown):
             if all(value is None for value in values["nll"]):
                 continue
             cells = []
@@ -96,11 +106,19 @@ def headline_table(content: Json) -> Table | None:
     return Table(heads, rows) if rows else None
 
 
-def weights_table(content: Json, groups: Sequence[str] = ("moving",)) -> Table | None:
-    """Return the quality of the mode weights and the modes' diversity, None without any."""
+def weights_table(
+    content: Json, groups: Sequence[str] = ("moving",), breakdown: str = "by_motion"
+) -> Table | None:
+    """Return the quality of the mode weights and the modes' diversity, None without any.
+
+    Args:
+        content: of the evaluation.
+        groups: see :func:`coverage_table`.
+        breakdown: likewise.
+    """
     rows = []
     for group in groups:
-        for name, values in _series(content, group):
+        for name, values in _series(content, group, breakdown):
             weights, diversity = values["weights"], values["diversity"]
             if weights["chance"] is None:
                 continue
@@ -115,7 +133,7 @@ def weights_table(content: Json, groups: Sequence[str] = ("moving",)) -> Table |
             ]
             rows.append(_row(content, group, name, cells, groups))
     heads = [
-        "weights" if len(groups) > 1 else f"weights, {groups[0]}",
+        f"weights, {groups[0]}" if len(groups) == 1 else "weights",
         *("Brier", "nearest (chance)", "ECE", "brier-minFDE m", "brier-minADE m"),
         *("apart m", "within 1 m"),
     ]
@@ -126,25 +144,51 @@ def paths_table(content: Json) -> Table | None:
     """Return jumps and feasibility of all series, None without any."""
     rows = []
     for name, values in _series(content, "all"):
-        feasible = values["feasibility"]
-        moving = dict(_series(content, "moving")).get(name, {}).get("consistency", {})
-        cells = [
-            f"{value_text(moving.get(key), 2)} ({value_text(moving.get(f'{key}_95'), 2)})"
-            for key in ("jump", "mixture_jump")
-        ]
-        cells = ["-" if cell == "- (-)" else cell for cell in cells]
-        cells += [_percent(feasible[key]) for key in ("reverses", "lateral_4", "lateral_8")]
-        cells += [value_text(feasible["creep"], 2), _percent(feasible["creeps"])]
-        cells += [_percent(feasible["overlaps"])]
-        rows.append(_row(content, "", name, cells))
-    heads = [
-        "paths",
-        *("jump m (95 %)", "mixture jump m (95 %)", "reverses", "lateral > 4", "lateral > 8"),
-        *("creep m", "creeps", "overlap"),
-    ]
+        moving, standing = (
+            dict(_series(content, motion)).get(name, {}).get("consistency", {})
+            for motion in ("moving", "standing")
+        )
+        cells = [_jump(moving, "jump"), _jump(moving, "mixture_jump"), _jump(standing, "jump")]
+        rows.append(_row(content, "", name, [*cells, *_feasible_cells(values)]))
+    heads = ["paths", "jump m (95 %)", "mixture", "standing", *_FEASIBLE_HEADS]
     if not rows:
         return None
     return Table(heads, rows, "Plausibility", f"{jump_text(content)} {_PATHS_TEXT}")
+
+
+def group_paths_table(content: Json, groups: Sequence[str], breakdown: str) -> Table | None:
+    """Return jumps and feasibility of the groups of a breakdown, None without any.
+
+    Args:
+        content: of the evaluation.
+        groups: see :func:`coverage_table`.
+        breakdown: likewise.
+    """
+    rows = []
+    for group in groups:
+        for name, values in _series(content, group, breakdown):
+            cells = [_jump(values["consistency"], key) for key in ("jump", "mixture_jump")]
+            rows.append(_row(content, group, name, [*cells, *_feasible_cells(values)], groups))
+    first = f"paths, {groups[0]}" if len(groups) == 1 else "paths"
+    heads = [first, "jump m (95 %)", "mixture", *_FEASIBLE_HEADS]
+    return Table(heads, rows, "Plausibility", _PATHS_TEXT) if rows else None
+
+
+def _jump(consistency: Json, key: str) -> str:
+    """Return the mean of a jump and its quantile."""
+    mean, quantile = consistency.get(key), consistency.get(f"{key}_95")
+    return "-" if mean is None else f"{value_text(mean, 2)} ({value_text(quantile, 2)})"
+
+
+def _feasible_cells(values: Json) -> list[str]:
+    feasible = values["feasibility"]
+    return [
+        _percent(feasible["reverses"]),
+        *(_percents(feasible, key) for key in ("lateral_4", "lateral_8")),
+        value_text(feasible["creep"], 2),
+        _percent(feasible["creeps"]),
+        _percent(feasible["overlaps"]),
+    ]
 
 
 def jump_text(content: Json) -> str:
@@ -162,7 +206,8 @@ def jump_text(content: Json) -> str:
     apart = " to ".join(f"{value:.2g} s" for value in sorted({min(cycles), max(cycles)}))
     return (
         "jump: distance between the last point predicted for moving road users and what is "
-        f"predicted for the same time {apart} later."
+        f"predicted for the same time {apart} later; mixture: that of the mean of all modes; "
+        "standing: the jump of standing road users."
     )
 
 
@@ -189,15 +234,10 @@ def breakdown_table(content: Json, name: str, heading: str) -> Table | None:
         name: of the breakdown in the JSON.
         heading: of the table.
     """
-    own = content.get("honesty", {})
-    names = [series for series in series_names(content) if PROTOCOL in own.get(series, {})]
-    found = {series: own[series][PROTOCOL][name] for series in names}
-    groups = list(dict.fromkeys(group for values in found.values() for group in values))
-    rows = []
+    rows, groups = [], _groups(content, name)
     for group in groups:
-        for series in names:
-            values = found[series].get(group)
-            if values is None or values["nll"][2] is None:
+        for series, values in _series(content, group, name):
+            if values["nll"][2] is None:
                 continue
             cells = [
                 _pair(*(values[f"{kind}_90"][k] for kind in ("ellipse", "region")))
@@ -251,18 +291,43 @@ def honesty_tables(content: Json) -> list[Table]:
     return [table for table in tables if table is not None]
 
 
-def _series(content: Json, group: str) -> list[tuple[str, Json]]:
-    """Return name and values of each model and baseline, of all agents or one motion."""
+def split_tables(content: Json) -> list[Table]:
+    """Return coverage, weights and paths by class and motion and by speed."""
+    kinds = {
+        "Coverage and sharpness": coverage_table,
+        "Weights of the modes": weights_table,
+        "Plausibility": group_paths_table,
+    }
+    tables = []
+    for breakdown, by in _SPLITS.items():
+        groups = _groups(content, breakdown)
+        for heading, make in kinds.items():
+            table = make(content, groups, breakdown)
+            if table is not None:
+                tables.append(replace(table, heading=f"{heading} {by}", text=""))
+    return tables
+
+
+def _series(content: Json, group: str, breakdown: str = "by_motion") -> list[tuple[str, Json]]:
+    """Return name and values of each model and baseline, of all agents or a breakdown's group."""
     own = content.get("honesty", {})
     found = []
     for name in series_names(content):
         protocols = own.get(name, {})
         if PROTOCOL in protocols:
             values = protocols[PROTOCOL]
-            values = values["all"] if group == "all" else values["by_motion"].get(group)
+            values = values["all"] if group == "all" else values[breakdown].get(group)
             if values is not None:
                 found.append((name, values))
     return found
+
+
+def _groups(content: Json, breakdown: str) -> list[str]:
+    """Return the groups of a breakdown that any model or baseline has."""
+    own = content.get("honesty", {})
+    protocols = [own.get(name, {}) for name in series_names(content)]
+    found = [values[PROTOCOL][breakdown] for values in protocols if PROTOCOL in values]
+    return list(dict.fromkeys(group for groups in found for group in groups))
 
 
 def _row(
@@ -278,3 +343,9 @@ def _pair(value: float | None, other: float | None) -> str:
 
 def _percent(share: float | None) -> str:
     return "-" if share is None else f"{100.0 * share:.1f} %"
+
+
+def _percents(feasible: Json, key: str) -> str:
+    """Return a share of the predictions and, in brackets, of the truth."""
+    share, truth = feasible[key], feasible[f"truth_{key}"]
+    return "-" if share is None else f"{_percent(share)} ({_percent(truth)})"

@@ -14,6 +14,7 @@ from torch.utils.tensorboard import SummaryWriter
 from torch_geometric.data import Batch
 from tqdm import tqdm
 
+from mtpgo_core.quality.metrics import headline_time_s
 from mtpgo_training.training.checkpointing import (
     restore_optimiser,
     save_checkpoint,
@@ -82,6 +83,7 @@ class TrainingLoop:
             restore_optimiser(self._optimiser, self._precision, checkpoint, folder.last)
         self._writer: SummaryWriter | None = None
         self._clock_s = self._saved_s = 0.0
+        self._headline_s = headline_time_s(run.model.config.horizon_steps, run.model.config.dt_s)
 
     def fit(self) -> None:
         """Train until the run is finished, or is to stop after the current step."""
@@ -90,7 +92,7 @@ class TrainingLoop:
             self._writer = SummaryWriter(str(self._folder.path / "tensorboard"))
         self._clock_s = self._saved_s = time.monotonic()
         if self._verbose:
-            print(title_line(), flush=True)
+            print(title_line(self._headline_s), flush=True)
         first_step = state.step
         while not (run.finished or run.stopping):
             if self._limit.is_set and state.step > first_step:
@@ -208,7 +210,7 @@ class TrainingLoop:
                     self._writer.add_scalar(f"epoch/{key}", value, state.step)
             self._writer.flush()
         if self._verbose:
-            print(epoch_line(state.rows[-1]), flush=True)
+            print(epoch_line(state.rows[-1], self._headline_s), flush=True)
 
     def _finish_unfinished_epoch(self) -> None:
         """Validate and keep the weights of an epoch for which the time was too short."""
@@ -218,7 +220,7 @@ class TrainingLoop:
         if self._run.is_global_zero:
             save_unfinished(self._run, self._folder, self._splits, row, best=better)
         if self._verbose:
-            print(epoch_line(row), flush=True)
+            print(epoch_line(row, self._headline_s), flush=True)
 
     def _row(self) -> Row:
         """Return the line of the log for the current epoch, without scores."""

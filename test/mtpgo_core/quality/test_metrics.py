@@ -159,3 +159,11 @@ def test_the_nees_of_a_true_mixture_is_two_whatever_its_shape():
 )
 def test_a_time_between_two_steps_or_beyond_the_horizon_has_none(time_s, step_s, step):
     assert metrics.step_at(time_s, 25, step_s) == step
+
+
+@pytest.mark.parametrize(
+    ("steps", "step_s", "time_s"),
+    [(25, 0.2, 5.0), (40, 0.2, 5.0), (20, 0.2, 3.0), (5, 0.2, 1.0), (4, 0.2, 0.8), (4, 0.3, 1.2)],
+)
+def test_the_headline_is_of_five_seconds_or_of_a_shorter_horizon(steps, step_s, time_s):
+    assert metrics.headline_time_s(steps, step_s) == time_s

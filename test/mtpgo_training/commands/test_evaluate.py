@@ -104,6 +104,9 @@ def test_the_page_is_complete_and_needs_nothing_from_outside(results):
     assert "@import" not in text
     for heading in ("all agents", "centre of its graph", "By manoeuvre", "By recording"):
         assert heading in text
+    folded = re.findall(r"<details><summary>(.*)</summary>", text)
+    assert len(folded) == 6
+    assert "Weights of the modes by class and motion" in folded
     pictures = {path.name for path in report.glob("*.png")}
     assert {"horizon.png", "reliability.png", "nees.png", "manoeuvres.png"} <= pictures
     assert {"coverage.png", "spread.png", "weights.png"} <= pictures
@@ -164,6 +167,21 @@ def test_a_simulated_tracker_observes_the_recordings(data, content, tmp_path, ca
     assert (content["tracker"], content["tracker_seed"]) == ("recorded", None)
     own, full = alone["by_recording"], content["by_recording"]
     assert own["cv"]["all"]["01"]["ade"] != full["cv"]["all"]["b/01"]["ade"]
+
+
+def test_classes_are_hidden_from_the_models(data, content, tmp_path, capsys):
+    out, report = tmp_path / "scores.json", tmp_path / "report"
+    hidden = ["--unknown-classes", "--no-centre", "--json", out, "--report", report]
+    assert run(data / "b", "--model", "default", *hidden) == 0
+    sentence = "every road user observed as one of an unknown class"
+    assert sentence in capsys.readouterr().out
+    assert "observed as one of an unknown class" in (report / "index.html").read_text()
+    alone = json.loads(out.read_text())
+    assert (alone["unknown_classes"], content["unknown_classes"]) == (True, False)
+    assert set(alone["by_class"]["default"]["all"]) == {"car"}
+    own, full = alone["by_recording"], content["by_recording"]
+    assert own["cv"]["all"]["01"] == full["cv"]["all"]["b/01"]
+    assert own["default"]["all"]["01"]["ade"] != full["default"]["all"]["b/01"]["ade"]
 
 
 def test_the_calibration_goes_on_over_each_recording_or_is_taken_off(
@@ -328,6 +346,14 @@ def test_the_warning_is_in_all_outputs(data, tmp_path, capsys, monkeypatch):
         (
             ["--predictions", "NONE", "--path-smoothing", "0.4"],
             "--path-smoothing is given with --predictions, which are scored as the node published",
+        ),
+        (
+            ["--predictions", "NONE", "--unknown-classes"],
+            "--unknown-classes is given with --predictions, whose classes were those that",
+        ),
+        (
+            ["--results", "FILE", "--unknown-classes"],
+            "--unknown-classes is given with --results, which are of earlier evaluations",
         ),
         (["--predictions", "NONE", "--policy", "each"], "--policy is given with --predictions"),
         (["--model", "default", "--data", "DATA", "--layout", "ind", "--topic", "/x"], "--topic"),

@@ -165,7 +165,7 @@ def test_two_processes_are_one(place, whole):
         torch.testing.assert_close(two["model"][name], value, rtol=1e-4, atol=1e-5)
     for row, expected in zip(two["state"]["rows"], one["state"]["rows"], strict=True):
         assert row["agents"] == expected["agents"]
-        for key in ("loss", "all_ade", "all_coverage_90", "cv_all_ade"):
+        for key in ("loss", "all_ade", "all_coverage_90", "all_coverage_90_moving_1s"):
             assert row[key] == pytest.approx(expected[key], rel=1e-3, abs=2e-4)
 
 

@@ -100,9 +100,37 @@ def test_two_results_are_compared_on_what_both_have():
     assert list(table.heads[:5]) == ["site, road users", "n", "ADE m old", "new", "ratio"]
     cells = [str(cell) for cell in table.rows[0].cells]
     assert cells[:4] == ["100", "1.000", "0.500", "0.50"]
-    assert cells[7:13] == ["1.500", "1.500", "1.00", "0.25", "0.25", "+0.00"]
-    assert cells[-6:] == ["0.80", "0.90", "+0.10", "1.00", "-0.50", "-1.50"]
+    assert cells[7:10] == ["1.500", "1.500", "1.00"]
+    assert cells[10:16] == ["0.875", "0.875", "1.00", "0.25", "0.25", "+0.00"]
+    assert cells[16:22] == ["0.80", "0.90", "+0.10", "1.00", "-0.50", "-1.50"]
+    assert cells[22:] == ["1.250", "1.250", "1.00"]
+    heads = list(table.heads)[2::3]
+    assert heads[3:5] + heads[-1:] == ["Brier old", "nearest old", "jump m old"]
     assert [str(cell) for cell in table.rows[1].cells] == cells
+
+
+def test_values_that_neither_has_are_not_compared():
+    without = {key: value for key, value in group(1.0).items() if key not in ("brier", "chance")}
+    first = content({"a": {"all": without | {"jump": None}}})  # of an earlier version
+    table = comparison_table(first, first, ("old", "new"))
+    assert list(table.heads)[2::3] == [
+        f"{title} old"
+        for title in ("ADE m", "minADE m", "brier-minFDE m", "nearest", "in 90% 5 s", "NLL")
+    ]
+    both = comparison_table(first, content({"a": {"all": group(1.0)}}), ("old", "new"))
+    assert [str(cell) for cell in both.rows[0].cells[10:13]] == ["-", "0.875", "-"]
+
+
+def test_the_share_of_chance_and_the_brier_score_are_told():
+    given = content({"a": {"moving": group(1.0)}})
+    table = scores_table(given, "recorded", brier=True)
+    assert [row.cells[7] for row in table.rows] == ["0.25/0.12"] * 2
+    assert rows_of(table)["a: moving"]["Brier"] == "0.875"
+    assert "Brier" not in scores_table(given, "recorded").heads
+    earlier = {key: value for key, value in group(1.0).items() if key not in ("chance", "brier")}
+    table = scores_table(content({"a": {"moving": earlier}}), "recorded", brier=True)
+    row = rows_of(table)["a: moving"]
+    assert (row["nearest"], row["Brier"]) == ("0.25", "-")
 
 
 @pytest.mark.parametrize("other", [None, 0.0])

@@ -92,6 +92,7 @@ def test_honesty_is_that_of_the_group():
     assert rows["vehicle moving"]["sigma_to_rmse_at"]["5"] == pytest.approx(2.0**0.5)
     assert rows["moving"]["region_90_at"]["1"] is not None
     assert 0.0 <= rows["vehicle moving"]["heaviest_nearest"] <= 1.0
+    assert rows["vehicle moving"]["chance"] == 0.5
     assert rows["pedestrian standing"]["heaviest_nearest"] is None
 
 
@@ -108,6 +109,14 @@ def test_every_site_counts_equally():
         "ratio_cv": pytest.approx(1.0),
         "coverage_90_at": {"5": 0.8},
     }
+
+
+def test_a_fold_of_an_earlier_version_lacks_values():
+    both = {"n": LEAST_AGENTS, "ade": 1.0}
+    old, new = {"all": both}, {"all": both | {"chance": 0.125, "nll_at": {"5": 2.0}}}
+    for sites in ([old, new], [new, old]):
+        found = pooled_scores(sites)["all"]
+        assert (found["chance"], found["nll_at"]) == (0.125, {"5": 2.0})
 
 
 def test_a_site_with_few_agents_of_a_group_does_not_count():

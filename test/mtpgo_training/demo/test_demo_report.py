@@ -13,7 +13,13 @@ from demo_traffic import make_recording, perfect_prediction
 from mtpgo_core.schema import Source
 from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.demo.demo_pipeline import score_recordings
-from mtpgo_training.demo.demo_report import sentences, summary, terminal_table, to_json
+from mtpgo_training.demo.demo_report import (
+    results_table,
+    sentences,
+    summary,
+    terminal_table,
+    to_json,
+)
 from mtpgo_training.demo.playback_plan import make_plan
 from mtpgo_training.demo.recorded_messages import ReceivedPrediction, RecordedMessages
 
@@ -114,6 +120,20 @@ def test_the_table_has_a_line_for_each_recording_and_one_for_all(content):
     assert "91 of 92 cycles answered at 5 Hz" in text
     assert "20.0 ms median" in text
     assert "constant velocity, so" not in text
+
+
+def test_the_coverage_is_that_of_moving_road_users_at_five_seconds(content):
+    assert content["coverage_90_moving_5s"] == 1.0
+    moving = {f"coverage_90_moving_{t}s": t / 10.0 for t in (1, 3, 5)}
+    parts = {name: row | moving for name, row in content["recordings"].items()}
+    given = content | moving | {"recordings": parts}
+    for known, head, cell in ((5, "moving 90% 5s", "0.50"), (3, "moving 90% 3s", "0.30")):
+        table = results_table(given)
+        place = list(table.heads).index(head)
+        assert [row.cells[place - 1] for row in table.rows] == [cell] * 3
+        assert head in terminal_table(given)
+        # A horizon that ends earlier has no value.
+        given |= {f"coverage_90_moving_{known}s": None}
 
 
 def test_scores_that_are_not_the_models_are_not_shown_without_a_word():

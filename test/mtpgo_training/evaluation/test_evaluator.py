@@ -92,6 +92,22 @@ def test_smoothed_paths_of_the_centre_are_combined_from_instant_to_instant(runne
         np.testing.assert_allclose(centre, each.loc[centre.index], rtol=1e-6)
 
 
+def test_models_see_unknown_classes_and_scores_are_by_the_true_ones(runner):
+    cars = braking_cars(tracks=6, seconds=8.0)
+    unknown = dataclasses.replace(cars, agent_class=np.zeros_like(cars.agent_class))
+
+    def scores(recording, **given):
+        settings = Settings(stride_s=1.0, centre=False, **given)
+        return evaluate_all({"m": runner}, [("01", recording)], settings).scores
+
+    known, hidden = scores(cars), scores(cars, unknown_classes=True)
+    assert set(hidden.agents()["agent_class"]) == {"car"}
+    found = {name: table.averages() for name, table in (("known", known), ("hidden", hidden))}
+    assert found["hidden"]["cv"] == found["known"]["cv"]
+    assert found["hidden"]["m"]["all"]["ade"] != found["known"]["m"]["all"]["ade"]
+    assert found["hidden"]["m"] == scores(unknown).averages()["m"]
+
+
 def test_instants_have_the_stride_and_every_fifth_is_scored_for_the_centre(runner):
     recording = braking_cars(tracks=2, seconds=6.0)
     ticks = []

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lines that a run prints: columns under their titles, and what comes next."""
 
+import math
 from pathlib import Path
 
 import torch
@@ -21,32 +22,39 @@ ROW = {
     "all_min_ade": 0.25,
     "cv_all_ade": 1.0,
     "ca_all_ade": 2.0,
-    "all_coverage_90": 0.9123,
+    "all_coverage_90": 0.5,
+    "all_coverage_90_moving_3s": 0.75,
+    "all_coverage_90_moving_5s": 0.9123,
     "seconds": 61.25,
     "skipped": 0,
 }
 
 
 def test_a_line_has_its_values_under_their_titles():
-    line = epoch_line(ROW)
+    line = epoch_line(ROW, 5.0)
     titles = "epoch  objective                      loss    ADE m minADE m       cv       ca"
-    assert title_line() == titles + "   in 90%  seconds"
+    assert title_line(5.0) == titles + "  moving 90% 5s  seconds"
     assert line == (
         "12     0.50 EWTA(1) + 0.50 NLL       1.235    0.500    0.250    1.000    2.000"
-        "    0.912     61.2"
+        "          0.912     61.2"
     )
-    assert len(line) == len(title_line())
+    assert len(line) == len(title_line(5.0))
+    assert "moving 90% 3s" in title_line(3.0)
+    assert "0.750" in epoch_line(ROW, 3.0)
 
 
 def test_an_epoch_without_a_validation_has_dashes():
     kept = ("epoch", "objective", "loss", "seconds", "skipped")
-    words = epoch_line({name: ROW[name] for name in kept} | {"objective": "NLL"}).split()
-    assert words == ["12", "NLL", "1.235", "-", "-", "-", "-", "-", "61.2"]
+    row = {name: ROW[name] for name in kept} | {"objective": "NLL"}
+    expected = ["12", "NLL", "1.235", "-", "-", "-", "-", "-", "61.2"]
+    assert epoch_line(row, 5.0).split() == expected
+    unknown = dict.fromkeys(ROW.keys() - row.keys(), math.nan)
+    assert epoch_line(row | unknown, 5.0).split() == expected
 
 
 def test_skipped_steps_are_reported_below_the_line():
-    first, second = epoch_line({**ROW, "skipped": 3}).splitlines()
-    assert first == epoch_line(ROW)
+    first, second = epoch_line({**ROW, "skipped": 3}, 5.0).splitlines()
+    assert first == epoch_line(ROW, 5.0)
     assert second == "  3 steps were skipped: loss or gradient was not finite"
 
 

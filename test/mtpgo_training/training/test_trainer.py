@@ -20,7 +20,8 @@ from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.task.task_description import SceneConfig
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.export.exporter import load_model
-from mtpgo_training.training.run_folder import RunFolder, load_checkpoint
+from mtpgo_training.reports.learning_curve import read_log
+from mtpgo_training.training.run_folder import RunFolder, load_checkpoint, write_checkpoint
 from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import (
     DataConfig,
@@ -112,6 +113,7 @@ def test_the_log_has_a_line_per_epoch_with_baselines(whole):
     assert rows[-1]["objective"] == "NLL"
     assert float(rows[-1]["all_ade"]) < float(rows[-1]["cv_all_ade"])
     assert {"all_fde", "all_anll", "centre_ade", "ca_all_ade", "total_seconds"} <= set(rows[0])
+    assert 0.0 <= float(rows[-1]["all_coverage_90_moving_1s"]) <= 1.0
     assert rows[-1]["skipped"] == "0"
     assert list((folder / "tensorboard").glob("events.*"))
 
@@ -234,6 +236,23 @@ def test_a_run_killed_within_an_epoch_resumes_from_the_checkpoint_there(whole, t
     assert state["epoch"] == 1
     assert 0 < state["batch"] < state["step"] < 20
     assert_same_run(done, run(tmp_path / "r", resume=True))
+
+
+def test_a_run_of_a_version_that_logged_less_is_resumed(tmp_path, capsys):
+    folder, config = tmp_path / "r", with_options(FEW_SCENES, epochs=2)
+    kill_after_saves(folder, 1, config)
+    checkpoint = load_checkpoint(folder / "last.pt")
+    (row,) = checkpoint["state"]["rows"]
+    for name in [name for name in row if "moving" in name]:
+        del row[name]
+    write_checkpoint(folder / "last.pt", checkpoint)
+    run(folder, config, resume=True, verbose=True)
+    titles = next(s for s in capsys.readouterr().out.splitlines() if s.startswith("epoch "))
+    assert "moving 90% 1s" in titles  # of two seconds
+    first, second = read_log(folder)
+    assert first["all_coverage_90_moving_1s"] == ""
+    assert 0.0 <= float(second["all_coverage_90_moving_1s"]) <= 1.0
+    assert int(second["all_moving_n"]) > 0
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -102,6 +102,22 @@ def test_only_vehicles_can_reverse_or_corner_too_fast(kind, judged):
         assert 0.0 <= found["lateral_8"][0] < found["lateral_4"][0] < 1.0
 
 
+@pytest.mark.parametrize(("kind", "judged"), [(AgentClass.CAR, True), (AgentClass.BICYCLE, False)])
+def test_the_truth_has_a_lateral_acceleration_of_its_own(kind, judged):
+    given = paths(agents(1, kind=kind), known=15)
+    angle = 0.5 * TIME[:14]  # a circle of 20 m at 10 m/s: 5 m/s^2, then straight on
+    given.truth[:, :14] = 20.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=-1)
+    given.truth[:, 14] = 2.0 * given.truth[:, 13] - given.truth[:, 12]
+    given.truth[:, 15:] = 0.0  # not observed
+    found = values(given)
+    if not judged:
+        assert np.isnan([found["truth_lateral_4"][0], found["truth_lateral_8"][0]]).all()
+        return
+    assert found["truth_lateral_4"] == pytest.approx(12 / 13)
+    assert (found["truth_lateral_8"], found["lateral_4"]) == (0.0, 0.0)
+    assert np.isnan(values(paths(agents(1), known=2))["truth_lateral_4"][0])
+
+
 def test_agents_jump_between_instants_and_from_the_past():
     before, now = paths(agents(2)), paths(agents(2, 0.2), error_m=1.5)
     found = values(PredictedPaths.joined([before, now]))

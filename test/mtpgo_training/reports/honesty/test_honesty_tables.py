@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of honesty, from known paths."""
 
+import copy
+
 import pytest
 from known_paths import honest_content
 from known_scores import json_content
@@ -13,6 +15,7 @@ from mtpgo_training.reports.honesty.honesty_tables import (
     honesty_tables,
     jump_text,
     paths_table,
+    split_tables,
     weights_table,
 )
 from mtpgo_training.table_format import to_html, to_text
@@ -47,11 +50,42 @@ def test_every_table_has_as_many_cells_as_heads(content):
         assert to_html(table).count("<td") == cells
 
 
+def test_coverage_weights_and_paths_are_split_by_class_and_by_speed(content):
+    tables = {table.heading: table for table in split_tables(content)}
+    kinds = ("Coverage and sharpness", "Weights of the modes", "Plausibility")
+    assert list(tables) == [
+        f"{kind} {by}" for by in ("by class and motion", "by speed (m/s)") for kind in kinds
+    ]
+    for table in tables.values():
+        assert all(len(row.cells) + 1 == len(table.heads) for row in table.rows), table.heads
+    coverage, weights, plausible = (tables[f"{kind} by class and motion"] for kind in kinds)
+    assert {f"{percent}% {t}s" for percent in (50, 90, 95) for t in (1, 3, 5)} < {*coverage.heads}
+    # Cars and pedestrians are predicted alike: 3 m off with a standard deviation of 1 m.
+    for group, agents in (("car, moving", "12"), ("pedestrian, standing", "8")):
+        assert cell(coverage, f"{group}: m", "90% 5s") == "0.000 (1.000)"
+        assert cell(coverage, f"{group}: m", "agents") == agents
+        assert cell(weights, f"{group}: m", "nearest (chance)") == "0.000 (0.500)"
+        assert cell(plausible, f"{group}: cv", "jump m (95 %)") == "0.50 (0.50)"
+    assert cell(plausible, "car, moving: m", "reverses") == "0.0 %"
+    assert cell(plausible, "pedestrian, standing: m", "reverses") == "-"
+    slow = tables["Coverage and sharpness by speed (m/s)"]
+    assert [row.name for row in slow.rows] == ["0-1: m", "0-1: cv", "5-15: m", "5-15: cv"]
+
+
+def test_a_single_group_is_named_in_the_head():
+    content = copy.deepcopy(honest_content())
+    for protocols in content["honesty"].values():
+        protocols["all"]["by_speed"].pop("0-1")
+    heads = [table.heads[0] for table in split_tables(content)[3:]]
+    assert heads == ["5-15", "weights, 5-15", "paths, 5-15"]
+
+
 def test_a_value_that_is_not_defined_is_a_dash(content):
     table = paths_table(content)
-    assert cell(table, "cv", "jump m (95 %)") == "0.50 (0.50)"
+    assert cell(table, "cv", "jump m (95 %)") == cell(table, "cv", "mixture") == "0.50 (0.50)"
     assert cell(table, "cv", "creep m") == "-"
     assert cell(table, "cv", "reverses") == "0.0 %"
+    assert cell(table, "cv", "lateral > 4 (truth)") == "0.0 % (0.0 %)"
     assert [row.name for row in weights_table(content, ("moving", "standing")).rows] == [
         "moving: m",
         "standing: m",
@@ -70,6 +104,18 @@ def test_a_model_that_is_worse_than_simple_motion_is_marked(content):
     assert cell(table, "car, moving: m", "ca") == "-"
 
 
+def test_jumps_of_standing_road_users_have_a_column():
+    content = copy.deepcopy(honest_content())
+    standing = content["honesty"]["cv"]["all"]["by_motion"]["standing"]
+    standing["consistency"] |= {"jump": 0.25, "jump_95": 1.0}
+    table = paths_table(content)
+    assert cell(table, "cv", "standing") == "0.25 (1.00)"
+    assert cell(table, "cv", "jump m (95 %)") == "0.50 (0.50)"
+    del content["honesty"]["cv"]["all"]["by_motion"]["standing"]
+    assert cell(paths_table(content), "cv", "standing") == "-"
+    assert "standing: the jump of standing road users" in table.text
+
+
 def test_the_text_says_over_which_time_jumps_are(content):
     assert "0.2 s later" in jump_text(content)
     assert jump_text({**content, "honesty": {}}).startswith("Jumps are not available")
@@ -79,3 +125,4 @@ def test_results_without_honesty_have_the_pooled_coverage_only():
     content = json_content()
     assert headline_table(content) is None
     assert [table.heading for table in honesty_tables(content)] == ["Coverage, pooled"]
+    assert split_tables(content) == []
