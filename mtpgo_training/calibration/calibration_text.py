@@ -89,8 +89,13 @@ def calibration_text(calibration: Calibration, step_s: float) -> list[str]:
             f"{step * step_s:g} s {group.factors[step - 1]:.2f}"
             for step in steps or [calibration.horizon_steps]
         )
+        inner = "  ".join(
+            f"{group.sigma_factors_50[step - 1]:.2f}"
+            for step in (steps or [calibration.horizon_steps]) * bool(group.sigma_factors_50)
+        )
         lines.append(
             f"{group.name:<20} covariance x {factors}  temperature {group.temperature:.2f}  "
-            f"({group.agents} agents, {group.sites} sites)"
+            + (f"50 % ellipse x {inner}  " if inner else "")
+            + f"({group.agents} agents, {group.sites} sites)"
         )
     return lines

@@ -80,6 +80,15 @@ def test_the_calibration_and_the_coverage_of_moving_road_users_are_described():
     assert text[-1] == "           model  all     ade 0.500"
 
 
+def test_the_factors_of_the_50_percent_ellipses_are_described_where_there_are_any():
+    groups = tuple(
+        GroupCalibration(name=name, factors=(1.0,) * 25, sigma_factors_50=(0.5,) * 24 + (0.75,))
+        for name in GROUPS
+    )
+    text = " ".join(lines(calibration=Calibration(groups))[10].split())
+    assert "temperature 1.00 50 % ellipse x 0.50 0.50 0.75 (0 agents, 0 sites)" in text
+
+
 def test_the_single_factor_of_an_earlier_version_is_described():
     assert lines(model={"covariance_scale": 1.683})[9] == (
         "calibrated one factor of 1.68 on all covariances"
