@@ -17,8 +17,9 @@ from mtpgo_core.live_calibration.sigma_tracker import LEVELS, SIGMA_LIMITS
 from mtpgo_core.task.calibration import GROUPS
 from mtpgo_core.whole_file import read_regular, whole_file
 
-FORMAT = 1
-"""Version of the file."""
+FORMAT = 2
+"""Version of the file. In format 1 the factors of the 50 % ellipses were relative to a Gaussian,
+now they are relative to the model's file."""
 
 KIND = "mtpgo live calibration"
 

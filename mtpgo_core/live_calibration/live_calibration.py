@@ -13,7 +13,12 @@ from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.live_calibration.live_options import BEST, LiveOptions
 from mtpgo_core.live_calibration.model_preference import ModelPreference
-from mtpgo_core.live_calibration.served_tables import ServedTables, apply_factors, as_preferred
+from mtpgo_core.live_calibration.served_tables import (
+    ServedTables,
+    apply_factors,
+    as_preferred,
+    log_shipped_50,
+)
 from mtpgo_core.live_calibration.sigma_tracker import POOL_OF, SigmaTracker, Squares
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import merge, with_time_origin
@@ -86,7 +91,9 @@ class LiveCalibration:
             corrected = apply_factors(prediction, group, log_sigma)
         spacing_s = self._limits.spacing_s(float(prediction.time_s[-1]), self._max_gap_s)
         with self._lock:
-            learn = self._served.add(prediction.stamp_ns, log_sigma, spacing_s)
+            learn = self._served.add(
+                prediction.stamp_ns, log_sigma, log_shipped_50(prediction, group), spacing_s
+            )
         if learn:
             self._matcher.add(corrected, window)
         if self.options.prefer != BEST:
@@ -167,11 +174,13 @@ class LiveCalibration:
                 table,
                 np.empty(0),
                 nothing[..., 0],
+                nothing[..., 0],
                 nothing,
                 nothing,
             )
         logs = np.stack([one.log_sigma for one in tables])
         own = logs[table, :, :, group, step]
+        shipped_50 = np.stack([one.log_shipped_50 for one in tables])[table, group, step]
         truth = outcomes.truth
         model = mahalanobis(truth - outcomes.heaviest_mean, outcomes.heaviest_covariance)[0]
         # The covariances of the model are kept as served, those of constant velocity are not.
@@ -186,6 +195,7 @@ class LiveCalibration:
             squared=np.stack(
                 [np.where(outcomes.source == MODEL, model, np.nan), constant], axis=1
             ),
+            shipped_50=np.stack([shipped_50, np.zeros_like(shipped_50)], axis=1),
             own=own,
             pool=logs[table, :, :, POOL_OF[group], step],
         )

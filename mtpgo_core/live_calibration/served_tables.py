@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.live_calibration.sigma_tracker import LARGEST_SIGMA_RATIO_50
 from mtpgo_core.schema import BoolArray, CalibrationStage, Float64Array, Prediction, Source
-from mtpgo_core.task.calibration import GroupArray
+from mtpgo_core.task.calibration import GROUPS, SIGMA_FACTOR_50_LIMITS, GroupArray
 
 _KEPT = 64
 """Tables kept: more predictions than the memory of outcomes holds."""
@@ -28,6 +27,8 @@ _SHORTEST_SPAN_S = 0.35
 lasts for seconds, so with half of the predictions the factors were the same (measured), at half
 the cost."""
 
+_LARGEST_RATIO_50 = SIGMA_FACTOR_50_LIMITS[1]
+
 _LONGEST_SPAN_S = 1.0
 """Most time that one prediction stands for (s); chosen: after a pause of the input, no more."""
 
@@ -41,11 +42,14 @@ class ServedTable:
         span_s: time since the prediction before it, for which this one stands (s).
         log_sigma: [SOURCES, LEVELS, groups, H], see
             :class:`~mtpgo_core.live_calibration.sigma_tracker.SigmaTracker`.
+        log_shipped_50: [groups, H] logarithms of the factors for the 50 % ellipses of the model's
+            file, on which those of the tracker come.
     """
 
     stamp_ns: int
     span_s: float
     log_sigma: Float64Array
+    log_shipped_50: Float64Array
 
 
 class ServedTables:
@@ -58,12 +62,19 @@ class ServedTables:
         """Forget all."""
         self._tables.clear()
 
-    def add(self, stamp_ns: int, log_sigma: Float64Array, spacing_s: float = 0.0) -> bool:
+    def add(
+        self,
+        stamp_ns: int,
+        log_sigma: Float64Array,
+        log_shipped_50: Float64Array,
+        spacing_s: float = 0.0,
+    ) -> bool:
         """Keep the table of a prediction; return whether its outcome shall be learned from.
 
         Args:
             stamp_ns: of the prediction (ns).
             log_sigma: see :class:`ServedTable`.
+            log_shipped_50: see there.
             spacing_s: the memory of outcomes keeps no prediction that comes sooner after the last
                 one (s): long horizons. One that is not learned from must not stand for any time.
         """
@@ -75,7 +86,9 @@ class ServedTables:
             span_s = longest_s
         if span_s < max(_SHORTEST_SPAN_S, spacing_s):
             return False
-        self._tables.append(ServedTable(stamp_ns, min(span_s, longest_s), log_sigma))
+        self._tables.append(
+            ServedTable(stamp_ns, min(span_s, longest_s), log_sigma, log_shipped_50)
+        )
         return True
 
     def find(self, stamp_ns: NDArray[np.int64]) -> tuple[NDArray[np.intp], list[ServedTable]]:
@@ -115,13 +128,28 @@ def apply_factors(
     size = _log_size(prediction.covariance)
     grown = np.maximum.accumulate(factor + size, axis=2) - size
     grown = np.where(np.isfinite(grown), grown, factor)
-    ratio = np.minimum(np.exp(half - most), LARGEST_SIGMA_RATIO_50)
+    ratio = np.minimum(prediction.sigma_factor_50 * np.exp(half - most), _LARGEST_RATIO_50)
     return dataclasses.replace(
         prediction,
         covariance=prediction.covariance * np.exp(2.0 * grown)[..., None, None],
         sigma_factor_50=ratio,
         calibration=np.full(len(prediction), CalibrationStage.ONLINE, dtype=np.uint8),
     )
+
+
+def log_shipped_50(prediction: Prediction, group: GroupArray) -> Float64Array:
+    """Return [groups, H] logarithms of the factors for the 50 % ellipses of the model's file.
+
+    They are those of the model's predictions, and 0 where it predicts for nobody.
+
+    Args:
+        prediction: with the shipped calibration.
+        group: [n] positions in :data:`~mtpgo_core.task.calibration.GROUPS`.
+    """
+    logs = np.zeros((len(GROUPS), len(prediction.time_s)))
+    rows = prediction.source == Source.MODEL
+    logs[group[rows]] = np.log(prediction.sigma_factor_50[rows])
+    return logs
 
 
 def as_preferred(prediction: Prediction, rows: BoolArray) -> Prediction:

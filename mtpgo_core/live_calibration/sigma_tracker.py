@@ -32,11 +32,6 @@ SIGMA_LIMITS = (0.2, 8.0)
 """Smallest and largest factor on a standard deviation; chosen: a larger correction would hide a
 model that does not work."""
 
-LARGEST_SIGMA_RATIO_50 = 1.44
-"""Largest factor of the 50 % ellipse over that of the 90 % ellipse: up to 1.445 the ellipses of
-all levels lie within each other. That is exp((R90 - R50) / R) with the largest Mahalanobis radius
-R at which ``metrics.sigma_factor`` still falls, R90 + (R90 - R50) / 2."""
-
 POOLS = len(GROUPS) - len(MOTIONS)
 """Position of the first of the groups ``any``, which learn from the road users of all classes."""
 
@@ -69,6 +64,8 @@ class Squares:
         span_s: [m] time that this prediction stands for, up to the next one (s).
         squared: [m, SOURCES] squared Mahalanobis distance of the truth with the covariances of
             the shipped calibration, NaN where a source did not predict.
+        shipped_50: [m, SOURCES] logarithms of the factors for the 50 % ellipses of the shipped
+            calibration.
         own: [m, SOURCES, LEVELS] logarithms of the factors that were served.
         pool: [m, SOURCES, LEVELS] those of the group ``any`` then.
     """
@@ -79,6 +76,7 @@ class Squares:
     cycle: IndexArray
     span_s: Float64Array
     squared: Float64Array
+    shipped_50: Float64Array
     own: Float64Array
     pool: Float64Array
 
@@ -92,7 +90,8 @@ class SigmaTracker:
 
     Attributes:
         log_sigma: [SOURCES, LEVELS, groups, H] logarithms of the factors on the standard
-            deviation; of a Gaussian with the right covariance, 0 at each level.
+            deviation: how far the ellipses of each level are from those of the shipped
+            calibration.
         agents: [groups, H] road users per prediction whose outcomes come at present.
     """
 
@@ -148,7 +147,9 @@ class SigmaTracker:
         limit = self._track_limits()[group, squares.step]
         # [2, m, SOURCES, LEVELS]
         served = np.stack([squares.own, squares.pool])
-        squared = squares.squared[:, :, None]
+        # [m, SOURCES, LEVELS], in units of the shipped ellipse of each level
+        squared = np.repeat(squares.squared[:, :, None], len(LEVELS), axis=2)
+        squared[:, :, 0] *= np.exp(-2.0 * squares.shipped_50)
         with np.errstate(invalid="ignore"):
             missed = squared > _RADIUS * np.exp(2.0 * served)
         rate = np.array([self.options.rate_50, self.options.rate_90])

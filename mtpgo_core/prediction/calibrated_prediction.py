@@ -15,7 +15,7 @@ from mtpgo_core.task.calibration import Calibration, GroupArray, calibration_gro
 def calibrate(
     prediction: Prediction, calibration: Calibration, velocity: Float64Array | None = None
 ) -> Prediction:
-    """Return a prediction with calibrated covariances and mode weights.
+    """Return a prediction with calibrated covariances, 50 % ellipses and mode weights.
 
     Means do not change. The order of the modes does not change either, because w^(1/T) rises with
     w.
@@ -34,6 +34,7 @@ def calibrate(
         prediction,
         weight=calibrated_weights(prediction.weight, group, calibration),
         covariance=calibrated_covariances(prediction.covariance, group, calibration),
+        sigma_factor_50=calibration.sigma_factor_50_table[group],
         calibration=np.full(len(prediction), CalibrationStage.SHIPPED, dtype=np.uint8),
     )
 

@@ -30,6 +30,10 @@ TIMES_S = (1, 3, 5)
 MOVING_COVERAGE_KEY = "coverage_90_moving_{:g}s"
 """Name of the share of moving road users inside the heaviest mode's 90 % ellipse at a time."""
 
+SITES_COVERAGE_KEY = "sites_coverage_90_moving_{:g}s"
+"""Name of the mean over the sites of that share of each: a site counts the same whatever its
+number of road users."""
+
 EXPECTED_NEES = 2.0
 """Average of the NEES of a position where the covariance is right: its two degrees of freedom."""
 
@@ -216,10 +220,21 @@ def mixture_nees(mean: Array, weight: Array, covariance: Array, truth: Array) ->
 def nll(mean: Array, weight: Array, covariance: Array, truth: Array) -> Array:
     """[..., H] negative log-likelihood of the position under the mixture (nats), unmasked."""
     squared, log_determinant = mahalanobis(truth[..., None, :, :] - mean, covariance)
-    log_component = -0.5 * (squared + log_determinant) - np.log(2.0 * np.pi)
     with np.errstate(divide="ignore"):
-        log_weight = np.log(weight)[..., None]
-    total = log_weight + log_component  # [..., M, H]
+        log_weight = np.log(weight)
+    return mixture_nll(log_weight, squared, log_determinant)
+
+
+def mixture_nll(log_weight: Array, squared: Array, log_determinant: Array) -> Array:
+    """[..., H] negative log-likelihood under a mixture (nats).
+
+    Args:
+        log_weight: [..., M] logarithms of the weights.
+        squared: [..., M, H] squared Mahalanobis distances of the truth from the modes.
+        log_determinant: [..., M, H] of the covariances.
+    """
+    log_component = -0.5 * (squared + log_determinant) - np.log(2.0 * np.pi)
+    total = log_weight[..., None] + log_component  # [..., M, H]
     largest = np.max(total, axis=-2, keepdims=True)
     summed = np.log(np.sum(np.exp(total - largest), axis=-2))
     return -(largest.squeeze(-2) + summed)

@@ -51,6 +51,12 @@ TEMPERATURE_LIMITS = (0.3, 5.0)
 """Smallest and largest temperature; chosen: 0.3 turns weights of 0.6 and 0.4 into 0.79 and 0.21, 5
 into 0.52 and 0.48."""
 
+SIGMA_FACTOR_50_LIMITS = (0.2, 1.44)
+"""Smallest and largest factor on the standard deviations for the 50 % ellipse. Up to 1.445 the
+ellipses of all levels lie within each other: that is exp((R90 - R50) / R) with the largest
+Mahalanobis radius R at which ``metrics.sigma_factor`` still falls, R90 + (R90 - R50) / 2. The
+smallest is chosen: of road users that stand, most stay exactly where they are."""
+
 _CLASS_INDEX = np.full(256, list(CLASS_GROUPS).index("any"), dtype=np.uint8)
 for _index, _members in enumerate(CLASS_GROUPS.values()):
     _CLASS_INDEX[[int(member) for member in _members]] = _index
@@ -83,6 +89,9 @@ class GroupCalibration:
         temperature: T; mode weights become w^(1/T), normalised.
         agents: predictions (a road user at an instant) that it was fitted to.
         sites: sites that these are from.
+        sigma_factors_50: [H] factors on the standard deviations for the 50 % ellipses, see
+            :class:`~mtpgo_core.schema.Prediction`; without any, as in files of earlier versions,
+            they are 1.
     """
 
     name: str = option("any_moving", choices=GROUPS)
@@ -90,6 +99,9 @@ class GroupCalibration:
     temperature: float = option(1.0, low=TEMPERATURE_LIMITS[0], high=TEMPERATURE_LIMITS[1])
     agents: int = option(0, low=0)
     sites: int = option(0, low=0)
+    sigma_factors_50: tuple[float, ...] = option(
+        (), low=SIGMA_FACTOR_50_LIMITS[0], high=SIGMA_FACTOR_50_LIMITS[1]
+    )
 
     def __post_init__(self) -> None:
         check_options(self, "calibration.")
@@ -99,6 +111,12 @@ class GroupCalibration:
             raise ConfigurationError(
                 f"calibration.factors of {self.name} fall from {self.factors[drop - 1]:g} to "
                 f"{self.factors[drop]:g} at step {drop + 1}, expected factors that do not decrease"
+            )
+        given, expected = len(self.sigma_factors_50), len(self.factors)
+        if given not in (0, expected):
+            raise ConfigurationError(
+                f"calibration.sigma_factors_50 of {self.name} are {given}, expected none or one "
+                f"for each of the {expected} steps"
             )
 
 
@@ -116,6 +134,19 @@ class CalibrationSite:
 
 
 @dataclass(frozen=True)
+class CalibrationOrigin:
+    """Where groups were fitted that an adaptation kept from the model that it began with.
+
+    Attributes:
+        sites: where they were fitted.
+        left_out: see :class:`Calibration`.
+    """
+
+    sites: tuple[CalibrationSite, ...] = ()
+    left_out: bool = False
+
+
+@dataclass(frozen=True)
 class Calibration:
     """Factors on covariances and temperatures of mode weights; without groups, none.
 
@@ -125,11 +156,14 @@ class Calibration:
         left_out: whether these sites were left out of the training of the models whose
             predictions it was fitted to (a cross-validation), or are validation recordings of the
             model itself.
+        base: of an adapted model, where the groups were fitted that it kept from the model that it
+            was adapted from, and before that.
     """
 
     groups: tuple[GroupCalibration, ...] = ()
     sites: tuple[CalibrationSite, ...] = ()
     left_out: bool = False
+    base: tuple[CalibrationOrigin, ...] = ()
 
     def __post_init__(self) -> None:
         names = tuple(group.name for group in self.groups)
@@ -151,6 +185,13 @@ class Calibration:
     def factor_table(self) -> Float64Array:
         """[groups, H] factors on the covariances."""
         return np.array([group.factors for group in self.groups], dtype=np.float64)
+
+    @cached_property
+    def sigma_factor_50_table(self) -> Float64Array:
+        """[groups, H] factors on the standard deviations for the 50 % ellipses."""
+        none = (1.0,) * self.horizon_steps
+        rows = [group.sigma_factors_50 or none for group in self.groups]
+        return np.array(rows, dtype=np.float64)
 
     @cached_property
     def inverse_temperatures(self) -> Float64Array:

@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 
-from mtpgo_core.task.calibration import Calibration
+from mtpgo_core.task.calibration import Calibration, CalibrationOrigin
 from mtpgo_training.adapt.site_predictions import SitePredictions
 from mtpgo_training.calibration.calibration_fit import fit_calibration
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
@@ -34,7 +34,10 @@ def site_calibration(samples: CalibrationSamples, base: Calibration) -> Calibrat
         own if own.agents >= FEWEST_PREDICTIONS else former
         for own, former in zip(fitted.groups, base.groups, strict=True)
     )
-    return dataclasses.replace(fitted, groups=groups, sites=(*fitted.sites, *base.sites))
+    if groups == fitted.groups:
+        return fitted
+    origins = (CalibrationOrigin(base.sites, base.left_out), *base.base)
+    return dataclasses.replace(fitted, groups=groups, base=origins)
 
 
 def cross_calibrated(predictions: SitePredictions, base: Calibration) -> SitePredictions:

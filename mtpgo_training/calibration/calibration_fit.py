@@ -9,6 +9,8 @@ towards the factors of all road users.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.optimize import isotonic_regression, minimize_scalar
 
@@ -18,6 +20,7 @@ from mtpgo_core.task.calibration import (
     FACTOR_LIMITS,
     GROUPS,
     MOTIONS,
+    SIGMA_FACTOR_50_LIMITS,
     TEMPERATURE_LIMITS,
     Calibration,
     CalibrationSite,
@@ -28,6 +31,18 @@ from mtpgo_training.evaluation.honesty.mode_weights import nearest
 
 LEVEL = 0.9
 """Share of the truths that the ellipse of this level shall hold."""
+
+WIDENED_LEVEL = 0.88
+"""Share of the truths up to which the 90 % ellipse is widened where it holds less; chosen on
+left-out sites by coverage and likelihood (docs/design.md, "Calibration")."""
+
+LEVEL_50 = 0.5
+"""The level of the second ellipse, which has a factor of its own: errors have heavier tails than a
+Gaussian, so the half of them that is smaller lies closer together."""
+
+FACTOR_50_LIMITS = (FACTOR_LIMITS[0] * SIGMA_FACTOR_50_LIMITS[0] ** 2, FACTOR_LIMITS[1])
+"""Smallest and largest factor on a covariance for the 50 % ellipse; most of the road users that
+stand have no error at all."""
 
 SITE_AGENTS = 100
 """A site with this many predictions of a group has half the weight of one with very many; chosen:
@@ -55,10 +70,9 @@ def fit_calibration(samples: CalibrationSamples, *, left_out: bool = False) -> C
     """
     samples = samples.thinned(SITE_LIMIT)
     all_agents = np.ones(len(samples), dtype=bool)
-    horizon = samples.distance.shape[1]
-    pooled = _fit(samples, all_agents, np.zeros(horizon), 0.0)
+    pooled = _fit(samples, all_agents, _Fit.nothing(samples.distance.shape[1]))
     by_motion = {
-        motion: _fit(samples, samples.group % len(MOTIONS) == index, *pooled)
+        motion: _fit(samples, samples.group % len(MOTIONS) == index, pooled)
         for index, motion in enumerate(MOTIONS)
     }
     groups = []
@@ -66,16 +80,22 @@ def fit_calibration(samples: CalibrationSamples, *, left_out: bool = False) -> C
         motion = MOTIONS[index % len(MOTIONS)]
         rows = samples.group == index
         if name.startswith("any_"):
-            rows, (factors, temperature) = samples.group % 2 == index % 2, by_motion[motion]
+            rows, fit = samples.group % 2 == index % 2, by_motion[motion]
         else:
-            factors, temperature = _fit(samples, rows, *by_motion[motion])
+            fit = _fit(samples, rows, by_motion[motion])
+        factors = np.clip(_monotone(fit.log_factors, samples.distance[rows]), *FACTOR_LIMITS)
+        inner = _monotone(fit.log_factors_50, samples.distance[rows])
+        sigma_50 = np.clip(np.sqrt(inner / factors), *SIGMA_FACTOR_50_LIMITS)
         groups.append(
             GroupCalibration(
                 name=name,
-                factors=tuple(_rounded(_monotone(factors, samples.distance[rows]))),
-                temperature=_rounded(np.clip([np.exp(temperature)], *TEMPERATURE_LIMITS))[0],
+                factors=tuple(_rounded(factors)),
+                temperature=_rounded(np.clip([np.exp(fit.log_temperature)], *TEMPERATURE_LIMITS))[
+                    0
+                ],
                 agents=int(np.isfinite(samples.distance[rows]).any(axis=1).sum()),
                 sites=len(np.unique(samples.site[rows])),
+                sigma_factors_50=tuple(_rounded(sigma_50)),
             )
         )
     counts = np.bincount(samples.site, minlength=len(samples.sites))
@@ -87,44 +107,78 @@ def fit_calibration(samples: CalibrationSamples, *, left_out: bool = False) -> C
     return Calibration(groups=tuple(groups), sites=sites, left_out=left_out)
 
 
-def _fit(
-    samples: CalibrationSamples, rows: BoolArray, log_factors: Array, log_temperature: float
-) -> tuple[Array, float]:
-    """Return [H] log factors and the log temperature of some agents, drawn towards those given."""
+@dataclass(frozen=True)
+class _Fit:
+    """What is fitted to some agents.
+
+    Attributes:
+        log_factors: [H] of the covariances.
+        log_factors_50: [H] factors on the covariances for the 50 % ellipses.
+        log_temperature: of the mode weights.
+    """
+
+    log_factors: Array
+    log_factors_50: Array
+    log_temperature: float
+
+    @classmethod
+    def nothing(cls, horizon: int) -> _Fit:
+        """Return what changes nothing."""
+        return cls(np.zeros(horizon), np.zeros(horizon), 0.0)
+
+
+def _fit(samples: CalibrationSamples, rows: BoolArray, toward: _Fit) -> _Fit:
+    """Return what is fitted to some agents, drawn towards what is given."""
     distance, site = samples.distance[rows], samples.site[rows]
-    fitted = log_factors.copy()
+    fitted, fitted_50 = toward.log_factors.copy(), toward.log_factors_50.copy()
     for step in range(distance.shape[1]):
         known = np.isfinite(distance[:, step])
         if known.any():
-            weight = site_weights(site[known])
-            factor = np.clip(best_factor(distance[known, step], weight), *FACTOR_LIMITS)
+            values, weight = distance[known, step], site_weights(site[known])
             own = _own_share(weight)
-            fitted[step] = own * np.log(factor) + (1.0 - own) * log_factors[step]
+            factor = np.clip(best_factor(values, weight), *FACTOR_LIMITS)
+            factor_50 = np.clip(level_factor(values, weight, LEVEL_50), *FACTOR_50_LIMITS)
+            fitted[step] += own * (np.log(factor) - fitted[step])
+            fitted_50[step] += own * (np.log(factor_50) - fitted_50[step])
     error = samples.mode_error[rows]
     whole = np.isfinite(error).all(axis=1) & np.isfinite(samples.log_weight[rows]).all(axis=1)
-    if error.shape[1] < 2 or not whole.any():
-        return fitted, log_temperature
-    weight = site_weights(site[whole])
-    own = _own_share(weight)
-    best = best_temperature(samples.log_weight[rows][whole], error[whole], weight)
-    return fitted, float(own * np.log(best) + (1.0 - own) * log_temperature)
+    temperature = toward.log_temperature
+    if error.shape[1] >= 2 and whole.any():
+        weight = site_weights(site[whole])
+        best = best_temperature(samples.log_weight[rows][whole], error[whole], weight)
+        temperature += _own_share(weight) * (np.log(best) - temperature)
+    return _Fit(fitted, fitted_50, float(temperature))
+
+
+def level_factor(distance: Array, weight: Array, level: float) -> float:
+    """Return the factor on the covariance at which the ellipse of a level holds its share.
+
+    Args:
+        distance: [n] squared Mahalanobis distances.
+        weight: [n] of the agents.
+        level: the share.
+    """
+    return weighted_quantile(distance, weight, level) / radius_squared(level)
 
 
 def best_factor(distance: Array, weight: Array) -> float:
-    """Return the factor at which the ellipse holds its share, but narrow at no cost of likelihood.
+    """Return the factor at which the ellipse holds its share, if the likelihood allows it.
 
     Errors may have heavier tails than a Gaussian: of road users that stand, most stay exactly
     where they are and some start. Ellipses that hold 90 % would then be so small that the others
     cost more likelihood than the narrow ellipses gain. A factor below 1 is therefore no smaller
     than the one of the largest likelihood, the mean squared distance divided by its expectation.
+    A factor above 1 costs likelihood on sites that need none, so that it is the smallest one that
+    brings the share to :data:`WIDENED_LEVEL`.
 
     Args:
         distance: [n] squared Mahalanobis distances.
         weight: [n] of the agents.
     """
-    factor = weighted_quantile(distance, weight, LEVEL) / radius_squared(LEVEL)
+    factor = level_factor(distance, weight, LEVEL)
     if factor >= 1.0:
-        return factor
+        enough = weighted_quantile(distance, weight, WIDENED_LEVEL) / radius_squared(LEVEL)
+        return max(1.0, enough)
     likeliest = float((weight * distance).sum() / weight.sum()) / EXPECTED_NEES
     return min(1.0, max(factor, likeliest))
 
@@ -186,8 +240,7 @@ def _own_share(weight: Array) -> float:
 def _monotone(log_factors: Array, distance: Array) -> Array:
     """Return [H] factors that do not decrease, by isotonic regression of their logarithms."""
     known = np.isfinite(distance).sum(axis=0) + 1.0  # steps that are known more often count more
-    level = isotonic_regression(log_factors, weights=known).x
-    return np.clip(np.exp(level), *FACTOR_LIMITS)
+    return np.exp(isotonic_regression(log_factors, weights=known).x)
 
 
 def _rounded(values: Array) -> list[float]:

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a calibration brings: coverage, sharpness, likelihood and mode weights, before and after.
 
-Averages are over sites, each of which counts the same, and within a site over its predictions.
+Averages are over sites, each of which counts the same, and within a site over its predictions,
+unless they are said to be of all road users.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ import numpy as np
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.quality.metrics import (
     MOVING_COVERAGE_KEY,
-    TIMES_S,
+    SITES_COVERAGE_KEY,
     Array,
-    radius_squared,
-    step_at,
+    average,
+    is_inside,
 )
 from mtpgo_core.schema import BoolArray
 from mtpgo_core.task.calibration import GROUPS, is_moving
-from mtpgo_training.calibration.calibration_fit import LEVEL, TIE_M, fit_calibration
+from mtpgo_training.calibration.calibration_fit import LEVEL, LEVEL_50, TIE_M, fit_calibration
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
 from mtpgo_training.calibration.calibration_text import is_moving_score
 from mtpgo_training.evaluation.honesty.mode_weights import (
@@ -45,8 +46,10 @@ class CalibrationScores:
             else the end of the horizon.
         known: predictions that are known at each time.
         coverage: share of the truths inside the heaviest mode's 90 % ellipse.
+        coverage_of_all: the same, every prediction counting the same whatever its site.
+        coverage_50: share of the truths inside the heaviest mode's 50 % ellipse.
         sigma_m: standard deviation of the heaviest mode, the fourth root of its determinant (m).
-        nll: negative log-likelihood of the truth under the heaviest mode (nats).
+        nll: negative log-likelihood of the truth under the mixture (nats).
         brier: squared difference of weights and nearest mode, summed over the modes.
         cross_entropy: negative log weight of the nearest mode (nats).
         heaviest_nearest: share in which the heaviest mode is the nearest, ties shared.
@@ -56,6 +59,8 @@ class CalibrationScores:
     times_s: tuple[float, ...]
     known: tuple[int, ...]
     coverage: tuple[float, ...]
+    coverage_of_all: tuple[float, ...]
+    coverage_50: tuple[float, ...]
     sigma_m: tuple[float, ...]
     nll: tuple[float, ...]
     brier: float
@@ -65,31 +70,31 @@ class CalibrationScores:
 
 def score_samples(samples: CalibrationSamples) -> CalibrationScores:
     """Score predictions; calibrate the samples first to score what that brings."""
-    horizon = samples.distance.shape[1]
-    reached = [s for s in TIMES_S if step_at(s, horizon, samples.step_s) is not None]
-    times_s = tuple(reached) or (round(horizon * samples.step_s, 6),)
-    known, coverage, sigma, nll = [], [], [], []
-    for time_s in times_s:
-        step = round(time_s / samples.step_s) - 1
+    known, coverage, of_all, coverage_50, sigma = [], [], [], [], []
+    for step in samples.steps.values():
         there = np.isfinite(samples.distance[:, step])
-        distance = samples.distance[there, step].astype(np.float64)
-        log_determinant = samples.log_determinant[there, step].astype(np.float64)
-        site = samples.site[there]
+        distance, site = samples.distance[there, step].astype(np.float64), samples.site[there]
+        inside = is_inside(distance, LEVEL).astype(float)
+        half = is_inside(distance, LEVEL_50, samples.sigma_factor_50[there, step]).astype(float)
         known.append(int(there.sum()))
-        coverage.append(_mean((distance <= radius_squared(LEVEL)).astype(float), site))
+        coverage.append(_mean(inside, site))
+        of_all.append(average(inside))
+        coverage_50.append(_mean(half, site))
+        log_determinant = samples.log_determinant[there, step].astype(np.float64)
         sigma.append(_mean(np.exp(0.25 * log_determinant), site))
-        nll.append(_mean(0.5 * (distance + log_determinant) + np.log(2.0 * np.pi), site))
     whole = np.isfinite(samples.mode_error).all(axis=1)
     site, log_weight = samples.site[whole], samples.log_weight[whole].astype(np.float64)
     target = nearest(samples.mode_error[whole], TIE_M) if whole.any() else log_weight
     finite = np.maximum(log_weight, np.finfo(np.float32).min)  # a weight of 0 that is not nearest
     return CalibrationScores(
         agents=int(np.isfinite(samples.distance).any(axis=1).sum()),
-        times_s=times_s,
+        times_s=tuple(samples.steps),
         known=tuple(known),
         coverage=tuple(coverage),
+        coverage_of_all=tuple(of_all),
+        coverage_50=tuple(coverage_50),
         sigma_m=tuple(sigma),
-        nll=tuple(nll),
+        nll=tuple(_known_mean(values, samples.site) for values in samples.nll.T),
         brier=_mean(brier_score(np.exp(log_weight), target), site),
         cross_entropy=_mean(-(target * finite).sum(axis=1), site),
         heaviest_nearest=_mean(heaviest_is_nearest(log_weight, target), site),
@@ -100,12 +105,19 @@ def moving_scores(samples: CalibrationSamples) -> dict[str, float | int | None]:
     """Return the coverage of moving road users as it is stored with a model.
 
     Returns:
-        ``moving_n``, the number of predictions that are known at the last of the times, and
-        ``coverage_90_moving_1s`` and so on, the share inside the 90 % ellipse after 1 s.
+        ``moving_n``, the number of predictions that are known at the last of the times,
+        ``coverage_90_moving_1s`` and so on, the share of all of them inside the 90 % ellipse after
+        1 s, and ``sites_coverage_90_moving_1s`` and so on, the mean of the shares of the sites.
     """
     scores = score_samples(samples.select(is_moving(samples.group)))
-    shares = zip(scores.times_s, scores.coverage, strict=True)
-    named = {MOVING_COVERAGE_KEY.format(time_s): none(share) for time_s, share in shares}
+    named = {
+        key.format(time_s): none(share)
+        for key, shares in (
+            (MOVING_COVERAGE_KEY, scores.coverage_of_all),
+            (SITES_COVERAGE_KEY, scores.coverage),
+        )
+        for time_s, share in zip(scores.times_s, shares, strict=True)
+    }
     return {"moving_n": scores.known[-1], **named}
 
 
@@ -147,7 +159,12 @@ def calibration_table(before: CalibrationSamples, after: CalibrationSamples) -> 
             scores = (score_samples(samples.select(chosen)) for samples in (before, after))
             rows.append(Row(name, _cells(*scores)))
     times = [f"{time_s:g} s" for time_s in score_samples(before).times_s]
-    heads = [f"in 90% at {time}" for time in times] + [f"sigma m {times[-1]}", f"NLL {times[-1]}"]
+    heads = [
+        *(f"in 90% at {time}" for time in times),
+        *(f"in 50% at {time}" for time in times),
+        f"sigma m {times[-1]}",
+        *(f"NLL {time}" for time in times),
+    ]
     return Table(["before > after", "agents", *heads, "Brier"], rows)
 
 
@@ -165,8 +182,9 @@ def _parts(samples: CalibrationSamples) -> Iterable[tuple[str, BoolArray]]:
 def _cells(before: CalibrationScores, after: CalibrationScores) -> list[str]:
     pairs = [
         *zip(before.coverage, after.coverage, strict=True),
+        *zip(before.coverage_50, after.coverage_50, strict=True),
         (before.sigma_m[-1], after.sigma_m[-1]),
-        (before.nll[-1], after.nll[-1]),
+        *zip(before.nll, after.nll, strict=True),
         (before.brier, after.brier),
     ]
     return [str(before.agents), *(f"{_text(one)} > {_text(other)}" for one, other in pairs)]
@@ -174,6 +192,12 @@ def _cells(before: CalibrationScores, after: CalibrationScores) -> list[str]:
 
 def _text(value: float) -> str:
     return "-" if np.isnan(value) else f"{value:.3f}"
+
+
+def _known_mean(values: Array, site: np.ndarray) -> float:
+    """Return the mean over the sites of what is known of each."""
+    known = np.isfinite(values)
+    return _mean(values[known], site[known])
 
 
 def _mean(values: Array, site: np.ndarray) -> float:

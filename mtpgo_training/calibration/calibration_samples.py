@@ -6,14 +6,22 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_core.quality.metrics import Array, Mask, nees
+from mtpgo_core.quality.metrics import (
+    TIMES_S,
+    Array,
+    Mask,
+    mahalanobis,
+    mixture_nll,
+    nees,
+    step_at,
+)
 from mtpgo_core.schema import BoolArray, Float32Array, IndexArray
 from mtpgo_core.task.calibration import Calibration, GroupArray
 from mtpgo_training.atomic_files import replacing
@@ -22,8 +30,11 @@ from mtpgo_training.evaluation.honesty.mode_weights import average_distance
 SAMPLES_FILE = "calibration.npz"
 """Name of the file of samples in the folder of a cross-validation's fold."""
 
-_FORMAT = 1
-_ARRAYS = ("site", "group", "distance", "log_determinant", "log_weight", "mode_error")
+_FORMAT = 2
+_OF_HEAVIEST = ("site", "group", "distance", "log_determinant", "log_weight", "mode_error")
+_OF_MODES = ("mode_distance", "mode_log_determinant")
+_STORED = (*_OF_HEAVIEST, *_OF_MODES)
+_ARRAYS = (*_STORED, "sigma_factor_50")
 
 
 @dataclass(frozen=True)
@@ -41,6 +52,12 @@ class CalibrationSamples:
         log_weight: [n, M] logarithms of the mode weights.
         mode_error: [n, M] distance of each mode from the truth, averaged over the known steps
             (m); NaN for agents that are not known at the last step.
+        mode_distance: [n, M, K] squared Mahalanobis distance of the truth from each mode at the K
+            steps of :func:`scored_steps`; NaN where the truth is not known, and throughout in
+            samples that an earlier version wrote.
+        mode_log_determinant: [n, M, K] of each mode's covariance there (m^4).
+        sigma_factor_50: [n, H] of the 50 % ellipses, see
+            :class:`~mtpgo_core.schema.Prediction`; 1 without a calibration, and not stored.
     """
 
     step_s: float
@@ -51,6 +68,13 @@ class CalibrationSamples:
     log_determinant: Float32Array
     log_weight: Float32Array
     mode_error: Float32Array
+    mode_distance: Float32Array
+    mode_log_determinant: Float32Array
+    sigma_factor_50: Float32Array = field(default_factory=lambda: np.empty((0, 0), np.float32))
+
+    def __post_init__(self) -> None:
+        if self.sigma_factor_50.shape != self.distance.shape:
+            object.__setattr__(self, "sigma_factor_50", np.ones_like(self.distance))
 
     def __len__(self) -> int:
         return self.site.shape[0]
@@ -94,6 +118,10 @@ class CalibrationSamples:
             log_determinant = np.log(determinant)
             log_weight = np.log(weight)
         usable = mask & np.isfinite(squared) & np.isfinite(log_determinant)
+        steps = list(scored_steps(mask.shape[1], step_s).values())
+        of_modes, spread = mahalanobis(
+            truth[:, None, steps] - mean[:, :, steps], covariance[:, :, steps]
+        )
         return cls(
             step_s=step_s,
             sites=tuple(sites),
@@ -103,6 +131,22 @@ class CalibrationSamples:
             log_determinant=log_determinant.astype(np.float32),
             log_weight=log_weight.astype(np.float32),
             mode_error=np.where(mask[:, -1:], average, np.nan).astype(np.float32),
+            mode_distance=np.where(usable[:, None, steps], of_modes, np.nan).astype(np.float32),
+            mode_log_determinant=spread.astype(np.float32),
+        )
+
+    @property
+    def steps(self) -> dict[float, int]:
+        """The steps of ``mode_distance`` by the time ahead, see :func:`scored_steps`."""
+        return scored_steps(self.distance.shape[1], self.step_s)
+
+    @property
+    def nll(self) -> Array:
+        """[n, K] negative log-likelihood of the truth under the mixture (nats), NaN if unknown."""
+        return mixture_nll(
+            self.log_weight.astype(np.float64),
+            self.mode_distance.astype(np.float64),
+            self.mode_log_determinant.astype(np.float64),
         )
 
     def select(self, rows: BoolArray | IndexArray) -> CalibrationSamples:
@@ -132,13 +176,18 @@ class CalibrationSamples:
         """Return what the samples would be if the predictions were calibrated."""
         if calibration.is_none:
             return self
-        return self._scaled(calibration.factor_table, calibration.inverse_temperatures)
+        calibrated = self._scaled(calibration.factor_table, calibration.inverse_temperatures)
+        factor = calibration.sigma_factor_50_table[self.group].astype(np.float32)
+        return dataclasses.replace(calibrated, sigma_factor_50=factor)
 
     def uncalibrated(self, calibration: Calibration) -> CalibrationSamples:
         """Return what the samples of calibrated predictions would be without the calibration."""
         if calibration.is_none:
             return self
-        return self._scaled(1.0 / calibration.factor_table, 1.0 / calibration.inverse_temperatures)
+        plain = self._scaled(
+            1.0 / calibration.factor_table, 1.0 / calibration.inverse_temperatures
+        )
+        return dataclasses.replace(plain, sigma_factor_50=np.ones_like(self.distance))
 
     def _scaled(self, factors: Array, powers: Array) -> CalibrationSamples:
         """Return samples with covariances times [groups, H] and weights to the power [groups]."""
@@ -146,11 +195,16 @@ class CalibrationSamples:
         with np.errstate(invalid="ignore"):
             log_weight = self.log_weight * powers[self.group][:, None]
             total = np.logaddexp.reduce(log_weight.astype(np.float64), axis=1, keepdims=True)
+        of_modes = factor[:, None, list(self.steps.values())]
         return dataclasses.replace(
             self,
             distance=(self.distance / factor).astype(np.float32),
             log_determinant=(self.log_determinant + 2.0 * np.log(factor)).astype(np.float32),
             log_weight=(log_weight - total).astype(np.float32),
+            mode_distance=(self.mode_distance / of_modes).astype(np.float32),
+            mode_log_determinant=(self.mode_log_determinant + 2.0 * np.log(of_modes)).astype(
+                np.float32
+            ),
         )
 
     def save(self, path: Path) -> None:
@@ -165,27 +219,34 @@ class CalibrationSamples:
                 format=np.array(_FORMAT),
                 step_s=np.array(self.step_s),
                 sites=np.array(self.sites, dtype=np.str_),
-                **{name: getattr(self, name) for name in _ARRAYS},
+                **{name: getattr(self, name) for name in _STORED},
             )
 
     @classmethod
     def load(cls, path: Path) -> CalibrationSamples:
         """Read samples from a file.
 
+        Samples of format 1 have nothing of the modes but the heaviest: the likelihood of their
+        mixture is NaN.
+
         Raises:
             ConfigurationError: it cannot be read or holds no samples of this format.
         """
         try:
             with np.load(path, allow_pickle=False) as data:
-                if int(data["format"]) != _FORMAT:
+                version = int(data["format"])
+                if version not in (1, _FORMAT):
                     raise ConfigurationError(
-                        f"{path} has samples of format {int(data['format'])}, expected {_FORMAT}"
+                        f"{path} has samples of format {version}, expected 1 or {_FORMAT}"
                     )
-                return cls(
-                    step_s=float(data["step_s"]),
-                    sites=tuple(map(str, data["sites"])),
-                    **{name: data[name] for name in _ARRAYS},
-                )
+                names = _OF_HEAVIEST if version == 1 else _STORED
+                arrays = {name: data[name] for name in names}
+                step_s = float(data["step_s"])
+                if version == 1:
+                    steps = scored_steps(arrays["distance"].shape[1], step_s)
+                    shape = (*arrays["log_weight"].shape, len(steps))
+                    arrays |= {name: np.full(shape, np.nan, np.float32) for name in _OF_MODES}
+                return cls(step_s=step_s, sites=tuple(map(str, data["sites"])), **arrays)
         except FileNotFoundError as error:
             raise ConfigurationError(f"the file of samples {path} does not exist") from error
         except ConfigurationError:
@@ -196,6 +257,20 @@ class CalibrationSamples:
                 f"{path} holds no samples for a calibration ({reason}), expected "
                 f"{SAMPLES_FILE} of a cross-validation's fold"
             ) from error
+
+
+def scored_steps(horizon: int, step_s: float) -> dict[float, int]:
+    """Return the steps at which samples are scored, by the time ahead (s), ascending.
+
+    They are those of ``TIMES_S`` at which there is a step, else the end of the horizon.
+
+    Args:
+        horizon: H.
+        step_s: time between two horizon steps (s).
+    """
+    found = {time_s: step_at(time_s, horizon, step_s) for time_s in map(float, TIMES_S)}
+    steps = {time_s: step for time_s, step in found.items() if step is not None}
+    return steps or {round(horizon * step_s, 6): horizon - 1}
 
 
 def merge_samples(parts: Sequence[CalibrationSamples]) -> CalibrationSamples:

@@ -7,28 +7,37 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, TIMES_S
-from mtpgo_core.task.calibration import Calibration
+from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, SITES_COVERAGE_KEY, TIMES_S
+from mtpgo_core.task.calibration import Calibration, CalibrationOrigin
 
-_BEFORE, _AFTER = MOVING_COVERAGE_KEY.split("{:g}")
+_PREFIXES = tuple(key.split("{:g}")[0] for key in (MOVING_COVERAGE_KEY, SITES_COVERAGE_KEY))
 
 
 def is_moving_score(key: str) -> bool:
     """Return whether a value in a model's metrics is of ``calibration_report.moving_scores``."""
-    return key.startswith((_BEFORE, "moving_n"))
+    return key.startswith((*_PREFIXES, "moving_n"))
 
 
-def moving_coverage(scores: Mapping[str, Any]) -> dict[float, float | None]:
-    """Return the shares in a model's metrics by the time ahead (s), ascending."""
+def moving_coverage(
+    scores: Mapping[str, Any], key: str = MOVING_COVERAGE_KEY
+) -> dict[float, float | None]:
+    """Return the shares in a model's metrics by the time ahead (s), ascending.
+
+    Args:
+        scores: the metrics.
+        key: name of the share: of all road users, or ``SITES_COVERAGE_KEY``. In files of earlier
+            versions, which have only the first, it is the mean of the sites.
+    """
+    before, after = key.split("{:g}")
     return {
-        float(key.removeprefix(_BEFORE).removesuffix(_AFTER)): scores[key]
-        for key in scores
-        if key.startswith(_BEFORE)
+        float(name.removeprefix(before).removesuffix(after)): scores[name]
+        for name in scores
+        if name.startswith(before)
     }
 
 
 def moving_text(scores: Mapping[str, Any]) -> str:
-    """Return the coverage of moving road users on one line.
+    """Return the coverage of moving road users on one line, of all and as the mean of the sites.
 
     Args:
         scores: of :func:`mtpgo_training.calibration.calibration_report.moving_scores`, and others.
@@ -36,15 +45,28 @@ def moving_text(scores: Mapping[str, Any]) -> str:
     Returns:
         The line, empty if the scores have no coverage of moving road users.
     """
-    shares = moving_coverage(scores)
-    if not shares:
-        return ""
-    times = " / ".join(f"{time_s:g}" for time_s in shares)
-    values = " / ".join("-" if share is None else f"{share:.3f}" for share in shares.values())
-    return (
-        f"{values} of moving road users are inside their 90 % ellipse after "
-        f"{times} s ({scores['moving_n']} predictions)"
+    of_all, of_sites = (
+        moving_coverage(scores, key) for key in (MOVING_COVERAGE_KEY, SITES_COVERAGE_KEY)
     )
+    if not of_all:
+        return ""
+    times = " / ".join(f"{time_s:g}" for time_s in of_all)
+    inside = (
+        f"of moving road users are inside their 90 % ellipse after {times} s "
+        f"({scores['moving_n']} predictions)"
+    )
+    if not of_sites:
+        return f"in the mean of the sites {_shares(of_all)} {inside}"
+    return f"{_shares(of_all)} {inside}, in the mean of the sites {_shares(of_sites)}"
+
+
+def _sites(origin: Calibration | CalibrationOrigin) -> str:
+    what = "left-out sites" if origin.left_out else "validation recordings"
+    return f"{what}: " + ", ".join(f"{site.name} ({site.agents})" for site in origin.sites)
+
+
+def _shares(by_time: Mapping[float, float | None]) -> str:
+    return " / ".join("-" if share is None else f"{share:.3f}" for share in by_time.values())
 
 
 def calibration_text(calibration: Calibration, step_s: float) -> list[str]:
@@ -56,17 +78,24 @@ def calibration_text(calibration: Calibration, step_s: float) -> list[str]:
     """
     if calibration.is_none:
         return ["none"]
-    what = "left-out sites" if calibration.left_out else "validation recordings"
-    sites = ", ".join(f"{site.name} ({site.agents})" for site in calibration.sites)
-    lines = [f"fitted to {what}: {sites}"]
+    lines = [f"fitted to {_sites(calibration)}"]
+    lines += [
+        f"groups that were hardly there, as before the adaptation: fitted to {_sites(origin)}"
+        for origin in calibration.base
+    ]
     steps = [round(t / step_s) for t in TIMES_S if round(t / step_s) <= calibration.horizon_steps]
     for group in calibration.groups:
         factors = "  ".join(
             f"{step * step_s:g} s {group.factors[step - 1]:.2f}"
             for step in steps or [calibration.horizon_steps]
         )
+        inner = "  ".join(
+            f"{group.sigma_factors_50[step - 1]:.2f}"
+            for step in (steps or [calibration.horizon_steps]) * bool(group.sigma_factors_50)
+        )
         lines.append(
             f"{group.name:<20} covariance x {factors}  temperature {group.temperature:.2f}  "
-            f"({group.agents} agents, {group.sites} sites)"
+            + (f"50 % ellipse x {inner}  " if inner else "")
+            + f"({group.agents} agents, {group.sites} sites)"
         )
     return lines

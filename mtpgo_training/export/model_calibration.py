@@ -63,29 +63,38 @@ def calibrated_metrics(candidate: Candidate, calibration: Calibration) -> dict[s
         calibration: what its file gets.
 
     Returns:
-        Its own scores if that is its own calibration; otherwise without those that depend on the
-        covariances, and with the coverage of moving road users if its validation samples are
-        there.
+        Its own scores, without those that depend on the covariances if that is not its own
+        calibration; the coverage of moving road users is counted anew if its validation samples
+        are there.
     """
     metrics: dict[str, Any] = candidate.checkpoint["metrics"]
-    if calibration == own_calibration(candidate.checkpoint) or "model" not in metrics:
+    if "model" not in metrics:
         return metrics
-    model = {
+    own = calibration == own_calibration(candidate.checkpoint)
+    model = metrics["model"] if own else _without_covariances(metrics["model"])
+    samples = validation_samples(candidate.path)
+    if samples is not None and "all" in model:
+        scores = with_moving_scores(model["all"], samples.calibrated(calibration))
+        model = {**model, "all": scores}
+    return {**metrics, "model": model}
+
+
+def _without_covariances(model: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a model's scores by protocol without those that another calibration changes."""
+    return {
         protocol: {
             key: None if key in OF_COVARIANCES else value
             for key, value in scores.items()
             if not is_moving_score(key)
         }
-        for protocol, scores in metrics["model"].items()
+        for protocol, scores in model.items()
     }
-    samples = validation_samples(candidate.path)
-    if samples is not None and "all" in model:
-        model["all"] = with_moving_scores(model["all"], samples.calibrated(calibration))
-    return {**metrics, "model": model}
 
 
 def check_coverage(metrics: Mapping[str, Any], *, force: bool = False) -> str:
     """Check the 90 % ellipses on the moving validation road users, 5 s ahead.
+
+    Every road user counts, not every site: a site of three would count like one of a thousand.
 
     Args:
         metrics: validation scores with the calibration of the file.

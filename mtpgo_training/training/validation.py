@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch_geometric.data import Data
@@ -102,10 +103,14 @@ def validate(
                         site=fields["site"][rows].numpy() if "site" in fields else 0,
                     )
                 )
+            half = np.ones(mask.shape)
             if not calibration.is_none:
+                half = calibration.sigma_factor_50_table[group]
                 weight = calibrated_weights(weight, group, calibration)
                 spread = calibrated_covariances(spread, group, calibration)
-            scores.add("model", protocol, score_agents(position, weight, spread, truth, mask))
+            scores.add(
+                "model", protocol, score_agents(position, weight, spread, truth, mask, half)
+            )
             paths = fields["baselines"][rows].numpy()  # [n, baselines, H, 2]
             for i, name in enumerate(BASELINES):
                 scores.add(name, protocol, score_paths(paths[:, i], truth, mask))

@@ -17,12 +17,16 @@ OPTIONS = LiveOptions()
 class ErrorStream:
     """Road users whose errors, in units of the shipped covariance, last for about two seconds.
 
+    Args:
+        shipped_50: factor on sigma for the 50 % ellipses that the model's file has.
+
     Attributes:
         tracker: learns from them at once, as if the horizon were short.
         inside: [cycles, 2] share of the truths in the 50 % and the 90 % ellipses.
     """
 
-    def __init__(self, agents=30, seed=0, options=OPTIONS, group=GROUP):
+    def __init__(self, agents=30, seed=0, options=OPTIONS, group=GROUP, shipped_50=1.0):
+        self.shipped_50 = np.array([shipped_50, 1.0])
         self.tracker = SigmaTracker(options, STEPS)
         self.rng = np.random.default_rng(seed)
         self.error = self.rng.normal(size=(agents, 2))
@@ -54,9 +58,10 @@ class ErrorStream:
         if not predicted:
             both[:, 0] = np.nan
         own = table[:, :, group, step].transpose(2, 0, 1)
+        radius = self.shipped_50**2 * [radius_squared(0.5), radius_squared(0.9)]
         inside = [
-            (squared <= radius_squared(p) * np.exp(2 * table[0, i, self.group, 0])).mean()
-            for i, p in enumerate((0.5, 0.9))
+            (squared <= radius[i] * np.exp(2 * table[0, i, self.group, 0])).mean()
+            for i in range(2)
         ]
         self.inside.append(inside)
         self.log.append(table[0, :, GROUP])
@@ -69,6 +74,7 @@ class ErrorStream:
                 cycle=np.full(n * STEPS, self.number),
                 span_s=np.full(n * STEPS, DT_S),
                 squared=both,
+                shipped_50=np.tile(np.log([self.shipped_50[0], 1.0]), (n * STEPS, 1)),
                 own=own,
                 pool=table[:, :, POOLS + group % 2, step].transpose(2, 0, 1),
             )

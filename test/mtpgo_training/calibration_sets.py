@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from mtpgo_core.task.calibration import GROUPS
-from mtpgo_training.calibration.calibration_samples import CalibrationSamples
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples, scored_steps
 
 VEHICLE, PEDESTRIAN = GROUPS.index("vehicle_moving"), GROUPS.index("pedestrian_moving")
 
@@ -37,20 +37,31 @@ def random_samples(
     log_weight = temperature * np.log(probability)
     error = np.full((total, modes), 5.0)
     error[np.arange(total), nearest] = 1.0
+    distance = (factor * draw.chisquare(2, (total, steps))).astype(np.float32)
     return CalibrationSamples(
         step_s=0.2,
         sites=tuple(sites),
         site=np.repeat(np.arange(len(sites)), counts).astype(np.int32),
         group=np.full(total, group, dtype=np.uint8),
-        distance=(factor * draw.chisquare(2, (total, steps))).astype(np.float32),
+        distance=distance,
         log_determinant=np.zeros((total, steps), np.float32),
         log_weight=(log_weight - np.logaddexp.reduce(log_weight, axis=1, keepdims=True)).astype(
             np.float32
         ),
         mode_error=error.astype(np.float32),
+        mode_distance=_of_modes(distance, modes, 0.2),
+        mode_log_determinant=_of_modes(np.zeros_like(distance), modes, 0.2),
     )
 
 
 def with_distance(samples, distance):
-    """The same agents at other distances [n, H]."""
-    return dataclasses.replace(samples, distance=np.asarray(distance, dtype=np.float32))
+    """The same agents at other distances [n, H], from each of the modes."""
+    distance = np.asarray(distance, dtype=np.float32)
+    of_modes = _of_modes(distance, samples.log_weight.shape[1], samples.step_s)
+    return dataclasses.replace(samples, distance=distance, mode_distance=of_modes)
+
+
+def _of_modes(values, modes, step_s):
+    """Return [n, M, K] the same for each mode at the scored steps, so that the mixture is one."""
+    steps = list(scored_steps(values.shape[1], step_s).values())
+    return np.repeat(values[:, None, steps], modes, axis=1)

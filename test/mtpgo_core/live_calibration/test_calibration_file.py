@@ -70,7 +70,7 @@ def _first_factor(value):
         (lambda text: "\0" * 100, "is damaged"),
         (lambda text: "[]", "is no calibration file"),
         (lambda text: "{}", "is no calibration file"),
-        (_change(format=2), "has format 2, expected 1"),
+        (_change(format=1), "has format 1, expected 2"),
         (_change(weights_sha256="cd" * 32), "is of a model with weights cdcdcdcdcdcd"),
         (_change(weights_sha256=None), "is of a model with weights None"),
         (_change(levels=[0.5, 0.95]), "other levels"),

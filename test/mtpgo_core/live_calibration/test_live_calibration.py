@@ -15,6 +15,7 @@ from mtpgo_core.live_calibration.served_tables import apply_factors
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import select
 from mtpgo_core.schema import AgentClass, CalibrationStage, Source, tracked_states
+from mtpgo_core.task.calibration import SIGMA_FACTOR_50_LIMITS
 from mtpgo_core.task.task_description import HistoryConfig
 
 MOVING, AGENTS, SPEED_MPS = 1, 8, 10.0
@@ -28,7 +29,8 @@ class Road:
         served, shipped: the last prediction as published and as the model gave it.
     """
 
-    def __init__(self, options=ONLINE, offset_m=0.0, horizon_steps=25):
+    def __init__(self, options=ONLINE, offset_m=0.0, horizon_steps=25, shipped_50=1.0):
+        self.shipped_50 = shipped_50
         config = HistoryConfig()
         self.history = TrackHistory(config)
         self.live = LiveCalibration(options, config, horizon_steps)
@@ -66,7 +68,9 @@ class Road:
         if by_model is not None:
             source[:] = np.where(by_model, Source.MODEL, Source.CONSTANT_VELOCITY)
         mean[source == Source.MODEL, ..., 1] += self.offset_m
-        self.shipped = dataclasses.replace(cv, mean=mean, source=source)
+        factor = np.ones((len(cv), self.horizon_steps))
+        factor[source == Source.MODEL] = self.shipped_50
+        self.shipped = dataclasses.replace(cv, mean=mean, source=source, sigma_factor_50=factor)
         self.served = self.live.serve(self.shipped, window)
 
     def sigma(self, source=Source.MODEL):
@@ -89,6 +93,37 @@ def test_covariances_are_corrected_and_nothing_else():
         np.testing.assert_array_equal(getattr(served, name), getattr(road.shipped, name))
     assert (served.calibration == CalibrationStage.ONLINE).all()
     assert (served.sigma_factor_50 > 0.0).all()
+
+
+def test_the_factor_of_the_50_percent_ellipse_in_the_file_is_where_the_online_one_starts():
+    road = Road(shipped_50=0.6)
+    served = road.drive(0.2)
+    np.testing.assert_allclose(served.sigma_factor_50, 0.6)
+    half = np.array([False, True] * (AGENTS // 2))
+    served = Road(shipped_50=0.6).drive(0.2, by_model=half)
+    np.testing.assert_allclose(served.sigma_factor_50[half], 0.6)
+    np.testing.assert_allclose(served.sigma_factor_50[~half], 1.0)
+
+
+def test_the_50_percent_ellipse_is_learned_of_as_it_was_served():
+    """Errors of 1.05 sigma: inside of the ellipse of a Gaussian (1.18), outside of 0.6 of it."""
+    cv = Road()
+    cv.drive(0.2)
+    offset = 1.05 * np.sqrt(cv.shipped.covariance[0, 0, 0, 1, 1])
+    wide, narrow = Road(offset_m=offset), Road(offset_m=offset, shipped_50=0.6)
+    for road in (wide, narrow):
+        road.drive(0.6)  # the first outcomes, one step ahead
+    first = [road.live.tracker.log_sigma[Source.MODEL, 0, MOVING, 0] for road in (wide, narrow)]
+    assert first[0] < 0.0 < first[1]
+
+
+def test_the_ellipses_of_both_factors_together_lie_within_each_other():
+    road = Road(shipped_50=1.3)
+    road.drive(0.2)
+    table = np.zeros_like(road.live.tracker.log_sigma)
+    table[:, 0] = np.log(2.0)
+    served = apply_factors(road.shipped, np.full(AGENTS, MOVING), table)
+    np.testing.assert_allclose(served.sigma_factor_50, SIGMA_FACTOR_50_LIMITS[1])
 
 
 @pytest.mark.parametrize("calibration", ["shipped", "off"])

@@ -8,14 +8,13 @@ from live_stream import ErrorStream
 
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.live_calibration.sigma_tracker import (
-    LARGEST_SIGMA_RATIO_50,
     POOLS,
     SIGMA_LIMITS,
     SigmaTracker,
     Squares,
 )
 from mtpgo_core.quality.metrics import radius_squared, sigma_factor
-from mtpgo_core.task.calibration import GROUPS
+from mtpgo_core.task.calibration import GROUPS, SIGMA_FACTOR_50_LIMITS
 
 PEDESTRIANS = GROUPS.index("pedestrian_moving")
 
@@ -39,6 +38,19 @@ def test_both_ellipses_hold_what_they_should_after_a_minute(scale, heavy):
     assert 0.87 < most < 0.93
     if heavy:  # a Gaussian with the right 90 % ellipse would hold more than half in the inner one
         assert (stream.sigma(level=0) < 0.85 * stream.sigma(level=1)).all()
+
+
+def test_a_shipped_50_percent_ellipse_that_is_right_keeps_its_factor():
+    """Errors with heavy tails; without the shipped factor the inner ellipse has to be learned."""
+    learned, shipped = ErrorStream(seed=2), ErrorStream(seed=2, shipped_50=0.75)
+    for stream in (learned, shipped):
+        stream.run(240, scale=0.77, heavy=True)
+    assert (learned.sigma(level=0) < 0.85).all()
+    assert shipped.sigma(level=0) == pytest.approx(1.0, abs=0.15)
+    np.testing.assert_allclose(
+        0.75 * shipped.sigma(level=0), learned.sigma(level=0), rtol=0.1
+    )  # in the end both are the same
+    np.testing.assert_allclose(shipped.coverage(180), [0.5, 0.9], atol=0.04)
 
 
 @pytest.mark.parametrize("agents", [10, 30])
@@ -138,7 +150,7 @@ def test_ellipses_of_all_levels_lie_within_each_other_at_any_ratio_of_the_two():
     level = np.linspace(0.01, 0.999, 400)
     plain = np.sqrt([radius_squared(p) for p in level])
     smallest = SIGMA_LIMITS[0] / SIGMA_LIMITS[1]
-    for ratio in np.geomspace(smallest, LARGEST_SIGMA_RATIO_50, 9):
+    for ratio in np.geomspace(smallest, SIGMA_FACTOR_50_LIMITS[1], 9):
         radius = plain * [sigma_factor(p, ratio) for p in level]
         assert (np.diff(radius) > 0.0).all()
 
@@ -174,6 +186,7 @@ def test_the_long_run_coverage_of_heavy_tails_that_become_known_five_seconds_lat
                 cycle=np.full(m, cycle),
                 span_s=np.full(m, dt_s),
                 squared=np.stack([squared[rows]] * 2, axis=1),
+                shipped_50=np.zeros((m, 2)),
                 own=np.tile(served[0], (m, 1, 1)),
                 pool=np.tile(served[1], (m, 1, 1)),
             )

@@ -13,7 +13,7 @@ from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.calibrated_prediction import calibrate
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.scene.scene_builder import build_scenes
-from mtpgo_core.schema import AgentClass
+from mtpgo_core.schema import AgentClass, CalibrationStage
 from mtpgo_core.task.calibration import GROUPS, Calibration, GroupCalibration
 from mtpgo_core.task.task_description import HistoryConfig, TaskDescription
 
@@ -32,6 +32,7 @@ def calibration(steps=HORIZON):
             name=name,
             factors=tuple(1.0 + i + 0.1 * k for k in range(steps)),
             temperature=1.0 + 0.5 * i,
+            sigma_factors_50=tuple(0.3 + 0.1 * i + 0.01 * k for k in range(steps)),
         )
         for i, name in enumerate(GROUPS)
     )
@@ -80,6 +81,15 @@ def test_the_runner_changes_weights_by_temperature_and_keeps_means_and_order(pre
     assert (np.diff(calibrated.weight, axis=1) <= 0.0).all()
     np.testing.assert_array_equal(calibrated.mean, plain.mean)
     np.testing.assert_array_equal(calibrated.yaw, plain.yaw)
+
+
+def test_the_runner_gives_the_factors_of_the_50_percent_ellipses(predictions):
+    plain, calibrated = predictions
+    assert (plain.sigma_factor_50 == 1.0).all()
+    for row, group in enumerate(FOUND):
+        expected = 0.3 + 0.1 * group + 0.01 * np.arange(HORIZON)
+        np.testing.assert_allclose(calibrated.sigma_factor_50[row], expected)
+    assert (calibrated.calibration == CalibrationStage.SHIPPED).all()
 
 
 def test_a_velocity_that_was_never_known_counts_as_moving(predictions):

@@ -65,6 +65,26 @@ def test_values_outside_of_the_limits_are_refused(fields, sentence):
         GroupCalibration(**fields)
 
 
+def test_factors_of_the_50_percent_ellipses_are_for_all_steps_or_none():
+    assert GroupCalibration(factors=(1.0, 2.0), sigma_factors_50=(0.7, 0.6)).sigma_factors_50
+    sentence = "sigma_factors_50 of any_moving are 1, expected none or one for each of the 2"
+    with pytest.raises(ConfigurationError, match=sentence):
+        GroupCalibration(factors=(1.0, 2.0), sigma_factors_50=(0.7,))
+    with pytest.raises(ConfigurationError, match=r"sigma_factors_50 is 1\.5, expected 0\.2 to 1"):
+        GroupCalibration(factors=(1.0,), sigma_factors_50=(1.5,))
+
+
+def test_a_description_without_factors_of_the_50_percent_ellipses_has_ones():
+    """As files of earlier versions."""
+    data = json.loads(
+        TaskDescription(horizon_steps=2, calibration=calibration(1.0, 2.0)).to_json()
+    )
+    for group in data["calibration"]["groups"]:
+        del group["sigma_factors_50"]
+    found = TaskDescription.from_json(json.dumps(data)).calibration
+    np.testing.assert_array_equal(found.sigma_factor_50_table, np.ones((len(GROUPS), 2)))
+
+
 def test_a_calibration_is_complete_or_empty():
     with pytest.raises(ConfigurationError, match=r"calibration\.groups is "):
         Calibration(groups=calibration(1.0).groups[:3])

@@ -10,8 +10,10 @@ import pytest
 from site_data import predictions
 
 from mtpgo_core.task.calibration import GROUPS, Calibration, CalibrationSite, GroupCalibration
+from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.adapt.adaptation_scores import score_site
 from mtpgo_training.adapt.site_calibration import cross_calibrated, site_calibration
+from mtpgo_training.calibration.calibration_text import calibration_text
 
 RADIUS = math.sqrt(-2.0 * math.log(0.1))
 """Of the 90 % circle, in standard deviations."""
@@ -35,7 +37,24 @@ def test_groups_that_the_site_shows_are_fitted_and_the_others_keep_the_base_mode
     assert by_name["any_moving"].factors[0] == pytest.approx(4.0, rel=0.2)
     for name in ("pedestrian_moving", "vehicle_standing", "any_standing"):
         assert by_name[name] == BASE.groups[GROUPS.index(name)]
-    assert [site.name for site in fitted.sites] == ["here", "home"]
+    assert [site.name for site in fitted.sites] == ["here"]
+
+
+def test_where_the_base_model_was_calibrated_is_kept_apart_from_the_site():
+    base = dataclasses.replace(BASE, left_out=True)
+    first = site_calibration(predictions(errors(2.0)).samples(), base)
+    assert calibration_text(first, 0.2)[:2] == [
+        "fitted to validation recordings: here (2000)",
+        "groups that were hardly there, as before the adaptation: fitted to left-out sites: "
+        "home (9)",
+    ]
+    again = site_calibration(predictions(errors(2.0)).samples(), first)
+    assert [(origin.sites[0].name, origin.left_out) for origin in again.base] == [
+        ("here", False),
+        ("home", True),
+    ]
+    task = TaskDescription(horizon_steps=2, calibration=again)
+    assert TaskDescription.from_json(task.to_json()).calibration == again
 
 
 def test_without_a_calibration_of_the_base_all_groups_are_fitted():

@@ -9,7 +9,8 @@ import pytest
 from calibration_sets import VEHICLE, random_samples, with_distance
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.calibration.calibration_fit import fit_calibration
+from mtpgo_core.quality.metrics import SITES_COVERAGE_KEY
+from mtpgo_training.calibration.calibration_fit import WIDENED_LEVEL, fit_calibration
 from mtpgo_training.calibration.calibration_report import (
     calibration_table,
     leave_one_site_out,
@@ -27,6 +28,7 @@ def test_scores_by_hand():
     distance[:, 4] = [1.0, 2.0, 4.0, 50.0]
     samples = with_distance(samples, distance)
     samples.log_determinant[:, 4] = np.log(16.0)
+    samples.mode_log_determinant[:] = np.log(16.0)
     samples.log_weight[:] = np.log([0.5, 0.25, 0.25])
     samples.mode_error[:] = [1.0, 5.0, 5.0]
     samples.mode_error[3] = [5.0, 1.0, 5.0]
@@ -34,7 +36,11 @@ def test_scores_by_hand():
     assert (scores.times_s, scores.known, scores.coverage) == ((1.0,), (4,), (0.75,))
     assert scores.sigma_m == pytest.approx((2.0,))
     expected = 0.5 * (57.0 / 4.0 + np.log(16.0)) + np.log(2.0 * np.pi)
-    assert scores.nll == pytest.approx((expected,))
+    assert scores.nll == pytest.approx((expected,))  # all modes are the same
+    # Of 1, 2, 4 and 50, the first is inside of 1.39, and inside of 1.39 * 1.3^2 the second, too.
+    assert scores.coverage_50 == (0.25,)
+    samples.sigma_factor_50[:] = 1.3
+    assert score_samples(samples).coverage_50 == (0.5,)
     assert scores.heaviest_nearest == 0.75
     first, last = 0.5**2 + 2 * 0.25**2, 0.5**2 + 0.75**2 + 0.25**2
     assert scores.brier == pytest.approx((3 * first + last) / 4)
@@ -44,7 +50,33 @@ def test_scores_by_hand():
 def test_a_mean_is_over_sites_first():
     samples = random_samples(1, sites=("a", "b"), n=(90, 10), steps=5)
     distance = np.where(samples.site == 0, 1.0, 99.0)[:, None].repeat(5, axis=1)
-    assert score_samples(with_distance(samples, distance)).coverage == (0.5,)
+    scores = score_samples(with_distance(samples, distance))
+    assert scores.coverage == (0.5,)
+    assert scores.coverage_of_all == (0.9,)
+
+
+def test_the_likelihood_in_the_table_is_that_of_the_mixture():
+    """The heaviest mode misses by far, another one is right."""
+    samples = random_samples(1, sites=("a", "b"), n=2000, modes=2)
+    samples.log_weight[:] = np.log([0.6, 0.4])
+    samples.mode_distance[:, 0] += 100.0
+    scores = score_samples(with_distance_of_heaviest(samples))
+    expected = -np.log(0.4) + 0.5 * samples.mode_distance[:, 1].mean(axis=0) + np.log(2.0 * np.pi)
+    assert scores.nll == pytest.approx(tuple(expected), rel=1e-3)
+    table = calibration_table(samples, samples)
+    assert [head for head in table.heads if head.startswith("NLL")] == [
+        "NLL 1 s",
+        "NLL 3 s",
+        "NLL 5 s",
+    ]
+    assert f"{expected[0]:.3f} > {expected[0]:.3f}" in table.rows[0].cells
+
+
+def with_distance_of_heaviest(samples):
+    """The same with the distances of the first mode at the scored steps."""
+    distance = samples.distance.copy()
+    distance[:, list(samples.steps.values())] = samples.mode_distance[:, 0]
+    return dataclasses.replace(samples, distance=distance)
 
 
 def test_moving_road_users_only_are_in_the_coverage_that_is_stored():
@@ -58,11 +90,27 @@ def test_moving_road_users_only_are_in_the_coverage_that_is_stored():
     scores = moving_scores(samples)
     assert scores["moving_n"] == 8
     assert moving_coverage(scores) == {1.0: 1.0, 3.0: 1.0, 5.0: 1.0}
-    assert moving_text(scores) == (
-        "1.000 / 1.000 / 1.000 of moving road users are inside their 90 % ellipse after "
-        "1 / 3 / 5 s (8 predictions)"
-    )
     assert moving_text({"ade": 1.0}) == ""
+
+
+def test_the_share_of_all_road_users_and_the_mean_of_the_sites_are_told_apart():
+    """One site of ninety road users, all inside, and one of ten, all outside."""
+    samples = random_samples(1, sites=("a", "b"), n=(90, 10))
+    distance = np.where(samples.site == 0, 1.0, 99.0)[:, None].repeat(25, axis=1)
+    scores = moving_scores(with_distance(samples, distance))
+    assert moving_coverage(scores) == {1.0: 0.9, 3.0: 0.9, 5.0: 0.9}
+    assert moving_coverage(scores, SITES_COVERAGE_KEY) == {1.0: 0.5, 3.0: 0.5, 5.0: 0.5}
+    assert moving_text(scores) == (
+        "0.900 / 0.900 / 0.900 of moving road users are inside their 90 % ellipse after "
+        "1 / 3 / 5 s (100 predictions), in the mean of the sites 0.500 / 0.500 / 0.500"
+    )
+
+
+def test_the_coverage_in_files_of_earlier_versions_is_said_to_be_the_mean_of_the_sites():
+    assert moving_text({"moving_n": 8, "coverage_90_moving_5s": 0.875}) == (
+        "in the mean of the sites 0.875 of moving road users are inside their 90 % ellipse "
+        "after 5 s (8 predictions)"
+    )
 
 
 def test_without_moving_road_users_the_coverage_is_not_known():
@@ -94,7 +142,7 @@ def test_the_likelihood_of_too_narrow_ellipses_falls_with_the_calibration():
     samples = random_samples(1, sites=("a", "b"), n=2000, growth=6.0)
     before, after = score_samples(samples), score_samples(leave_one_site_out(samples))
     assert after.nll[-1] < before.nll[-1]
-    assert after.coverage[-1] == pytest.approx(0.9, abs=0.02)
+    assert after.coverage[-1] == pytest.approx(WIDENED_LEVEL, abs=0.02)
     assert before.coverage[-1] < 0.4
 
 
@@ -112,6 +160,10 @@ def test_what_lies_between_two_steps_is_not_said_to_be_at_a_time():
     """No step of 0.4 s is at 1, 3 or 5 s: the end of the horizon is given, with its time."""
     samples = dataclasses.replace(random_samples(1, steps=12), step_s=0.4)
     assert score_samples(samples).times_s == (4.8,)
-    assert set(moving_scores(samples)) == {"moving_n", "coverage_90_moving_4.8s"}
+    assert set(moving_scores(samples)) == {
+        "moving_n",
+        "coverage_90_moving_4.8s",
+        "sites_coverage_90_moving_4.8s",
+    }
     samples = dataclasses.replace(random_samples(1, steps=12), step_s=0.5)
     assert score_samples(samples).times_s == (1, 3, 5)

@@ -7,6 +7,8 @@ import pytest
 from calibration_sets import random_samples
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_core.prediction.calibrated_prediction import calibrated_covariances, calibrated_weights
+from mtpgo_core.quality import metrics
 from mtpgo_core.task.calibration import GROUPS, Calibration, GroupCalibration
 from mtpgo_training.calibration.calibration_samples import (
     CalibrationSamples,
@@ -14,11 +16,79 @@ from mtpgo_training.calibration.calibration_samples import (
     merge_samples,
 )
 
+NAMES = ("site", "group", "distance", "log_determinant", "log_weight", "mode_error")
+
 
 def assert_equal(one, other):
     assert (one.step_s, one.sites) == (other.step_s, other.sites)
-    for name in ("site", "group", "distance", "log_determinant", "log_weight", "mode_error"):
+    for name in (*NAMES, "mode_distance", "mode_log_determinant"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def some_predictions(n=40, modes=3, steps=15):
+    """Mean, weight, covariance and truth of random predictions."""
+    draw = np.random.default_rng(3)
+    root = draw.normal(size=(n, modes, steps, 2, 2))
+    covariance = root @ np.swapaxes(root, -1, -2) + 0.1 * np.eye(2)
+    mean, truth = draw.normal(size=(n, modes, steps, 2)), draw.normal(size=(n, steps, 2))
+    return mean, draw.dirichlet(np.ones(modes), n), covariance, truth
+
+
+def test_the_likelihood_of_the_mixture_is_that_of_the_predictions_before_and_after():
+    mean, weight, covariance, truth = some_predictions()
+    mask = np.ones(truth.shape[:2], dtype=bool)
+    mask[0, 4] = False
+    group = np.arange(len(mean)) % len(GROUPS)
+    given = {"group": group, "step_s": 0.2, "sites": ("a",)}
+    samples = CalibrationSamples.of(mean, weight, covariance, truth, mask, **given)
+    assert samples.steps == {1.0: 4, 3.0: 14}
+    groups = tuple(
+        GroupCalibration(name, tuple(1.0 + i + 0.1 * k for k in range(15)), 1.0 + 0.4 * i)
+        for i, name in enumerate(GROUPS)
+    )
+    calibration = Calibration(groups)
+    calibrated = (
+        calibrated_weights(weight, group, calibration),
+        calibrated_covariances(covariance, group, calibration),
+    )
+    for found, (w, c) in (
+        (samples, (weight, covariance)),
+        (samples.calibrated(calibration), calibrated),
+        (samples.calibrated(calibration).uncalibrated(calibration), (weight, covariance)),
+    ):
+        expected = metrics.nll(mean, w, c, truth)[:, [4, 14]]
+        expected[0, 0] = np.nan
+        np.testing.assert_allclose(found.nll, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_samples_carry_the_factors_of_the_50_percent_ellipses():
+    groups = tuple(
+        GroupCalibration(name, (2.0, 2.0), sigma_factors_50=(0.5, 0.6 + 0.01 * i))
+        for i, name in enumerate(GROUPS)
+    )
+    plain = compared()
+    assert (plain.sigma_factor_50 == 1.0).all()
+    after = plain.calibrated(Calibration(groups))
+    np.testing.assert_allclose(after.sigma_factor_50, [[0.5, 0.61], [0.5, 0.65]])
+    again = after.uncalibrated(Calibration(groups))
+    assert (again.sigma_factor_50 == 1.0).all()
+    np.testing.assert_allclose(again.distance, plain.distance)
+
+
+def test_samples_of_an_earlier_version_have_no_likelihood_of_the_mixture(tmp_path):
+    now = random_samples(1, n=3)
+    arrays = {name: getattr(now, name) for name in NAMES}
+    path = tmp_path / "calibration.npz"
+    np.savez(path, format=1, step_s=0.2, sites=np.array(["a"]), **arrays)
+    then = CalibrationSamples.load(path)
+    np.testing.assert_array_equal(then.distance, now.distance)
+    assert then.nll.shape == (3, 3)
+    assert np.isnan(then.nll).all()
+    assert np.isfinite(now.nll).all()
+    assert_equal(merge_samples([then, now]).select(np.arange(3, 6)), now)
+    np.savez(path, format=3, step_s=0.2, sites=np.array(["a"]), **arrays)
+    with pytest.raises(ConfigurationError, match="has samples of format 3, expected 1 or 2"):
+        CalibrationSamples.load(path)
 
 
 def compared(mask=((True, True), (True, False))):

@@ -13,13 +13,17 @@ from models.mtp_go import MTPGO
 from models.mtp_go_config import ModelConfig
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.model_runner import load_task
+from mtpgo_core.quality.metrics import radius_squared
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_training import cli
-from mtpgo_training.calibration.calibration_fit import fit_calibration
+from mtpgo_training.calibration.calibration_fit import LEVEL, WIDENED_LEVEL, fit_calibration
 from mtpgo_training.calibration.calibration_report import moving_scores
 from mtpgo_training.export.model_calibration import check_coverage
 from mtpgo_training.training.run_folder import RunFolder
 from mtpgo_training.training.training_config import TrainingConfig
+
+WIDENED = radius_squared(WIDENED_LEVEL) / radius_squared(LEVEL)
+"""What widening needs of the factor at which the ellipse would hold 90 % of a Gaussian."""
 
 OPTIONS = {"hidden": 8, "modes": 3, "horizon_steps": 25, "ode_hidden": 4}
 
@@ -131,11 +135,11 @@ def test_a_model_is_calibrated_on_left_out_sites(make_run, tmp_path, capsys):
         ("x", 2000),
         ("y", 2000),
     ]
-    np.testing.assert_allclose(task.calibration.factor_table[:, -1], 6.0, rtol=0.1)
+    np.testing.assert_allclose(task.calibration.factor_table[:, -1], 6.0 * WIDENED, rtol=0.1)
     here, there = (task.metrics[name]["model"]["all"] for name in ("validation", "left-out sites"))
-    # An ellipse of 6 holds 1 - 0.1^(6 / 4) of an error of 4.
-    assert here["coverage_90_moving_5s"] == pytest.approx(0.968, abs=0.02)
-    assert there["coverage_90_moving_5s"] == pytest.approx(0.9, abs=0.02)
+    # An ellipse of 5.5 holds 1 - 0.1^(5.5 / 4) of an error of 4.
+    assert here["coverage_90_moving_5s"] == pytest.approx(0.958, abs=0.02)
+    assert there["coverage_90_moving_5s"] == pytest.approx(WIDENED_LEVEL, abs=0.02)
     assert there["moving_n"] == 4000
     out = capsys.readouterr().out
     assert "each site without and with the calibration fitted to the other sites:" in out
@@ -151,6 +155,35 @@ def test_samples_of_another_model_are_one_sentence(make_run, tmp_path, capsys):
     assert "5 steps of 0.2 s" in error
     assert error.count("\n") == 1
     assert not (tmp_path / "m.pt").exists()
+
+
+def test_the_check_is_of_all_road_users_not_of_the_mean_of_sites(make_run, tmp_path, capsys):
+    """One site of a thousand with right ellipses, and one of three that are all outside."""
+    samples = random_samples(1, sites=("here", "corner"), n=(1000, 3))
+    distance = np.where(samples.site[:, None] == 0, samples.distance, 99.0)
+    run = make_run(with_distance(samples, distance), Calibration())
+    assert cli.main(["export", str(run), "-o", str(tmp_path / "m.pt")]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    scores = load_task(tmp_path / "m.pt").metrics["validation"]["model"]["all"]
+    assert scores["coverage_90_moving_5s"] == pytest.approx(0.9, abs=0.03)
+    assert scores["sites_coverage_90_moving_5s"] == pytest.approx(0.45, abs=0.015)
+    assert "of moving road users are inside" in out
+    assert f"in the mean of the sites {scores['sites_coverage_90_moving_1s']:.3f} / 0.4" in out
+
+
+def test_the_check_of_a_checkpoint_of_an_earlier_version_counts_its_samples(make_run, tmp_path):
+    """Its scores have the mean of the sites in place of the share of all road users."""
+    samples = random_samples(1, sites=("here", "corner"), n=(1000, 3))
+    distance = np.where(samples.site[:, None] == 0, samples.distance, 99.0)
+    run = RunFolder(make_run(with_distance(samples, distance), Calibration()))
+    checkpoint = torch.load(run.best, weights_only=True)
+    scores = checkpoint["metrics"]["model"]["all"]
+    for time_s in (1, 3, 5):
+        share = scores.pop(f"sites_coverage_90_moving_{time_s}s")
+        scores[f"coverage_90_moving_{time_s}s"] = share
+    torch.save(checkpoint, run.best)
+    assert cli.main(["export", str(run.path), "-o", str(tmp_path / "m.pt")]) == 0
 
 
 def test_the_samples_of_the_best_checkpoint_are_not_those_of_the_last(make_run, tmp_path, capsys):

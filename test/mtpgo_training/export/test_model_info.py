@@ -65,6 +65,7 @@ def test_the_calibration_and_the_coverage_of_moving_road_users_are_described():
     )
     calibration = Calibration(groups, (CalibrationSite("a", 5), CalibrationSite("b", 4)), True)
     scores = {"ade": 0.5, "moving_n": 60, "coverage_90_moving_5s": 0.875}
+    scores["sites_coverage_90_moving_5s"] = 0.8
     metrics = {"validation": {"model": {"all": scores}}}
     text = lines(calibration=calibration, metrics=metrics)
     assert text[9] == "calibrated fitted to left-out sites: a (5), b (4)"
@@ -74,9 +75,18 @@ def test_the_calibration_and_the_coverage_of_moving_road_users_are_described():
     )
     assert text[10 + len(GROUPS)] == (
         "coverage   validation: 0.875 of moving road users are inside their 90 % ellipse after "
-        "5 s (60 predictions)"
+        "5 s (60 predictions), in the mean of the sites 0.800"
     )
     assert text[-1] == "           model  all     ade 0.500"
+
+
+def test_the_factors_of_the_50_percent_ellipses_are_described_where_there_are_any():
+    groups = tuple(
+        GroupCalibration(name=name, factors=(1.0,) * 25, sigma_factors_50=(0.5,) * 24 + (0.75,))
+        for name in GROUPS
+    )
+    text = " ".join(lines(calibration=Calibration(groups))[10].split())
+    assert "temperature 1.00 50 % ellipse x 0.50 0.50 0.75 (0 agents, 0 sites)" in text
 
 
 def test_the_single_factor_of_an_earlier_version_is_described():

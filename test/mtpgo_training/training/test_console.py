@@ -111,6 +111,7 @@ def test_the_summary_of_a_validated_run_names_its_epoch_and_the_export():
     run = new_run(with_options(keep="last"))
     run.state.metrics = {"model": {"all": {**values, "n": 7, "n_final": 7}}}
     run.state.metrics["model"]["all"] |= {"moving_n": 5, "coverage_90_moving_1s": 0.9125}
+    run.state.metrics["model"]["all"]["sites_coverage_90_moving_1s"] = 0.8
     run.state.best_epoch = 4
     first, *_, coverage, _, last = summary(run, Path("r"), AGAIN).splitlines()
     assert first == "last epoch 4, validation, all agents, calibrated:"

@@ -130,7 +130,10 @@ def test_an_epoch_with_an_ewta_loss_is_the_best_only_until_one_without(scenes, k
     assert run.state.metrics["model"]["all"]["n"] == 8
     assert run.state.metrics["model"]["all"]["moving_n"] == 5  # known at the last step
     times = {key for key in run.state.metrics["model"]["all"] if "_moving_" in key}
-    assert times == {"coverage_90_moving_1s"}  # as far as the horizon reaches
+    assert times == {
+        "coverage_90_moving_1s",
+        "sites_coverage_90_moving_1s",
+    }  # as far as the horizon reaches
     stored = from_dict(Calibration, run.state.calibration, "calibration")
     assert stored == fit_calibration(run.samples)
     assert run.samples.sites == ("cars/test",)
