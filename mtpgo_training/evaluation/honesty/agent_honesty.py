@@ -213,9 +213,9 @@ def _weights(given: PredictedPaths) -> Values:
         "brier": mode_weights.brier_score(weight, event),
         "heaviest_nearest": mode_weights.heaviest_is_nearest(weight, event),
         "chance": np.where(known, 1.0 / modes, np.nan),
-        "brier_min_fde": mode_weights.brier_min(weight, end),
+        "brier_min_fde": mode_weights.brier_min(weight, end, end),
         "brier_min_ade": mode_weights.brier_min(
-            weight, mode_weights.average_distance(mean, truth, mask)
+            weight, end, mode_weights.average_distance(mean, truth, mask)
         ),
         "mode_distance": mode_diversity.mode_distance(mean[:, :, -1], weight),
         "weight_near_heaviest": mode_diversity.weight_near_heaviest(mean[:, :, -1], weight),
