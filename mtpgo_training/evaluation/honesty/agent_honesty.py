@@ -46,6 +46,7 @@ class PredictedPaths:
         stamp_ns: [n] time of the prediction (ns), ascending.
         track: [n] index in the recording.
         agent_class: [n] classes. manoeuvres: [n] bits. speed_mps: [n] then (m/s).
+        since_start_s: [n] time since the recording's first road user (s).
         size: [n, 2] length, width (m), NaN where unknown.
         start: [n, 4] position and velocity then (m, m/s). yaw: [n] heading then (rad).
         mean: [n, M, H, 2] (m).
@@ -62,6 +63,7 @@ class PredictedPaths:
     agent_class: NDArray[np.uint8]
     manoeuvres: NDArray[np.uint8]
     speed_mps: Array
+    since_start_s: Array
     size: Array
     start: Array
     yaw: Array
@@ -114,6 +116,7 @@ class PredictedPaths:
             agent_class=agents.agent_class,
             manoeuvres=agents.manoeuvres,
             speed_mps=agents.speed_mps,
+            since_start_s=np.full(len(agents.track), agents.since_start_s),
             size=size,
             start=start,
             yaw=yaw,
