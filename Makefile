@@ -82,6 +82,7 @@ benchmark: $(STAMP) ## print the speed tables of docs/performance.md and test th
 	@echo; $(BIN)/mtpgo benchmark largest
 	@echo; $(BIN)/mtpgo benchmark largest --graph each --neighbours 8
 	@echo; $(BIN)/mtpgo benchmark growth
+	@echo; $(BIN)/mtpgo benchmark trails
 	@echo; $(BIN)/mtpgo benchmark conversion
 	@echo; $(BIN)/mtpgo benchmark training
 	@echo; $(BIN)/mtpgo benchmark node --bars

@@ -12,8 +12,8 @@ from mtpgo_core.schema import (
     MOVING_MPS,
     AgentClass,
     BoolArray,
-    ClassArray,
     Float64Array,
+    HistoryWindow,
     IndexArray,
     Prediction,
 )
@@ -25,6 +25,14 @@ _NEVER_TURNS[[AgentClass.UNKNOWN, AgentClass.PEDESTRIAN, AgentClass.ANIMAL]] = F
 _VEHICLE_MPS = 4.0
 """Speed from which an agent of unknown class is no pedestrian (m/s); chosen: a fast run."""
 
+_FAST_SAMPLES = 3
+"""Samples of the window that are faster, or all where there are fewer; chosen: of pedestrians from
+simulated trackers noise makes single samples faster, never three (measured)."""
+
+_VEHICLE_M = 2.2
+"""Length from which an agent of unknown class is no pedestrian (m); chosen: shorter than the
+shortest cars, longer than a pedestrian with a pram or a bicycle."""
+
 _COURSE_M = 3.0
 """Length of path whose chord is a course (m); chosen: a chord of an arc is at right angles to its
 end where the radius is the length over pi, 0.95 m, which no vehicle with a driver reaches."""
@@ -33,19 +41,21 @@ _LEAST_M = 1e-3
 """Shortest displacement in a step whose direction counts (m); chosen: 5 mm/s."""
 
 
-def moving_vehicles(agent_class: ClassArray, velocity: Float64Array) -> BoolArray:
-    """Return [n] which agents are vehicles, or too fast to be anything else, and move.
+def moving_vehicles(window: HistoryWindow) -> BoolArray:
+    """Return [n] which agents are vehicles and move at t.
 
-    Args:
-        agent_class: [n] :class:`~mtpgo_core.schema.AgentClass` values.
-        velocity: [n, 2] at t (m/s), NaN where it was never known, which counts as not moving.
+    One of unknown class is a vehicle if it is too long or, at t or before, was too fast to be
+    anything else. A velocity that was never known counts as not moving.
     """
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    unknown = (agent_class == AgentClass.UNKNOWN) & (speed > _VEHICLE_MPS)
-    return np.asarray((_NEVER_TURNS[agent_class] | unknown) & (speed > MOVING_MPS))
+    speed = np.hypot(window.velocity[..., 0], window.velocity[..., 1])  # [n, T]
+    fast = ((speed > _VEHICLE_MPS) & window.valid).sum(axis=1)
+    was_fast = fast >= np.clip(window.valid.sum(axis=1), 1, _FAST_SAMPLES)
+    unknown = window.agent_class == AgentClass.UNKNOWN
+    vehicle = unknown & (was_fast | (window.size[:, 0] > _VEHICLE_M))
+    return np.asarray((_NEVER_TURNS[window.agent_class] | vehicle) & (speed[:, -1] > MOVING_MPS))
 
 
-def without_reversing(prediction: Prediction) -> Prediction:
+def without_reversing(prediction: Prediction, window: HistoryWindow) -> Prediction:
     """Return the prediction with no vehicle that moves at t reversing in any mode.
 
     A path turns back in the first step whose displacement has a component against its course, the
@@ -53,8 +63,12 @@ def without_reversing(prediction: Prediction) -> Prediction:
     turn of less than about a metre's radius is one, too. From there on the path stays where it
     was, with velocity 0; direction and covariance stay. Networks give such paths rarely, for
     vehicles that brake to a stop.
+
+    Args:
+        prediction: of all agents of the window.
+        window: that it was made from.
     """
-    rows = np.flatnonzero(moving_vehicles(prediction.agent_class, prediction.initial[:, 2:]))
+    rows = np.flatnonzero(moving_vehicles(window))
     initial, mean = prediction.initial[rows], prediction.mean[rows]  # [r, 4], [r, M, H, 4]
     start = np.broadcast_to(initial[:, None, None, :2], (*mean.shape[:2], 1, 2))
     displacement = np.diff(mean[..., :2], axis=2, prepend=start)

@@ -277,7 +277,7 @@ class ModelRunner:
             smoother,
         )
         calibrated = calibrate(prediction, self.calibration, own.velocity[:, -1])
-        return served, without_reversing(calibrated)
+        return served, without_reversing(calibrated, own)
 
     def _piece(
         self, batch: SceneBatch, piece: slice, covariance: Float32Array | None

@@ -120,7 +120,7 @@ class PathSmoother:
         if steps >= min(window.valid.shape[1], horizon):
             return mean, weight
         row = find_sort_keys(before.key, key)
-        moving = moving_vehicles(window.agent_class[agent], window.velocity[agent, -1])
+        moving = moving_vehicles(window)[agent]
         observed = window.valid[agent, -1 - steps :].all(axis=1)
         chosen = np.flatnonzero(usable & (row >= 0) & moving & observed)
         if not len(chosen):

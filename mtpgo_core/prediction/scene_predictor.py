@@ -51,6 +51,8 @@ class PredictorOptions:
             every agent are kept, at least one.
         use_tracker_covariance: start from the tracker's covariance where there is one.
         path_smoothing_s: memory of the farthest predicted points over the cycles (s), 0 for none.
+        trails: let models with ``scene.trails`` see where earlier road users went; without, they
+            are told that none has been there.
     """
 
     policy: str | None = option(None, choices=GRAPH_POLICIES)
@@ -60,6 +62,7 @@ class PredictorOptions:
     max_points: int = option(1 << 40, low=1)
     use_tracker_covariance: bool = False
     path_smoothing_s: float = option(0.0, low=0.0, high=LONGEST_MEMORY_S)
+    trails: bool = True
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -246,7 +249,8 @@ class ScenePredictor:
             return None
         memory, dt_s = self._trails, self.task.history.dt_s
         memory.add(window, dt_s)
-        return TrailContext(memory, self.task.horizon_steps, dt_s)
+        since_ns = None if self.options.trails else window.stamp_ns + 1
+        return TrailContext(memory, self.task.horizon_steps, dt_s, since_ns)
 
     def _path_smoother(self, options: PredictorOptions) -> PathSmoother | None:
         """Return the smoother with the paths of the last cycle, None if there is no smoothing."""

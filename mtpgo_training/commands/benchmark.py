@@ -186,6 +186,20 @@ def run_conversion(args: argparse.Namespace) -> int:
     return 0
 
 
+def _trails_arguments(add: Add) -> None:
+    count = partial(add, type=positive_integer, metavar="N")
+    count("--agents", nargs="+", default=[16, 64, 128])
+    count("--rounds", default=100, help="cycles of each row (100)")
+
+
+def run_trails(args: argparse.Namespace) -> int:
+    """Run ``mtpgo benchmark trails``."""
+    from mtpgo_training.benchmark.trail_benchmark import print_trails
+
+    print_trails(args.agents, args.rounds, _command(args), args.json)
+    return 0
+
+
 def _training_arguments(add: Add) -> None:
     count = partial(add, type=positive_integer, metavar="N")
     count("--scenes", default=128, help="graphs in a batch (128)")
@@ -245,6 +259,13 @@ _KINDS: dict[str, _Kind] = {
         "node, and the cost of the input at several rates and of markers.",
         _growth_arguments,
         run_growth,
+    ),
+    "trails": (
+        "the memory of trails, when it is full",
+        "Measure the processor time per cycle that models with trails need to ask and to extend "
+        "a full memory of a junction, and its size.",
+        _trails_arguments,
+        run_trails,
     ),
     "training": (
         "a training step",

@@ -118,6 +118,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="do not train: print two earlier results side by side",
     )
     add("--manoeuvres", action="store_true", help="print the manoeuvres as well")
+    add(
+        "--since-start",
+        action="store_true",
+        help="print moving and turning road users by the time since the recording's start as well",
+    )
     add_cache_arguments(parser)
     add("--quiet", action="store_true", help="print the tables and errors only")
     parser.set_defaults(run=run)
@@ -210,7 +215,7 @@ def run(args: argparse.Namespace) -> int:
         )
     content = folder.write_results()
     if content["folds"]:
-        _print_results(content, manoeuvres=args.manoeuvres)
+        _print_results(content, manoeuvres=args.manoeuvres, since_start=args.since_start)
         calibrated = folder.calibration()
         if calibrated is not None:
             print(f"\n{CALIBRATION_HEADING}\n{to_text(calibrated)}\n")
@@ -223,15 +228,15 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _print_results(content: dict[str, object], *, manoeuvres: bool) -> None:
+def _print_results(content: dict[str, object], *, manoeuvres: bool, since_start: bool) -> None:
     from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
 
     print(f"\n{to_text(trainings_table(content))}\n")
     trackers = content["mean_of_sites"]
     assert isinstance(trackers, dict)
     for tracker in trackers:
-        table = to_text(scores_table(content, tracker, manoeuvres=manoeuvres))
-        print(f"observations: {tracker}\n{table}\n")
+        table = scores_table(content, tracker, manoeuvres=manoeuvres, since_start=since_start)
+        print(f"observations: {tracker}\n{to_text(table)}\n")
     print(NOTE)
 
 
@@ -258,7 +263,10 @@ def _compare(args: argparse.Namespace) -> int:
     require_none(given, "--compare", "which trains and scores nothing")
     first, second = map(read_results, args.compare)
     names = [path.resolve().name for path in args.compare]
-    print(to_text(comparison_table(first, second, names, manoeuvres=args.manoeuvres)))
+    table = comparison_table(
+        first, second, names, manoeuvres=args.manoeuvres, since_start=args.since_start
+    )
+    print(to_text(table))
     for key in ("budget", "stride_s"):
         if first[key] != second[key]:
             print(f"Note: {key} is {first[key]} and {second[key]}.")

@@ -64,6 +64,7 @@ OF_A_RUN: dict[str, object] = {
     "policy": None,
     "stride": None,
     "one_sample": False,
+    "without_trails": False,
     "tracker": RECORDED,
     "tracker_seed": None,
     "unknown_classes": False,
@@ -83,6 +84,7 @@ OF_A_RUN: dict[str, object] = {
 WITHOUT_EFFECT = (
     (("policy",), "whose graphs were chosen by the node"),
     (("stride", "no_centre"), "all of which are scored as the node published them"),
+    (("without_trails",), "which were made with the trails that the node knew"),
     (("one_sample",), "which have a past"),
     (("unknown_classes",), "whose classes were those that the node received"),
     (("calibration", "prefer"), "which were calibrated by the node"),
@@ -138,6 +140,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--one-sample",
         action="store_true",
         help="forget the past before each instant, as if all agents were new",
+    )
+    add(
+        "--without-trails",
+        action="store_true",
+        help="hide from models with scene.trails where earlier road users went",
     )
     add(
         "--tracker",
@@ -247,12 +254,18 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.scenes.taken_strides import rounding_sentences
 
     runners = load_models(args.model)
+    if args.without_trails and not any(one.task.scene.trails for one in runners.values()):
+        raise ConfigurationError(
+            f"--without-trails is given with {', '.join(runners)}, which do not see trails, "
+            "expected a model with scene.trails"
+        )
     settings = Settings(
         args.policy,
         STRIDE_S if args.stride is None else args.stride,
         not args.no_centre,
         args.min_future,
         args.one_sample,
+        not args.without_trails,
         (args.tracker_seed or 0) if args.tracker == SIMULATED else None,
         args.calibration or SHIPPED,
         args.prefer or PREFER_MODEL,
@@ -303,6 +316,8 @@ def run(args: argparse.Namespace) -> int:
 
         print(markdown_table([("", content)]))
     else:
+        if not settings.trails:
+            print("without trails: no earlier road user is known\n")
         if settings.tracker_seed is not None:
             print(f"observed by a simulated tracker, seed {settings.tracker_seed}\n")
         if settings.unknown_classes:

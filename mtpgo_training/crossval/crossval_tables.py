@@ -10,7 +10,7 @@ from typing import Any
 from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_training.crossval.site_scores import LEAST_AGENTS, pooled_scores, worse_than_simple
 from mtpgo_training.data.manoeuvres import MANOEUVRES
-from mtpgo_training.evaluation.scores.score_summary import value_text
+from mtpgo_training.evaluation.scores.score_summary import SINCE_START_GROUPS, value_text
 from mtpgo_training.table_format import Row, Table
 
 Json = dict[str, Any]
@@ -48,7 +48,12 @@ _CHANGES = ("nearest", f"in 90% {TIMES_S[-1]:g} s", "NLL")
 
 
 def scores_table(
-    content: Json, tracker: str, *, manoeuvres: bool = False, brier: bool = False
+    content: Json,
+    tracker: str,
+    *,
+    manoeuvres: bool = False,
+    since_start: bool = False,
+    brier: bool = False,
 ) -> Table:
     """Return the scores of each left-out site and their mean, a row for each group.
 
@@ -60,13 +65,14 @@ def scores_table(
         content: of a cross-validation.
         tracker: what the observations come from, a key of ``scores``.
         manoeuvres: give the manoeuvres as well.
+        since_start: give moving and turning ones by the time since the recording's start as well.
         brier: give the Brier score as well, for which a terminal is too narrow.
     """
     sites = {name: site["scores"][tracker] for name, site in left_out_sites(content).items()}
     rows = [
         row
         for site, scores in (sites | {POOLED: pooled_scores(list(sites.values()))}).items()
-        for row in _site_rows(site, scores, manoeuvres, brier)
+        for row in _site_rows(site, scores, manoeuvres, since_start, brier)
     ]
     return Table([*_HEADS, "Brier"] if brier else _HEADS, rows)
 
@@ -80,19 +86,20 @@ def left_out_sites(content: Json) -> dict[str, Json]:
     return {name: site for fold in content["folds"] for name, site in fold["sites"].items()}
 
 
-def _shown_groups(scores: Json, manoeuvres: bool) -> list[str]:
+def _shown_groups(scores: Json, manoeuvres: bool, since_start: bool) -> list[str]:
     """Return the groups that have a row, those of moving road users first."""
     shown = [
         group
         for group, row in scores.items()
         if row["n"] >= (1 if group == "all" else LEAST_AGENTS)
         and (manoeuvres or group == "standing" or group not in MANOEUVRES)
+        and (since_start or group not in SINCE_START_GROUPS)
     ]
     return sorted(shown, key=_place)
 
 
 def _place(group: str) -> int:
-    """Return the place of a group in a table: moving ones, standing ones, all, manoeuvres."""
+    """Return the place of a group in a table: moving ones, standing ones, all, others."""
     if group == "all":
         return 2
     kind = group.rsplit(" ", 1)[-1]
@@ -106,9 +113,11 @@ def _nearest(row: Json) -> str:
     return text if share is None or chance is None else f"{text}/{value_text(chance, 2)}"
 
 
-def _site_rows(site: str, scores: Json, manoeuvres: bool, brier: bool) -> list[Row]:
+def _site_rows(
+    site: str, scores: Json, manoeuvres: bool, since_start: bool, brier: bool
+) -> list[Row]:
     rows = []
-    for group in _shown_groups(scores, manoeuvres):
+    for group in _shown_groups(scores, manoeuvres, since_start):
         row = scores[group]
         mark = " !" if worse_than_simple(row) else ""
         coverage = "-"  # of all: standing road users would hide what moving ones do
@@ -157,7 +166,12 @@ def trainings_table(content: Json) -> Table:
 
 
 def comparison_table(
-    first: Json, second: Json, names: Sequence[str], *, manoeuvres: bool = False
+    first: Json,
+    second: Json,
+    names: Sequence[str],
+    *,
+    manoeuvres: bool = False,
+    since_start: bool = False,
 ) -> Table:
     """Return two cross-validations side by side: of each value the first, the second, the ratio.
 
@@ -170,6 +184,7 @@ def comparison_table(
         second: content of the other.
         names: of both, for the heads.
         manoeuvres: give the manoeuvres as well.
+        since_start: give moving and turning ones by the time since the recording's start as well.
     """
     contents = [left_out_sites(content) for content in (first, second)]
     common = [site for site in contents[0] if site in contents[1]]
@@ -181,8 +196,8 @@ def comparison_table(
         by_site[POOLED] = tuple(map(pooled_scores, pair))
         for site, (one, other) in by_site.items():
             prefix = f"{site}, {tracker}" if len(trackers) > 1 else site
-            also = _shown_groups(other, manoeuvres)
-            for group in _shown_groups(one, manoeuvres):
+            also = _shown_groups(other, manoeuvres, since_start)
+            for group in _shown_groups(one, manoeuvres, since_start):
                 if group in also:
                     pairs[f"{prefix}: {group}"] = (one[group], other[group])
     known = [row for pair in pairs.values() for row in pair]

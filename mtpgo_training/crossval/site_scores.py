@@ -17,6 +17,7 @@ from mtpgo_training.data.manoeuvres import MANOEUVRES, members
 from mtpgo_training.evaluation.honesty.honesty_summary import honesty_values
 from mtpgo_training.evaluation.honesty.honesty_table import CLASS_GROUPS, HonestyTable
 from mtpgo_training.evaluation.honesty.simple_comparison import SIMPLE, is_worse
+from mtpgo_training.evaluation.scores.score_summary import since_start_groups
 from mtpgo_training.evaluation.scores.score_table import ScoreTable, average, none, totals
 
 Json = dict[str, Any]
@@ -55,9 +56,9 @@ def group_scores(table: ScoreTable, honesty: HonestyTable) -> dict[str, Json]:
     """Return the scores of a site by group of agents; None where a value is not defined.
 
     Groups: ``all``, ``moving`` and ``standing``; ``CLASS MOTION`` for each of the class groups;
-    each manoeuvre. Values: ``n`` agents and instants; those of :data:`VALUES`; ``ade_cv`` and
-    ``ade_ca``, the ADE of the baselines (m), and ``ratio_cv`` and ``ratio_ca`` relative to them;
-    ``coverage_90_at``, the coverage at each of ``TIMES_S``;
+    each manoeuvre; those of ``SINCE_START_GROUPS``. Values: ``n`` agents and instants; those of
+    :data:`VALUES`; ``ade_cv`` and ``ade_ca``, the ADE of the baselines (m), and ``ratio_cv`` and
+    ``ratio_ca`` relative to them; ``coverage_90_at``, the coverage at each of ``TIMES_S``;
     those of :data:`HONESTY_VALUES`, ``jump_cv`` (m), and by time ``region_90_at`` (coverage of the
     mixture), ``sigma_to_rmse_at`` and ``nll_at``.
 
@@ -88,7 +89,7 @@ def _selections(labels: pd.DataFrame) -> dict[str, BoolArray]:
     """Return which rows belong to each group.
 
     Args:
-        labels: with the columns ``agent_class``, ``motion`` and ``manoeuvres``.
+        labels: with the columns ``agent_class``, ``motion``, ``manoeuvres`` and ``since_start``.
     """
     motion = labels["motion"].astype(str).to_numpy()
     kind = labels["agent_class"].astype(str).to_numpy()
@@ -100,7 +101,8 @@ def _selections(labels: pd.DataFrame) -> dict[str, BoolArray]:
         for name in ("moving", "standing"):
             chosen[f"{group} {name}"] = own & (motion == name)
     bits = labels["manoeuvres"].to_numpy()
-    return chosen | {name: members(bits, name) for name in MANOEUVRES if name not in chosen}
+    chosen |= {name: members(bits, name) for name in MANOEUVRES if name not in chosen}
+    return chosen | since_start_groups(labels)
 
 
 def _scores(agents: pd.DataFrame, steps: pd.DataFrame) -> Json:

@@ -57,6 +57,8 @@ class Settings:
         min_future_s: agents observed for a shorter time afterwards are left out (s).
         one_sample: forget the past before each instant, as if all agents were observed for the
             first time.
+        trails: models see where earlier road users went, see
+            :class:`~mtpgo_core.prediction.scene_predictor.PredictorOptions`.
         tracker_seed: score what is predicted from the observations of a simulated tracker with
             this seed, None for the observations as recorded. The truth is the recording either
             way.
@@ -75,6 +77,7 @@ class Settings:
     centre: bool = True
     min_future_s: float = 0.0
     one_sample: bool = False
+    trails: bool = True
     tracker_seed: int | None = None
     calibration: str = SHIPPED
     prefer: str = PREFER_MODEL
@@ -266,7 +269,11 @@ def evaluate_recording(
         )
         predictors = {
             (model, protocol): make_predictor(
-                runners[model], recording, policy, settings.path_smoothing_s
+                runners[model],
+                recording,
+                policy,
+                settings.path_smoothing_s,
+                trails=settings.trails,
             )
             for model in group
             for protocol, policy in (("all", settings.policy), ("centre", "each"))

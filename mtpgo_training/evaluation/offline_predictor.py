@@ -24,6 +24,8 @@ def make_predictor(
     recording: Recording,
     policy: str | None = None,
     path_smoothing_s: float = 0.0,
+    *,
+    trails: bool = True,
 ) -> ScenePredictor:
     """Return the predictor that the node would run on this recording.
 
@@ -32,11 +34,15 @@ def make_predictor(
         recording: whose lanes and site it knows.
         policy: graph policy, None for the model's own.
         path_smoothing_s: see :class:`~mtpgo_core.prediction.scene_predictor.PredictorOptions` (s).
+        trails: likewise.
     """
     return ScenePredictor(
         runner,
         options=PredictorOptions(
-            policy=policy, max_agents=MAX_AGENTS, path_smoothing_s=path_smoothing_s
+            policy=policy,
+            max_agents=MAX_AGENTS,
+            path_smoothing_s=path_smoothing_s,
+            trails=trails,
         ),
         lanes=LaneMap(recording.lanes) if recording.lanes else None,
         site=recording.location,

@@ -154,6 +154,7 @@ class Scorer:
             agent_class=agent_class,
             manoeuvres=label(path.position, path.known, dt_s, agent_class, self.recording.lanes),
             speed_mps=np.where(path.known[:, 0], speed, np.nan),
+            since_start_s=1e-9 * (stamp_ns - self.recording.span_ns[0]),
         )
         return GroundTruth(agents, path.position[:, 1:], path.known[:, 1:])
 

@@ -76,6 +76,7 @@ def summarise(
         "min_future_s": settings.min_future_s,
         "policy": settings.policy,
         "one_sample": settings.one_sample,
+        "trails": None if from_bags else settings.trails,
         "calibration": None if from_bags else settings.calibration,
         "prefer": None if from_bags else settings.prefer,
         "tracker": RECORDED if settings.tracker_seed is None else SIMULATED,

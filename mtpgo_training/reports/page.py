@@ -188,6 +188,8 @@ def _facts(content: Json) -> list[tuple[str, str]]:
         ("instants", "those of the bag" if stride is None else f"every {stride:g} s"),
         ("least future", f"{content['min_future_s']:g} s"),
     ]
+    if content.get("trails") is False:
+        facts.append(("trails", "no earlier road user was known"))
     if content["one_sample"]:
         facts.append(("past", "forgotten before each instant: each road user has one sample"))
     if content.get("calibration") is not None:  # results from before it could be chosen lack it

@@ -36,6 +36,10 @@ _GROUP_TEXTS = {
         "rules.",
     ),
     "by_class": ("By class", "As the recordings name them."),
+    "by_since_start": (
+        "By time since the recording's start",
+        "Models with trails know what earlier road users have shown them of the site.",
+    ),
     "by_recording": ("By recording", ""),
 }
 

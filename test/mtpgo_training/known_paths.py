@@ -32,6 +32,7 @@ def agents(n, stamp_s=0.0, recording="01", kind=AgentClass.CAR, speed=10.0, bits
         agent_class=np.full(n, kind, np.uint8),
         manoeuvres=np.full(n, bits, np.uint8),
         speed_mps=np.full(n, float(speed)),
+        since_start_s=stamp_s,
     )
 
 

@@ -15,7 +15,9 @@ from mtpgo_training.evaluation.scores.score_summary import breakdowns
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
 
 H = 5
-KEEP, STANDS = 1 << MANOEUVRES.index("lane_keep"), 1 << MANOEUVRES.index("standing")
+KEEP, STANDS, TURNS = (
+    1 << MANOEUVRES.index(name) for name in ("lane_keep", "standing", "turning")
+)
 
 
 def add(
@@ -32,6 +34,7 @@ def add(
     site="",
     spread=1.0,
     step_s=0.2,
+    since_start_s=np.nan,
 ):
     """Add n agents whose one mode is ``error`` metres off, with ``spread`` as standard deviation.
 
@@ -50,6 +53,7 @@ def add(
         agent_class=np.full(n, kind, np.uint8),
         manoeuvres=np.full(n, bits, np.uint8),
         speed_mps=np.full(n, speed),
+        since_start_s=since_start_s,
     )
     table.add(model, "all", score_agents(mean, np.ones((n, 1)), covariance, truth, mask), agents)
 

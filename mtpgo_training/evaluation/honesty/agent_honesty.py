@@ -46,6 +46,7 @@ class PredictedPaths:
         stamp_ns: [n] time of the prediction (ns), ascending.
         track: [n] index in the recording.
         agent_class: [n] classes. manoeuvres: [n] bits. speed_mps: [n] then (m/s).
+        since_start_s: [n] time since the recording's first road user (s).
         size: [n, 2] length, width (m), NaN where unknown.
         start: [n, 4] position and velocity then (m, m/s). yaw: [n] heading then (rad).
         mean: [n, M, H, 2] (m).
@@ -62,6 +63,7 @@ class PredictedPaths:
     agent_class: NDArray[np.uint8]
     manoeuvres: NDArray[np.uint8]
     speed_mps: Array
+    since_start_s: Array
     size: Array
     start: Array
     yaw: Array
@@ -114,6 +116,7 @@ class PredictedPaths:
             agent_class=agents.agent_class,
             manoeuvres=agents.manoeuvres,
             speed_mps=agents.speed_mps,
+            since_start_s=np.full(len(agents.track), agents.since_start_s),
             size=size,
             start=start,
             yaw=yaw,
@@ -214,9 +217,9 @@ def _weights(given: PredictedPaths) -> Values:
         "brier": mode_weights.brier_score(weight, event),
         "heaviest_nearest": mode_weights.heaviest_is_nearest(weight, event),
         "chance": np.where(known, 1.0 / modes, np.nan),
-        "brier_min_fde": mode_weights.brier_min(weight, end),
+        "brier_min_fde": mode_weights.brier_min(weight, end, end),
         "brier_min_ade": mode_weights.brier_min(
-            weight, mode_weights.average_distance(mean, truth, mask)
+            weight, end, mode_weights.average_distance(mean, truth, mask)
         ),
         "mode_distance": mode_diversity.mode_distance(mean[:, :, -1], weight),
         "weight_near_heaviest": mode_diversity.weight_near_heaviest(mean[:, :, -1], weight),

@@ -15,7 +15,7 @@ from mtpgo_training.evaluation.honesty.agent_honesty import PERCENTS, SPREAD_TIM
 from mtpgo_training.evaluation.honesty.feasibility import LATERAL_MPS2
 from mtpgo_training.evaluation.honesty.honesty_table import CLASS_GROUPS, SPEED_BANDS, HonestyTable
 from mtpgo_training.evaluation.honesty.mode_weights import BINS, calibration_error
-from mtpgo_training.evaluation.scores.score_table import none, totals
+from mtpgo_training.evaluation.scores.score_table import SINCE_START_BANDS, none, totals
 
 Json = dict[str, Any]
 
@@ -27,6 +27,7 @@ BREAKDOWNS: dict[str, tuple[str, ...]] = {
     "by_class_group_and_motion": ("class_group", "motion"),
     "by_speed": ("speed",),
     "by_site_and_motion": ("site", "motion"),
+    "by_since_start_and_motion": ("since_start", "motion"),
 }
 """Name in the JSON -> columns; the names of a group's columns are joined by ``, ``."""
 
@@ -34,7 +35,11 @@ QUANTILE = 0.95
 """Of the jumps, beside their mean."""
 
 _SERIES = ("model", "protocol")
-_ORDER = {name: i for i, name in enumerate((*CLASS_GROUPS, *SPEED_BANDS))}
+_ORDER = {
+    name: i
+    for names in (CLASS_GROUPS, SPEED_BANDS, SINCE_START_BANDS)
+    for i, name in enumerate(names)
+}
 
 
 def honesty_summary(table: HonestyTable) -> Json:

@@ -26,7 +26,12 @@ from mtpgo_core.task import calibration
 from mtpgo_training.evaluation.honesty.agent_honesty import PredictedPaths, Values, agent_honesty
 from mtpgo_training.evaluation.honesty.consistency import LONGEST_CYCLE_S
 from mtpgo_training.evaluation.scores.agent_scores import ScoredAgents
-from mtpgo_training.evaluation.scores.score_table import MOTIONS, motion_codes
+from mtpgo_training.evaluation.scores.score_table import (
+    MOTIONS,
+    SINCE_START_BANDS,
+    motion_codes,
+    since_start_codes,
+)
 
 HONESTY_GROUPS = (
     "model",
@@ -38,6 +43,7 @@ HONESTY_GROUPS = (
     "motion",
     "speed",
     "manoeuvres",
+    "since_start",
 )
 """Columns by which the values are broken down."""
 
@@ -60,7 +66,7 @@ AT_ONCE = 512
 
 _CLASS_GROUP = {kind: name for name, kinds in CLASS_GROUPS.items() for kind in kinds}
 _Series = tuple[str, str, str, str]
-_Group = tuple[int, int, int, int]
+_Group = tuple[int, ...]
 _JUMPS = ("jump", "mixture_jump")
 
 
@@ -128,6 +134,7 @@ class HonestyTable:
                 motion_codes(given.speed_mps),
                 _speed_bands(given.speed_mps),
                 given.manoeuvres.astype(np.int64),
+                since_start_codes(given.since_start_s),
             ],
             axis=-1,
         )
@@ -135,7 +142,7 @@ class HonestyTable:
         member = (place.reshape(-1) == np.arange(len(groups))[:, None]).astype(np.float64)
         sums = np.einsum("gn,snc->gsc", member, both, optimize=True)
         for i, code in enumerate(groups.tolist()):
-            key = (series, (code[0], code[1], code[2], code[3]))
+            key = (series, tuple(code))
             self._add_sums(key, sums[i], list(values))
             rows = jumps[member[i] > 0]
             self._jumps.setdefault(key, []).append(rows[np.isfinite(rows[:, 0])])
@@ -180,6 +187,7 @@ def _labels(keys: list[tuple[_Series, _Group]]) -> pd.DataFrame:
             MOTIONS[code[1]],
             SPEED_BANDS[code[2]],
             code[3],
+            SINCE_START_BANDS[code[4]],
         )
         for series, code in keys
     ]

@@ -54,17 +54,24 @@ def heaviest_is_nearest(weight: Array, event: Array) -> Array:
     return np.take_along_axis(event, weight.argmax(axis=1)[:, None], axis=1)[:, 0]
 
 
-def brier_min(weight: Array, distance: Array) -> Array:
-    """[n] brier-minFDE or brier-minADE as Argoverse 2 defines them (m).
+def brier_min(weight: Array, end: Array, error: Array) -> Array:
+    """[n] brier-minFDE or brier-minADE (m): error of the best mode, plus (1 - p)^2.
 
-    The smallest of the modes' distances [n, M], plus (1 - p)^2 with the weight p of that mode;
-    weights are normalised first.
+    As in Argoverse 2 the best mode is the one whose end is nearest to the truth, for both values,
+    and p is its weight, normalised over the modes. Argoverse 2 has at most K = 6 modes; here all
+    of them count, however many. Not known where the last step was not observed.
+
+    Args:
+        weight: [n, M].
+        end: [n, M] see :func:`final_distance` (m).
+        error: [n, M] what is given of the best mode: ``end`` for brier-minFDE,
+            :func:`average_distance` for brier-minADE (m).
     """
-    known = np.isfinite(distance).all(axis=1)
+    known = np.isfinite(end).all(axis=1)
     row = np.arange(len(weight))
-    best = np.where(np.isfinite(distance), distance, np.inf).argmin(axis=1)
+    best = np.where(np.isfinite(end), end, np.inf).argmin(axis=1)
     probability = (weight / weight.sum(axis=1, keepdims=True))[row, best]
-    return np.where(known, distance[row, best] + (1.0 - probability) ** 2, np.nan)
+    return np.where(known, error[row, best] + (1.0 - probability) ** 2, np.nan)
 
 
 def weight_bins(weight: Array, event: Array) -> tuple[Array, Array, Array]:

@@ -63,6 +63,8 @@ class ScoredAgents:
         agent_class: [n] :class:`~mtpgo_core.schema.AgentClass` values.
         manoeuvres: [n] bits, see :func:`mtpgo_training.data.manoeuvres.label`.
         speed_mps: [n] at the time of the prediction (m/s), NaN where it is not known.
+        since_start_s: time from the recording's first road user to the prediction (s): what a
+            model can have seen of the site. NaN where it is not known.
     """
 
     recording: str
@@ -73,6 +75,7 @@ class ScoredAgents:
     agent_class: ClassArray
     manoeuvres: LabelArray
     speed_mps: Array
+    since_start_s: float = np.nan
 
     @classmethod
     def unknown(cls, n: int) -> ScoredAgents:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from mtpgo_core.quality import metrics
+from mtpgo_core.schema import BoolArray
 from mtpgo_training.data.manoeuvres import MANOEUVRES, members
 from mtpgo_training.evaluation.scores.agent_scores import LEVELS, STEP_KEYS
 from mtpgo_training.evaluation.scores.bootstrap import (
@@ -22,6 +23,7 @@ from mtpgo_training.evaluation.scores.bootstrap import (
 )
 from mtpgo_training.evaluation.scores.score_table import (
     HEADLINE_TIMES_S,
+    SINCE_START_BANDS,
     Averages,
     ScoreTable,
     average,
@@ -56,6 +58,15 @@ KDE_TITLES = {"anll_kde": "ANLL kde", "fnll_kde": "FNLL kde"}
 POOLED_TITLES = {"coverage_50": "in 50%", "coverage_90": "in 90%", "coverage_95": "in 95%"}
 """Heads of the coverages over all steps and agents."""
 
+SINCE_START_GROUPS = {
+    f"{kind}, {band} s": (kind, band)
+    for kind in ("moving", "turning")
+    for band in SINCE_START_BANDS
+    if band != "unknown"
+}
+"""Names of moving and turning road users by the time since the recording's start. Turning ones are
+apart, since what a model learns of a site while it runs is where its ways lead."""
+
 REFERENCE = "cv"
 """The baseline relative to which the errors of the models are given."""
 
@@ -70,7 +81,8 @@ def breakdowns(table: ScoreTable) -> Json:
 
     ``intervals``: by value, low and high end of the 95 % interval over recordings.
     ``relative``: by value, its share of constant velocity's, with low and high.
-    ``by_class``, ``by_manoeuvre``, ``by_recording``: by name, the values.
+    ``by_class``, ``by_manoeuvre``, ``by_recording``: by name, the values. ``by_since_start``: by
+    the names of :data:`SINCE_START_GROUPS`.
     ``by_horizon``: ``time_s`` and by value, lists over the horizon; ``displacement_low`` and
     ``_high`` are the ends of its interval, ``n`` the agents observed, ``nees_expected`` what the
     two NEES would be.
@@ -86,7 +98,10 @@ def breakdowns(table: ScoreTable) -> Json:
         "intervals": {},
         "relative": {},
         "by_class": _nested(scores_by(agents, [*_SERIES, "agent_class"])),
-        "by_manoeuvre": _by_manoeuvre(agents),
+        "by_manoeuvre": _by_group(
+            agents, {name: members(agents["manoeuvres"].to_numpy(), name) for name in MANOEUVRES}
+        ),
+        "by_since_start": _by_group(agents, since_start_groups(agents)),
         "by_recording": _nested(scores_by(agents, [*_SERIES, "recording"])),
         "by_horizon": {},
         "reliability": {},
@@ -134,12 +149,28 @@ def _relative(own: pd.DataFrame, other: pd.DataFrame, drawn: Array | None) -> Js
     return content
 
 
-def _by_manoeuvre(agents: pd.DataFrame) -> Json:
+def since_start_groups(labels: pd.DataFrame) -> dict[str, BoolArray]:
+    """Return which rows belong to each of :data:`SINCE_START_GROUPS`.
+
+    Args:
+        labels: with the columns ``motion``, ``manoeuvres`` and ``since_start``.
+    """
+    band = labels["since_start"].astype(str).to_numpy()
+    kinds = {
+        "moving": labels["motion"].astype(str).to_numpy() == "moving",
+        "turning": members(labels["manoeuvres"].to_numpy(), "turning"),
+    }
+    return {
+        name: kinds[kind] & (band == wanted) for name, (kind, wanted) in SINCE_START_GROUPS.items()
+    }
+
+
+def _by_group(agents: pd.DataFrame, groups: Mapping[str, BoolArray]) -> Json:
     content: Json = {}
     for model, protocol in agents.groupby(_SERIES, observed=True).groups:
         content.setdefault(model, {})[protocol] = {}
-    for name in MANOEUVRES:
-        some = agents[members(agents["manoeuvres"].to_numpy(), name)]
+    for name, rows in groups.items():
+        some = agents[rows]
         for (model, protocol), scores in scores_by(some, _SERIES).items():
             if scores["n"]:
                 content[model][protocol][name] = scores

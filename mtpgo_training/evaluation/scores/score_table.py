@@ -60,11 +60,19 @@ HEADLINE_TIMES_S = {MOVING_COVERAGE_KEY.format(time_s): float(time_s) for time_s
 name the time ahead (s). Over all times and agents, standing ones and the first steps hide the
 rest."""
 
-GROUPS = ("model", "protocol", "recording", "agent_class", "motion", "manoeuvres")
+GROUPS = ("model", "protocol", "recording", "agent_class", "motion", "manoeuvres", "since_start")
 """Columns of all tables by which results are broken down; ``site`` follows from the recording."""
 
 MOTIONS = ("standing", "moving", "unknown")
 """Motion of an agent at the time of the prediction; it moves above ``MOVING_MPS``."""
+
+SINCE_START_EDGES_S = (20.0, 60.0, 120.0)
+"""Edges of the bands of the time since the recording's start (s); chosen for trails: after 20 s
+the first road users have crossed a site, after 60 s most ways have been taken, after 120 s the
+lights have had a cycle or two."""
+
+SINCE_START_BANDS = ("0-20", "20-60", "60-120", "120+", "unknown")
+"""Names of these bands (s)."""
 
 _NAMED = GROUPS[:3]
 _CLASSES = [kind.name.lower() for kind in AgentClass]
@@ -72,12 +80,12 @@ _STEP_COLUMNS = ("ade", *STEP_KEYS)
 _ROW = np.dtype(
     [
         *(("model", "u2"), ("protocol", "u1"), ("recording", "u2")),
-        *(("agent_class", "u1"), ("motion", "u1"), ("manoeuvres", "u1")),
+        *(("agent_class", "u1"), ("motion", "u1"), ("manoeuvres", "u1"), ("since_start", "u1")),
         *(("stamp_ns", "i8"), ("track", "i4"), ("speed_mps", "f4")),
         *((key, "f4") for key in KEYS),
     ]
 )
-"""An agent in memory, 76 bytes."""
+"""An agent in memory, 77 bytes."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +152,7 @@ class ScoreTable:
             "agent_class": agents.agent_class,
             "motion": motion_codes(agents.speed_mps),
             "manoeuvres": agents.manoeuvres,
+            "since_start": since_start_codes(np.full(n, agents.since_start_s)),
             "stamp_ns": agents.stamp_ns,
             "track": agents.track,
             "speed_mps": agents.speed_mps,
@@ -269,6 +278,7 @@ class ScoreTable:
             "agent_class": _categories(codes["agent_class"], _CLASSES),
             "motion": _categories(codes["motion"], MOTIONS),
             "manoeuvres": codes["manoeuvres"].astype(np.uint8),
+            "since_start": _categories(codes["since_start"], SINCE_START_BANDS),
         }
         sites = [self._sites[name] for name in self._names["recording"]]
         names = list(dict.fromkeys(sites))
@@ -358,6 +368,12 @@ def motion_codes(speed_mps: Array) -> NDArray[np.int64]:
     """[n] index in :data:`MOTIONS`."""
     known = np.isfinite(speed_mps)
     return np.where(known, np.nan_to_num(speed_mps) > MOVING_MPS, MOTIONS.index("unknown"))
+
+
+def since_start_codes(since_start_s: Array) -> NDArray[np.int64]:
+    """[n] index in :data:`SINCE_START_BANDS`."""
+    band = np.searchsorted(SINCE_START_EDGES_S, np.nan_to_num(since_start_s), side="right")
+    return np.where(np.isfinite(since_start_s), band, SINCE_START_BANDS.index("unknown"))
 
 
 def _lengthened(sums: Array, horizon: int) -> Array:

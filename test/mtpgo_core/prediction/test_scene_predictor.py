@@ -384,6 +384,13 @@ def test_agents_over_the_limit_leave_trails(trail_runner):
     assert bent(follow(stream, count=3, start=30, cycles=1)).tolist() == [True, True, False]
 
 
+def test_trails_can_be_hidden_from_the_model(trail_runner):
+    stream = Stream(trail_runner, options=PredictorOptions(trails=False))
+    assert not bent(follow(stream, count=3)).any()
+    stream.predictor.options = PredictorOptions()
+    assert bent(follow(stream, count=3, start=30, cycles=1)).tolist() == [True, True, False]
+
+
 def test_trails_are_forgotten_with_the_history_and_in_another_frame(trail_runner):
     stream = Stream(trail_runner)
     follow(stream, count=3)

@@ -116,3 +116,13 @@ def test_wrong_arguments(arguments, words, capsys):
         main(["benchmark", *arguments])
     assert caught.value.code == 2
     assert words in capsys.readouterr().err
+
+
+def test_a_full_memory_of_trails(tmp_path, capsys):
+    out = tmp_path / "trails.json"
+    assert main(["benchmark", "trails", "--agents", "8", "--rounds", "3", "--json", str(out)]) == 0
+    (row,) = json.loads(out.read_text())["rows"]
+    assert row["points"] == 1 << 19
+    assert row["add_ms"] > 0.0
+    assert row["features_ms"] > 0.0
+    assert "| 8 | 524288 |" in capsys.readouterr().out

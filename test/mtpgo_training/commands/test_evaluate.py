@@ -8,17 +8,22 @@ import shutil
 
 import numpy as np
 import pytest
+from tiny_run import CONFIG, new_run
 from traffic import braking_cars
 
 from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.resources import find_resource
 from mtpgo_core.task.model_file import find_model
+from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.cli import main
 from mtpgo_training.data.readers import load_recordings
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.evaluation.evaluator import evaluate
 from mtpgo_training.evaluation.scores.agent_scores import KEYS
 from mtpgo_training.evaluation.scores.score_table import HEADLINE_TIMES_S
+from mtpgo_training.export.exporter import export_model
 
+HIGHWAY = find_resource("recordings", "highway")
 STRIDE = ["--stride", "1.0", "--quiet"]
 
 
@@ -231,6 +236,30 @@ def test_one_sample_forgets_the_past(data, content, tmp_path):
     # The velocity is in the message, the acceleration would need a past.
     rows = models["ca"]["all"]["01"], models["cv"]["all"]["01"]
     assert rows[0]["ade"] == pytest.approx(rows[1]["ade"])
+
+
+def test_without_trails_a_model_that_sees_them_predicts_otherwise(tmp_path):
+    """Vehicles of the motorway follow one another."""
+    out, scores = tmp_path / "scores.json", {}
+    command = ["evaluate", "--data", str(HIGHWAY), "--layout", "highd", "--model", "default"]
+    command += ["--stride", "4", "--no-centre", "--quiet", "--json", str(out)]
+    for hidden in (False, True):
+        assert main([*command, *(["--without-trails"] if hidden else [])]) == 0
+        content = json.loads(out.read_text())
+        assert content["trails"] is not hidden
+        scores[hidden] = content["by_since_start"]
+    with_trails, without = (scores[hidden]["default"]["all"] for hidden in (False, True))
+    late = "moving, 20-60 s"
+    assert with_trails[late]["n"] == without[late]["n"] > 20
+    assert with_trails[late]["ade"] != without[late]["ade"]
+    assert scores[True]["cv"] == scores[False]["cv"]
+
+
+def test_without_trails_is_refused_where_no_model_sees_any(data, tmp_path, capsys):
+    task = TaskDescription(name="blind", modes=2, horizon_steps=5, scene=CONFIG.scene)
+    export_model(new_run().model, task, tmp_path / "blind.pt")
+    assert run(data / "b", "--model", tmp_path / "blind.pt", "--without-trails") == 2
+    assert "given with blind, which do not see trails" in capsys.readouterr().err
 
 
 def test_a_model_with_the_name_of_a_baseline_is_refused(data, tmp_path, capsys):

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables of a cross-validation and of two beside each other."""
 
+import functools
+
 import pytest
 from crossval_results import content, group
 
@@ -77,6 +79,20 @@ def test_manoeuvres_are_shown_on_request():
     assert [row.name for row in scores_table(given, "recorded").rows][:1] == ["a: standing"]
     shown = [row.name for row in scores_table(given, "recorded", manoeuvres=True).rows]
     assert shown[:2] == ["a: standing", "a: turning"]
+
+
+def test_times_since_the_start_are_shown_on_request():
+    given = content({"a": {"moving": group(1.0), "moving, 0-20 s": group(2.0)}})
+    for table in (
+        functools.partial(scores_table, given, "recorded"),
+        functools.partial(comparison_table, given, given, ("one", "two")),
+    ):
+        assert [row.name for row in table(manoeuvres=True).rows][:2] == [
+            "a: moving",
+            f"{POOLED}: moving",
+        ]
+        shown = [row.name for row in table(since_start=True).rows]
+        assert shown[:2] == ["a: moving", "a: moving, 0-20 s"]
 
 
 def test_what_was_trained_is_told():

@@ -57,6 +57,21 @@ def test_groups_are_those_of_class_motion_and_manoeuvre():
     }
 
 
+def test_moving_ones_are_given_by_the_time_since_the_start():
+    table, honesty = ScoreTable(), HonestyTable()
+    for since_s, error in ((5.0, 1.0), (70.0, 2.0)):
+        for model in ("model", "cv"):
+            add(table, error, model=model, n=10, step_s=1.0, since_start_s=since_s)
+        who = agents(10, since_s)
+        honesty.add("model", "all", who, paths(who, error_m=error, weight=(0.75, 0.25)))
+    rows = group_scores(table, honesty)
+    assert (rows["moving, 0-20 s"]["ade"], rows["moving, 60-120 s"]["ade"]) == (1.0, 2.0)
+    assert rows["moving, 60-120 s"]["coverage_90_at"]["5"] == 1.0
+    ratio = rows["moving, 60-120 s"]["sigma_to_rmse_at"]["5"]
+    assert ratio == pytest.approx(2.0**0.5 / 2.0)
+    assert "moving, 20-60 s" not in rows
+
+
 def test_errors_stand_beside_those_of_the_baselines():
     row = group_scores(site_table(), HonestyTable())["vehicle moving"]
     assert (row["ade"], row["ade_cv"], row["ade_ca"]) == (1.0, 4.0, 2.0)

@@ -104,6 +104,9 @@ def test_the_truth_says_who_the_agents_are():
     assert recording.track_id[agents.track].tolist() == prediction.key[:, 0].tolist()
     speed = np.linalg.norm(prediction.initial[:, 2:], axis=1)
     np.testing.assert_allclose(agents.speed_mps, speed, rtol=1e-6)
+    assert agents.since_start_s == pytest.approx(
+        1e-9 * prediction.stamp_ns - 1e-9 * recording.stamp_ns(int(recording.frames[0]))
+    )
     unknown = Scorer(recording).ground_truth(
         keys_from_integers([9000]), prediction.stamp_ns, H, DT
     )
@@ -148,3 +151,14 @@ def test_with_a_compensated_delay_truth_and_baselines_begin_later():
 
 def test_no_predictions_give_an_empty_table():
     assert score([], braking_cars(tracks=2)) == {}
+
+
+def test_time_counts_from_the_start_of_a_part():
+    """A model that runs on a part has seen nothing of what was before."""
+    whole = braking_cars(tracks=3)
+    prediction = predictions(whole)[6]
+    since_s = [
+        Scorer(one).ground_truth(prediction.key, prediction.stamp_ns, H, DT).agents.since_start_s
+        for one in (whole, whole.between(2.0))
+    ]
+    assert since_s[0] - since_s[1] == pytest.approx(2.0, abs=1.0 / whole.frame_rate)

@@ -48,10 +48,16 @@ def test_the_facts_say_what_was_evaluated():
         ("recording 01", "SHA-256 fedcba9876543210"),
     ]
     changed = {"policy": "each", "stride_s": None, "layout": [], "one_sample": True}
-    changed |= {"tracker": "simulated", "tracker_seed": 4, "unknown_classes": True}
+    changed |= {
+        "trails": False,
+        "tracker": "simulated",
+        "tracker_seed": 4,
+        "unknown_classes": True,
+    }
     facts = dict(page._facts(content | changed))
     assert facts["observations"] == "of a simulated tracker, seed 4"
     assert facts["classes"] == "every road user was observed as one of an unknown class"
+    assert facts["trails"] == "no earlier road user was known"
     assert "policy each" in facts["m"]
     assert facts["layout"] == "the bag's own observations"
     assert facts["instants"] == "those of the bag"

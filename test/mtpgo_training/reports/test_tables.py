@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import pytest
+from known_paths import honest_content
 from known_scores import json_content
 
 from mtpgo_training.reports.tables import (
@@ -39,6 +40,12 @@ def test_groups_have_a_line_for_each_model(content):
     values = [row.cells[0] for row in tables["By recording"].rows]
     assert values[:3] == ["1.00", "2.00", "4.00"]
     assert agreement_table(content) is None
+
+
+def test_the_time_since_the_start_has_a_table_where_it_is_known():
+    heading = "By time since the recording's start"
+    (table,) = [one for one in group_tables(honest_content()) if one.heading == heading]
+    assert [row.name for row in table.rows] == ["moving, 0-20 s: m", "moving, 0-20 s: cv"]
 
 
 def test_a_mixture_without_nees_is_no_number():

@@ -41,9 +41,9 @@ def test_what_was_not_observed_and_baselines_without_covariance_are_not_judged()
     assert found["ellipse_90_3s"] == 1.0
     for name in ("ellipse_90_5s", "region_90_5s", "nll_5s", "variance_5s", "squared_error_5s"):
         assert np.isnan(found[name]), name
-    for name in ("brier", "heaviest_nearest", "chance", "brier_min_fde", "bin_count_0"):
+    weights = ("brier", "heaviest_nearest", "chance", "brier_min_fde", "brier_min_ade")
+    for name in (*weights, "bin_count_0"):
         assert np.isnan(found[name]), name
-    assert found["brier_min_ade"] == pytest.approx(0.4**2)
     bare = values(paths(agents(1), sigma_m=None))
     assert np.isnan([bare["ellipse_90_1s"], bare["nll_1s"], bare["variance_1s"]]).all()
     assert bare["squared_error_5s"] == 0.0
@@ -63,6 +63,7 @@ def test_weights_and_diversity():
     assert found["brier"] == pytest.approx(2 * 0.7**2)
     assert (found["heaviest_nearest"], found["chance"]) == (0.0, 0.5)
     assert found["brier_min_fde"] == pytest.approx(0.7**2)
+    assert found["brier_min_ade"] == pytest.approx(0.7**2)
     assert found["mode_distance"] == pytest.approx(2 * 0.7 * 0.3 * 4.0)
     assert found["weight_near_heaviest"] == pytest.approx(0.7)
     assert [found["bin_nearest_7"], found["bin_nearest_3"]] == [0.0, 1.0]

@@ -33,6 +33,7 @@ def test_it_is_json_with_all_breakdowns(content):
     assert own["all"]["n"] == 20
     assert set(own["by_class_group_and_motion"]) == {"vehicle, moving", "pedestrian, standing"}
     assert set(own["by_speed"]) == {"0-1", "5-15"}
+    assert own["by_since_start_and_motion"]["0-20, moving"] == own["by_motion"]["moving"]
     assert own["by_class"]["car"] == own["by_motion"]["moving"]
 
 

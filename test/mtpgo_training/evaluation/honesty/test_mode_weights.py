@@ -46,9 +46,14 @@ def test_the_brier_score_and_the_heaviest():
 
 
 def test_brier_min_fde_adds_the_squared_doubt_of_the_nearest_mode():
-    assert brier_min(WEIGHT, DISTANCE) == pytest.approx(1.0 + 0.7**2)
-    assert brier_min(10.0 * WEIGHT, DISTANCE) == pytest.approx(1.0 + 0.7**2)
-    assert np.isnan(brier_min(WEIGHT, np.full((1, 3), np.nan)))
+    assert brier_min(WEIGHT, DISTANCE, DISTANCE) == pytest.approx(1.0 + 0.7**2)
+    assert brier_min(10.0 * WEIGHT, DISTANCE, DISTANCE) == pytest.approx(1.0 + 0.7**2)
+    assert np.isnan(brier_min(WEIGHT, np.full((1, 3), np.nan), DISTANCE))
+
+
+def test_brier_min_ade_is_of_the_mode_that_ends_nearest_not_of_the_least_ade():
+    average = np.array([[0.1, 0.6, 0.4]])
+    assert brier_min(WEIGHT, DISTANCE, average) == pytest.approx(0.6 + 0.7**2)
 
 
 def test_permuted_modes_have_the_same_values():
@@ -56,7 +61,8 @@ def test_permuted_modes_have_the_same_values():
     event, other = nearest(DISTANCE), nearest(DISTANCE[:, order])
     weight = WEIGHT[:, order]
     assert brier_score(weight, other) == pytest.approx(brier_score(WEIGHT, event))
-    assert brier_min(weight, DISTANCE[:, order]) == brier_min(WEIGHT, DISTANCE)
+    distance = DISTANCE[:, order]
+    assert brier_min(weight, distance, distance) == brier_min(WEIGHT, DISTANCE, DISTANCE)
     for one, two in zip(weight_bins(weight, other), weight_bins(WEIGHT, event), strict=True):
         np.testing.assert_allclose(one, two)
 

@@ -3,7 +3,7 @@
 """The breakdowns of a score table, against sums worked out by hand."""
 
 import pytest
-from known_scores import H, add, filled
+from known_scores import STANDS, TURNS, H, add, filled
 
 from mtpgo_training.evaluation.scores.agent_scores import LEVELS
 from mtpgo_training.evaluation.scores.score_summary import averages_table, breakdowns
@@ -27,6 +27,21 @@ def test_groups_have_their_own_averages():
         "03": 4.0,
     }
     assert found["by_class"]["m"]["all"]["truck"]["fde"] == 2.0
+
+
+def test_moving_and_turning_ones_are_given_by_the_time_since_the_start():
+    table = ScoreTable()
+    add(table, 1.0, n=3, since_start_s=5.0)
+    add(table, 2.0, n=1, since_start_s=5.0, bits=TURNS)
+    add(table, 9.0, n=7, since_start_s=5.0, bits=STANDS, speed=0.0)
+    add(table, 3.0, n=2, since_start_s=300.0)
+    found = breakdowns(table)["by_since_start"]["m"]["all"]
+    assert {name: (row["ade"], row["n"]) for name, row in found.items()} == {
+        "moving, 0-20 s": (1.25, 4),
+        "moving, 120+ s": (3.0, 2),
+        "turning, 0-20 s": (2.0, 1),
+    }
+    assert breakdowns(filled())["by_since_start"]["m"]["all"] == {}  # it is not known
 
 
 def test_the_horizon_counts_observed_agents():

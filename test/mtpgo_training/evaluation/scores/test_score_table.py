@@ -13,8 +13,10 @@ from mtpgo_training.evaluation.scores.agent_scores import KEYS, LEVELS
 from mtpgo_training.evaluation.scores.score_summary import breakdowns
 from mtpgo_training.evaluation.scores.score_table import (
     HEADLINE_TIMES_S,
+    SINCE_START_BANDS,
     ScoreTable,
     average,
+    since_start_codes,
     totals,
 )
 
@@ -163,3 +165,9 @@ def test_the_headline_is_the_coverage_of_moving_agents_at_single_times():
     assert scores["cv"]["all"]["coverage_90_moving_1s"] is None  # nobody moves
     total = table.headline_totals(["model", "recording"])
     assert total.loc[("m", "01"), ("count", "coverage_90_moving_1s")] == 4
+
+
+def test_times_since_the_start_are_in_bands():
+    seconds = np.array([0.0, 19.9, 20.0, 60.0, 119.0, 120.0, 4000.0, np.nan])
+    names = [SINCE_START_BANDS[i] for i in since_start_codes(seconds)]
+    assert names == ["0-20", "0-20", "20-60", "60-120", "60-120", "120+", "120+", "unknown"]
