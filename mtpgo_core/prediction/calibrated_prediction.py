@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 
-from mtpgo_core.schema import CalibrationStage, Float64Array, Prediction
+from mtpgo_core.schema import CalibrationStage, Float64Array, HistoryWindow, Prediction
 from mtpgo_core.task.calibration import Calibration, GroupArray, calibration_groups
 
 
@@ -37,6 +37,19 @@ def calibrate(
         sigma_factor_50=calibration.sigma_factor_50_table[group],
         calibration=np.full(len(prediction), CalibrationStage.SHIPPED, dtype=np.uint8),
     )
+
+
+def weight_temperatures(window: HistoryWindow, calibration: Calibration) -> Float64Array:
+    """Return [n] the temperatures with which the mode weights of a window's agents are calibrated.
+
+    Args:
+        window: of the agents.
+        calibration: one without groups has the temperature 1.
+    """
+    if calibration.is_none:
+        return np.ones(len(window))
+    group = calibration_groups(window.agent_class, window.velocity[:, -1])
+    return np.asarray(1.0 / calibration.inverse_temperatures[group])
 
 
 def calibrated_weights(

@@ -22,7 +22,7 @@ import torch
 
 from mtpgo_core.errors import ModelFileError
 from mtpgo_core.frames import rotate_covariance
-from mtpgo_core.prediction.calibrated_prediction import calibrate
+from mtpgo_core.prediction.calibrated_prediction import calibrate, weight_temperatures
 from mtpgo_core.prediction.constant_velocity import usable_covariances
 from mtpgo_core.prediction.forward_motion import without_reversing
 from mtpgo_core.prediction.graph_check import faults
@@ -275,6 +275,7 @@ class ModelRunner:
             ModelOutput(*joined),
             self.task.history.dt_s,
             smoother,
+            weight_temperatures(own, self.calibration),
         )
         calibrated = calibrate(prediction, self.calibration, own.velocity[:, -1])
         return served, without_reversing(calibrated, own)

@@ -49,6 +49,7 @@ def assemble(
     output: ModelOutput,
     dt_s: float,
     smoother: PathSmoother | None = None,
+    temperature: Float64Array | None = None,
 ) -> Prediction:
     """Return the prediction in the fixed frame, modes sorted by weight, in the window's order.
 
@@ -58,6 +59,8 @@ def assemble(
         output: of the model, one row for each true value of ``batch.primary``, in row-major order.
         dt_s: step of the horizon (s).
         smoother: of the paths from cycle to cycle, if any.
+        temperature: [n] with which the weights of the window's agents will be calibrated, which a
+            smoother needs; 1 by default.
 
     Returns:
         One row for each agent of the window. Rows of agents without a prediction, or with one
@@ -84,7 +87,10 @@ def assemble(
     weight = _weights(output.log_weight.astype(np.float64))
     usable = _usable(weight, mean, covariance)
     if smoother is not None:
-        mean, weight = smoother.smooth(window, agent, mean, weight, usable, dt_s)
+        temperature = np.ones(len(window)) if temperature is None else temperature
+        mean, weight = smoother.smooth(
+            window, agent, mean, weight, usable, dt_s, temperature[agent]
+        )
 
     order = np.argsort(-weight, axis=1, kind="stable")
     rows = np.arange(order.shape[0])[:, None]

@@ -26,8 +26,8 @@ LONGEST_MEMORY_S = 5.0
 """Largest tau (s); chosen: the horizon, beyond which news would never arrive."""
 
 KEEP_FACTOR = 1.22
-"""The weight of the mode that was the heaviest in the cycle before is multiplied by this; chosen
-on left-out sites (docs/design.md, "Smooth paths")."""
+"""The calibrated weight of the mode that was the heaviest in the cycle before is multiplied by
+this; chosen on left-out sites (docs/design.md, "Smooth paths")."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,7 @@ class PathSmoother:
         weight: Float64Array,
         usable: BoolArray,
         dt_s: float,
+        temperature: Float64Array,
     ) -> tuple[Float64Array, Float64Array]:
         """Return the smoothed paths and their weights, and remember them for the next cycle.
 
@@ -87,12 +88,14 @@ class PathSmoother:
             weight: [p, M] of the modes, summing to 1.
             usable: [p] which paths are finite; others are returned as they are and forgotten.
             dt_s: step of the horizon and of the window (s).
+            temperature: [p] with which the weights will be calibrated, so that what is published
+                has the factor.
         """
         if self._last is not None and self._last.stamp_ns != window.stamp_ns:
             self._before = self._last
         key = sort_keys(window.key[agent])
         smoothed, weight = self._combined(
-            self._before, window, agent, key, mean, weight, usable, dt_s
+            self._before, window, agent, key, mean, weight, usable, dt_s, temperature
         )
         kept = np.flatnonzero(usable)
         kept = kept[np.argsort(key[kept])]
@@ -110,6 +113,7 @@ class PathSmoother:
         weight: Float64Array,
         usable: BoolArray,
         dt_s: float,
+        temperature: Float64Array,
     ) -> tuple[Float64Array, Float64Array]:
         """Return the new paths and weights combined with those of the cycle before."""
         elapsed_s = 0.0 if before is None else (window.stamp_ns - before.stamp_ns) * 1e-9
@@ -134,7 +138,7 @@ class PathSmoother:
         combined[..., 2:] += share_5s / (horizon * dt_s) * (old[..., :2] - new[..., :2])
         smoothed, weighted = mean.copy(), weight.copy()
         smoothed[chosen] = combined
-        weighted[chosen, before.heaviest[row[chosen]]] *= KEEP_FACTOR
+        weighted[chosen, before.heaviest[row[chosen]]] *= KEEP_FACTOR ** temperature[chosen]
         weighted[chosen] /= weighted[chosen].sum(axis=1, keepdims=True)
         return smoothed, weighted
 

@@ -12,6 +12,7 @@ from mtpgo_core.errors import ModelFileError
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.calibrated_prediction import calibrate
 from mtpgo_core.prediction.model_runner import ModelRunner
+from mtpgo_core.prediction.path_smoothing import KEEP_FACTOR, PathSmoother
 from mtpgo_core.scene.scene_builder import build_scenes
 from mtpgo_core.schema import AgentClass, CalibrationStage
 from mtpgo_core.task.calibration import GROUPS, Calibration, GroupCalibration
@@ -39,16 +40,20 @@ def calibration(steps=HORIZON):
     return Calibration(groups=tuple(groups))
 
 
-@pytest.fixture(scope="module")
-def window():
+def window_after(cycles):
     history = TrackHistory(HistoryConfig())
-    for k in range(6):
+    for k in range(cycles):
         position = np.stack([0.2 * k * SPEED_MPS, 20.0 * np.arange(4)], axis=1)
         velocity = np.stack([SPEED_MPS, np.zeros(4)], axis=1)
         history.update(
             states_of(0.2 * k, range(4), position, velocity=velocity, agent_class=CLASSES)
         )
     return history.window()
+
+
+@pytest.fixture(scope="module")
+def window():
+    return window_after(6)
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +95,23 @@ def test_the_runner_gives_the_factors_of_the_50_percent_ellipses(predictions):
         expected = 0.3 + 0.1 * group + 0.01 * np.arange(HORIZON)
         np.testing.assert_allclose(calibrated.sigma_factor_50[row], expected)
     assert (calibrated.calibration == CalibrationStage.SHIPPED).all()
+
+
+def test_a_smoother_keeps_the_heaviest_mode_by_a_factor_on_what_is_published(tmp_path):
+    write_model(tmp_path / "m.pt", 2, calibration=calibration())
+    runner, smoother = ModelRunner.load(tmp_path / "m.pt"), PathSmoother(0.4)
+
+    def weights(cycles, smoother=None):
+        window = window_after(cycles)
+        scenes = build_scenes(window, runner.task.scene)
+        return runner.predict(window, scenes, smoother=smoother).weight
+
+    weights(6, smoother)
+    kept, plain = weights(7, smoother), weights(7)
+    car, pedestrian = 0, 2
+    odds = [row[car, 0] / row[car, 1:].sum() for row in (kept, plain)]
+    assert odds[0] / odds[1] == pytest.approx(KEEP_FACTOR)
+    np.testing.assert_array_equal(kept[pedestrian], plain[pedestrian])
 
 
 def test_a_velocity_that_was_never_known_counts_as_moving(predictions):

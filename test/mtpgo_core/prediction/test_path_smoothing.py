@@ -13,6 +13,7 @@ TIME = DT * np.arange(1, H + 1)
 ALL = np.arange(2)
 USABLE = np.ones(2, dtype=bool)
 EQUAL = np.full((2, M), 1.0 / M)
+ONES = np.ones(2)
 
 
 def window(stamp_s=0.0, *, keys=(1, 2), speed=(10.0, 10.0), classes=(1, 1), first=(0, 0)):
@@ -47,15 +48,16 @@ def paths(speed=10.0, start=0.0, *, offset=0.0):
     return mean
 
 
-def smooth(smoother, at, mean, usable=USABLE, weight=EQUAL):
-    return smoother.smooth(at, np.arange(len(at.key)), mean, weight, usable, DT)[0]
+def smooth(smoother, at, mean, usable=USABLE, weight=EQUAL, temperature=ONES):
+    return smoother.smooth(at, np.arange(len(at.key)), mean, weight, usable, DT, temperature)[0]
 
 
-def weights(smoother, at, mean, *first):
+def weights(smoother, at, mean, *first, temperature=ONES):
     """Return the weights of the first modes after a cycle in which they were ``first``."""
     first = np.array(first)
     given = np.stack((first, 1.0 - first), axis=1)
-    return smoother.smooth(at, np.arange(len(at.key)), mean, given, USABLE, DT)[1][:, 0]
+    agent = np.arange(len(at.key))
+    return smoother.smooth(at, agent, mean, given, USABLE, DT, temperature)[1][:, 0]
 
 
 def test_the_first_cycle_is_as_given():
@@ -135,6 +137,16 @@ def test_the_heaviest_mode_remains_it_until_another_is_clearly_likelier():
     assert (found > 0.5).tolist() == [True, False]
     again = weights(smoother, window(0.4), paths(start=4.0), 0.48, 0.52)
     assert (again > 0.5).tolist() == [True, False]
+
+
+def test_the_factor_is_that_of_the_calibrated_weights():
+    """A calibration takes the root of the weights, and would take that of the factor as well."""
+    smoother, temperature = PathSmoother(0.4), np.array([3.0, 0.5])
+    weights(smoother, window(), paths(), 0.6, 0.6, temperature=temperature)
+    found = weights(smoother, window(0.2), paths(start=2.0), 0.2, 0.4, temperature=temperature)
+    odds = np.array([0.2, 0.4]) / np.array([0.8, 0.6])
+    calibrated = (found / (1.0 - found)) ** (1.0 / temperature)
+    np.testing.assert_allclose(calibrated, KEEP_FACTOR * odds ** (1.0 / temperature))
 
 
 def test_weights_follow_their_agents():
