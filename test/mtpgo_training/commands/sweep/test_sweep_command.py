@@ -118,9 +118,12 @@ def test_a_sweep_from_its_first_run_to_its_table(place, inline, capsys, monkeypa
     assert (place / "a b" / "runs") in (place / words[2]).parents
     markdown = (place / "a b" / "result.md").read_text(encoding="utf-8")
     assert " ± " in markdown
+    assert "moving 90% 1s" in markdown  # the horizon of the runs
+    assert "in 90%" not in markdown
     lines = (place / "a b" / "result.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 5
     assert lines[0].startswith("model.hidden,seed,ade,")
+    assert ",anll,coverage_90_moving_1s,minutes," in lines[0]
 
     # More seeds may be added, another configuration may not.
     more = command(place, "a b", "--sweep", "model.hidden=4", "seed=1..2")
