@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+import io
 import warnings
 
 import numpy as np
@@ -72,17 +73,24 @@ def samples_target() -> FuzzTarget:
     def seeds() -> list[bytes]:
         path = place("samples") / "seed.npz"
         agents, steps, modes = 3, 4, 2
+        arrays = {
+            "site": np.zeros(agents, np.int32),
+            "group": np.zeros(agents, np.uint8),
+            "distance": np.ones((agents, steps), np.float32),
+            "log_determinant": np.zeros((agents, steps), np.float32),
+            "log_weight": np.full((agents, modes), -0.7, np.float32),
+            "mode_error": np.ones((agents, modes), np.float32),
+        }
+        earlier = io.BytesIO()
+        np.savez(earlier, format=1, step_s=0.2, sites=np.array(["north"]), **arrays)
         CalibrationSamples(
             step_s=0.2,
             sites=("north",),
-            site=np.zeros(agents, np.int32),
-            group=np.zeros(agents, np.uint8),
-            distance=np.ones((agents, steps), np.float32),
-            log_determinant=np.zeros((agents, steps), np.float32),
-            log_weight=np.full((agents, modes), -0.7, np.float32),
-            mode_error=np.ones((agents, modes), np.float32),
+            mode_distance=np.ones((agents, modes, 1), np.float32),
+            mode_log_determinant=np.zeros((agents, modes, 1), np.float32),
+            **arrays,
         ).save(path)
-        return [path.read_bytes()]
+        return [path.read_bytes(), earlier.getvalue()]
 
     return FuzzTarget("calibration_samples", run, seeds)
 
@@ -100,7 +108,8 @@ def task_target() -> FuzzTarget:
 
     def seeds() -> list[bytes]:
         factors = tuple(1.0 + 0.01 * k for k in range(25))
-        groups = tuple(GroupCalibration(name, factors, 1.1, 50, 1) for name in GROUPS)
+        inner = (0.7,) * 25
+        groups = tuple(GroupCalibration(name, factors, 1.1, 50, 1, inner) for name in GROUPS)
         calibrated = TaskDescription(calibration=Calibration(groups))
         return [task.to_json().encode() for task in (TaskDescription(), calibrated)]
 
