@@ -25,7 +25,7 @@ cycle. To the nearest step, since 30 frames of a camera at 29.97 Hz take a littl
 LONGEST_MEMORY_S = 5.0
 """Largest tau (s); chosen: the horizon, beyond which news would never arrive."""
 
-KEEP_FACTOR = 1.22
+KEEP_FACTOR = 1.07
 """The calibrated weight of the mode that was the heaviest in the cycle before is multiplied by
 this; chosen on left-out sites (docs/design.md, "Smooth paths")."""
 
