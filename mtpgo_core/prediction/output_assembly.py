@@ -89,7 +89,7 @@ def assemble(
     if smoother is not None:
         temperature = np.ones(len(window)) if temperature is None else temperature
         mean, weight = smoother.smooth(
-            window, agent, mean, weight, usable, dt_s, temperature[agent]
+            window, agent, mean, weight, covariance, usable, dt_s, temperature[agent]
         )
 
     order = np.argsort(-weight, axis=1, kind="stable")

@@ -29,6 +29,11 @@ KEEP_FACTOR = 1.07
 """The calibrated weight of the mode that was the heaviest in the cycle before is multiplied by
 this; chosen on left-out sites (docs/design.md, "Smooth paths")."""
 
+NEWS_RADIUS = 2.146
+"""Where the path of the cycle before ends outside the ellipse of this Mahalanobis radius, that of
+90 %, around the new one's end, there is news, and the new path is taken as it is; chosen on
+left-out sites (docs/design.md, "Smooth paths")."""
+
 
 @dataclass(frozen=True)
 class _Paths:
@@ -55,7 +60,8 @@ class PathSmoother:
     next moments are as the model predicts them now, and the farthest point has a memory of tau.
     The mode that was the heaviest counts a little more, so that it remains the heaviest until
     another one is clearly likelier. What stands at t, pedestrians, who change their ways faster
-    than that, and agents that were not observed throughout T keep the new path and weights.
+    than that, and agents that were not observed throughout T keep the new path and weights. A mode
+    that now ends far from where it ended (:data:`NEWS_RADIUS`) keeps its new path.
 
     Args:
         tau_s: tau (s), above 0, at most :data:`LONGEST_MEMORY_S`.
@@ -72,6 +78,7 @@ class PathSmoother:
         agent: IndexArray,
         mean: Float64Array,
         weight: Float64Array,
+        covariance: Float64Array,
         usable: BoolArray,
         dt_s: float,
         temperature: Float64Array,
@@ -86,6 +93,7 @@ class PathSmoother:
             mean: [p, M, H, 4] x, y, vx, vy in the fixed frame (m, m/s), modes in the network's
                 order.
             weight: [p, M] of the modes, summing to 1.
+            covariance: [p, M, H, 2, 2] of the position (m^2), as the model gives it.
             usable: [p] which paths are finite; others are returned as they are and forgotten.
             dt_s: step of the horizon and of the window (s).
             temperature: [p] with which the weights will be calibrated, so that what is published
@@ -95,7 +103,7 @@ class PathSmoother:
             self._before = self._last
         key = sort_keys(window.key[agent])
         smoothed, weight = self._combined(
-            self._before, window, agent, key, mean, weight, usable, dt_s, temperature
+            self._before, window, agent, key, mean, weight, covariance, usable, dt_s, temperature
         )
         kept = np.flatnonzero(usable)
         kept = kept[np.argsort(key[kept])]
@@ -111,6 +119,7 @@ class PathSmoother:
         key: SortKeyArray,
         mean: Float64Array,
         weight: Float64Array,
+        covariance: Float64Array,
         usable: BoolArray,
         dt_s: float,
         temperature: Float64Array,
@@ -136,11 +145,24 @@ class PathSmoother:
         combined = (1.0 - share) * new + share * old
         # The share grows along the path, which moves the point as well.
         combined[..., 2:] += share_5s / (horizon * dt_s) * (old[..., :2] - new[..., :2])
+        agrees = _is_near(old[:, :, -1, :2] - new[:, :, -1, :2], covariance[chosen, :, -1])
         smoothed, weighted = mean.copy(), weight.copy()
-        smoothed[chosen] = combined
+        smoothed[chosen] = np.where(agrees[..., None, None], combined, new)
         weighted[chosen, before.heaviest[row[chosen]]] *= KEEP_FACTOR ** temperature[chosen]
         weighted[chosen] /= weighted[chosen].sum(axis=1, keepdims=True)
         return smoothed, weighted
+
+
+def _is_near(difference: Float64Array, covariance: Float64Array) -> BoolArray:
+    """Return [n, M] whether differences lie within the ellipses of :data:`NEWS_RADIUS`.
+
+    Args:
+        difference: [n, M, 2] (m).
+        covariance: [n, M, 2, 2] (m^2), positive definite.
+    """
+    solved = np.linalg.solve(covariance, difference[..., None])[..., 0]
+    squared = (difference * solved).sum(axis=-1)
+    return np.asarray(squared <= NEWS_RADIUS**2)
 
 
 def _shifted(mean: Float64Array, shift: float, dt_s: float) -> Float64Array:

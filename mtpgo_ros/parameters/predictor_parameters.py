@@ -187,7 +187,7 @@ class PredictorParameters:
         False, "The model starts from the tracker's covariance where a message carries one."
     )
     path_smoothing: float = _field(
-        0.0,
+        0.2,
         "Memory of the farthest predicted points of moving vehicles over the cycles (s), 0 for"
         " none: predictions jump less and follow news later.",
         low=0.0,

@@ -14,6 +14,7 @@ ALL = np.arange(2)
 USABLE = np.ones(2, dtype=bool)
 EQUAL = np.full((2, M), 1.0 / M)
 ONES = np.ones(2)
+SPREAD_M = 5.0
 
 
 def window(stamp_s=0.0, *, keys=(1, 2), speed=(10.0, 10.0), classes=(1, 1), first=(0, 0)):
@@ -48,16 +49,22 @@ def paths(speed=10.0, start=0.0, *, offset=0.0):
     return mean
 
 
-def smooth(smoother, at, mean, usable=USABLE, weight=EQUAL, temperature=ONES):
-    return smoother.smooth(at, np.arange(len(at.key)), mean, weight, usable, DT, temperature)[0]
+def covariances(spread_m):
+    """[2, M, H, 2, 2] the same in all directions and at all steps."""
+    return np.broadcast_to(spread_m**2 * np.eye(2), (2, M, H, 2, 2))
+
+
+def smooth(smoother, at, mean, usable=USABLE, weight=EQUAL, spread_m=SPREAD_M):
+    agent, covariance = np.arange(len(at.key)), covariances(spread_m)
+    return smoother.smooth(at, agent, mean, weight, covariance, usable, DT, ONES)[0]
 
 
 def weights(smoother, at, mean, *first, temperature=ONES):
     """Return the weights of the first modes after a cycle in which they were ``first``."""
     first = np.array(first)
     given = np.stack((first, 1.0 - first), axis=1)
-    agent = np.arange(len(at.key))
-    return smoother.smooth(at, agent, mean, given, USABLE, DT, temperature)[1][:, 0]
+    agent, covariance = np.arange(len(at.key)), covariances(SPREAD_M)
+    return smoother.smooth(at, agent, mean, given, covariance, USABLE, DT, temperature)[1][:, 0]
 
 
 def test_the_first_cycle_is_as_given():
@@ -86,6 +93,19 @@ def test_a_step_is_followed_at_once_nearby_and_with_memory_far_away(elapsed_s):
     slope = np.gradient(result[0, 0, :, 1], DT)
     np.testing.assert_allclose(result[0, 0, :, 3], slope, atol=1e-9)
     np.testing.assert_allclose(result[..., 0], mean[..., 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("spread_m", "combined"), [(0.94, True), (0.92, False)])
+def test_a_path_that_ends_outside_the_new_ones_ellipse_is_news(spread_m, combined):
+    """2 m aside; the 90 % ellipse ends at 2.146 standard deviations."""
+    smoother = PathSmoother(0.4)
+    smooth(smoother, window(), paths())
+    mean = paths(start=2.0)
+    mean[1, :, :, 1] += 2.0
+    result = smooth(smoother, window(0.2), mean, spread_m=spread_m)
+    np.testing.assert_allclose(result[0], mean[0], atol=1e-9)
+    assert (result[1, 0, -1, 1] < 1.5) == combined
+    assert combined or (result[1] == mean[1]).all()
 
 
 def test_the_same_time_again_gives_the_same_result():
