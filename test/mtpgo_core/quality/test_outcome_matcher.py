@@ -115,6 +115,21 @@ def test_a_prediction_made_before_the_clock_was_set_back_is_dropped():
     assert stream.unknown == {"no_track": STEPS}
 
 
+def test_a_clock_that_is_set_forward_by_years_ends_all_predictions():
+    """A recording of another time, and then the present: the times fill 64 bits with few tracks."""
+    stream = Stream()
+    drivers = range(40)
+    for time_s in np.arange(0, 1.01, 0.2):
+        stream.observe(time_s, {k: (10.0 * time_s, 10.0 * k) for k in drivers})
+        stream.predict()
+    for time_s in 1.7e9 + 0.2 * np.arange(10):
+        stream.observe(time_s, {k: (10.0 * (time_s - 1.7e9), 10.0 * k) for k in drivers})
+        stream.predict()
+    assert stream.unknown["left"] > 0
+    known = np.isfinite(stream.rows("truth")).all(axis=1)
+    assert known.sum() == len(drivers) * (sum(range(6)) + sum(range(10)))
+
+
 def test_a_prediction_of_a_track_that_restarted_meanwhile_is_dropped():
     stream = Stream()
     stream.drive(np.arange(0, 1.01, 0.2))
