@@ -115,8 +115,21 @@ def test_a_prediction_made_before_the_clock_was_set_back_is_dropped():
     assert stream.unknown == {"no_track": STEPS}
 
 
+def test_predictions_after_one_that_was_made_before_the_clock_was_set_back_are_kept():
+    stream = Stream()
+    stream.drive(np.arange(0, 1.01, 0.2))
+    window = stream.history.window()
+    late = predict_constant_velocity(window, horizon_steps=STEPS, dt_s=0.2, modes=2)
+    stream.observe(-50.0, {1: (0.0, 0.0)})  # while the model computes
+    stream.matcher.add(late, window)
+    for i in range(1, 11):
+        stream.observe(-50.0 + 0.2 * i, {1: (2.0 * i, 0.0)})
+        stream.predict()
+    assert len(stream.rows("step")) == sum(range(10))
+
+
 def test_a_clock_that_is_set_forward_by_years_ends_all_predictions():
-    """A recording of another time, and then the present: the times fill 64 bits with few tracks."""
+    """A recording of another time, then the present: with few tracks 64 bits are not enough."""
     stream = Stream()
     drivers = range(40)
     for time_s in np.arange(0, 1.01, 0.2):
