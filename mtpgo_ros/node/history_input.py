@@ -125,6 +125,7 @@ class HistoryInput:
         self._history.clear()
         self._newest_ns = None
         self._ahead = 0
+        self._pace = StampPace()
 
     def update(
         self,

@@ -198,6 +198,17 @@ def test_stamps_with_microseconds_in_the_field_of_nanoseconds_are_left_out(make)
     assert events.counts()["stamp_unit"] == 21
 
 
+@pytest.mark.parametrize("set_s", [3600.0, -3600.0])
+def test_a_clock_that_was_set_says_nothing_about_the_pace_of_the_stamps(make, set_s):
+    history, events, _ = make()
+    for k in range(20):
+        history.update(traffic(k / 10), at(k / 10))
+    history.reset()  # as the node does where its machine's clock was set
+    for k in range(20, 60):  # the objects have a clock of their own
+        history.update(traffic(k / 10), at(set_s + k / 10))
+    assert "stamp_pace" not in events.counts()
+
+
 def test_old_observations_and_what_else_is_odd_in_the_whole_stream_is_said(make):
     history, _, _ = make()
     for k in range(60):
