@@ -222,6 +222,21 @@ def test_nothing_is_lost_at_utm_coordinates():
     np.testing.assert_allclose(stream.rows("ade"), 0.5, atol=1e-4)
 
 
+def test_a_growing_number_of_modes_loses_no_prediction():
+    """As where there are fewer and fewer road users than all modes are published of."""
+    stream, weights = Stream(), []
+    for number in range(60):
+        outcomes = stream.observe(0.2 * number, {1: (2.0 * number, 0.0)})
+        weight, _, covariance = outcomes.mixture()
+        weights.append(weight.sum(axis=1))
+        assert (covariance[..., 0, 0] > 0.0).all()
+        stream.predict(modes=1 + number // 10)
+    assert len(stream.rows("step")) == sum(min(number, STEPS) for number in range(60))
+    np.testing.assert_allclose(np.concatenate(weights), 1.0)
+    np.testing.assert_allclose(stream.rows("ade"), 0.0, atol=1e-5)
+    assert stream.unknown == {}
+
+
 def test_a_changing_number_of_modes_loses_no_prediction():
     stream, weights = Stream(), []
     times = np.arange(0, 12, 0.2)
