@@ -58,14 +58,8 @@ def bracket(
     """
     n, width = stamp_ns.shape
     start, end = int(grid_ns[0]) - max_gap_ns, int(grid_ns[-1]) + TOLERANCE_NS
-    # All rows form one ascending array, each in its own range of values, so that a single search
-    # handles them all. Samples that are too old or missing are clipped to the start of the range,
-    # samples that are too new to its end.
     relative = np.clip(stamp_ns, start - 1, end + 1) - (start - 1)
-    segment = (np.arange(n, dtype=np.int64) * (end - start + 4))[:, None]
-    wanted = grid_ns + (TOLERANCE_NS - (start - 1)) + segment
-    place = np.searchsorted((relative + segment).ravel(), wanted.ravel(), side="right")
-    left = place.reshape(wanted.shape) - 1 - (np.arange(n) * width)[:, None]
+    left = _samples_until(relative, grid_ns + (TOLERANCE_NS - (start - 1)), end - start + 4) - 1
 
     rows = np.arange(n)[:, None]
     has_left = left >= 0
@@ -91,6 +85,29 @@ def bracket(
         after_s=np.where(extrapolated, since_ns[:, -1] * 1e-9, 0.0),
         valid=valid,
     )
+
+
+def _samples_until(
+    relative: NDArray[np.int64], wanted: NDArray[np.int64], span: int
+) -> NDArray[np.int64]:
+    """Return [n, T] how many samples of each row are at or before each wanted time.
+
+    Args:
+        relative: [n, K] ascending in each row, from 0 on and below ``span``.
+        wanted: [T] times, within the same limits.
+        span: as above.
+    """
+    n, width = relative.shape
+    if n * span > np.iinfo(np.int64).max:
+        # Times that are years apart, where the clock was set forward.
+        rows = [np.searchsorted(row, wanted, side="right") for row in relative]
+        return np.array(rows, dtype=np.int64).reshape(n, len(wanted))
+    # All rows form one ascending array, each in its own range of values, so that a single search
+    # handles them all. Samples that are too old or missing were clipped to the start of the
+    # range, samples that are too new to its end.
+    segment = (np.arange(n, dtype=np.int64) * span)[:, None]
+    place = np.searchsorted((relative + segment).ravel(), (wanted + segment).ravel(), side="right")
+    return place.reshape(n, len(wanted)) - (np.arange(n) * width)[:, None]
 
 
 def interpolate_linear(

@@ -120,8 +120,8 @@ class StreamGuard:
             if status is MessageStatus.CLOCK_RESET:
                 self._set_back_from_ns, self._patience = set_back_from_ns, patience
                 self._doubted_ns = stamp_ns
-        self._unexpected = 0
-        self.frame_id = frame_id if frame_id is not None else self.frame_id
+        if frame_id is not None:
+            self._unexpected, self.frame_id = 0, frame_id
         self.newest_ns = stamp_ns if self.newest_ns is None else max(stamp_ns, self.newest_ns)
         return status
 

@@ -71,6 +71,7 @@ class TrackHistory:
     Args:
         config: grid, gaps and estimators.
         max_tracks: limit of the memory, see the table of this module.
+        first_number: number of the first track.
 
     Attributes:
         config: as given.
@@ -79,13 +80,15 @@ class TrackHistory:
             move; their identities go on under other numbers.
     """
 
-    def __init__(self, config: HistoryConfig, max_tracks: int = 4096) -> None:
+    def __init__(
+        self, config: HistoryConfig, max_tracks: int = 4096, *, first_number: int = 0
+    ) -> None:
         self.config = config
         self._max_tracks = max_tracks
         self._keep_ns = config.keep_ns
         self._grid_ns = np.array(config.grid_ns, dtype=np.int64)
         self._guard = StreamGuard(self._keep_ns)
-        self._store = TrackStore(config, max_tracks, self._keep_ns)
+        self._store = TrackStore(config, max_tracks, self._keep_ns, first_number)
         self.observed: NDArray[np.int64] = np.empty(0, dtype=np.int64)
         self.restarted = self.observed
 
@@ -102,6 +105,11 @@ class TrackHistory:
 
     def __len__(self) -> int:
         return len(self._store.index)
+
+    @property
+    def next_number(self) -> int:
+        """Number of the next track; no track ever gets one that another one had."""
+        return self._store.next_number
 
     @property
     def newest_stamp_ns(self) -> int | None:

@@ -158,9 +158,12 @@ class OutcomeMatcher:
         """Move the predictions that were published since the last observation to the memory."""
         while self._waiting:
             key, new = self._waiting.popleft()
+            if new.stamp_ns > now_ns:
+                # Made before the clock was set back. To the memory all others would come too soon
+                # after it, until the clock shows its time again.
+                self.unknown["no_track"] += len(key) * len(new.time_s)
+                continue
             number = history.track_numbers(key, new.stamp_ns)
-            if new.stamp_ns > now_ns:  # made before the clock was set back
-                number = np.full(len(key), -1)
             kept = self.memory.add(dataclasses.replace(new, number=number))
             self.unknown["no_track"] += int(kept) * int((number < 0).sum()) * len(new.time_s)
 

@@ -165,8 +165,10 @@ class PredictionMemory:
         """Keep a prediction; return false if it is left out, too soon after the last one."""
         modes, steps = new.mean.shape[1:3]
         room, length = self.offset.shape[2:4]
-        if (modes > room or steps != length) and len(new.number):
+        if steps != length and len(new.number):
             self._allocate(modes, steps)
+        elif modes > room and len(new.number):
+            self._make_room_for(modes)
         elif modes < room:
             new = _with_modes(new, room)
         if len(new.time_s) == 0:
@@ -227,6 +229,15 @@ class PredictionMemory:
             setattr(self, name, np.concatenate([old, more], axis=1))
         self.step[:, -more.shape[1] :] = self.time_s.shape[1]
         self.number[:, -more.shape[1] :] = -1
+
+    def _make_room_for(self, modes: int) -> None:
+        """Make room for more modes of each agent; those of earlier predictions have no weight."""
+        extra = modes - self.weight.shape[2]
+        self.weight = np.pad(self.weight, ((0, 0), (0, 0), (0, extra)))
+        for name in ("offset", "covariance"):
+            old = getattr(self, name)
+            more = np.repeat(old[:, :, :1], extra, axis=2)
+            setattr(self, name, np.concatenate([old, more], axis=2))
 
     def mean(
         self, cycle: IndexArray, agent: IndexArray, mode: IndexArray, step: IndexArray

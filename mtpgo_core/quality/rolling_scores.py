@@ -20,6 +20,10 @@ BUCKET_S = 5
 chosen: a twelfth of the shortest window."""
 
 _BUCKET_NS = BUCKET_S * 10**9
+_LONGEST_NS = (WINDOWS_S[-1] + BUCKET_S) * 10**9
+"""Most time that passes with one observation (ns): it empties all windows. More would add up
+beyond 64 bits where a clock is set forward and back again and again."""
+
 _SERIES = len(GROUPS) * len(TIMES_S)
 """Sums are kept for each group and time ahead: series g * T + t."""
 
@@ -44,7 +48,7 @@ class RollingScores:
         columns = 2 * len(SCORES) + 2  # sums and numbers of the scores; predictions, by the model
         self._sums = np.zeros((self._buckets, _SERIES, columns))
         self._now_ns: int | None = None
-        self._offset_ns = 0  # from the observations' clock to one that is never set back
+        self._offset_ns = 0  # from the observations' clock to one that is never set
         self._bucket = 0
         # Road users by series: track number times the number of series, plus series; ascending.
         self._seen: NDArray[np.int64] = np.empty(0, dtype=np.int64)
@@ -109,8 +113,9 @@ class RollingScores:
 
     def _advance(self, now_ns: int) -> None:
         """Go on to a time (ns): empty the spans since the last one."""
-        if self._now_ns is not None and now_ns < self._now_ns:
-            self._offset_ns += self._now_ns - now_ns
+        if self._now_ns is not None:
+            passed_ns = now_ns - self._now_ns
+            self._offset_ns += min(max(passed_ns, 0), _LONGEST_NS) - passed_ns
         first = self._now_ns is None
         self._now_ns = now_ns
         bucket = (now_ns + self._offset_ns) // _BUCKET_NS

@@ -125,6 +125,7 @@ class HistoryInput:
         self._history.clear()
         self._newest_ns = None
         self._ahead = 0
+        self._pace = StampPace()
 
     def update(
         self,
@@ -175,7 +176,7 @@ class HistoryInput:
             report = dataclasses.replace(report, clock_reset=True)
         self.report = report
         self._events.count("unknown_class", int(np.count_nonzero(states.agent_class == 0)))
-        if report.frame_changed and not report.accepted:
+        if report.wrong_frame:
             self.rejection = ODD_INPUT["frame_changed"]
             return None
         own = int(with_ego)

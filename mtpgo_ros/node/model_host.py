@@ -42,6 +42,8 @@ class ModelHost:
         degraded: why there is no model, empty if there is one.
         lanes: the lane lines of a model that uses them.
         lanes_read: what was read from the lane file, empty if nothing was.
+        next_track: number of the next activation's first track: the calibrator, which stays, knows
+            road users by their numbers.
 
     Raises:
         ModelFileError: the model cannot be loaded and ``require_model`` is set.
@@ -49,7 +51,7 @@ class ModelHost:
     """
 
     def __init__(self, parameters: PredictorParameters) -> None:
-        self.degraded = ""
+        self.degraded, self.next_track = "", 0
         runner = None
         try:
             runner = load_model(parameters.model, parameters.num_threads, parameters.model_sha256)

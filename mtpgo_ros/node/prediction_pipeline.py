@@ -113,7 +113,9 @@ class PredictionPipeline:
         status.doubts = []
         status.agents = status.fallback_agents = status.preferred_agents = 0
         status.without_model_in_a_row = status.over_budget_in_a_row = 0
-        self._tracks = TrackHistory(model.predictor.task.history, parameters.max_tracks)
+        self._tracks = TrackHistory(
+            model.predictor.task.history, parameters.max_tracks, first_number=model.next_track
+        )
         self.history = HistoryInput(self._tracks, model, events, parameters)
         self.quality = LiveQuality(model.predictor.task.history)
         self._load = LoadControl()
@@ -143,6 +145,7 @@ class PredictionPipeline:
         self.transform.close()
         self._quality_publisher.close()
         stopped = self.worker.stop()
+        self._model.next_track = self._tracks.next_number
         self._model.calibrator.close()
         return stopped
 

@@ -43,6 +43,17 @@ def test_a_longer_gap_is_not_interpolated_and_exact_samples_stay():
     assert found.fraction.tolist() == [[0.0] * 5]
 
 
+def test_grid_times_that_are_years_apart():
+    """So many tracks with so long a grid do not fit into one range of 64 bits."""
+    year_ns = 365 * 86_400 * 1_000_000_000
+    stamps = np.array([[NEVER_NS, 100 * MS, 300 * MS], [0, year_ns, 50 * year_ns]] * 20)
+    grid = np.array([200 * MS, 50 * year_ns])
+    found = bracket(stamps, grid, max_gap_ns=500 * MS, max_extrapolation_ns=-1)
+    assert found.valid.tolist() == [[True, False], [False, True]] * 20
+    assert found.left.tolist() == [[1, 2], [0, 2]] * 20
+    assert found.fraction[0, 0] == pytest.approx(0.5)
+
+
 @pytest.mark.parametrize(("last_ms", "valid"), [(500, True), (499, False)])
 def test_only_the_last_grid_time_is_extrapolated_and_not_too_far(last_ms, valid):
     found = brackets_of(None, 400, last_ms)

@@ -56,6 +56,13 @@ def test_the_count_starts_again_with_another_frame_and_with_the_expected_one(gua
     assert found == [UNEXPECTED] * 5 + [OK] + [UNEXPECTED] * 2
 
 
+def test_messages_without_objects_do_not_hinder_a_new_frame(guard):
+    """Of a road that is empty now and then, or of a second publisher that sees nobody."""
+    frames = ["odom", None, "odom", None, "odom", None, "odom"]
+    found = statuses(guard, *[(10_100 + k, frame) for k, frame in enumerate(frames)])
+    assert found == [UNEXPECTED, OK, UNEXPECTED, OK, NEW, OK, OK]
+
+
 def test_an_unexpected_message_does_not_move_the_time(guard):
     assert statuses(guard, (20_000, "odom")) == [UNEXPECTED]
     assert guard.newest_ns == 10_000 * MS

@@ -115,6 +115,34 @@ def test_a_prediction_made_before_the_clock_was_set_back_is_dropped():
     assert stream.unknown == {"no_track": STEPS}
 
 
+def test_predictions_after_one_that_was_made_before_the_clock_was_set_back_are_kept():
+    stream = Stream()
+    stream.drive(np.arange(0, 1.01, 0.2))
+    window = stream.history.window()
+    late = predict_constant_velocity(window, horizon_steps=STEPS, dt_s=0.2, modes=2)
+    stream.observe(-50.0, {1: (0.0, 0.0)})  # while the model computes
+    stream.matcher.add(late, window)
+    for i in range(1, 11):
+        stream.observe(-50.0 + 0.2 * i, {1: (2.0 * i, 0.0)})
+        stream.predict()
+    assert len(stream.rows("step")) == sum(range(10))
+
+
+def test_a_clock_that_is_set_forward_by_years_ends_all_predictions():
+    """A recording of another time, then the present: with few tracks 64 bits are not enough."""
+    stream = Stream()
+    drivers = range(40)
+    for time_s in np.arange(0, 1.01, 0.2):
+        stream.observe(time_s, {k: (10.0 * time_s, 10.0 * k) for k in drivers})
+        stream.predict()
+    for time_s in 1.7e9 + 0.2 * np.arange(10):
+        stream.observe(time_s, {k: (10.0 * (time_s - 1.7e9), 10.0 * k) for k in drivers})
+        stream.predict()
+    assert stream.unknown["left"] > 0
+    known = np.isfinite(stream.rows("truth")).all(axis=1)
+    assert known.sum() == len(drivers) * (sum(range(6)) + sum(range(10)))
+
+
 def test_a_prediction_of_a_track_that_restarted_meanwhile_is_dropped():
     stream = Stream()
     stream.drive(np.arange(0, 1.01, 0.2))
@@ -192,6 +220,21 @@ def test_nothing_is_lost_at_utm_coordinates():
     error_m = stream.rows("heaviest_mean") - stream.rows("truth")
     np.testing.assert_allclose(error_m, np.tile([0.0, 0.5], (STEPS, 1)), atol=1e-4)
     np.testing.assert_allclose(stream.rows("ade"), 0.5, atol=1e-4)
+
+
+def test_a_growing_number_of_modes_loses_no_prediction():
+    """As where there are fewer and fewer road users than all modes are published of."""
+    stream, weights = Stream(), []
+    for number in range(60):
+        outcomes = stream.observe(0.2 * number, {1: (2.0 * number, 0.0)})
+        weight, _, covariance = outcomes.mixture()
+        weights.append(weight.sum(axis=1))
+        assert (covariance[..., 0, 0] > 0.0).all()
+        stream.predict(modes=1 + number // 10)
+    assert len(stream.rows("step")) == sum(min(number, STEPS) for number in range(60))
+    np.testing.assert_allclose(np.concatenate(weights), 1.0)
+    np.testing.assert_allclose(stream.rows("ade"), 0.0, atol=1e-5)
+    assert stream.unknown == {}
 
 
 def test_a_changing_number_of_modes_loses_no_prediction():

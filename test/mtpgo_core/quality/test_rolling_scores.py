@@ -85,6 +85,18 @@ def test_scores_go_on_where_the_clock_is_set_back():
     assert row(scores, 300)["ade"] == pytest.approx(before / (before + 45), abs=1e-3)
 
 
+def test_a_clock_that_is_set_to_and_fro_by_years():
+    """As of a bag that loops and begins before its computer was told the time."""
+    scores, stream, found = RollingScores(0.2), Stream(), []
+    for start_s in [0.0, 1.7e9] * 8:
+        for time_s in 0.2 * np.arange(10):
+            scores.update(stream.observe(start_s + time_s, {1: (10.0 * time_s, 0.0)}))
+            stream.predict(modes=1)
+        found.append(int(row(scores)["predictions"]))
+    # What came before a jump forward is longer ago than any window; a jump back takes no time.
+    assert found == [5, *[5, 10] * 7, 5]
+
+
 def test_groups_are_kept_apart():
     stream, scores = Stream(), RollingScores(0.2)
     for i in range(50):

@@ -166,6 +166,24 @@ def test_a_stream_that_starts_again_resets_the_predictor(make, monkeypatch):
     assert len(resets) == 2
 
 
+def test_a_new_frame_resets_the_predictor_also_where_its_first_objects_are_unusable(
+    make, monkeypatch
+):
+    history, _, predictor = make()
+    resets = []
+    monkeypatch.setattr(predictor, "reset", lambda: resets.append(True))
+    for k in range(5):
+        history.update(traffic(k / 5), at(k / 5))
+    for k in range(5, 9):
+        states = dataclasses.replace(traffic(k / 5), frame_id="odom")
+        if k == 7:  # the third in a row, which starts a new history
+            states.position[:] = float("nan")
+        history.update(states, at(k / 5))
+        assert len(resets) == int(k >= 7)
+    assert history._history.frame_id == "odom"
+    assert not history.rejection
+
+
 def test_stamps_with_microseconds_in_the_field_of_nanoseconds_are_left_out(make):
     history, events, _ = make()
     rejected = []
@@ -178,6 +196,17 @@ def test_stamps_with_microseconds_in_the_field_of_nanoseconds_are_left_out(make)
         rejected.append(bool(history.rejection))
     assert rejected == [False] * 20 + [True] * 21 + [False] * 19
     assert events.counts()["stamp_unit"] == 21
+
+
+@pytest.mark.parametrize("set_s", [3600.0, -3600.0])
+def test_a_clock_that_was_set_says_nothing_about_the_pace_of_the_stamps(make, set_s):
+    history, events, _ = make()
+    for k in range(20):
+        history.update(traffic(k / 10), at(k / 10))
+    history.reset()  # as the node does where its machine's clock was set
+    for k in range(20, 60):  # the objects have a clock of their own
+        history.update(traffic(k / 10), at(set_s + k / 10))
+    assert "stamp_pace" not in events.counts()
 
 
 def test_old_observations_and_what_else_is_odd_in_the_whole_stream_is_said(make):

@@ -95,6 +95,22 @@ def test_constant_velocity_serves_where_the_model_has_been_worse(bench):
     b.status("model", OK, f"constant velocity serves {AGENTS} of {AGENTS}", fallback_agents="0")
 
 
+def test_road_users_after_an_activation_are_others_than_those_before(bench):
+    """What one road user may change is limited, and how many there are is counted."""
+    b = bench(prefer="best", prefer_time=600.0)
+    drive(b, 1.0)
+    preference = b.node._model.calibrator.live.preference
+    assert preference.agents.sum() == AGENTS
+    b.node.trigger_deactivate()
+    b.node.trigger_activate()
+    b.be_patient()
+    b.until(lambda: b.node._pipeline.objects._subscription is not None)
+    b.until(lambda: b.node._pipeline.objects._subscription.get_publisher_count() > 0)
+    b.until(lambda: b.objects.get_subscription_count() > 0)
+    drive(b, 1.0, start_s=100.0)
+    assert preference.agents.sum() == 2 * AGENTS
+
+
 def test_what_an_observation_teaches_is_served_with_the_prediction_that_it_starts(
     bench, monkeypatch
 ):
