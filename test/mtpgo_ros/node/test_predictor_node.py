@@ -31,7 +31,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 def test_every_agent_is_predicted_under_the_observations_stamp_and_frame(bench):
-    b = bench()
+    b = bench(path_smoothing=0.0)
     times = []
     b.peer.create_subscription(
         Float64, "predictor/debug/processing_time_ms", lambda m: times.append(m.data), 20

@@ -30,7 +30,7 @@ def drive(bench, seconds, start_s=0.0):
 
 def test_online_factors_are_served_shown_and_survive_a_restart(bench, tmp_path):
     path = tmp_path / "calibration.json"
-    first = bench(calibration_file=str(path))
+    first = bench(calibration_file=str(path), path_smoothing=0.0)
     fresh = first.predict(traffic(0.0, agents=AGENTS))
     assert fresh.covariance[:, 0, 4, 0, 0] == pytest.approx(SHIPPED_VARIANCE, rel=1e-5)
     assert (fresh.calibration == CalibrationStage.ONLINE).all()

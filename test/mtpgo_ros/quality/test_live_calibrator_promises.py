@@ -203,7 +203,13 @@ class OneSidedTracker:
 
 
 def test_best_serves_constant_velocity_only_where_and_while_it_is_better(models):
-    bench = FastBench(models["wrong"], prefer="best", prefer_time=PREFER_S, prefer_agents=EACH)
+    bench = FastBench(
+        models["wrong"],
+        prefer="best",
+        prefer_time=PREFER_S,
+        prefer_agents=EACH,
+        path_smoothing=0.0,
+    )
     tracker = OneSidedTracker()
     try:
         served = [bench.drive(tracker.observe(drift=False)) for _ in range(steps(12.0))]
