@@ -24,10 +24,19 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.types import RclpyTypes
+from mtpgo_core.prediction.path_smoothing import KEEP_FACTOR
 from mtpgo_core.schema import Source
 from mtpgo_ros.node.history_input import LONGEST_DELAY_S
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def test_the_heaviest_mode_is_kept_unless_path_smoothing_is_off(bench):
+    b = bench()
+    first, second = (b.predict(traffic(time_s)).weight[0, 0] for time_s in (0.0, 0.2))
+    assert [first, second] == pytest.approx([0.5, 0.5 * KEEP_FACTOR / (0.5 + 0.5 * KEEP_FACTOR)])
+    b.node.set_parameters_atomically([_parameter("path_smoothing", 0.0)])
+    assert b.predict(traffic(0.4)).weight[0, 0] == pytest.approx(0.5)
 
 
 def test_every_agent_is_predicted_under_the_observations_stamp_and_frame(bench):
