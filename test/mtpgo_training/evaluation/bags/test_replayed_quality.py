@@ -45,13 +45,14 @@ def slow_scores(bag, predictions, group, time_s):
             at, mask = truth.position[i : i + 1, :steps], truth.mask[i : i + 1, :steps]
             last = mask[:, -1]
             nees = metrics.nees(mean, weight, covariance, at)[:, -1]
+            radius_squared_50 = metrics.radius_squared(0.5) * p.sigma_factor_50[i, steps - 1] ** 2
             straight = baseline[i : i + 1, None, :steps]
             row = {
                 "ade": metrics.ade(mean, weight, at, mask),
                 "fde": metrics.fde(mean, weight, at, mask),
                 "miss_rate": metrics.miss_rate(mean, weight, at, mask),
                 "nll": metrics.fnll(mean, weight, covariance, at, mask),
-                "coverage_50": np.where(last, nees <= metrics.radius_squared(0.5), np.nan),
+                "coverage_50": np.where(last, nees <= radius_squared_50, np.nan),
                 "coverage_90": np.where(last, nees <= metrics.radius_squared(0.9), np.nan),
                 "cv_ade": metrics.ade(straight, np.ones((1, 1)), at, mask),
             }
