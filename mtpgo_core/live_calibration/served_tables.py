@@ -140,7 +140,7 @@ def apply_factors(
 def log_shipped_50(prediction: Prediction, group: GroupArray) -> Float64Array:
     """Return [groups, H] logarithms of the factors for the 50 % ellipses of the model's file.
 
-    They are those of the model's predictions, and 0 where it predicts for nobody.
+    They are those of the model's predictions, and 0 for groups of which it predicts no road user.
 
     Args:
         prediction: with the shipped calibration.

@@ -275,7 +275,7 @@ class ModelRunner:
             ModelOutput(*joined),
             self.task.history.dt_s,
             smoother,
-            weight_temperatures(own, self.calibration),
+            None if smoother is None else weight_temperatures(own, self.calibration),
         )
         calibrated = calibrate(prediction, self.calibration, own.velocity[:, -1])
         return served, without_reversing(calibrated, own)

@@ -51,17 +51,30 @@ def step_at(time_s: float, steps: int, step_s: float) -> int | None:
     return step - 1 if exact and 1 <= step <= steps else None
 
 
-def headline_time_s(steps: int, step_s: float) -> float:
-    """Return the time of the share by which a model is judged first (s): 5 s.
+def scored_steps(steps: int, step_s: float) -> dict[float, int]:
+    """Return the steps at which coverage is given, by the time ahead (s), ascending.
 
-    Of a shorter horizon it is the last of ``TIMES_S`` at which there is a step, else its end.
+    They are those of ``TIMES_S`` at which there is a step, else the end of the horizon.
 
     Args:
         steps: H.
         step_s: time between two of them (s).
     """
-    reached = [time_s for time_s in TIMES_S if step_at(time_s, steps, step_s) is not None]
-    return float(reached[-1]) if reached else round(steps * step_s, 6)
+    found = {time_s: step_at(time_s, steps, step_s) for time_s in map(float, TIMES_S)}
+    reached = {time_s: step for time_s, step in found.items() if step is not None}
+    return reached or {round(steps * step_s, 6): steps - 1}
+
+
+def headline_time_s(steps: int, step_s: float) -> float:
+    """Return the time of the share by which a model is judged first (s): 5 s.
+
+    Of a shorter horizon it is the last of :func:`scored_steps`.
+
+    Args:
+        steps: H.
+        step_s: time between two of them (s).
+    """
+    return max(scored_steps(steps, step_s))
 
 
 def average(values: Array) -> float:

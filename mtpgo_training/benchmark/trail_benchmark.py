@@ -83,6 +83,7 @@ class JunctionTraffic:
     def __init__(self, vehicles: int, seed: int, first: int = 0) -> None:
         draw = np.random.default_rng(seed)
         self._ways = [_way(arm, turn) for arm in range(4) for turn in (-1, 0, 1)]
+        self._directions = [_directions(way) for way in self._ways]
         self._way = draw.integers(0, len(self._ways), vehicles)
         self._length = np.array([len(way) for way in self._ways], dtype=np.float64)[self._way]
         self._start = draw.uniform(0.0, self._length)
@@ -94,15 +95,13 @@ class JunctionTraffic:
         lap, along = np.divmod(self._start + SPEED_MPS * time_s, self._length)
         number = self._first + np.arange(len(lap)) + len(lap) * lap.astype(np.int64)
         position, ahead = np.empty((2, len(lap), 2))
-        for index, way in enumerate(self._ways):
+        for index, (way, direction) in enumerate(zip(self._ways, self._directions, strict=True)):
             rows = np.flatnonzero(self._way == index)
             here = along[rows]
-            step = np.diff(way, axis=0, append=2.0 * way[-1:] - way[-2:-1])
-            step /= np.linalg.norm(step, axis=1, keepdims=True)
             metre = np.arange(len(way))
             for axis in range(2):
                 position[rows, axis] = np.interp(here, metre, way[:, axis])
-                ahead[rows, axis] = np.interp(here, metre, step[:, axis])
+                ahead[rows, axis] = np.interp(here, metre, direction[:, axis])
         ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
         position += self._aside[:, None] * ahead[:, ::-1] * (-1.0, 1.0)
         return number, position, SPEED_MPS * ahead, np.arctan2(ahead[:, 1], ahead[:, 0])
@@ -157,6 +156,12 @@ def _way(arm: int, turn: int) -> Float64Array:
     along = np.concatenate([[0.0], np.linalg.norm(np.diff(corners, axis=0), axis=1).cumsum()])
     metres = np.arange(0.0, along[-1])
     return np.stack([np.interp(metres, along, corners[:, axis]) for axis in range(2)], axis=1)
+
+
+def _directions(way: Float64Array) -> Float64Array:
+    """Return unit vectors [k, 2] from each point of a way to the next."""
+    step = np.diff(way, axis=0, append=2.0 * way[-1:] - way[-2:-1])
+    return np.asarray(step / np.linalg.norm(step, axis=1, keepdims=True))
 
 
 def _heading(arm: int) -> Float64Array:

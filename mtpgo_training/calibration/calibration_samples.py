@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.quality.metrics import (
-    TIMES_S,
     Array,
     Mask,
     mahalanobis,
     mixture_nll,
     nees,
-    step_at,
+    scored_steps,
 )
 from mtpgo_core.schema import BoolArray, Float32Array, IndexArray
 from mtpgo_core.task.calibration import Calibration, GroupArray
@@ -53,7 +52,7 @@ class CalibrationSamples:
         mode_error: [n, M] distance of each mode from the truth, averaged over the known steps
             (m); NaN for agents that are not known at the last step.
         mode_distance: [n, M, K] squared Mahalanobis distance of the truth from each mode at the K
-            steps of :func:`scored_steps`; NaN where the truth is not known, and throughout in
+            steps of :func:`~mtpgo_core.quality.metrics.scored_steps`; NaN where the truth is not known, and throughout in
             samples that an earlier version wrote.
         mode_log_determinant: [n, M, K] of each mode's covariance there (m^4).
         sigma_factor_50: [n, H] of the 50 % ellipses, see
@@ -137,7 +136,7 @@ class CalibrationSamples:
 
     @property
     def steps(self) -> dict[float, int]:
-        """The steps of ``mode_distance`` by the time ahead, see :func:`scored_steps`."""
+        """The steps of ``mode_distance`` by the time ahead (s)."""
         return scored_steps(self.distance.shape[1], self.step_s)
 
     @property
@@ -257,20 +256,6 @@ class CalibrationSamples:
                 f"{path} holds no samples for a calibration ({reason}), expected "
                 f"{SAMPLES_FILE} of a cross-validation's fold"
             ) from error
-
-
-def scored_steps(horizon: int, step_s: float) -> dict[float, int]:
-    """Return the steps at which samples are scored, by the time ahead (s), ascending.
-
-    They are those of ``TIMES_S`` at which there is a step, else the end of the horizon.
-
-    Args:
-        horizon: H.
-        step_s: time between two horizon steps (s).
-    """
-    found = {time_s: step_at(time_s, horizon, step_s) for time_s in map(float, TIMES_S)}
-    steps = {time_s: step for time_s, step in found.items() if step is not None}
-    return steps or {round(horizon * step_s, 6): horizon - 1}
 
 
 def merge_samples(parts: Sequence[CalibrationSamples]) -> CalibrationSamples:

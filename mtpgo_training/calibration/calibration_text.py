@@ -84,18 +84,13 @@ def calibration_text(calibration: Calibration, step_s: float) -> list[str]:
         for origin in calibration.base
     ]
     steps = [round(t / step_s) for t in TIMES_S if round(t / step_s) <= calibration.horizon_steps]
+    steps = steps or [calibration.horizon_steps]
     for group in calibration.groups:
-        factors = "  ".join(
-            f"{step * step_s:g} s {group.factors[step - 1]:.2f}"
-            for step in steps or [calibration.horizon_steps]
-        )
-        inner = "  ".join(
-            f"{group.sigma_factors_50[step - 1]:.2f}"
-            for step in (steps or [calibration.horizon_steps]) * bool(group.sigma_factors_50)
-        )
-        lines.append(
-            f"{group.name:<20} covariance x {factors}  temperature {group.temperature:.2f}  "
-            + (f"50 % ellipse x {inner}  " if inner else "")
-            + f"({group.agents} agents, {group.sites} sites)"
-        )
+        factors = "  ".join(f"{step * step_s:g} s {group.factors[step - 1]:.2f}" for step in steps)
+        parts = [f"covariance x {factors}", f"temperature {group.temperature:.2f}"]
+        if group.sigma_factors_50:
+            inner = "  ".join(f"{group.sigma_factors_50[step - 1]:.2f}" for step in steps)
+            parts.append(f"50 % ellipse x {inner}")
+        fitted = f"({group.agents} agents, {group.sites} sites)"
+        lines.append(f"{group.name:<20} {'  '.join([*parts, fitted])}")
     return lines

@@ -34,7 +34,7 @@ def make_predictor(
         recording: whose lanes and site it knows.
         policy: graph policy, None for the model's own.
         path_smoothing_s: see :class:`~mtpgo_core.prediction.scene_predictor.PredictorOptions` (s).
-        trails: likewise.
+        trails: see there.
     """
     return ScenePredictor(
         runner,

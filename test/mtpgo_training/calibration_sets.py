@@ -6,8 +6,9 @@ import dataclasses
 
 import numpy as np
 
+from mtpgo_core.quality.metrics import scored_steps
 from mtpgo_core.task.calibration import GROUPS
-from mtpgo_training.calibration.calibration_samples import CalibrationSamples, scored_steps
+from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 
 VEHICLE, PEDESTRIAN = GROUPS.index("vehicle_moving"), GROUPS.index("pedestrian_moving")
 

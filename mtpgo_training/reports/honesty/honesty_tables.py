@@ -114,7 +114,7 @@ def weights_table(
     Args:
         content: of the evaluation.
         groups: see :func:`coverage_table`.
-        breakdown: likewise.
+        breakdown: see there.
     """
     rows = []
     for group in groups:
@@ -142,12 +142,10 @@ def weights_table(
 
 def paths_table(content: Json) -> Table | None:
     """Return jumps and feasibility of all series, None without any."""
+    by_motion = [dict(_series(content, motion)) for motion in ("moving", "standing")]
     rows = []
     for name, values in _series(content, "all"):
-        moving, standing = (
-            dict(_series(content, motion)).get(name, {}).get("consistency", {})
-            for motion in ("moving", "standing")
-        )
+        moving, standing = (found.get(name, {}).get("consistency", {}) for found in by_motion)
         cells = [_jump(moving, "jump"), _jump(moving, "mixture_jump"), _jump(standing, "jump")]
         rows.append(_row(content, "", name, [*cells, *_feasible_cells(values)]))
     heads = ["paths", "jump m (95 %)", "mixture", "standing", *_FEASIBLE_HEADS]
@@ -162,7 +160,7 @@ def group_paths_table(content: Json, groups: Sequence[str], breakdown: str) -> T
     Args:
         content: of the evaluation.
         groups: see :func:`coverage_table`.
-        breakdown: likewise.
+        breakdown: see there.
     """
     rows = []
     for group in groups:

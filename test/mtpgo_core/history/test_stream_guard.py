@@ -57,7 +57,7 @@ def test_the_count_starts_again_with_another_frame_and_with_the_expected_one(gua
 
 
 def test_messages_without_objects_do_not_hinder_a_new_frame(guard):
-    """Of a road that is empty now and then, or of a second publisher that sees nobody."""
+    """Of a road that is empty now and then, or of a second publisher that sees no objects."""
     frames = ["odom", None, "odom", None, "odom", None, "odom"]
     found = statuses(guard, *[(10_100 + k, frame) for k, frame in enumerate(frames)])
     assert found == [UNEXPECTED, OK, UNEXPECTED, OK, NEW, OK, OK]
