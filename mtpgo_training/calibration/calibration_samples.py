@@ -52,8 +52,8 @@ class CalibrationSamples:
         mode_error: [n, M] distance of each mode from the truth, averaged over the known steps
             (m); NaN for agents that are not known at the last step.
         mode_distance: [n, M, K] squared Mahalanobis distance of the truth from each mode at the K
-            steps of :func:`~mtpgo_core.quality.metrics.scored_steps`; NaN where the truth is not known, and throughout in
-            samples that an earlier version wrote.
+            steps of :func:`~mtpgo_core.quality.metrics.scored_steps`; NaN where the truth is not
+            known, and throughout in samples that an earlier version wrote.
         mode_log_determinant: [n, M, K] of each mode's covariance there (m^4).
         sigma_factor_50: [n, H] of the 50 % ellipses, see
             :class:`~mtpgo_core.schema.Prediction`; 1 without a calibration, and not stored.
