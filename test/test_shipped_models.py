@@ -200,7 +200,7 @@ def test_the_pages_state_the_range_of_the_factors_of_the_default():
     low, high = f"{table.min():.1f}", f"{table.max():.1f}"
     card = (ROOT / "resource/weights/default.md").read_text(encoding="utf-8")
     assert f"class group and motion ({low} to {high})" in card
-    page = (ROOT / "docs/training.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/shipped_models.md").read_text(encoding="utf-8")
     assert f"the factors of the shipped file are between {low} and {high}" in page
 
 

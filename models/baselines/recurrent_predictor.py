@@ -4,8 +4,8 @@
 
 Everything else is shared with MTP-GO, so that a comparison is about the networks alone: inputs
 and their scales, each agent's own frame, presence, the start at constant velocity, the heads for
-modes, weights and covariances. The published forms differ in these, see "Baselines" in
-docs/training.md.
+modes, weights and covariances. The published forms differ in these, see
+docs/baselines.md.
 """
 
 import torch
