@@ -192,10 +192,10 @@ def _candidates(
 
 def _latest_of_each(row: IntArray, trail: IntArray, number: IntArray, of: IntArray) -> IntArray:
     """Return those ``of`` [k] with the highest number of the same row and trail."""
-    order = np.lexsort((number, trail, row))
-    row, trail = row[order], trail[order]
-    last = np.append((row[1:] != row[:-1]) | (trail[1:] != trail[:-1]), True)[: len(order)]
-    return of[order[last]]
+    of_trail = (row << 32) | trail
+    newest_first = np.argsort(number)[::-1]
+    _, latest = np.unique(of_trail[newest_first], return_index=True)
+    return of[newest_first[latest]]
 
 
 def _follow(
