@@ -10,6 +10,7 @@ import numpy as np
 
 from mtpgo_core.frames import rotate, wrap
 from mtpgo_core.scene.trails.class_groups import join, spacing_m
+from mtpgo_core.scene.trails.trail_index import LARGEST_NUMBER
 from mtpgo_core.scene.trails.trail_memory import TrailMemory, owner_hash
 from mtpgo_core.scene.trails.trail_points import IntArray
 from mtpgo_core.schema import ClassArray, Float32Array, Float64Array, KeyArray
@@ -95,7 +96,7 @@ def trail_paths(
         since_ns: only what became known then or later is used (ns), None for all.
     """
     n, horizon = distance.shape
-    ahead, left = np.zeros((2, horizon, n, CANDIDATES), dtype=np.float32)
+    ahead, left = np.zeros((2, horizon, n * CANDIDATES), dtype=np.float32)
     reach = np.zeros((n, CANDIDATES), dtype=np.int64)
     weight = np.zeros((n, CANDIDATES), dtype=np.float32)
     oldest_ns = time_ns - round(MAX_AGE_S * 1e9)
@@ -111,10 +112,12 @@ def trail_paths(
             - 0.5 * (found.across / _ACROSS_M) ** 2
             - 0.5 * (found.turn / _HEADING_RAD) ** 2
         )
-        ahead[:, row, place], left[:, row, place], reach[row, place] = _follow(
+        flat = row * CANDIDATES + place
+        ahead[:, flat], left[:, flat], reach[row, place] = _follow(
             memory, found, places.heading[row], end, distance[row].T
         )
-    return TrailPaths(ahead, left, reach, weight)
+    shape = (horizon, n, CANDIDATES)
+    return TrailPaths(ahead.reshape(shape), left.reshape(shape), reach, weight)
 
 
 @dataclass(frozen=True)
@@ -175,7 +178,9 @@ def _candidates(
     passes &= points.column("owner", number) != owner_hash(places.key[some])[row]
     kept = np.flatnonzero(passes)
     kept = _latest_of_each(row[kept], points.column("trail", number[kept]), number[kept], kept)
-    kept = kept[np.lexsort((-number[kept], number[kept] >= settled, row[kept]))]
+    # By agent, the settled ones first, the most recent first: one sort of one number is faster.
+    late = (number[kept] >= settled).astype(np.int64)
+    kept = kept[np.argsort(((2 * row[kept] + late) * (LARGEST_NUMBER + 1)) - number[kept])]
     begin = np.searchsorted(row[kept], row[kept])
     place = np.arange(len(kept)) - begin
     kept, place = kept[place < CANDIDATES], place[place < CANDIDATES]
