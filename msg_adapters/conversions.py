@@ -241,6 +241,23 @@ def state_covariance(
     return out
 
 
+def turn_velocity(covariance: Float64Array, angle: Float64Array) -> Float64Array:
+    """Return [n, 4, 4] covariances with the two velocities rotated by [n] angles (rad)."""
+    turn = np.zeros((len(angle), 4, 4))
+    turn[:, 0, 0] = turn[:, 1, 1] = 1.0
+    turn[:, 2, 2] = turn[:, 3, 3] = np.cos(angle)
+    turn[:, 3, 2] = np.sin(angle)
+    turn[:, 2, 3] = -turn[:, 3, 2]
+    # Block by block, so that an unknown velocity leaves the position's covariance known.
+    out = np.full_like(covariance, np.nan)
+    rotation = turn[:, 2:, 2:]
+    out[:, :2, :2] = covariance[:, :2, :2]
+    out[:, 2:, 2:] = rotation @ covariance[:, 2:, 2:] @ np.swapaxes(rotation, 1, 2)
+    out[:, 2:, :2] = rotation @ covariance[:, 2:, :2]
+    out[:, :2, 2:] = np.swapaxes(out[:, 2:, :2], 1, 2)
+    return out
+
+
 def _filled(block: Float64Array) -> BoolArray:
     variances = np.diagonal(block, axis1=-2, axis2=-1)
     return np.asarray(np.isfinite(block).all((-2, -1)) & (variances > 0.0).all(-1))

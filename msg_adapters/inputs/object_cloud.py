@@ -15,7 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.adapter import Decoded, InputAdapter, known_classes
-from msg_adapters.conversions import finite, positive, stamp_to_ns, to_header_frame
+from msg_adapters.conversions import (
+    finite,
+    positive,
+    stamp_to_ns,
+    to_header_frame,
+    turn_velocity,
+)
 from msg_adapters.types import Types
 from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud
 from msg_adapters.wire.input_limits import Content
@@ -54,7 +60,8 @@ def decode_cloud(
 
     Args:
         message: ``sensor_msgs/PointCloud2``.
-        twist_frame: ``header``, or ``object`` for vectors along the box's own axes.
+        twist_frame: ``header``, or ``object`` for velocities and accelerations, with their
+            covariances, along the box's own axes.
         fallback_stamp_ns: not needed, the cloud carries its time.
 
     Raises:
@@ -78,6 +85,9 @@ def decode_cloud(
         to_header_frame(_columns(records, pair), yaw, twist_frame)
         for pair in (("vx", "vy"), ("ax", "ay"))
     )
+    covariance = _covariance(records)
+    if covariance is not None and twist_frame == "object":
+        covariance = turn_velocity(covariance, yaw)
     states = tracked_states(
         stamp_to_ns(message.header.stamp),
         str(message.header.frame_id),
@@ -89,7 +99,7 @@ def decode_cloud(
         acceleration=acceleration,
         yaw=yaw,
         size=positive(_columns(records, ("length", "width"))),
-        covariance=_covariance(records),
+        covariance=covariance,
     )
     return Decoded(states)
 

@@ -8,7 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from msg_adapters.inputs.ika import PACKAGE, turn_velocity
+from msg_adapters.conversions import turn_velocity
+from msg_adapters.inputs.ika import PACKAGE
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import MessageError
 from mtpgo_core.identity import keys_from_integers

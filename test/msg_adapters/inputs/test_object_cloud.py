@@ -110,6 +110,25 @@ def test_object_frame_turns_velocity_by_yaw():
     np.testing.assert_allclose(turned, [[-1.0, 10.0]], atol=1e-6)
 
 
+def test_object_frame_turns_the_covariances_of_velocities_with_them(states, offline):
+    """As in the other messages: only the position's covariance is in the frame of the header."""
+    own = np.diag([1.0, 4.0, 9.0, 0.25])
+    own[0, 2] = own[2, 0] = 0.6  # along x and along the box
+    heading = np.array([np.pi / 2, 0.0, np.pi / 4, 0.0, np.nan])
+    sent = dataclasses.replace(states, covariance=np.tile(own, (5, 1, 1)), yaw=heading)
+    message = ADAPTER.from_states(sent, offline)
+    header, found = (
+        ADAPTER.to_states(message, twist_frame=frame).covariance for frame in ("header", "object")
+    )
+    np.testing.assert_allclose(header, sent.covariance, rtol=1e-6)
+    np.testing.assert_allclose(found[0, 2:, 2:], np.diag([0.25, 9.0]), atol=1e-6)
+    np.testing.assert_allclose(found[0, :2, 2:], [[0.0, 0.6], [0.0, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(found[1], own, rtol=1e-6)
+    np.testing.assert_allclose(found[:, :2, :2], sent.covariance[:, :2, :2], rtol=1e-6)
+    np.testing.assert_allclose(found[0], found[0].T)
+    assert np.isnan(found[4, 2:, 2:]).all()  # without a heading the direction is not known
+
+
 def test_infinity_zero_size_and_unknown_class_are_unknown(states, offline):
     n = len(states)
     velocity = np.full((n, 2), np.inf)
