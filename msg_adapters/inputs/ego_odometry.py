@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from msg_adapters.conversions import planar_block, reading, state_covariance
-from msg_adapters.inputs.odometry import ODOMETRY, dated_pose
+from msg_adapters.inputs.odometry import ODOMETRY, dated_pose, odometry_tilt
 from msg_adapters.wire.input_limits import check_frame
 from mtpgo_core.class_size import CLASS_SIZE_M
-from mtpgo_core.errors import FrameError
+from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, PoseBuffer, rotate
 from mtpgo_core.options import check_options, option
 from mtpgo_core.schema import (
@@ -117,12 +117,15 @@ class EgoOdometry:
         then estimated from the positions, as for an object without one.
 
         Raises:
-            MessageError: it has no stamp or no finite pose, other fields, or a name that is too
-                long.
+            MessageError: it has no stamp or no finite pose, other fields, a name that is too long,
+                or a frame that does not stand upright.
         """
         with reading(message, ODOMETRY):
             stamp_ns, pose = dated_pose(message, "odometry of the ego")
             frames = (str(message.header.frame_id), str(message.child_frame_id))
+            tilt = odometry_tilt(message)
+        if tilt:  # its twist is not forward and to the left either
+            raise MessageError(f"odometry of the ego: {tilt}")
         twist = (*pose.velocity, pose.yaw_rate)
         if not all(map(math.isfinite, twist)):
             pose = dataclasses.replace(pose, velocity=(0.0, 0.0), yaw_rate=0.0)

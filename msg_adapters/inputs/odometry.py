@@ -59,6 +59,25 @@ def dated_pose(message: Any, name: str) -> tuple[int, Pose2]:
     return stamp_ns, pose
 
 
+def upright_part(quaternion: Any) -> float:
+    """Return the vertical component of the z axis of a frame, -1 to 1.
+
+    Args:
+        quaternion: geometry_msgs/Quaternion, which need not be normalised; 1 for one of zeros.
+    """
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    length = math.hypot(x, y, z, w) or 1.0
+    return 1.0 - 2.0 * ((x / length) ** 2 + (y / length) ** 2)
+
+
+def odometry_tilt(message: Any) -> str:
+    """Return why the child frame of an odometry does not stand upright, empty if it does."""
+    upright = upright_part(message.pose.pose.orientation)
+    if not upright < LEAST_UPRIGHT:  # or without an orientation
+        return ""
+    return tilt_problem(str(message.child_frame_id), str(message.header.frame_id), upright)
+
+
 def tilt_problem(frame_id: str, fixed_frame: str, upright: float) -> str:
     """Return why a frame that does not stand upright cannot be used.
 

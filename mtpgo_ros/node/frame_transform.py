@@ -17,8 +17,10 @@ from rclpy.time import Time
 from msg_adapters.inputs.odometry import (
     LEAST_UPRIGHT,
     dated_pose,
+    odometry_tilt,
     pose_of_transform,
     tilt_problem,
+    upright_part,
 )
 from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import Pose2, PoseBuffer, to_fixed_frame
@@ -79,6 +81,7 @@ class FixedFrameTransform:
         self._fixed_frame = fixed_frame
         # By the names of parent and child: two publishers may share the topic.
         self._poses: dict[tuple[str, str], PoseBuffer] = {}
+        self._tilted: dict[tuple[str, str], str] = {}  # why that child cannot be used
         # Objects are transformed on the thread of their subscription.
         self._lock = threading.Lock()
         self._odometry_frames = ("", "")
@@ -101,14 +104,17 @@ class FixedFrameTransform:
             poses = self._poses.pop(frames, None) or PoseBuffer(set_back_s=1e-9 * LATE_NS)
             poses.add(stamp_ns, pose)
             self._poses[frames] = poses  # as the newest
+            self._tilted[frames] = odometry_tilt(message)
             if len(self._poses) > _MOST_FRAMES:
-                del self._poses[next(iter(self._poses))]
+                oldest = next(iter(self._poses))
+                del self._poses[oldest], self._tilted[oldest]
 
     def apply(self, states: TrackedStates) -> TrackedStates:
         """Return the states in the fixed frame.
 
         Raises:
-            FrameError: neither odometry nor TF has the pose at the observation's time.
+            FrameError: neither odometry nor TF has the pose at the observation's time, or the
+                frame does not stand upright.
         """
         if states.frame_id == self._fixed_frame:
             return states
@@ -117,9 +123,12 @@ class FixedFrameTransform:
         return to_fixed_frame(states, self._pose(states), self._fixed_frame)
 
     def _pose(self, states: TrackedStates) -> Pose2:
+        frames = (self._fixed_frame, states.frame_id)
         with self._lock:
-            poses = self._poses.get((self._fixed_frame, states.frame_id))
+            poses = self._poses.get(frames)
             if poses is not None:
+                if self._tilted[frames]:
+                    raise FrameError(self._tilted[frames])
                 return poses.at(states.stamp_ns)
         if self._tf is not None:
             return self._tf.pose(self._fixed_frame, states.frame_id, states.stamp_ns)
@@ -182,8 +191,7 @@ class TfPoses:
             raise FrameError(
                 f"TF has no transform from {frame_id!r} to {fixed_frame!r}: {error}"
             ) from error
-        rotation = found.transform.rotation
-        upright = 1.0 - 2.0 * (rotation.x**2 + rotation.y**2)
+        upright = upright_part(found.transform.rotation)
         if upright < LEAST_UPRIGHT:
             raise FrameError(tilt_problem(frame_id, fixed_frame, upright))
         return pose_of_transform(found)

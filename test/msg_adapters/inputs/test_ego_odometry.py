@@ -263,6 +263,19 @@ def test_an_unset_orientation_is_refused(odometry):
         EgoOdometry(EgoOptions()).add(message)
 
 
+def test_a_frame_that_does_not_stand_upright_is_refused(odometry):
+    """Of an optical frame neither the yaw nor the twist is what the ego needs."""
+    message = odometry(0.0, 1.0)
+    q = message.pose.pose.orientation
+    optical = dataclasses.replace(q, x=-0.5, y=0.5, z=-0.5, w=0.5)
+    pose = dataclasses.replace(message.pose.pose, orientation=optical)
+    covered = dataclasses.replace(message.pose, pose=pose)
+    ego = EgoOdometry(EgoOptions())
+    with pytest.raises(MessageError, match="the ego: the z axis of frame 'base_link' is tilted"):
+        ego.add(dataclasses.replace(message, pose=covered))
+    assert not ego.join(objects(0.0), EGO).known
+
+
 @pytest.mark.parametrize("values", [{"length_m": 0.0}, {"class_name": "tank"}])
 def test_options_are_checked(values):
     with pytest.raises(ConfigurationError, match="ego "):

@@ -104,6 +104,23 @@ def test_odometry_that_is_none_is_counted_and_changes_nothing(transform):
     assert line == "message on /odometry left out: odometry has no stamp, expected the pose's time"
 
 
+def test_odometry_of_a_tilted_frame_cannot_place_objects(transform):
+    """As TF; an optical frame has x to the right and y down, so its yaw says nothing."""
+    message = odometry(0.0, 100.0, child="camera")
+    q = message.pose.pose.orientation
+    q.x, q.y, q.z, q.w = -0.5, 0.5, -0.5, 0.5
+    transform.add_odometry(message)
+    transform.add_odometry(odometry(0.0, 100.0))  # another frame does not suffer
+    with pytest.raises(FrameError, match="frame 'camera' is tilted by 90 degrees in 'odom'"):
+        transform.apply(traffic(0.0, agents=1, frame_id="camera"))
+    assert transform.apply(traffic(0.0, agents=1, frame_id="base_link")).frame_id == "odom"
+    q.x, q.y, q.z, q.w = 0.0, 0.0, 0.0, 2.0
+    message.header.stamp.nanosec += 1
+    transform.add_odometry(message)
+    assert transform.apply(traffic(0.0, agents=1, frame_id="camera")).frame_id == "odom"
+    assert transform._events.counts() == {}
+
+
 def test_odometry_of_another_frame_on_the_topic_takes_no_pose_away(transform):
     for step in range(4):
         transform.add_odometry(odometry(0.1 * step, 100.0))

@@ -15,7 +15,7 @@ from typing import Any
 from msg_adapters.bags.bag_definitions import obstacle
 from msg_adapters.bags.bag_reader import DecodingBagReader
 from msg_adapters.conversions import reading, stamp_to_ns
-from msg_adapters.inputs.odometry import ODOMETRY, dated_pose, pose_of
+from msg_adapters.inputs.odometry import ODOMETRY, dated_pose, odometry_tilt, pose_of
 from mtpgo_core.errors import FrameError, MessageError
 from mtpgo_core.frames import PoseBuffer, to_fixed_frame
 from mtpgo_core.schema import TrackedStates
@@ -70,6 +70,10 @@ class BagPoses:
 
     def _add(self, poses: PoseBuffer, message: Any) -> None:
         """Add the pose of an odometry, or keep why it is none."""
+        tilt = odometry_tilt(message)
+        if tilt:
+            self._unusable.setdefault(message.child_frame_id, tilt)
+            return
         if poses.add(stamp_to_ns(message.header.stamp), pose_of(message)):
             return
         try:

@@ -138,6 +138,18 @@ def test_messages_of_poses_that_cannot_be_used_are_left_out(tmp_path, kind, capl
     assert "a message is left out: message of object cannot be read as" in caplog.text
 
 
+def test_odometry_of_an_optical_frame_is_the_reason_why_no_pose_is_known(tmp_path):
+    message = odometry_message(EPOCH_NS, Pose2(x=4.0, y=0.0, yaw=0.0))
+    q = message.pose.pose.orientation
+    optical = dataclasses.replace(q, x=-0.5, y=0.5, z=-0.5, w=0.5)
+    tilted = dataclasses.replace(
+        message.pose, pose=dataclasses.replace(message.pose.pose, orientation=optical)
+    )
+    poses = poses_of(tmp_path / "a.mcap", [(0.0, Pose2(x=4.0, y=0.0, yaw=0.0), {"pose": tilted})])
+    with pytest.raises(FrameError, match=r"no pose .*; the z axis of frame 'base_link' is tilted"):
+        poses.lift(seen(0.0))
+
+
 def test_odometry_without_an_orientation_is_the_reason_why_no_pose_is_known(tmp_path):
     pose = Pose2(x=4.0, y=0.0, yaw=math.nan)
     poses = poses_of(tmp_path / "a.mcap", [(0.0, pose, {}), (1.0, pose, {})])
