@@ -194,6 +194,8 @@ class HistoryInput:
             return None
         delay_ns = self._delay_ns(states.stamp_ns, now_ns)
         window = self._history.window(states.stamp_ns + delay_ns)
+        if not len(window) and not window.frame_id:  # no object has come so far
+            window = dataclasses.replace(window, frame_id=states.frame_id)
         if self.checks.look(window):
             for kind, sentence in self.checks.doubts.items():
                 self._events.log(kind, sentence)

@@ -46,6 +46,17 @@ def test_due_observations_give_a_window_at_their_time(make):
     assert not events.counts()
 
 
+def test_before_the_first_object_the_frame_is_that_of_the_message(make):
+    history, _, _ = make()
+    frames = [
+        history.update(traffic(0.2 * k, agents, frame_id=frame), at(0.2 * k)).frame_id
+        for k, (agents, frame) in enumerate([(0, "odom"), (0, ""), (2, "map"), (0, "")])
+    ]
+    assert frames == ["odom", "", "map", "map"]
+    history.reset()
+    assert history.update(traffic(0.9, 0, frame_id="odom"), at(0.9)).frame_id == "odom"
+
+
 def test_delay_compensation_gives_the_window_at_the_present_time(make):
     history, events, predictor = make(delay_compensation=True)
     window = history.update(traffic(0.0), at(0.3))
