@@ -251,8 +251,9 @@ class PredictionPipeline:
         dropped = f"message on {self.objects.topic} left out"
         self._notice_clock()
         now_ns = self._node.get_clock().now().nanoseconds
+        came_ns = self._came_ns(now_ns, receipt)
         try:
-            states, skipped = self._read(message, adapter, now_ns)
+            states, skipped = self._read(message, adapter, came_ns)
             ego_key = self._model.ego_key
             joined = self.ego.join(states, ego_key, self.transform.apply)
             states, self._status.ego_problem = joined.states, joined.problem
@@ -308,14 +309,25 @@ class PredictionPipeline:
         except Exception as error:
             self._events.failure("earlier predictions could not be scored", error)
 
-    def _read(self, message: Any, adapter: InputAdapter, now_ns: int) -> tuple[TrackedStates, int]:
+    def _came_ns(self, now_ns: int, receipt: Receipt) -> int:
+        """Return when a message was received, by the node's clock (ns).
+
+        It may have waited since; a simulated clock does not say for how long.
+        """
+        if cast(ROSClock, self._node.get_clock()).ros_time_is_active or not receipt.monotonic_ns:
+            return now_ns
+        return now_ns - max(0, time.monotonic_ns() - receipt.monotonic_ns)
+
+    def _read(
+        self, message: Any, adapter: InputAdapter, came_ns: int
+    ) -> tuple[TrackedStates, int]:
         """Return the states in the fixed frame, and how many objects could not be read."""
         if isinstance(message, MessageError):
             raise message
         decoded = adapter.decode(
             message,
             twist_frame=self._parameters.twist_frame,
-            fallback_stamp_ns=now_ns,
+            fallback_stamp_ns=came_ns,
             limits=self.objects.limits,
             class_map=self._class_map,
         )

@@ -59,9 +59,9 @@ class Setup:
             self.node, self.model, self.publishers, self.parameters, self.events, self.status
         )
 
-    def receive(self, message, received_ns=None):
+    def receive(self, message, received_ns=None, adapter=ADAPTER):
         received_ns = time.monotonic_ns() if received_ns is None else received_ns
-        self.pipeline._on_objects(message, ADAPTER, Receipt(received_ns))
+        self.pipeline._on_objects(message, adapter, Receipt(received_ns))
 
     def prediction(self):
         prediction = self.publishers.predictions.get(timeout=LIMIT_S)
@@ -102,6 +102,19 @@ def test_an_observation_becomes_a_prediction_and_the_status_of_the_node(make):
     assert 0.0 <= age.age_s < LIMIT_S
     assert 0.0 <= setup.pipeline.idle_s() < LIMIT_S
     assert setup.pipeline.unanswered_s() == 0.0
+
+
+def test_markers_without_a_stamp_are_of_the_time_at_which_they_were_received(make):
+    """Not at which they were decoded: what waited for that would have moved in no time."""
+    setup = make(rate=20.0)
+    for k in range(2):
+        message = message_of(traffic(0.1 * k, agents=2), "markers")
+        for marker in message.markers:
+            marker.header.stamp.sec = marker.header.stamp.nanosec = 0
+        waited_ns = (2 - k) * 100_000_000
+        came_ns = setup.node.get_clock().now().nanoseconds - waited_ns
+        setup.receive(message, time.monotonic_ns() - waited_ns, INPUTS["markers"])
+        assert abs(setup.prediction().stamp_ns - came_ns) < 50_000_000
 
 
 def test_what_cannot_be_read_is_counted_and_logged_with_the_reason(make):
