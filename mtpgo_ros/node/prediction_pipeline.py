@@ -25,7 +25,13 @@ from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.finite_output import publishable
 from mtpgo_core.prediction.output_assembly import select, with_time_origin, without_agent
-from mtpgo_core.schema import HistoryWindow, Prediction, Source, TrackedStates
+from mtpgo_core.schema import (
+    HistoryWindow,
+    Prediction,
+    Source,
+    TrackedStates,
+    tracked_states,
+)
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
 from mtpgo_ros.diagnostics.event_log import REPEAT_S, EventLog
 from mtpgo_ros.diagnostics.input_watch import InputWatch
@@ -269,8 +275,8 @@ class PredictionPipeline:
             self._status.doubts = list(self.history.checks.doubts.values())
             if self.history.report is not None and self.history.report.clock_reset:
                 self._forget_poses()
-            if self._model.uses_lanes and not self.history.rejection:
-                self._model.lanes.observe(states)
+            if self._model.uses_lanes and window is not None:
+                self._model.lanes.observe(_present(window))
         except FrameError as error:
             self._status.frame_error = str(error)
             self._events.count("not_lifted", reason=f"{dropped}: {error}")
@@ -426,3 +432,16 @@ class PredictionPipeline:
         else:
             also = f", the choice before is {self._ego_chosen_s - before_s:.2g} s old"
             self._events.log("ego_id", line + also)
+
+
+def _present(window: HistoryWindow) -> TrackedStates:
+    """Return where the road users are at a window's time, and how they move."""
+    here = window.select(window.valid[:, -1])
+    return tracked_states(
+        window.stamp_ns,
+        window.frame_id,
+        here.key,
+        here.position[:, -1],
+        agent_class=here.agent_class,
+        velocity=here.velocity[:, -1],
+    )

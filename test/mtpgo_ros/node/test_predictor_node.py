@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node in normal operation, over DDS."""
 
+import itertools
 import sys
 import types
 
@@ -297,6 +298,20 @@ def test_lanes_come_from_a_file_that_may_change(bench, tmp_path):
     assert b.node.set_parameters([Parameter("lane_file", value="")])[0].successful
     b.status("model", WARN, "nothing has come on lane_markings")
     assert b.peer.count_subscribers(f"{b.namespace}/lane_markings") == 1
+
+
+def test_lanes_are_compared_with_what_the_history_knows_of_the_traffic(bench, tmp_path):
+    """A tracker need not give velocities, and an object without a place is none."""
+    lines = [[[500.0, side], [-100.0, side]] for side in (2.0, -2.0)]  # against the traffic
+    path = tmp_path / "against.geojson"
+    path.write_text(f'{{"type": "MultiLineString", "coordinates": {lines}}}')
+    b = bench("lanes", lane_file=str(path))
+    b.node._model.lanes._clock = itertools.count(step=2).__next__
+    for k in range(3):
+        states = traffic(0.2 * k, agents=20)
+        states.velocity[:] = states.position[19] = np.nan
+        assert len(b.predict(states)) == 19
+    b.status("model", WARN, "no vehicle that moves is in a lane", lane_distance_m="2")
 
 
 def test_a_lane_file_that_cannot_be_used_refuses_the_configuration(bench, tmp_path):
