@@ -25,6 +25,10 @@ cycle. To the nearest step, since 30 frames of a camera at 29.97 Hz take a littl
 LONGEST_MEMORY_S = 5.0
 """Largest tau (s); chosen: the horizon, beyond which news would never arrive."""
 
+SHORTEST_GAP_S = 0.5
+"""A gap of the observations that is longer leaves out all samples within this time (s): the
+history bridges shorter ones. Fewer are missing where a delay was compensated."""
+
 KEEP_FACTOR = 1.07
 """The calibrated weight of the mode that was the heaviest in the cycle before is multiplied by
 this; chosen on left-out sites (docs/design.md, "Smooth paths")."""
@@ -60,7 +64,8 @@ class PathSmoother:
     next moments are as the model predicts them now, and the farthest point has a memory of tau.
     The mode that was the heaviest counts a little more, so that it remains the heaviest until
     another one is clearly likelier. What stands at t, pedestrians, who change their ways faster
-    than that, and agents that were not observed throughout T keep the new path and weights. A mode
+    than that, and agents that were not observed throughout T (before a delay that is compensated,
+    of up to 0.4 s) keep the new path and weights. A mode
     that now ends far from where it ended (:data:`NEWS_RADIUS`) keeps its new path.
 
     Args:
@@ -134,7 +139,7 @@ class PathSmoother:
             return mean, weight
         row = find_sort_keys(before.key, key)
         moving = moving_vehicles(window)[agent]
-        observed = window.valid[agent, -1 - steps :].all(axis=1)
+        observed = _observed(window.valid, steps, dt_s)[agent]
         chosen = np.flatnonzero(usable & (row >= 0) & moving & observed)
         if not len(chosen):
             return mean, weight
@@ -151,6 +156,26 @@ class PathSmoother:
         weighted[chosen, before.heaviest[row[chosen]]] *= KEEP_FACTOR ** temperature[chosen]
         weighted[chosen] /= weighted[chosen].sum(axis=1, keepdims=True)
         return smoothed, weighted
+
+
+def _observed(valid: BoolArray, steps: int, dt_s: float) -> BoolArray:
+    """Return [n] whether agents were observed throughout the last steps.
+
+    Under delay compensation the window is of a later time than the newest observation, and no
+    agent has a sample between the two: these steps then end before them.
+
+    Args:
+        valid: [n, T] of the window.
+        steps: 1 to T - 1.
+        dt_s: time of a step (s).
+    """
+    late = int(valid.any(axis=0)[-2::-1].argmax())
+    if late >= int(SHORTEST_GAP_S / dt_s + 1e-6):
+        late = 0
+    last = valid.shape[1] - 1 - late
+    if steps > last:
+        return np.zeros(len(valid), dtype=np.bool_)
+    return np.asarray(valid[:, -1] & valid[:, last - steps : last].all(axis=1))
 
 
 def _is_near(difference: Float64Array, covariance: Float64Array) -> BoolArray:

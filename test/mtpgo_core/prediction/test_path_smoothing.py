@@ -147,6 +147,26 @@ def test_without_a_continuing_vehicle_paths_are_as_given(later):
     assert weights(smoother, later, mean, 0.3, 0.6).tolist() == [0.3, 0.6]
 
 
+@pytest.mark.parametrize(
+    ("missing", "combined"),
+    [
+        ([[14], [14]], True),  # a delay of 0.2 to 0.4 s that is compensated
+        ([[14, 13], [14, 13]], False),  # a gap that is not bridged
+        ([[14], []], False),  # an agent that was lost alone
+        ([[14, 13], [14]], False),
+    ],
+)
+def test_before_a_compensated_delay_no_agent_has_samples(missing, combined):
+    smoother, later = PathSmoother(0.4), window(0.2)
+    for agent, steps in enumerate(missing):
+        later.valid[agent, steps] = False
+    smooth(smoother, window(), paths())
+    mean = paths(start=2.0, offset=2.0)
+    result = smooth(smoother, later, mean)
+    assert (result[0, 0, -1, 1] < 1.5) == combined
+    assert combined or (result[0] == mean[0]).all()
+
+
 def test_the_heaviest_mode_remains_it_until_another_is_clearly_likelier():
     """0.49 and 0.44 of 1 in the next cycle, multiplied: 0.507 and 0.457."""
     smoother = PathSmoother(0.4)
