@@ -196,7 +196,8 @@ class HistoryInput:
         window = self._history.window(states.stamp_ns + delay_ns)
         if not len(window) and not window.frame_id:  # no object has come so far
             window = dataclasses.replace(window, frame_id=states.frame_id)
-        if self.checks.look(window):
+        if self.checks.due(states.stamp_ns):
+            self.checks.look(self._history.window(states.stamp_ns) if delay_ns else window)
             for kind, sentence in self.checks.doubts.items():
                 self._events.log(kind, sentence)
         return None if self.rejection and not window.valid[:, -1].any() else window

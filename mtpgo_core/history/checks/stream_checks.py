@@ -47,9 +47,18 @@ class StreamChecks:
         self._past.observed(stamp_ns)
         self._age.add(stamp_ns, now_ns)
 
+    def due(self, stamp_ns: int) -> bool:
+        """Return whether a time (ns) is a second after the last look, or before it."""
+        return abs(stamp_ns - self._looked_ns) >= _LOOK_NS
+
     def look(self, window: HistoryWindow) -> bool:
-        """Look at a window of the history; return false less than a second after the last look."""
-        if abs(window.stamp_ns - self._looked_ns) < _LOOK_NS:
+        """Look at a window of the history; return false less than a second after the last look.
+
+        Args:
+            window: of the time of an observation. In one of a later time, as where a delay is
+                compensated, no road user is there at the samples between the two.
+        """
+        if not self.due(window.stamp_ns):
             return False
         self._looked_ns = window.stamp_ns
         self._movement.look(window, self._config.dt_s)

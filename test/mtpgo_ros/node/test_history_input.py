@@ -73,6 +73,18 @@ def test_delay_compensation_gives_the_window_at_the_present_time(make):
     assert events.counts() == {"delay_not_compensated": 1}
 
 
+@pytest.mark.parametrize(("scale", "doubts"), [(1.0, []), (3.6, ["velocities"])])
+def test_a_compensated_delay_hides_nothing_from_the_checks_and_makes_up_nothing(
+    make, scale, doubts
+):
+    history, _, _ = make(delay_compensation=True)
+    for k in range(200):
+        states = traffic(k / 10)
+        states.velocity[:] *= scale
+        history.update(states, at(k / 10 + 0.45))
+    assert list(history.checks.doubts) == doubts
+
+
 def test_a_node_without_time_uses_stamps_as_they_are(make):
     history, events, _ = make(delay_compensation=True)
     assert history.update(traffic(0.0), 0).stamp_ns == at(0.0)
