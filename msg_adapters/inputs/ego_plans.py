@@ -18,7 +18,7 @@ from msg_adapters.conversions import (
     table,
     yaw_from_quaternions,
 )
-from msg_adapters.inputs.odometry import ODOMETRY, pose_of
+from msg_adapters.inputs.odometry import ODOMETRY, odometry_tilt, pose_of
 from msg_adapters.wire.cdr_reader import CdrReader
 from msg_adapters.wire.input_limits import check_room
 from mtpgo_core.errors import MessageError
@@ -150,9 +150,12 @@ def plan_from_odometry(message: Any, stands_after: bool = False) -> EgoPlan:
     """Return the plan of a ``nav_msgs/Odometry``: its velocity and heading are kept.
 
     Raises:
-        MessageError: see :meth:`PlanAdapter.plan`.
+        MessageError: see :meth:`PlanAdapter.plan`; also if its frame does not stand upright.
     """
     del stands_after  # this plan has no end
+    tilt = odometry_tilt(message)
+    if tilt:
+        raise MessageError(f"odometry: {tilt}")
     return plan_of_motion(
         stamp_to_ns(message.header.stamp), str(message.header.frame_id), pose_of(message)
     )

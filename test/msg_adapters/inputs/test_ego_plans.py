@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans in messages, decoded from bytes: times, frames, and what is refused."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -112,6 +113,16 @@ def test_numbers_that_are_not_finite_are_refused(offline):
         PATH.plan(path(offline, x=(0.0, math.nan, 2.0)))
     with pytest.raises(MessageError, match="expected finite numbers"):
         ODOMETRY.plan(odometry(offline, speed=math.inf))
+
+
+def test_odometry_of_an_optical_frame_is_no_plan(offline):
+    """Its z axis points ahead: the velocity along x would be one to the right."""
+    message = odometry(offline)
+    pose = message.pose.pose
+    optical = dataclasses.replace(pose.orientation, x=-0.5, y=0.5, z=-0.5, w=0.5)
+    tilted = dataclasses.replace(message.pose, pose=dataclasses.replace(pose, orientation=optical))
+    with pytest.raises(MessageError, match="odometry: the z axis of frame 'base_link' is tilted"):
+        ODOMETRY.plan(dataclasses.replace(message, pose=tilted))
 
 
 def test_a_trajectory_without_times_is_driven_at_its_velocities(offline):
