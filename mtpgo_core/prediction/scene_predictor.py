@@ -239,7 +239,7 @@ class ScenePredictor:
         """Remember where the road users of a window went, without a prediction.
 
         For callers whose predictions are farther apart than the history is long: without it they
-        would miss what lies between two windows. The node predicts often enough to miss nothing.
+        would miss what lies between two windows, as the node does at a rate below 0.3 Hz.
         """
         self._observe_trails(window)
 
