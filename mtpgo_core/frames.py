@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -173,6 +173,11 @@ def is_place(x: float, y: float) -> bool:
     return abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M  # false for NaN
 
 
+_SHORTEST_NS, _LONGEST_NS = 50_000_000, 500_000_000
+"""Two poses so far apart in time tell a motion (ns); chosen: noise hardly matters then, and a
+vehicle goes on like that."""
+
+
 class PoseBuffer:
     """The last poses of one frame in another, interpolated at any time.
 
@@ -201,6 +206,7 @@ class PoseBuffer:
         self._reach_ns = round(max_extrapolation_s * 1e9)
         self._stamp: list[int] = []
         self._pose: list[Pose2] = []
+        self._twist_filled = False  # ever
 
     def __len__(self) -> int:
         return len(self._stamp)
@@ -223,6 +229,8 @@ class PoseBuffer:
         place = bisect_left(self._stamp, stamp_ns)
         if place < len(self._stamp) and self._stamp[place] == stamp_ns:
             return False
+        motion = (*pose.velocity, pose.yaw_rate)
+        self._twist_filled |= any(motion) and all(map(math.isfinite, motion))
         self._stamp.insert(place, stamp_ns)
         self._pose.insert(place, pose)
         old = bisect_left(self._stamp, self._stamp[-1] - self._span_ns)
@@ -232,8 +240,9 @@ class PoseBuffer:
     def at(self, stamp_ns: int) -> Pose2:
         """Return the pose at a time (ns), interpolated, the yaw along the shorter arc.
 
-        Outside the stored times the nearest pose is extrapolated by its velocity and yaw rate;
-        where these are not finite, it stays.
+        Outside the stored times the nearest pose is extrapolated by its velocity and yaw rate.
+        Where these are not finite, or none has ever been but zero, as of odometry without a
+        twist, it is by the poses next to it; a single pose stays.
 
         Raises:
             FrameError: no pose is near enough in time.
@@ -262,14 +271,32 @@ class PoseBuffer:
                 f"at most {self._reach_ns * 1e-9:.3f} s"
             )
         pose, off_s = self._pose[nearest], off_ns * 1e-9
-        if not all(map(math.isfinite, (*pose.velocity, pose.yaw_rate))):
-            return pose
+        velocity_x, velocity_y, yaw_rate = self._motion(nearest)
         return dataclasses.replace(
             pose,
-            x=pose.x + pose.velocity[0] * off_s,
-            y=pose.y + pose.velocity[1] * off_s,
-            yaw=float(wrap(np.asarray(pose.yaw + pose.yaw_rate * off_s))),
+            x=pose.x + velocity_x * off_s,
+            y=pose.y + velocity_y * off_s,
+            yaw=float(wrap(np.asarray(pose.yaw + yaw_rate * off_s))),
         )
+
+    def _motion(self, end: int) -> tuple[float, float, float]:
+        """Return velocity (m/s) and yaw rate (rad/s) of the oldest pose, 0, or the newest, -1."""
+        pose, stamp_ns = self._pose[end], self._stamp[end]
+        given = (*pose.velocity, pose.yaw_rate)
+        if self._twist_filled and all(map(math.isfinite, given)):
+            return given
+        if end == 0:
+            other = bisect_left(self._stamp, stamp_ns + _SHORTEST_NS)
+        else:
+            other = bisect_right(self._stamp, stamp_ns - _SHORTEST_NS) - 1
+        if not 0 <= other < len(self._stamp):
+            return 0.0, 0.0, 0.0
+        took_ns = stamp_ns - self._stamp[other]
+        if abs(took_ns) > _LONGEST_NS:
+            return 0.0, 0.0, 0.0
+        before, per_s = self._pose[other], 1e9 / took_ns
+        turn = float(wrap(np.asarray(pose.yaw - before.yaw)))
+        return (pose.x - before.x) * per_s, (pose.y - before.y) * per_s, turn * per_s
 
 
 def _between(a: Pose2, b: Pose2, fraction: float) -> Pose2:

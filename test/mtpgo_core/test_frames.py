@@ -19,6 +19,7 @@ from mtpgo_core.frames import (
     rotate,
     rotate_covariance,
     to_fixed_frame,
+    wrap,
 )
 
 QUARTER = math.pi / 2
@@ -164,6 +165,31 @@ def test_just_beyond_the_ends_the_motion_goes_on_and_farther_is_an_error():
     for far in (S_NS + 300_000_000, S_NS - 300_000_000):
         with pytest.raises(FrameError, match=r"0\.300 s away, expected at most 0\.200 s"):
             poses.at(far)
+
+
+@pytest.mark.parametrize("twist", [0.0, math.nan])
+def test_without_a_twist_the_motion_is_that_of_the_poses(twist):
+    """At 20 m/s odometry that is 0.1 s old would be 2 m behind."""
+    poses = PoseBuffer()
+    for k in (0, 1, 2, 3, 3.01):  # the last two are too close to tell a motion
+        time_ns = round(k * S_NS / 10)
+        assert poses.add(time_ns, Pose2(2.0 * k, -k, 3.1 + 0.02 * k, (twist, twist), twist))
+    for time_s in (0.4, -0.1):
+        pose = poses.at(round(time_s * S_NS))
+        assert (pose.x, pose.y) == (pytest.approx(20.0 * time_s), pytest.approx(-10.0 * time_s))
+        assert pose.yaw == pytest.approx(float(wrap(np.asarray(3.1 + 0.2 * time_s))))
+
+
+def test_a_twist_of_zeros_counts_once_there_was_another():
+    """A vehicle that stands is not moved by a correction of its place."""
+    poses = PoseBuffer()
+    for k, speed in enumerate((1.0, 0.0, 0.0)):
+        poses.add(k * S_NS // 10, Pose2(0.5 * k, 0.0, 0.0, (speed, 0.0)))
+    assert poses.at(3 * S_NS // 10).x == 1.0
+    slow = PoseBuffer()
+    for k in range(2):  # a second apart, which tells nothing of the next moment
+        slow.add(k * S_NS, Pose2(5.0 * k, 0.0, 0.0))
+    assert slow.at(S_NS + 100_000_000).x == 5.0
 
 
 def test_poses_may_come_in_any_order_and_are_forgotten():
