@@ -169,7 +169,8 @@ def _observed(valid: BoolArray, steps: int, dt_s: float) -> BoolArray:
         steps: 1 to T - 1.
         dt_s: time of a step (s).
     """
-    late = int(valid.any(axis=0)[-2::-1].argmax())
+    seen = np.asarray(valid.any(axis=0))
+    late = int(seen[-2::-1].argmax())
     if late >= int(SHORTEST_GAP_S / dt_s + 1e-6):
         late = 0
     last = valid.shape[1] - 1 - late
