@@ -103,6 +103,10 @@ class TrackHistory:
             self.config, self._max_tracks, self._keep_ns, self._store.next_number
         )
 
+    def forget(self, key: KeyArray) -> None:
+        """Forget the track of an identity [4], if it has one."""
+        self._store.forget(sort_keys(key[None]))
+
     def __len__(self) -> int:
         return len(self._store.index)
 

@@ -105,6 +105,10 @@ class TrackStore:
         """Release the tracks last seen before ``stamp_ns`` and return how many."""
         return self._release(self.rings.last_ns[self.index.slots] < stamp_ns)
 
+    def forget(self, keys: SortKeyArray) -> None:
+        """Release the tracks of identities, given as [n] sort keys, that have one."""
+        self._release(np.isin(self.index.keys, keys))
+
     def allocate(self, keys: SortKeyArray, others: IndexArray) -> tuple[IndexArray, int]:
         """Return slots for new tracks, -1 where there is no room, and how many were dropped.
 

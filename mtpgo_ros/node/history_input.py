@@ -86,6 +86,7 @@ class HistoryInput:
         self._newest_ns: int | None = None
         self._newest_came_ns = 0  # by the node's clock
         self._sender_set_until_ns = 0  # of the monotonic clock
+        self._added_key: KeyArray | None = None  # of the ego, as it was added last
         self.rejection = ""
         self.checks = StreamChecks(history.config)
 
@@ -166,6 +167,7 @@ class HistoryInput:
         set_forward = self._set_forward(states.stamp_ns, now_ns, self._sender_set(receipt))
         if set_forward:
             self._history.clear()
+        self._forget_other_ego(ego_key, added=with_ego)
         report = self._history.update(states, ego_key)
         for name in _COUNTED:
             self._events.count(name, int(getattr(report, name)))
@@ -201,6 +203,20 @@ class HistoryInput:
             for kind, sentence in self.checks.doubts.items():
                 self._events.log(kind, sentence)
         return None if self.rejection and not window.valid[:, -1].any() else window
+
+    def _forget_other_ego(self, key: KeyArray | None, *, added: bool) -> None:
+        """Forget the ego under an earlier identity: it would be carried on beside itself.
+
+        Args:
+            key: [4] the ego's identity.
+            added: the ego is added under it now.
+        """
+        before = self._added_key
+        if before is not None and (key is None or (key != before).any()):
+            self._history.forget(before)
+            self._added_key = None
+        if added:
+            self._added_key = key
 
     def _observed(self, key: KeyArray | None, stamp_ns: int) -> bool:
         """Return whether the last message was an observation of the agent with a key [4]."""

@@ -8,6 +8,7 @@ import pytest
 from ros_helpers import START_NS, traffic
 
 from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.prediction.output_assembly import with_time_origin
 from mtpgo_core.prediction.scene_predictor import ScenePredictor
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -83,6 +84,24 @@ def test_a_compensated_delay_hides_nothing_from_the_checks_and_makes_up_nothing(
         states.velocity[:] *= scale
         history.update(states, at(k / 10 + 0.45))
     assert list(history.checks.doubts) == doubts
+
+
+def test_an_ego_that_gets_another_identity_is_not_carried_on_under_the_old_one(make):
+    history, _, _ = make()
+    keys = keys_from_integers([1, 2, 3])
+
+    def known(time_s, ego, *, with_ego=True):
+        """Return the road users after a message of which the last one is the ego."""
+        states = traffic(time_s, 2)
+        states.key[1] = keys[ego]
+        window = history.update(states, at(time_s), keys[ego], with_ego=with_ego)
+        return window.key[window.valid[:, -1], 0].tolist()
+
+    assert known(0.0, 1) == [1, 2]
+    assert known(0.2, 2) == [1, 3]
+    # Without odometry the tracker's own objects stay: nothing was added by it.
+    assert known(0.4, 1, with_ego=False) == [1, 2]
+    assert known(0.6, 2, with_ego=False) == [1, 2, 3]
 
 
 def test_a_node_without_time_uses_stamps_as_they_are(make):
