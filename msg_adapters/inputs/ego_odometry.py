@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -75,6 +75,7 @@ class JoinedEgo:
         known: the ego's state at the message's time is known.
         added: it is in ``states``: it was not added for the same or a later stamp before.
         doubles: objects left out because they are the ego.
+        double_keys: [k, 4] their identities, without the ego's own.
         problem: why the ego is not known, empty if it is.
     """
 
@@ -82,6 +83,7 @@ class JoinedEgo:
     known: bool
     added: bool = False
     doubles: int = 0
+    double_keys: KeyArray = field(default_factory=lambda: np.empty((0, 4), dtype=np.uint32))
     problem: str = ""
 
 
@@ -178,15 +180,18 @@ class EgoOdometry:
                 )
         except FrameError as error:
             return self._without_ego(states, str(error))
-        double = self._double(states, ego) | (states.key == key).all(axis=1)
+        own = np.asarray((states.key == key).all(axis=1))
+        double = self._double(states, ego) | own
         rest = _select(states, ~double)
-        doubles = int(double.sum())
+        doubles, double_keys = int(double.sum()), states.key[double & ~own]
         # Two publishers of objects may share a stamp: the ego comes once.
         last_ns = self._added_ns
         if last_ns is not None and 0 <= last_ns - stamp_ns < _MAX_GAP_S * 1e9:
-            return JoinedEgo(rest, known=True, doubles=doubles)
+            return JoinedEgo(rest, known=True, doubles=doubles, double_keys=double_keys)
         self._added_ns = stamp_ns
-        return JoinedEgo(_with(rest, ego), known=True, added=True, doubles=doubles)
+        return JoinedEgo(
+            _with(rest, ego), known=True, added=True, doubles=doubles, double_keys=double_keys
+        )
 
     def _without_ego(self, states: TrackedStates, problem: str) -> JoinedEgo:
         """Return a message without the ego, whose doubles stay away while it is carried on."""

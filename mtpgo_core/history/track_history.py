@@ -104,8 +104,8 @@ class TrackHistory:
         )
 
     def forget(self, key: KeyArray) -> None:
-        """Forget the track of an identity [4], if it has one."""
-        self._store.forget(sort_keys(key[None]))
+        """Forget the tracks of identities [n, 4] that have one."""
+        self._store.forget(sort_keys(key))
 
     def __len__(self) -> int:
         return len(self._store.index)

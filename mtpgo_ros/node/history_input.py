@@ -136,6 +136,7 @@ class HistoryInput:
         skipped_objects: int = 0,
         *,
         with_ego: bool = False,
+        doubles: KeyArray | None = None,
         receipt: Receipt = UNKNOWN,
     ) -> HistoryWindow | None:
         """Add an observation to the history.
@@ -147,6 +148,7 @@ class HistoryInput:
             skipped_objects: objects of the message that could not be read.
             with_ego: the ego was added to the objects by its own odometry; it makes a message
                 whose objects are all rejected no more usable.
+            doubles: [k, 4] identities of objects that were left out because they are the ego.
             receipt: what is known of the message's way.
 
         Returns:
@@ -167,7 +169,7 @@ class HistoryInput:
         set_forward = self._set_forward(states.stamp_ns, now_ns, self._sender_set(receipt))
         if set_forward:
             self._history.clear()
-        self._forget_other_ego(ego_key, added=with_ego)
+        self._forget_other_egos(ego_key, doubles, added=with_ego)
         report = self._history.update(states, ego_key)
         for name in _COUNTED:
             self._events.count(name, int(getattr(report, name)))
@@ -204,16 +206,21 @@ class HistoryInput:
                 self._events.log(kind, sentence)
         return None if self.rejection and not window.valid[:, -1].any() else window
 
-    def _forget_other_ego(self, key: KeyArray | None, *, added: bool) -> None:
-        """Forget the ego under an earlier identity: it would be carried on beside itself.
+    def _forget_other_egos(
+        self, key: KeyArray | None, doubles: KeyArray | None, *, added: bool
+    ) -> None:
+        """Forget the ego under other identities: it would be carried on beside itself.
 
         Args:
             key: [4] the ego's identity.
-            added: the ego is added under it now.
+            doubles: [k, 4] those of its own track, which may have come before its odometry.
+            added: the ego is added under ``key`` now.
         """
+        if doubles is not None and len(doubles):
+            self._history.forget(doubles)
         before = self._added_key
         if before is not None and (key is None or (key != before).any()):
-            self._history.forget(before)
+            self._history.forget(before[None])
             self._added_key = None
         if added:
             self._added_key = key

@@ -270,6 +270,7 @@ class PredictionPipeline:
                     ego_key,
                     skipped,
                     with_ego=joined.added,
+                    doubles=joined.double_keys,
                     receipt=receipt,
                 )
             self._status.doubts = list(self.history.checks.doubts.values())

@@ -8,6 +8,7 @@ import queue
 import time
 
 import pytest
+from nav_msgs.msg import Odometry
 from rclpy.lifecycle import LifecycleNode
 from ros_helpers import LIMIT_S, START_NS, RecordingLogger, message_of, traffic
 
@@ -115,6 +116,25 @@ def test_markers_without_a_stamp_are_of_the_time_at_which_they_were_received(mak
         came_ns = setup.node.get_clock().now().nanoseconds - waited_ns
         setup.receive(message, time.monotonic_ns() - waited_ns, INPUTS["markers"])
         assert abs(setup.prediction().stamp_ns - came_ns) < 50_000_000
+
+
+def test_the_trackers_ego_ends_when_the_odometry_begins(make):
+    """Carried on it would be a road user at the place of the ego, which is not published."""
+    setup = make(ego_topic="ego_odometry", ego_predicted=False)
+    seen = []
+    for k in range(4):
+        message = Odometry(child_frame_id="base_link")
+        message.header.frame_id = "map"
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(
+            START_NS + k * 200_000_000, 10**9
+        )
+        message.pose.pose.position.x = 12.0 + 2.0 * k  # where the tracker has road user 2
+        message.pose.pose.orientation.w = 1.0
+        if k >= 2:
+            setup.pipeline.ego._on_odometry(message)
+        setup.receive(message_of(traffic(0.2 * k, agents=3)))
+        seen.append(setup.prediction().key[:, 0].tolist())
+    assert seen == [[1, 2, 3], [1, 2, 3], [1, 3], [1, 3]]
 
 
 def test_what_cannot_be_read_is_counted_and_logged_with_the_reason(make):
