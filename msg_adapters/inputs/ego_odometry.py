@@ -104,13 +104,13 @@ class EgoOdometry:
         self._covariance = np.full((2, 2, 2), np.nan)
         self._added_ns: int | None = None
         self._objects_frame = ""
-        self._doubles: frozenset[bytes] = frozenset()
+        self._doubles: dict[bytes, int] = {}  # when each of them was the ego last (ns)
 
     def clear(self) -> None:
         """Forget everything, as after a jump of the clock."""
         self._poses.clear()
         self._newest_ns = self._added_ns = None
-        self._doubles = frozenset()
+        self._doubles = {}
 
     def add(self, message: Any) -> None:
         """Add a ``nav_msgs/Odometry`` of the ego.
@@ -251,12 +251,20 @@ class EgoOdometry:
         with np.errstate(invalid="ignore"):
             inside = (away <= 0.5 * ego.size).all(axis=1)
             near = (away <= ego.size).all(axis=1)
-        double = inside | (self._listed(states) & near)
-        self._doubles = frozenset(row.tobytes() for row in states.key[double])
-        return np.asarray(double)
+        listed = self._listed(states)
+        double = np.asarray(inside | (listed & near))
+        # One that a message does not have, as of another publisher, comes back where it was.
+        now_ns, gap_ns = states.stamp_ns, round(_MAX_GAP_S * 1e9)
+        ended = {row.tobytes() for row in states.key[listed & ~double]}
+        self._doubles = {
+            name: seen_ns
+            for name, seen_ns in self._doubles.items()
+            if name not in ended and abs(now_ns - seen_ns) <= gap_ns
+        } | {row.tobytes(): now_ns for row in states.key[double]}
+        return double
 
     def _listed(self, states: TrackedStates) -> BoolArray:
-        """Return [n] which objects were the ego in the last message."""
+        """Return [n] which objects were the ego lately."""
         found = [row.tobytes() in self._doubles for row in states.key] if self._doubles else []
         return np.array(found or np.zeros(len(states)), dtype=np.bool_)
 

@@ -181,6 +181,17 @@ def test_a_double_that_lags_behind_stays_away_until_it_is_a_box_away(make):
     assert kept == [0, 0, 0, 1, 1]
 
 
+def test_a_double_stays_one_while_messages_without_it_come(make):
+    """Of another publisher of objects, or where its tracker misses it for a moment."""
+    ego = make(length_m=4.0, width_m=2.0, until_s=2.0)
+    ego.join(objects(0.1, ((0.5, 0.0),)), EGO)
+    ego.join(objects(0.2, ((80.0, 0.0),), first=9), EGO)
+    assert ego.join(objects(0.3, ((0.5, 0.0),)), EGO).doubles == 1
+    ego.join(objects(0.5, ((80.0, 0.0),), first=9), EGO)
+    ego.join(objects(0.9, ((80.0, 0.0),), first=9), EGO)
+    assert ego.join(objects(1.0, ((7.5, 0.0),)), EGO).doubles == 0  # it was away for too long
+
+
 def test_a_double_stays_away_during_a_short_gap_of_the_odometry(make):
     ego = make(until_s=0.0)
     ego.join(objects(0.0, ((0.5, 0.0),)), EGO)
