@@ -385,9 +385,9 @@ class PredictionPipeline:
         request.scored.wait(_LONGEST_SCORING_S)
         begun_ns = time.monotonic_ns()
         prediction = with_time_origin(prediction, request.stamp_ns)
-        prediction = self._model.calibrator.serve(prediction, request.window)
-        if not self._parameters.ego_predicted:
+        if not self._parameters.ego_predicted:  # nor is anything learned from it
             prediction = without_agent(prediction, self._model.ego_key)
+        prediction = self._model.calibrator.serve(prediction, request.window)
         usable = publishable(prediction)
         if not usable.all():
             self._events.count("not_published", int((~usable).sum()))

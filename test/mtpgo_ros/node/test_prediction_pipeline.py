@@ -137,6 +137,15 @@ def test_the_trackers_ego_ends_when_the_odometry_begins(make):
     assert seen == [[1, 2, 3], [1, 2, 3], [1, 3], [1, 3]]
 
 
+def test_nothing_is_learned_from_an_ego_that_is_not_published(make):
+    """Its odometry is better than any tracker: the ellipses of the others would become small."""
+    setup = make(ego_id="2", ego_predicted=False)
+    setup.receive(message_of(traffic(0.0, agents=3)))
+    assert setup.prediction().key[:, 0].tolist() == [1, 3]
+    ((keys, _),) = setup.model.calibrator.live._matcher._waiting
+    assert keys[:, 0].tolist() == [1, 3]
+
+
 def test_what_cannot_be_read_is_counted_and_logged_with_the_reason(make):
     setup = make()
     message = message_of(traffic(0.0))
