@@ -93,7 +93,7 @@ class HistoryInput:
     def configure(self, parameters: PredictorParameters) -> None:
         """Use other parameters from the next observation on."""
         if parameters.rate != self._parameters.rate:
-            self._rate_limiter = RateLimiter(parameters.rate)
+            self._rate_limiter.change(parameters.rate)
         if parameters.twist_frame != self._parameters.twist_frame:
             self.checks.twist_frame_changed()
         self._parameters = parameters

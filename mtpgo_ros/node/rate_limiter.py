@@ -33,6 +33,10 @@ class RateLimiter:
         """Time between two predictions (ns)."""
         return round(1e9 / self.rate)
 
+    def change(self, rate: float) -> None:
+        """Use another rate (Hz): the next observation that is newer starts a prediction."""
+        self.rate, self._due_ns = rate, None
+
     def reset(self) -> None:
         """Start again: the next observation starts a prediction."""
         self._due_ns = self._last_ns = None

@@ -104,6 +104,17 @@ def test_an_ego_that_gets_another_identity_is_not_carried_on_under_the_old_one(m
     assert known(0.6, 2, with_ego=False) == [1, 2, 3]
 
 
+def test_another_rate_lets_no_observation_of_the_past_start_a_prediction(make):
+    """As of a second publisher that is a little behind."""
+    history, _, _ = make()
+    assert history.update(traffic(0.1), at(0.1)) is not None
+    history.configure(dataclasses.replace(PredictorParameters(), rate=20.0))
+    other = traffic(0.05)
+    other.key[:, 0] += 10
+    assert history.update(other, at(0.15)) is None
+    assert history.update(traffic(0.15), at(0.15)) is not None
+
+
 def test_a_node_without_time_uses_stamps_as_they_are(make):
     history, events, _ = make(delay_compensation=True)
     assert history.update(traffic(0.0), 0).stamp_ns == at(0.0)
