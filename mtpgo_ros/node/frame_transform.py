@@ -124,14 +124,23 @@ class FixedFrameTransform:
 
     def _pose(self, states: TrackedStates) -> Pose2:
         frames = (self._fixed_frame, states.frame_id)
+        reason = ""
         with self._lock:
             poses = self._poses.get(frames)
             if poses is not None:
                 if self._tilted[frames]:
                     raise FrameError(self._tilted[frames])
-                return poses.at(states.stamp_ns)
+                try:
+                    return poses.at(states.stamp_ns)
+                except FrameError as error:  # as of odometry that is slow, or has ended
+                    if self._tf is None:
+                        raise
+                    reason = f"{error}; "
         if self._tf is not None:
-            return self._tf.pose(self._fixed_frame, states.frame_id, states.stamp_ns)
+            try:
+                return self._tf.pose(*frames, states.stamp_ns)
+            except FrameError as error:
+                raise FrameError(f"{reason}{error}") from error
         parent, child = self._odometry_frames
         seen = f"it gives {child!r} in {parent!r}" if parent or child else "nothing came there"
         raise FrameError(

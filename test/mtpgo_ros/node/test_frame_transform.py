@@ -145,6 +145,39 @@ def test_poses_of_other_frames_are_not_mixed(transform):
     assert states.position == pytest.approx(np.array([[150.0, 1.0]]))
 
 
+def test_tf_serves_where_the_odometry_has_no_pose_at_the_time(monkeypatch):
+    """It may come twice a second, or have ended."""
+
+    class Buffer:
+        def lookup_transform(self, target, source, when):
+            if when.nanoseconds > START_NS + 10**9:
+                raise LookupError("the future")
+            transform = TransformStamped()
+            transform.transform.translation.x = 7.0
+            transform.transform.rotation.w = 1.0
+            return transform
+
+    class TransformListener:
+        def __init__(self, buffer, node, *, spin_thread):
+            pass
+
+        def unregister(self):
+            pass
+
+    module = types.SimpleNamespace(Buffer=Buffer, TransformListener=TransformListener)
+    monkeypatch.setitem(sys.modules, "tf2_ros", module)
+    node = Node("transform")
+    one = FixedFrameTransform(node, "odom", EventLog())
+    one.add_odometry(odometry(0.0, 100.0))
+    for time_s, x in ((0.1, 100.0), (0.4, 7.0 + 4.0)):
+        states = one.apply(traffic(time_s, agents=1, frame_id="base_link"))
+        assert states.position[0, 0] == pytest.approx(x)
+    with pytest.raises(FrameError, match=r"2\.000 s away.*; TF has no .*the future"):
+        one.apply(traffic(2.0, agents=1, frame_id="base_link"))
+    one.close()
+    node.destroy_node()
+
+
 def test_an_optical_frame_of_a_camera_is_refused(monkeypatch):
     """Its z axis points forward, x to the right: quaternion (-0.5, 0.5, -0.5, 0.5)."""
     turn = [-0.5, 0.5, -0.5, 0.5]
