@@ -1,8 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""How likely predicted road users are to be where the ego will be.
+"""The probability that the ego's planned footprint overlaps those of predicted road users.
 
-What is not known is NaN, with the reason beside it: a low probability always means a low risk.
+An unknown value is NaN and comes with a reason, so a low probability always means a low risk.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ WEIGHT_TOLERANCE = 0.01
 
 
 _LARGEST_YAW = 1e4
-"""A heading beyond is none (rad); chosen: it has lost its digits in float32."""
+"""A heading beyond this is invalid (rad); chosen: float32 no longer resolves its angle."""
 
 
 class Unknown(IntEnum):
@@ -43,9 +43,9 @@ class Unknown(IntEnum):
 
     KNOWN = 0
     PARTLY = 1
-    """Of an agent: known at some steps; its values are over those."""
+    """For an agent: the risk is known at some steps only, and its values cover those."""
     NO_PLAN = 2
-    """There is no plan that can be used: none, too old, or in another frame."""
+    """There is no usable plan: none was received, it is too old, or it is in another frame."""
     BEYOND_PLAN = 3
     """The plan does not reach this step."""
     NO_PREDICTION = 4
@@ -71,8 +71,9 @@ class CollisionRisk:
         peak: [n] the largest probability over the known steps.
         peak_time_s: [n] when that is (s after ``stamp_ns``).
         peak_step: [n] its index, 0 where nothing is known.
-        at_least: [n] that the footprints overlap at any known step, at least: each mode counts
-            with its largest probability. It would be exact if errors did not change over time.
+        at_least: [n] lower bound of the probability that the footprints overlap at any known
+            step: the largest probability of each mode, weighted. It would be exact if errors did
+            not change over time.
         distance_m: [n, len(QUANTILES)] quantiles of the smallest distance between the footprints
             over the known steps.
         known_steps: [n] number of steps at which the probability is known.
@@ -116,51 +117,23 @@ def assess(
         prediction: without the ego itself.
         plan: where the ego will be; None makes every risk unknown.
         footprint: its box.
-        reason: why, if there is no plan.
+        reason: why there is no plan, where ``plan`` is None.
 
     Raises:
         FrameError: plan and prediction are in different frames.
     """
     n, modes, steps = prediction.yaw.shape
     size = known_sizes(prediction.size, prediction.agent_class)
-    unknown = np.full((n, steps), reason, dtype=np.uint8)
-    probability = np.full((n, steps), np.nan)
-    at_least = np.full(n, np.nan)
-    distance = np.full((n, len(QUANTILES)), np.nan)
-    if plan is not None:
-        if plan.frame_id != prediction.frame_id:
-            raise FrameError(
-                f"the {plan.source} is in the frame {plan.frame_id!r} and the predictions in "
-                f"{prediction.frame_id!r}, expected the same"
-            )
-        point, ego_yaw = plan.at(prediction.stamp_ns, prediction.time_s)
-        center = footprint.center(point, ego_yaw)
-        usable, complete = _usable(prediction)
-        covered = np.isfinite(ego_yaw)
-        unknown = np.where(covered, Unknown.KNOWN, Unknown.BEYOND_PLAN).astype(np.uint8)
-        unknown = np.where(complete, unknown[None], Unknown.NO_PREDICTION).astype(np.uint8)
-        by_mode = _by_mode(prediction, usable & covered, center, ego_yaw, footprint.size, size)
-        known = unknown == Unknown.KNOWN
-        weight = np.where(np.isfinite(prediction.weight), prediction.weight, 0.0)
-        weight = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
-        mixed = np.einsum("nm,nmh->nh", weight, by_mode)
-        probability = np.where(known, np.clip(mixed, 0.0, 1.0), np.nan)
-        some = known.any(axis=1)
-        best = np.where(known[:, None], by_mode, 0.0).max(axis=2, initial=0.0)
-        at_least = np.where(some, np.minimum((weight * best).sum(axis=1), 1.0), np.nan)
-        if some.any():
-            rows = np.flatnonzero(some)
-            distance[some] = _distances(
-                prediction, rows, known, weight, center, ego_yaw, footprint.size, size
-            )
-    known = unknown == Unknown.KNOWN
+    if plan is None:
+        overlap = _unknown_overlap(n, steps, reason)
+    else:
+        overlap = _overlap_with_plan(prediction, plan, footprint, size)
+    known = overlap.unknown == Unknown.KNOWN
     known_steps = known.sum(axis=1)
-    filled = np.where(known, probability, -1.0)
+    nothing_known = known_steps == 0
+    filled = np.where(known, overlap.probability, -1.0)  # below every probability
     peak_step = filled.argmax(axis=1) if steps else np.zeros(n, dtype=np.intp)
-    none = known_steps == 0
-    peak = np.where(none, np.nan, filled.max(axis=1, initial=-1.0))
-    time_s = prediction.time_s[peak_step] if steps else np.full(n, np.nan)
-    worst = unknown.max(axis=1, initial=0)
+    peak_time_s = prediction.time_s[peak_step] if steps else np.full(n, np.nan)
     return CollisionRisk(
         stamp_ns=prediction.stamp_ns,
         frame_id=prediction.frame_id,
@@ -172,18 +145,84 @@ def assess(
         position=_places(prediction) if modes else np.full((n, steps, 2), np.nan),
         yaw=prediction.yaw[:, 0] if modes else np.full((n, steps), np.nan),
         size=size,
-        probability=probability,
-        unknown=unknown,
-        peak=peak,
-        peak_time_s=np.where(none, np.nan, time_s),
-        peak_step=np.where(none, 0, peak_step),
-        at_least=at_least,
-        distance_m=distance,
+        probability=overlap.probability,
+        unknown=overlap.unknown,
+        peak=np.where(nothing_known, np.nan, filled.max(axis=1, initial=-1.0)),
+        peak_time_s=np.where(nothing_known, np.nan, peak_time_s),
+        peak_step=np.where(nothing_known, 0, peak_step),
+        at_least=overlap.at_least,
+        distance_m=overlap.distance_m,
         known_steps=known_steps,
-        agent_unknown=np.where(
-            none, worst, np.where(known_steps < steps, Unknown.PARTLY, Unknown.KNOWN)
-        ).astype(np.uint8),
+        agent_unknown=_agent_unknown(overlap.unknown, known_steps),
     )
+
+
+@dataclass(frozen=True)
+class _Overlap:
+    """The fields of :class:`CollisionRisk` that are computed from the plan."""
+
+    probability: Float64Array
+    unknown: NDArray[np.uint8]
+    at_least: Float64Array
+    distance_m: Float64Array
+
+
+def _unknown_overlap(n: int, steps: int, reason: Unknown) -> _Overlap:
+    """Return the fields of n agents where no step is known."""
+    return _Overlap(
+        probability=np.full((n, steps), np.nan),
+        unknown=np.full((n, steps), reason, dtype=np.uint8),
+        at_least=np.full(n, np.nan),
+        distance_m=np.full((n, len(QUANTILES)), np.nan),
+    )
+
+
+def _overlap_with_plan(
+    prediction: Prediction, plan: EgoPlan, footprint: EgoFootprint, size: Float64Array
+) -> _Overlap:
+    """Return how likely the footprints of agents of ``size`` [n, 2] (m) overlap the ego's.
+
+    Raises:
+        FrameError: plan and prediction are in different frames.
+    """
+    if plan.frame_id != prediction.frame_id:
+        raise FrameError(
+            f"the {plan.source} is in the frame {plan.frame_id!r} and the predictions in "
+            f"{prediction.frame_id!r}, expected the same"
+        )
+    point, ego_yaw = plan.at(prediction.stamp_ns, prediction.time_s)
+    center = footprint.center(point, ego_yaw)
+    usable, complete = _usable(prediction)
+    in_plan = np.isfinite(ego_yaw)
+    unknown = np.where(in_plan, Unknown.KNOWN, Unknown.BEYOND_PLAN).astype(np.uint8)
+    unknown = np.where(complete, unknown[None], Unknown.NO_PREDICTION).astype(np.uint8)
+    known = unknown == Unknown.KNOWN
+
+    by_mode = _by_mode(prediction, usable & in_plan, center, ego_yaw, footprint.size, size)
+    weight = np.where(np.isfinite(prediction.weight), prediction.weight, 0.0)
+    weight = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
+    mixed = np.einsum("nm,nmh->nh", weight, by_mode)
+    largest = np.where(known[:, None], by_mode, 0.0).max(axis=2, initial=0.0)  # [n, M]
+    any_known = known.any(axis=1)
+    distance_m = np.full((len(prediction), len(QUANTILES)), np.nan)
+    if any_known.any():
+        agents = np.flatnonzero(any_known)
+        distance_m[agents] = _distances(
+            prediction, agents, known, weight, center, ego_yaw, footprint.size, size
+        )
+    return _Overlap(
+        probability=np.where(known, np.clip(mixed, 0.0, 1.0), np.nan),
+        unknown=unknown,
+        at_least=np.where(any_known, np.minimum((weight * largest).sum(axis=1), 1.0), np.nan),
+        distance_m=distance_m,
+    )
+
+
+def _agent_unknown(unknown: NDArray[np.uint8], known_steps: NDArray[np.intp]) -> NDArray[np.uint8]:
+    """Return [n] ``agent_unknown`` of ``unknown`` [n, H] and the number of known steps [n]."""
+    steps = unknown.shape[1]
+    some = np.where(known_steps < steps, Unknown.PARTLY, Unknown.KNOWN)
+    return np.where(known_steps == 0, unknown.max(axis=1, initial=0), some).astype(np.uint8)
 
 
 def _places(prediction: Prediction) -> Float64Array:
@@ -193,7 +232,7 @@ def _places(prediction: Prediction) -> Float64Array:
 
 
 def known_poses(prediction: Prediction) -> BoolArray:
-    """Return [n, M, H] where position, heading and covariance are finite and possible."""
+    """Return [n, M, H] whether position, heading and covariance are finite and plausible."""
     with np.errstate(invalid="ignore"):
         place = np.maximum(np.abs(prediction.mean[..., 0]), np.abs(prediction.mean[..., 1]))
         known = (place <= FARTHEST_M) & (np.abs(prediction.yaw) <= _LARGEST_YAW)
@@ -201,18 +240,18 @@ def known_poses(prediction: Prediction) -> BoolArray:
 
 
 def _usable(prediction: Prediction) -> tuple[BoolArray, BoolArray]:
-    """Return which modes count at which steps, and which agents are known at which steps.
+    """Return which modes are used at which steps, and which agents are known at which steps.
 
     Returns:
-        [n, M, H] modes with weight that are finite; [n, H] no mode with weight is missing, and
+        [n, M, H] the mode has weight and is finite; [n, H] all modes with weight are finite, and
         the weights sum to one.
     """
-    weighty = np.isfinite(prediction.weight) & (prediction.weight > 0.0)
+    has_weight = np.isfinite(prediction.weight) & (prediction.weight > 0.0)
     finite = known_poses(prediction)
     with np.errstate(invalid="ignore"):
-        whole = np.abs(prediction.weight.sum(axis=1) - 1.0) <= WEIGHT_TOLERANCE
-    complete = (finite | ~weighty[:, :, None]).all(axis=1) & whole[:, None]
-    return finite & weighty[:, :, None], complete
+        sums_to_one = np.abs(prediction.weight.sum(axis=1) - 1.0) <= WEIGHT_TOLERANCE
+    complete = (finite | ~has_weight[:, :, None]).all(axis=1) & sums_to_one[:, None]
+    return finite & has_weight[:, :, None], complete
 
 
 def _by_mode(

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where the ego will be: poses with times, from any source, and the box around them."""
+"""The ego's plan: its poses over time, from any source, and its footprint."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class EgoFootprint:
         length, width: of the box (m).
         center_offset: how far the box's centre is ahead of the point that the plan moves (m); for
             a rear axle half the wheelbase, plus half the difference of the overhangs.
-        margin: kept free around the box (m); it counts as part of the box.
+        margin: free space required around the box (m); it is treated as part of the box.
     """
 
     length: float = option(CLASS_SIZE_M[AgentClass.CAR][0], above=0.0, high=100.0)
@@ -77,9 +77,9 @@ class EgoPlan:
         time_ns: [k] times of the poses (ns), strictly ascending.
         position: [k, 2] (m).
         yaw: [k] headings (rad).
-        stands_after: the ego stands at the last pose from then on; otherwise where it is after
-            the plan's end is not known.
-        source: what the plan was made of, for people.
+        stands_after: the ego stands at the last pose after the plan's end; otherwise its position
+            is unknown from there on.
+        source: what the plan was made of, for error messages.
     """
 
     stamp_ns: int
@@ -94,7 +94,7 @@ class EgoPlan:
         """Return positions [H, 2] (m) and headings [H] (rad), NaN where the plan has none.
 
         Interpolates linearly, headings along the shorter arc. Up to :data:`BEFORE_S` before the
-        first pose the ego came at the velocity of the plan's beginning.
+        first pose, the position is extrapolated with the velocity at the plan's beginning.
 
         Args:
             stamp_ns: from which the times count (ns).
@@ -192,7 +192,7 @@ def make_plan(
 
 
 def require_places(position: Float64Array, source: str) -> None:
-    """Check that [k, 2] positions can be some (m).
+    """Check that positions [k, 2] (m) are finite and plausible.
 
     Raises:
         MessageError: one is not finite, or beyond :data:`~mtpgo_core.schema.FARTHEST_M`.
@@ -206,12 +206,12 @@ def require_places(position: Float64Array, source: str) -> None:
 
 
 def _require_speeds(time_ns: NDArray[np.int64], position: Float64Array, source: str) -> None:
-    """Check that no pose is farther from the one before than a vehicle drives.
+    """Check that the speed between consecutive poses is possible for a vehicle.
 
-    Other units than m and s, or a place far away, would otherwise make every risk a low one.
+    Without this check, a plan in other units than m and s would give a low risk everywhere.
 
     Raises:
-        MessageError: one is.
+        MessageError: two poses are too far apart for the time between them.
     """
     took_s = np.diff(time_ns) * 1e-9
     moved_m = np.hypot(*np.diff(position, axis=0).T)
@@ -283,10 +283,10 @@ def plan_in_frame(plan: EgoPlan, pose: Pose2, frame_id: str) -> EgoPlan:
 
 
 def _headings(position: Float64Array, yaw: Float64Array, source: str) -> Float64Array:
-    """Return [k] headings: those given, else that of the motion around the pose.
+    """Return [k] headings (rad): the given ones, else the direction of motion around the pose.
 
     Raises:
-        MessageError: there is neither.
+        MessageError: a pose has neither.
     """
     missing = ~np.isfinite(yaw)
     if not missing.any():

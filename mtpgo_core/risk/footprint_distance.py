@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Distances between oriented rectangles, and quantiles of the smallest distance over a horizon.
 
-A prediction gives the distribution at each step, not that of whole paths. What is known of errors
-is that they persist: an agent ahead of its prediction after two seconds is so after three. So
-the error of a path is taken to be the same number of standard deviations at each of its steps,
-along and across the heading of its mode. A fixed set of such errors spreads over each mode, the
-distance between the footprints is computed exactly for each, and its smallest value over the
-horizon goes into the quantiles with the weight of its mode.
+A prediction gives the distribution at each step, not that of whole paths. Errors persist along a
+path: an agent ahead of its prediction after two seconds is still ahead after three. The error of a
+path is therefore assumed to be the same number of standard deviations at all steps, along and
+across the heading of its mode. For each error of a fixed sample of the standard normal
+distribution, the distance between the footprints is computed exactly, and its smallest value over
+the horizon enters the quantiles with the weight of its mode.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ _LEAST_SIGMA_M = 1e-3
 
 
 def _spread_errors() -> Float64Array:
-    """Return [2, ERRORS] points that are distributed as the standard normal in two dimensions."""
+    """Return [2, ERRORS] points that sample the standard normal distribution in two dimensions."""
     number = np.arange(ERRORS // 2)
     radius = np.sqrt(-2.0 * np.log1p(-(number + 0.5) / len(number)))
     angle = number * np.pi * 0.5 * (np.sqrt(5.0) - 1.0)  # the golden section of half a circle
     half = np.stack([radius * np.cos(angle), radius * np.sin(angle)])
     spread = np.concatenate([half, -half], axis=1)
-    # Covariance one exactly, which so few points have by chance only.
+    # Whitened: the covariance of a small sample is the identity only approximately.
     root = np.linalg.cholesky(spread @ spread.T / ERRORS)
     return np.asarray(np.linalg.solve(root, spread))
 
@@ -97,8 +97,8 @@ def smallest_distances(
 ) -> Float64Array:
     """Return [p, ERRORS] the smallest distances of paths over their steps (m).
 
-    The step is found by the distances of hulls along the sides of either box, which costs little;
-    the distance at that step is exact.
+    The nearest step is found by a cheap lower bound (see :func:`_nearest_steps`); the distance at
+    that step is exact.
 
     Args:
         offset: [p, H, 2] centres of the predicted box minus that of the ego (m); steps with NaN
@@ -142,17 +142,17 @@ def smallest_distances(
 
 
 def _roots(covariance: Float64Array, yaw: Float64Array) -> tuple[Float64Array, ...]:
-    """Return what two standard errors do to a position along and across its heading (m).
+    """Return the Cholesky factor of covariances, in axes along and across the heading (m).
 
-    The first error moves along the heading, and across as far as it is correlated; the second one
-    moves across.
+    The first standard error moves the position along the heading and, by the correlation, across
+    it; the second one moves it across only.
 
     Args:
         covariance: [..., 2, 2] (m^2).
         yaw: [...] (rad).
 
     Returns:
-        [...] along by the first, across by the first, across by the second.
+        [...] each: along by the first error, across by the first, across by the second.
     """
     var_along, both, var_across = along_and_across(covariance, yaw)
     along = np.sqrt(np.maximum(var_along, _LEAST_SIGMA_M**2))
@@ -198,10 +198,11 @@ def _projections(
 
 
 def _nearest_steps(coefficient: Float32Array, reach: Float32Array) -> IndexArray:
-    """Return [p, ERRORS] the step at which the boxes are nearest, as far as their hulls tell.
+    """Return [p, ERRORS] the step at which a lower bound of the boxes' distance is smallest.
 
-    The distance is that of each box to the other one's hull along its own sides, the larger of
-    both, and never more than that of the boxes. Where hulls overlap, the deepest overlap counts.
+    The bound is the distance of each box to the other one's bounding rectangle along its own
+    sides, whichever is larger. Where the rectangles overlap, the step with the deepest overlap is
+    returned.
 
     Args:
         coefficient: [4, p, H, 3] and
@@ -225,7 +226,7 @@ def weighted_quantiles(
 ) -> Float64Array:
     """Return [n, levels] quantiles of values [n, k] with weights [n, k]; NaN without weight.
 
-    Between two values, which stand for the middle of their weights, it is interpolated.
+    Each value stands at the middle of its weight; quantiles between two values are interpolated.
     """
     used = weight > 0.0
     known = np.asarray((np.isfinite(value) | ~used).all(axis=1) & used.any(axis=1))

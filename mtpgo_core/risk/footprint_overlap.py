@@ -65,7 +65,7 @@ def overlap_probability(
 
     Returns:
         Probabilities, 0 where they are below :data:`NEGLIGIBLE`; NaN where an argument is not
-        finite, or the covariance is none (:func:`is_covariance`).
+        finite or the matrix is not a covariance (:func:`is_covariance`).
     """
     with np.errstate(invalid="ignore"):
         # A sum is finite where all of its terms are.
@@ -121,10 +121,10 @@ def within_right_angle(
 
 
 def is_covariance(matrix: Float64Array) -> BoolArray:
-    """Return [...] whether matrices [..., 2, 2] are finite and positive semidefinite.
+    """Return [...] whether matrices [..., 2, 2] are finite and positive semidefinite in float32.
 
-    Up to rounding of float32. A standard deviation above :data:`LARGEST_STD` says no more than an
-    unknown one: the position is anywhere, which would make every risk a low one.
+    A standard deviation above :data:`LARGEST_STD` does not count as known: the position could be
+    anywhere, and every risk would be low.
     """
     xx, yy, xy = matrix[..., 0, 0], matrix[..., 1, 1], matrix[..., 0, 1]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -136,7 +136,7 @@ def is_covariance(matrix: Float64Array) -> BoolArray:
 def _is_out_of_reach(
     offset: Float64Array, covariance: Float64Array, ego_size: Float64Array, size: Float64Array
 ) -> BoolArray:
-    """Return [k] whether circles around the boxes already imply :func:`_is_far`."""
+    """Return [k] whether the circles around the boxes suffice to show :func:`_is_far`."""
     with np.errstate(invalid="ignore"):
         reach = 0.5 * (np.hypot(*ego_size.T) + np.hypot(*size.T))
         reach += FAR * np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1])
@@ -151,9 +151,9 @@ def _is_far(
     ego_size: Float64Array,
     size: Float64Array,
 ) -> BoolArray:
-    """Return [k] whether the overlap is surely less probable than :data:`NEGLIGIBLE`.
+    """Return [k] whether the probability of an overlap is certainly below :data:`NEGLIGIBLE`.
 
-    To overlap, the boxes must touch in projection onto the line through their centres: the
+    Boxes that overlap also overlap in projection onto the line through their centres, so the
     projected gap in standard deviations bounds the probability.
     """
     distance = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-9)
