@@ -87,19 +87,18 @@ def cover_centres(
     """
     n = position.shape[0]
     served = np.ones(n, dtype=bool) if served is None else served
-    first = np.array([ego] if ego >= 0 else [], dtype=np.intp)
-    centre = np.concatenate([first, kept])
+    fixed = np.array([ego] if ego >= 0 else [], dtype=np.intp)
+    centre = np.concatenate([fixed, kept])
     limits = config.max_neighbours, config.radius_m
+    members, distance = neighbourhoods(position, centre, *limits)
+    reached = _reached(members, n)
     if kept.shape[0]:
-        members, distance = neighbourhoods(position, centre, *limits)
-        reached = _reached(members, n)
         rank = np.arange(members.shape[1]) <= KEEP * config.max_neighbours
-        near = rank & (distance <= KEEP * config.radius_m)
-        well = _reached(np.where(near, members, -1), n)
-        use = _useful(reached & served, well & served, first.shape[0])
-        centre, covered = centre[use], np.asarray(reached[use].any(axis=0))
-    else:
-        covered = np.asarray(_reached(neighbourhoods(position, first, *limits)[0], n).any(axis=0))
+        inside = rank & (distance <= KEEP * config.radius_m)
+        well_inside = _reached(np.where(inside, members, -1), n)
+        use = _useful(reached & served, well_inside & served, fixed.shape[0])
+        centre, reached = centre[use], reached[use]
+    covered = np.asarray(reached.any(axis=0))
     covered |= ~served
     new = []
     while not covered.all():
@@ -109,39 +108,39 @@ def cover_centres(
     return np.concatenate([centre, np.array(new, dtype=np.intp)])
 
 
-def _useful(reached: BoolArray, well: BoolArray, fixed: int) -> BoolArray:
-    """Return [B] which centres to keep: all but those whose agents others contain well.
+def _useful(reached: BoolArray, well_inside: BoolArray, fixed: int) -> BoolArray:
+    """Return [B] which centres to keep: all but those whose agents are well inside other graphs.
 
     Args:
         reached: [B, n] agents of each graph.
-        well: [B, n] of these, the ones within :data:`KEEP` of the limits.
+        well_inside: [B, n] of these, the ones within :data:`KEEP` of the limits.
         fixed: number of centres at the start that are always kept.
     """
     use = np.ones(reached.shape[0], dtype=bool)
-    times = well.sum(axis=0)
+    graphs_of = well_inside.sum(axis=0)  # [n] graphs that have the agent well inside
     for row in np.argsort(reached.sum(axis=1), kind="stable"):
-        if row >= fixed and (times - well[row])[reached[row]].all():
+        if row >= fixed and (graphs_of - well_inside[row])[reached[row]].all():
             use[row] = False
-            times = times - well[row]
+            graphs_of = graphs_of - well_inside[row]
     return use
 
 
 def _new_centre(
     position: Float64Array, limits: tuple[int, float], covered: BoolArray, served: BoolArray
 ) -> tuple[int, IndexArray]:
-    """Return the next centre and its agents.
+    """Return the next centre and the agents of its graph.
 
-    Of the served agents whose graphs would contain the outermost uncovered agent, it is the one
-    whose graph covers the most uncovered agents.
+    Of the served agents whose graphs would contain the outermost uncovered agent, the one whose
+    graph covers the most uncovered agents (greedy set cover).
     """
-    open_ = np.flatnonzero(~covered)
-    middle = position[open_].mean(axis=0)
-    seed = open_[np.argmax(((position[open_] - middle) ** 2).sum(axis=1))]
-    around = neighbourhoods(position, np.array([seed]), *limits)[0][0]
+    uncovered = np.flatnonzero(~covered)
+    middle = position[uncovered].mean(axis=0)
+    outermost = uncovered[np.argmax(((position[uncovered] - middle) ** 2).sum(axis=1))]
+    around = neighbourhoods(position, np.array([outermost]), *limits)[0][0]
     around = around[(around >= 0) & served[around]]
     pick = np.unique(np.linspace(0, around.shape[0] - 1, _CANDIDATES).round().astype(np.intp))
     members = neighbourhoods(position, around[pick], *limits)[0]
     gain = ((members >= 0) & ~covered[members]).sum(axis=1)
-    gain[~(members == seed).any(axis=1)] = 0
+    gain[~(members == outermost).any(axis=1)] = 0
     best = int(np.argmax(gain))
     return int(around[pick[best]]), members[best][members[best] >= 0]

@@ -25,11 +25,11 @@ from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, IndexArray
 from mtpgo_core.task.task_description import SceneConfig
 
 _STAY = 0.5
-"""An agent leaves its graph when another centre is nearer than this share of the distance to its
-own; chosen against flicker."""
+"""An agent changes its graph when another centre is nearer than this share of the distance to its
+own centre; chosen against flicker."""
 _FORESIGHT_S = 1.0
-"""The relative motion of this time counts as distance to a centre (s), so that agents belong to
-the traffic they move with, not to oncoming traffic; chosen."""
+"""The relative speed times this time is added to the distance to a centre (s), so that agents join
+the traffic that they move with, not oncoming traffic; chosen."""
 
 
 def _no_keys() -> SortKeyArray:
@@ -90,12 +90,10 @@ def choose_graphs(
         some = np.flatnonzero(served)
         graphs = choose_graphs(window.select(some), config, ego_key=ego_key, state=state)
         return Graphs(np.where(graphs.members >= 0, some[graphs.members], -1), graphs.primary)
-    n = len(window)
-    served = np.ones(n, dtype=bool) if served is None else served
+    served = np.ones(len(window), dtype=bool) if served is None else served
     if not served.any():
         return Graphs(np.zeros((0, 1), dtype=np.intp), np.zeros((0, 1), dtype=bool))
     state = GraphState() if state is None else state
-    position = window.position[:, -1]
     keys = sort_keys(window.key)
     order = np.argsort(keys, kind="stable")
     ego = -1
@@ -105,39 +103,22 @@ def choose_graphs(
     kept = _positions(keys, order, state.centre)
     kept = np.where(served[kept], kept, -1)
 
-    if config.policy == "each":
-        centre = np.flatnonzero(served)
-    elif config.policy == "scene":
-        centre = _scene_centre(position, ego, kept)
-    else:
-        first = ego if config.policy == "ego" else -1
-        kept = kept[(kept >= 0) & (kept != first)]
-        centre = cover_centres(position, config, first, kept, served)
-    whole = config.policy == "scene"
-    members, distance = neighbourhoods(
-        position,
-        centre,
-        n if whole else config.max_neighbours,
-        np.inf if whole else config.radius_m,
-    )
-
+    centre = _centres(window.position[:, -1], config, ego, kept, served)
+    members, distance = _members(window, config, centre)
     if config.policy == "each":
         owner = np.cumsum(served) - 1
     else:
-        before = find_sort_keys(state.agent, keys)
-        owned = np.where(before >= 0, before, 0)
-        previous = np.full(keys.shape[0], -1, dtype=np.intp)
-        if state.owner.shape[0]:
-            by_centre = np.argsort(keys[centre], kind="stable")
-            previous = _positions(keys[centre], by_centre, state.owner[owned])
-            previous[before < 0] = -1
         velocity = np.nan_to_num(window.velocity[:, -1])
-        parting = np.linalg.norm(velocity[members] - velocity[centre][:, None], axis=2)
-        distance = distance + _FORESIGHT_S * parting
-        owner = _owners(members, distance, previous, ego_first=config.policy == "ego" and ego >= 0)
+        relative_speed = np.linalg.norm(velocity[members] - velocity[centre][:, None], axis=2)
+        owner = _owners(
+            members,
+            distance + _FORESIGHT_S * relative_speed,
+            _previous_owners(state, keys, keys[centre]),
+            ego_first=config.policy == "ego" and ego >= 0,
+        )
     state.centre = keys[centre]
-    mine = order[served[order]]
-    state.agent, state.owner = keys[mine], keys[centre[owner[mine]]]
+    predicted = order[served[order]]
+    state.agent, state.owner = keys[predicted], keys[centre[owner[predicted]]]
     primary = (members >= 0) & (owner[members] == np.arange(centre.shape[0])[:, None])
     return Graphs(members, primary & served[members])
 
@@ -150,14 +131,63 @@ def graphs_around(window: HistoryWindow, config: SceneConfig, centres: IndexArra
         config: limits; of the policy it only matters whether it is ``scene``, which has none.
         centres: [B] positions in the window.
     """
-    whole = config.policy == "scene"
-    members, _ = neighbourhoods(
+    members, _ = _members(window, config, centres)
+    return Graphs(members, members >= 0)
+
+
+def _members(
+    window: HistoryWindow, config: SceneConfig, centres: IndexArray
+) -> tuple[IndexArray, Float64Array]:
+    """Return :func:`neighbourhoods` of the centres [B] within the limits of the policy."""
+    unlimited = config.policy == "scene"
+    return neighbourhoods(
         window.position[:, -1],
         centres,
-        len(window) if whole else config.max_neighbours,
-        np.inf if whole else config.radius_m,
+        len(window) if unlimited else config.max_neighbours,
+        np.inf if unlimited else config.radius_m,
     )
-    return Graphs(members, members >= 0)
+
+
+def _centres(
+    position: Float64Array,
+    config: SceneConfig,
+    ego: int,
+    kept: IndexArray,
+    served: BoolArray,
+) -> IndexArray:
+    """Return [B] the centres of the graphs by the policy.
+
+    Args:
+        position: [n, 2] (m).
+        config: policy and limits.
+        ego: position of the ego among the agents, -1 for none.
+        kept: centres of the previous cycle, -1 for those that are gone.
+        served: [n] the agents that are predicted.
+    """
+    if config.policy == "each":
+        return np.flatnonzero(served)
+    if config.policy == "scene":
+        return _scene_centre(position, ego, kept)
+    first = ego if config.policy == "ego" else -1
+    return cover_centres(position, config, first, kept[(kept >= 0) & (kept != first)], served)
+
+
+def _previous_owners(
+    state: GraphState, keys: SortKeyArray, centre_keys: SortKeyArray
+) -> IndexArray:
+    """Return [n] the graph whose centre predicted each agent in the previous cycle, -1 for none.
+
+    Args:
+        state: the state of the previous cycle.
+        keys: [n] of the agents.
+        centre_keys: [B] of the present centres.
+    """
+    if not state.owner.shape[0]:
+        return np.full(keys.shape[0], -1, dtype=np.intp)
+    before = find_sort_keys(state.agent, keys)
+    order = np.argsort(centre_keys, kind="stable")
+    owner = _positions(centre_keys, order, state.owner[np.maximum(before, 0)])
+    return np.where(before >= 0, owner, -1)
 
 
 def _positions(keys: SortKeyArray, order: IndexArray, wanted: SortKeyArray) -> IndexArray:
@@ -191,14 +221,14 @@ def _owners(
         ego_first: the first graph predicts all its agents.
     """
     n, rows = previous.shape[0], np.arange(members.shape[0])
-    reach = np.full((members.shape[0], n + 1), np.inf)
-    reach[rows[:, None], members] = distance  # padding: the last column
-    reach = reach[:, :n]
-    owner = np.argmin(reach, axis=0)
+    distance_of = np.full((members.shape[0], n + 1), np.inf)  # [B, n + 1] inf outside the graph
+    distance_of[rows[:, None], members] = distance  # padding: the last column
+    distance_of = distance_of[:, :n]
+    owner = np.argmin(distance_of, axis=0)
     agents = np.arange(n)
-    held = np.where(previous >= 0, reach[previous, agents], np.inf)
-    stay = np.isfinite(held) & (_STAY * held <= reach[owner, agents])
-    owner = np.where(stay, previous, owner)
+    to_previous = np.where(previous >= 0, distance_of[previous, agents], np.inf)
+    stays = np.isfinite(to_previous) & (_STAY * to_previous <= distance_of[owner, agents])
+    owner = np.where(stays, previous, owner)
     if ego_first:
-        owner = np.where(np.isfinite(reach[0]), 0, owner)
+        owner = np.where(np.isfinite(distance_of[0]), 0, owner)
     return owner

@@ -136,7 +136,7 @@ class LaneMap:
         return self._pose.point(position), yaw + self._pose.yaw
 
     def _blocks(self, points: Float64Array, headings: Float64Array) -> Iterator[IndexArray]:
-        """Yield the indices of the known points, so many at once as the memory allows."""
+        """Yield the indices of the known points, in blocks that bound the memory."""
         if not len(self):
             return
         known = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(headings))
@@ -145,9 +145,10 @@ class LaneMap:
             yield known[begin : begin + step]
 
     def distance_m(self, position: Float64Array) -> float:
-        """Return about how far the nearest of [p, 2] points is from a line (m), inf without both.
+        """Return the smallest distance of the points [p, 2] from a line (m), inf without any.
 
-        Of many lines it may be 23 m too small, the diagonal of a cell of the grid.
+        With many lines a grid is used, and the result may be too small by the diagonal of a cell
+        (23 m).
         """
         if not len(self) or not len(position):
             return float("inf")
@@ -203,11 +204,11 @@ class LaneMap:
     def _offsets(
         self, point: Float64Array, yaw: Float64Array, reach_m: float = _REACH_M
     ) -> tuple[Float64Array, Float64Array]:
-        """Return [p, k] the lateral offsets of the segments beside each point (m), and turns.
+        """Return [p, k] lateral offsets (m) and turns (rad) of the segments beside each point.
 
-        Offsets are positive to the left, inf where there are fewer; turns are the segments'
-        directions relative to the heading (rad), 0 there. A joint of two segments counts once.
-        There are at least two columns of inf, which spare the caller empty arrays.
+        An offset is positive to the left; a turn is the segment's direction relative to the
+        heading. Unused columns are inf (offset) and 0 (turn); there are at least two of them, so
+        that callers need not handle empty arrays. A joint of two segments counts once.
 
         Args:
             point: [p, 2] (m).
@@ -224,7 +225,7 @@ class LaneMap:
         cos, sin = forward[who, 0], forward[who, 1]
         ahead = to_start[:, 0] * cos + to_start[:, 1] * sin
         advance = along[:, 0] * cos + along[:, 1] * sin
-        met = (ahead <= 0.0) & (ahead + advance > 0.0)  # from behind to before the agent
+        met = (ahead <= 0.0) & (ahead + advance > 0.0)  # starts behind the agent, ends ahead of it
         met &= advance >= np.cos(MAX_ANGLE_RAD) * self._length[segment]
         # Of a pair that was found twice, the first counts.
         kept = np.flatnonzero(met)

@@ -148,7 +148,7 @@ def in_blocks(
         if len(agents) * len(window) * steps <= _BLOCK:
             out[:] = columns(NeighbourGeometry.of(window, agents, place))
             return out
-        for group in _neighbourly(place[:, -1, agents], within_m):
+        for group in _groups_of_neighbours(place[:, -1, agents], within_m):
             near = _surroundings(place, agents[group], within_m + _MARGIN_M)
             around, here = window.select(near), np.ascontiguousarray(place[:, :, near])
             own = np.searchsorted(near, agents[group])
@@ -159,19 +159,21 @@ def in_blocks(
     return out
 
 
-def _neighbourly(place: Float32Array, cell_m: float) -> list[IndexArray]:
+def _groups_of_neighbours(place: Float32Array, cell_m: float) -> list[IndexArray]:
     """Return groups of at most ``_TOGETHER`` agents near each other, by positions [2, r] (m)."""
     order = np.lexsort((*place, *np.floor(place / np.float32(cell_m))))
     return [order[k : k + _TOGETHER] for k in range(0, len(order), _TOGETHER)]
 
 
 def _surroundings(place: Float32Array, agents: IndexArray, within_m: float) -> IndexArray:
-    """Return, ascending, ``agents`` and those that are within reach of one at some step.
+    """Return ``agents`` and all agents near them at any step, ascending.
+
+    Near means within the bounding box of ``agents`` at that step, widened by ``within_m``.
 
     Args:
         place: [2, T, n] positions (m), NaN where absent.
-        agents: [r] some of them.
-        within_m: reach beyond the box around the agents of each step (m).
+        agents: [r] positions among the n agents.
+        within_m: widening of the bounding box on each side (m).
     """
     own = place[:, :, agents]
     here = np.isfinite(own)

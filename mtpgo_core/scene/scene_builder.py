@@ -219,7 +219,7 @@ def _features(
 def _once_per_agent(
     agent: IndexArray, values_of: Callable[[IndexArray], NDArray[_Number]]
 ) -> NDArray[_Number]:
-    """Return [B, N, ...] what ``values_of`` gives for each agent, computed once for each.
+    """Return [B, N, ...] the values of each agent, computed once per agent.
 
     Args:
         agent: [B, N] positions in the window; an agent may be in several graphs.
@@ -244,7 +244,7 @@ def _trails(
     trails: TrailContext | None,
     lanes: LaneMap | None,
 ) -> Float32Array | None:
-    """Return [B, N, R, H, 3] the continuations of the agents' ways, None if the task has none."""
+    """Return [B, N, R, H, 3] the trail features of the agents, None if the task has none."""
     if not config.trails:
         return None
     if trails is None:

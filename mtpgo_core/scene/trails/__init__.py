@@ -1,3 +1,3 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The road as traffic shows it: where earlier road users went from an agent's place."""
+"""Trails: where earlier road users went, which the model uses in place of a map."""

@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Groups of road user classes that use the same ways, and what trails need to know of each.
+"""Groups of road user classes that use the same paths, and the constants of their trails.
 
-They are not the groups of the calibration: a motorcycle rides where cars do, a bicycle often not,
-and an animal walks where pedestrians do.
+They differ from the groups of the calibration: a motorcycle rides where cars do, a bicycle often
+does not, and an animal walks where pedestrians do.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def class_groups(agent_class: ClassArray) -> ClassArray:
 
 
 def join(one: ClassArray, other: ClassArray) -> BoolArray:
-    """Return whether two groups share their ways: equal, or either unknown."""
+    """Return whether two groups use each other's trails: equal groups, or either unknown."""
     return (one == other) | (one == UNKNOWN) | (other == UNKNOWN)
 
 
@@ -51,5 +51,5 @@ def spacing_m(group: ClassArray) -> Float64Array:
 
 
 def floor_mps(group: ClassArray) -> Float64Array:
-    """Return the speeds at which the ways of slower agents are looked at (m/s)."""
+    """Return the speeds with which the trails ahead of slower agents are sampled (m/s)."""
     return _FLOOR_MPS[group]

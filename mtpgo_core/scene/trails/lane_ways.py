@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The way on along the lane (``scene.lane_ways``), for where no earlier road user is known.
+"""Paths along the lane (``scene.lane_ways``), used where no earlier road user left a trail.
 
-A lane is what a first road user would have left: its way has the form of a branch of the trails
-and takes its place, so that a network that knows trails needs no further input for lanes.
+They have the format of a branch of the trails and take its place, so that a network that was
+trained with trails needs no further input for lanes.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ GAP_M = 8.0
 lanes lead in several directions."""
 
 _MARGIN = 0.15
-"""Nearest to a line that a way goes, as a share of the lane's width; chosen: vehicles do not
-drive on a line for long."""
+"""Least distance of a path from a lane line, as a share of the lane's width; chosen: vehicles do
+not drive on a line for long."""
 
 
 def lane_ways(
     lanes: LaneMap, position: Float64Array, heading: Float64Array, distance: Float64Array
 ) -> tuple[Float64Array, IntArray]:
-    """Return places along the lanes of n agents, and how far they are known.
+    """Return paths along the lanes of n agents, and how far they are known.
 
-    A way begins in the agent's lane and keeps its share of the lane's width. It is followed step
-    by step: ahead along the lane's direction, then to the side to where that share is.
+    A path begins at the agent and keeps its relative lateral position in the lane. Each step goes
+    ahead along the lane's direction, then sideways back to that lateral position.
 
     Args:
         lanes: the lines, in the frame of the agents.
         position: [n, 2] (m).
-        heading: [n] (rad), NaN for agents without a way.
+        heading: [n] (rad), NaN for agents that get no path.
         distance: [n, H] ascending distances ahead (m).
 
     Returns:
-        [n, H, 2] places in the same frame (m), NaN where not known, and [n] the number of steps
-        that are known, 0 for agents outside of all lanes.
+        [n, H, 2] positions in the same frame (m), NaN where unknown, and [n] the number of known
+        steps, 0 for agents outside of all lanes.
     """
     n, horizon = distance.shape
     places = np.full((n, horizon, 2), np.nan)
@@ -76,16 +76,17 @@ def lane_ways(
 def with_lane_ways(
     features: Float32Array, ahead: Float64Array, left: Float64Array, distance: Float64Array
 ) -> Float32Array:
-    """Return trail features in which lanes stand for what is not known of the trails.
+    """Return trail features that are completed by paths along the lanes.
 
-    An agent without any trail gets the way of its lane as its one branch. Where the heaviest
-    branch that runs along the lane ends before the lane's way does, it goes on beside that.
+    An agent without any trail gets the path along its lane as its only branch. If the heaviest
+    branch that runs along the lane ends before the lane's path does, it is continued parallel to
+    that path.
 
     Args:
         features: [n, R, H, 3], see
             :func:`mtpgo_core.scene.trails.trail_context.trail_features`.
-        ahead: [n, H] the lanes' ways in the agents' frames (m), NaN where not known.
-        left: [n, H] (m).
+        ahead: [n, H] x of the lanes' paths in the agents' frames (m), NaN where unknown.
+        left: [n, H] y of them (m), NaN where unknown.
         distance: [n, H] distances ahead (m).
     """
     result = features.copy()

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Distinct continuations: the paths of earlier road users, those alike taken together."""
+"""Branches: the paths of earlier road users, with similar paths merged into one."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from mtpgo_core.schema import Float32Array, Float64Array
 BRANCHES = 3
 """Continuations of an agent; chosen: left, straight on and right."""
 _ALIKE_M, _ALIKE_SHARE = 1.0, 0.06
-"""Two paths are alike where they are no farther apart than this (m), plus this share of the
-distance ahead; chosen: drivers use the width of a lane, ramps leave at 5 degrees and more."""
+"""Two paths are alike if their distance is at most this (m) plus this share of the distance ahead;
+chosen: drivers use the width of a lane, ramps leave at 5 degrees and more."""
 _COMPARED = 6
 """Distances ahead at which two paths are compared; chosen, bounds the time."""
 TINY = np.float32(1e-30)
@@ -28,8 +28,8 @@ class Branches:
     """Up to R distinct continuations of n agents, the one with the largest share first.
 
     Attributes:
-        ahead: [n, R, H] place in the agent's frame (m), 0 where not known, as ``left``.
-        left: [n, R, H] (m).
+        ahead: [n, R, H] x in the agent's frame (m), 0 where unknown.
+        left: [n, R, H] y in the agent's frame (m), 0 where unknown.
         reach: [n, R] horizon steps up to which it is known, 0 where there is none.
         share: [n, R] of the weight of all trails that pass the agent.
     """
@@ -41,11 +41,11 @@ class Branches:
 
 
 def branches(paths: TrailPaths, distance: Float64Array) -> Branches:
-    """Return the distinct continuations of each agent.
+    """Return the distinct continuations of each agent by greedy clustering.
 
-    The path that most of the weight is alike represents a branch. All paths alike give the
-    branch its share and, where they are known, its mean; they are taken away, and the rest is
-    searched for the next branch.
+    The path that is alike to paths with the largest total weight (times its known length) becomes
+    the representative of a branch. The paths alike to it give the branch its share and its
+    weighted mean; they are removed, and the next branch is sought among the rest.
 
     Args:
         paths: of the trails that pass n agents.
@@ -63,23 +63,23 @@ def branches(paths: TrailPaths, distance: Float64Array) -> Branches:
     for branch in range(BRANCHES):
         support = (alike @ rest[..., None])[..., 0]
         best = np.argmax(np.where(rest > 0.0, support * (1.0 + paths.reach), -1.0), axis=1)
-        there = rest[rows, best] > 0.0
-        if not there.any():
+        exists = rest[rows, best] > 0.0
+        if not exists.any():
             break
-        mine = rest * alike[rows, best] * there[:, None]
-        share[:, branch] = mine.sum(axis=1) / total
-        reach[:, branch] = paths.reach[rows, best] * there
-        of = known * mine
-        weight = np.maximum(of.sum(axis=-1), TINY)
-        seen = (np.arange(horizon) < reach[:, branch, None]).astype(np.float32)
-        ahead[:, branch] = ((of * paths.ahead).sum(axis=-1) / weight).T * seen
-        left[:, branch] = ((of * paths.left).sum(axis=-1) / weight).T * seen
-        rest = np.where(mine > 0.0, np.float32(0.0), rest)
+        merged = rest * alike[rows, best] * exists[:, None]  # [n, C] weights of the branch's paths
+        share[:, branch] = merged.sum(axis=1) / total
+        reach[:, branch] = paths.reach[rows, best] * exists
+        weight = known * merged  # [H, n, C]
+        weight_sum = np.maximum(weight.sum(axis=-1), TINY)
+        reached = (np.arange(horizon) < reach[:, branch, None]).astype(np.float32)
+        ahead[:, branch] = ((weight * paths.ahead).sum(axis=-1) / weight_sum).T * reached
+        left[:, branch] = ((weight * paths.left).sum(axis=-1) / weight_sum).T * reached
+        rest = np.where(merged > 0.0, np.float32(0.0), rest)
     return Branches(ahead, left, reach, share)
 
 
 def alike_limit_m(distance: Float64Array) -> Float64Array:
-    """Return how far apart two paths that are alike may be at distances ahead (m)."""
+    """Return the largest distance between two paths that are alike, by the distance ahead (m)."""
     return _ALIKE_M + _ALIKE_SHARE * distance
 
 

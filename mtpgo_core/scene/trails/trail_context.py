@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The continuations of an agent's way as features in its own frame (``scene.trails``)."""
+"""Where earlier road users went from an agent's position, as model input (``scene.trails``)."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ COLUMNS = 3
 
 @dataclass(frozen=True)
 class TrailContext:
-    """The memory, and over what horizon it is asked.
+    """A memory of trails, and the horizon and time limit with which it is queried.
 
     Attributes:
         memory: the trails.
         horizon_steps: H.
         dt_s: step of the horizon (s).
-        since_ns: only what became known then or later is used (ns), None for all.
+        since_ns: only points that became known at this time or later are used (ns), None for all.
     """
 
     memory: TrailMemory
@@ -41,7 +41,7 @@ class TrailContext:
 def trail_features(
     window: HistoryWindow, context: TrailContext, lanes: LaneMap | None = None
 ) -> Float32Array:
-    """Return [n, R, H, 3] continuations of the agents' ways, the likeliest first.
+    """Return [n, R, H, 3] branches of the trails ahead of each agent, the heaviest first.
 
     Everything is in the agent's own frame: x along :func:`~mtpgo_core.frames.own_heading`. At step
     k a branch is looked at after s_k, the distance covered by then at the agent's present speed:
@@ -55,9 +55,9 @@ def trail_features(
 
     Args:
         window: the history up to t.
-        context: the memory; what it got to know after t is not used.
-        lanes: lane lines in the window's frame, whose ways stand for trails that are not known;
-            pedestrians have none.
+        context: the memory; points that became known after t are not used.
+        lanes: lane lines in the window's frame, used where no trail is known, except for
+            pedestrians.
     """
     features = np.zeros((len(window), BRANCHES, context.horizon_steps, COLUMNS), dtype=np.float32)
     present = np.flatnonzero(window.valid[:, -1])

@@ -127,7 +127,18 @@ class TrailIndex:
 def _newest(
     codes: IntArray, wanted: IntArray, first: int, end: int, most: int
 ) -> tuple[IntArray, BoolArray]:
-    """Return [q, most] numbers of the newest points of each wanted cell, and which there are."""
+    """Return the newest points of each wanted cell.
+
+    Args:
+        codes: ascending codes of all points.
+        wanted: [q] codes of the cells, without a point number.
+        first: lowest number of a point (inclusive).
+        end: highest number (exclusive).
+        most: points for each cell.
+
+    Returns:
+        [q, most] point numbers, the newest first, and [q, most] whether there is such a point.
+    """
     if codes.shape[0] == 0:
         nothing = np.zeros((wanted.shape[0], most), dtype=np.int64)
         return nothing, nothing.astype(bool)
@@ -145,7 +156,7 @@ def _bin(heading: Float64Array) -> IntArray:
 
 
 def _code(x: IntArray, y: IntArray, heading_bin: IntArray) -> IntArray:
-    """Return codes without number: a hash of the cell. Points of two cells may share one."""
+    """Return codes with point number 0: a hash of cell and heading bin, which may collide."""
     mixed = (x * 73_856_093) ^ (y * 19_349_663) ^ (heading_bin * 83_492_791)
     mixed ^= mixed >> 15
     return (mixed & ((1 << _HASH_BITS) - 1)) << _NUMBER_BITS

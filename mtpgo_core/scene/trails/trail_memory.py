@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bounded memory of where road users went, in the fixed frame.
 
-A moving road user leaves a trail of points at a fixed distance from one another; standing adds
-none. Each point keeps the time at which it became known, so a memory that holds a whole recording
-answers for any instant as one that holds only what came before (docs/design.md, "Trails").
+A moving road user leaves a trail of points at a fixed spacing; a standing one adds none. Each
+point stores the time at which it became known, so a memory of a whole recording can be queried for
+any instant as if it held only the past of that instant (docs/design.md, "Trails").
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ _FAR_M = 50_000.0
 """Road users farther from the memory's origin leave no trails (m): at that distance float32 has a
 grid of 4 mm. Chosen: no site is as large; where most of them are farther, it is another site."""
 _TURN_RAD = 1.0
-"""A road user whose place moves in a direction farther from its heading starts a new trail (rad);
-chosen: more than the tightest turn within two metres."""
+"""Largest angle between the movement of a road user and its heading before a new trail starts
+(rad); chosen: more than the tightest turn within two metres."""
 _LEAP, _LEAP_MPS = 1.5, 2.0
-"""Most distance of a step against that at its speed, as a factor and added to the speed (m/s): a
-farther one, as after a change of identities, starts a new trail; chosen."""
+"""A step longer than at the speed times this factor plus this speed (m/s), as after a swap of
+identities, starts a new trail; chosen."""
 
 _TRACK = np.dtype(
     [
@@ -104,10 +104,10 @@ class TrailMemory:
         return self.points.nbytes + self.index.nbytes + self._tracks.nbytes
 
     def add(self, window: HistoryWindow, dt_s: float) -> None:
-        """Add what a window shows of the road users since the last window.
+        """Extend the trails by the samples of a window that are newer than the last window.
 
-        A window of another frame, or older than the last one by more than ``SET_BACK_NS``, starts
-        a new memory; one that is a little older or equal adds nothing.
+        A window in another frame, or older than the last one by more than ``SET_BACK_NS``, clears
+        the memory first; a window that is slightly older, or of the same time, adds nothing.
 
         Args:
             window: its agents need not be present at its time.
@@ -161,7 +161,7 @@ class TrailMemory:
             self._observe(stamp_ns, stamp_ns, key, group, position, velocity, yaw)
 
     def _advance(self, stamp_ns: int, frame_id: str) -> int | None:
-        """Advance to a time; return since when there is news (ns), None if there is none."""
+        """Advance to a time; return the time of the previous call (ns), None if not newer."""
         newest_ns = self._newest_ns
         if newest_ns is None or frame_id != self._frame_id or stamp_ns < newest_ns - SET_BACK_NS:
             self.clear()
@@ -184,7 +184,21 @@ class TrailMemory:
         velocity: Float64Array,
         yaw: Float64Array,
     ) -> None:
-        """Extend the trails of some road users to their places at ``sample_ns``."""
+        """Extend the trails of n road users to their positions at ``sample_ns``.
+
+        A trail ends, and a new one begins, where its road user is too far from the origin, changes
+        its class group, moves in a direction far from its heading, or moves farther than its speed
+        allows.
+
+        Args:
+            stamp_ns: when the new points become known (ns).
+            sample_ns: when the road users were there (ns).
+            key: [n, 4] identities.
+            group: [n] class groups.
+            position: [n, 2] (m).
+            velocity: [n, 2] (m/s), NaN where unknown.
+            yaw: [n] (rad), NaN where unknown.
+        """
         far = self._far(position)
         heading = own_heading(velocity, yaw)
         names = sort_keys(key)
@@ -221,9 +235,10 @@ class TrailMemory:
     def _far(self, position: Float64Array) -> BoolArray:
         """Return [n] which road users are too far from the origin for their trails to be kept.
 
-        A stray object must not take the precision from all others, nor the memory with it. Where
-        most road users are far away, the stray was the first, or the site is another one: all
-        points are forgotten. An empty memory has its origin where most road users are.
+        Offsets are float32, so the origin must be near the road users; one stray object must not
+        move it. If most road users are far away, either the first one was the stray object or the
+        site has changed, and all points are forgotten. The origin of an empty memory is set where
+        most road users are.
 
         Args:
             position: [n, 2] (m).
@@ -248,51 +263,54 @@ class TrailMemory:
         turn: Float64Array,
         key: KeyArray,
     ) -> None:
-        """Store the points between the ends of some trails and the places of their road users.
+        """Store points from the ends of g trails to the positions of their road users.
+
+        The points of one trail are stored one after the other, spaced evenly.
 
         Args:
-            stamp_ns: when they become known (ns).
+            stamp_ns: when the points become known (ns).
             rows: [n] tracks, changed here.
-            grows: [g] those whose trails grow.
-            fresh: [g] 1 where the anchor, the trail's first point, is stored as well, else 0.
-            count: [g] points after the anchor.
-            move: [n, 2] from the anchor to the road user's place (m).
-            turn: [n] from the anchor's heading to the road user's (rad).
+            grows: [g] indices of the tracks whose trails grow.
+            fresh: [g] 1 for a new trail, whose anchor is stored as its first point, else 0.
+            count: [g] number of points after the anchor.
+            move: [n, 2] from the anchor to the road user's position (m).
+            turn: [n] from the anchor's heading to that of the road user (rad).
             key: [n, 4] identities.
         """
         spacing = spacing_m(rows["group"][grows])
         share = spacing / np.hypot(move[grows, 0], move[grows, 1])  # of the move, per point
         stored = count + fresh
         end = np.cumsum(stored)
-        at = np.repeat(np.arange(len(grows)), stored)
-        nth = np.arange(end[-1]) - np.repeat(end - stored, stored) + 1 - fresh[at]
-        way = (nth * share[at])[:, None]
-        track = grows[at]
-        place = rows["anchor"][track] + way * move[track]
-        heading = wrap(rows["heading"][track] + way[:, 0] * turn[track])
+        trail = np.repeat(np.arange(len(grows)), stored)  # of each point
+        nth = np.arange(end[-1]) - np.repeat(end - stored, stored) + 1 - fresh[trail]
+        fraction = (nth * share[trail])[:, None]
+        track = grows[trail]
+        place = rows["anchor"][track] + fraction * move[track]
+        heading = wrap(rows["heading"][track] + fraction[:, 0] * turn[track])
         if not len(self):
             self.origin = np.floor(place[0])
-        following = np.ones(len(at), dtype=np.int32)
+        following = np.ones(len(trail), dtype=np.int32)
         following[end - 1] = 0
         number = self.points.append(
             PointColumns(
                 offset=(place - self.origin).astype(np.float32),
                 heading=heading.astype(np.float32),
-                time_ns=np.full(len(at), stamp_ns, dtype=np.int64),
+                time_ns=np.full(len(trail), stamp_ns, dtype=np.int64),
                 owner=owner_hash(key)[track],
                 trail=rows["trail"][track],
                 following=following,
                 group=rows["group"][track],
             )
         )
-        going_on = fresh == 0
-        last = rows["number"][grows[going_on]]
-        self.points.link(last, number[(end - stored)[going_on]])
+        continued = fresh == 0
+        last = rows["number"][grows[continued]]
+        self.points.link(last, number[(end - stored)[continued]])
         self.index.add(place - self.origin, heading, number, self.points.oldest)
+        # The last point of each trail is the anchor of its next points.
         rows["number"][grows] = number[end - 1]
-        way = (count * share)[:, None]
-        rows["anchor"][grows] += way * move[grows]
-        rows["heading"][grows] = wrap(rows["heading"][grows] + way[:, 0] * turn[grows])
+        fraction = (count * share)[:, None]
+        rows["anchor"][grows] += fraction * move[grows]
+        rows["heading"][grows] = wrap(rows["heading"][grows] + fraction[:, 0] * turn[grows])
 
     def _tracks_of(
         self,
@@ -302,7 +320,15 @@ class TrailMemory:
         heading: Float64Array,
         group: ClassArray,
     ) -> IndexArray:
-        """Return [n] rows of the tracks of ascending names, added where they are new."""
+        """Return [n] rows of the tracks of ascending names; new ones are added, lost ones removed.
+
+        Args:
+            names: [n] ascending sort keys.
+            sample_ns: when the road users were seen (ns).
+            position: [n, 2] (m).
+            heading: [n] (rad).
+            group: [n] class groups.
+        """
         absent = self._tracks["seen_ns"] < sample_ns - GAP_NS
         if absent.any():
             self._tracks = self._tracks[~absent]

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The ways on from an agent's place: the trails that pass it, followed from there."""
+"""Paths ahead of an agent: the trails of earlier road users that pass it, followed from there."""
 
 from __future__ import annotations
 
@@ -16,20 +16,22 @@ from mtpgo_core.scene.trails.trail_points import IntArray
 from mtpgo_core.schema import ClassArray, Float32Array, Float64Array, KeyArray
 
 ACROSS_M = 1.2
-"""A trail farther to the side passes by (m); chosen: a third of a lane."""
+"""Largest lateral distance of a trail that counts as passing the agent (m); chosen: a third of a
+lane."""
 HEADING_RAD = 0.35
-"""A trail in a direction that differs more is another way (rad); chosen: 20 degrees."""
+"""Largest difference of direction between such a trail and the agent (rad); chosen: 20 degrees."""
 _ENDS = 0.25
-"""Share of its points' distance by which a trail's stretch next to the agent is longer than from
-one point to the next, so that none is missed in a bend; chosen."""
+"""Share of a trail's point spacing by which the segment next to the agent is extended at both
+ends, so that no trail is missed in a bend; chosen."""
 _REACH_M = 1.95
-"""From the middle of the places of those points, half a point's distance behind the agent, to the
-farthest (m): 1.5 m along, 1.2 m across."""
+"""Radius of the search for the point behind the agent (m), around the place half a spacing behind
+it: up to 1.5 m along and 1.2 m across."""
 CANDIDATES = 16
 """Trails that are followed per agent; chosen, bounds the time."""
 SETTLED_S = 5.0
-"""Trails that passed this long ago are followed first, the most recent ones before others (s):
-those of road users right ahead are not known far yet; chosen: the usual horizon."""
+"""Trails that passed at least this long ago are followed first, the most recent before others (s):
+a younger trail is that of a road user right ahead and does not reach far yet; chosen: the usual
+horizon."""
 MAX_POINTS = 96
 """Most points of a trail that are followed: 192 m of a vehicle, 48 m of a pedestrian."""
 MAX_AGE_S = 1800.0
@@ -39,14 +41,14 @@ FADE_S = 300.0
 minutes, roads do not."""
 MERGE_M = 20.0
 """Distance over which a path moves from the agent's place onto the trail (m); chosen, measured."""
-_ACROSS_M, _HEADING_RAD = 0.6, 0.1
-"""Differences in place (m) and direction (rad) at which the weight of a trail falls to 0.6 (a
-normal distribution): the nearer ones tell more; chosen, measured."""
+_SIGMA_ACROSS_M, _SIGMA_HEADING_RAD = 0.6, 0.1
+"""Standard deviations of the Gaussian weight of a trail by its lateral distance (m) and by its
+difference of direction (rad): nearer trails tell more; chosen, measured."""
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where n agents are and go at one instant.
+    """Positions and headings of n agents at one instant.
 
     Attributes:
         key: [n, 4] identities; an agent's own trails are not used.
@@ -63,14 +65,13 @@ class Places:
 
 @dataclass(frozen=True)
 class TrailPaths:
-    """Paths of up to C earlier road users from the places of n agents on.
+    """Paths that up to C earlier road users took from the positions of n agents.
 
     Attributes:
-        ahead: [H, n, C] place in the agent's frame at the distances asked for (m), 0 where not
-            known, as ``left``.
-        left: [H, n, C] (m).
+        ahead: [H, n, C] x in the agent's frame at the distances asked for (m), 0 where unknown.
+        left: [H, n, C] y in the agent's frame (m), 0 where unknown.
         reach: [n, C] horizon steps up to which the path is known.
-        weight: [n, C] by age and likeness, 0 where there is no trail.
+        weight: [n, C] by age and by similarity to the agent's pose, 0 where there is no trail.
     """
 
     ahead: Float32Array
@@ -86,14 +87,14 @@ def trail_paths(
     distance: Float64Array,
     since_ns: int | None = None,
 ) -> TrailPaths:
-    """Return the paths of earlier road users from the agents' places on.
+    """Return the paths that earlier road users took from the agents' positions.
 
     Args:
         memory: the trails.
         places: the agents.
-        time_ns: only what was known then is used (ns).
+        time_ns: only points known at this time are used (ns).
         distance: [n, H] ascending distances ahead (m).
-        since_ns: only what became known then or later is used (ns), None for all.
+        since_ns: only points that became known at this time or later are used (ns), None for all.
     """
     n, horizon = distance.shape
     ahead, left = np.zeros((2, horizon, n * CANDIDATES), dtype=np.float32)
@@ -109,8 +110,8 @@ def trail_paths(
         age_s = 1e-9 * (time_ns - memory.points.column("time_ns", found.number))
         weight[row, place] = np.exp(
             -age_s / FADE_S
-            - 0.5 * (found.across / _ACROSS_M) ** 2
-            - 0.5 * (found.turn / _HEADING_RAD) ** 2
+            - 0.5 * (found.across / _SIGMA_ACROSS_M) ** 2
+            - 0.5 * (found.turn / _SIGMA_HEADING_RAD) ** 2
         )
         flat = row * CANDIDATES + place
         ahead[:, flat], left[:, flat], reach[row, place] = _follow(
@@ -122,16 +123,16 @@ def trail_paths(
 
 @dataclass(frozen=True)
 class _Candidates:
-    """Trails that pass the agents.
+    """Pairs of an agent and a trail that passes it: a pairs.
 
     Attributes:
         row: [a] the agent.
-        place: [a] 0 for the trail that is used first, and so on.
-        number: [a] the trail's point next to the agent, behind it.
-        along: [a] from there to the agent along the trail (m).
-        across: [a] from the trail to the agent, to the left of the trail (m).
-        turn: [a] direction of the trail minus the agent's (rad).
-        spacing: [a] distance of the trail's points (m).
+        place: [a] rank of the trail among those of the agent, 0 to :data:`CANDIDATES` - 1.
+        number: [a] number of the trail's last point behind the agent.
+        along: [a] distance along the trail from that point to the agent (m).
+        across: [a] lateral distance from the trail to the agent, positive to the left (m).
+        turn: [a] direction of the trail minus that of the agent (rad).
+        spacing: [a] distance between the trail's points (m).
     """
 
     row: IntArray
@@ -146,46 +147,41 @@ class _Candidates:
 def _candidates(
     memory: TrailMemory, places: Places, first: int, end: int, settled: int
 ) -> _Candidates:
-    """Return the trails that pass the agents.
+    """Return up to :data:`CANDIDATES` trails that pass each agent, in the order of their use.
 
     Args:
         memory: the trails.
         places: the agents.
         first: lowest number of a point (inclusive).
         end: highest number (exclusive).
-        settled: points with lower numbers go before the others.
+        settled: points with lower numbers are used before the others.
     """
     points = memory.points
-    some = np.flatnonzero(np.isfinite(places.heading) & np.isfinite(places.position).all(axis=1))
-    heading = places.heading[some]
-    position = places.position[some] - memory.origin
-    back = 0.5 * spacing_m(places.group[some])[:, None]
-    centre = position - back * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    row, number = memory.index.find(centre, heading, _REACH_M, HEADING_RAD, first, end)
-    apart = points.column("offset", number) - centre.astype(np.float32).take(row, axis=0)
-    near = np.flatnonzero((apart * apart) @ np.ones(2, np.float32) < _REACH_M**2)
-    row, number = row[near], number[near]
-    toward = points.column("heading", number).astype(np.float64)
+    agents = np.flatnonzero(np.isfinite(places.heading) & np.isfinite(places.position).all(axis=1))
+    heading = places.heading[agents]
+    position = places.position[agents] - memory.origin
+    row, number = _points_behind(memory, position, heading, places.group[agents], first, end)
+
+    trail_heading = points.column("heading", number).astype(np.float64)
     group = points.column("group", number)
     spacing = spacing_m(group)
-    offset = position[row] - points.column("offset", number)
-    offset = rotate(offset, -toward)
+    offset = rotate(position[row] - points.column("offset", number), -trail_heading)
     along, across = offset[:, 0], offset[:, 1]
-    turn = wrap(toward - heading[row])
+    turn = wrap(trail_heading - heading[row])
     passes = (np.abs(across) < ACROSS_M) & (np.abs(turn) < HEADING_RAD)
     passes &= (along > -_ENDS * spacing) & (along < (1.0 + _ENDS) * spacing)
-    passes &= join(group, places.group[some][row])
-    passes &= points.column("owner", number) != owner_hash(places.key[some])[row]
+    passes &= join(group, places.group[agents][row])
+    passes &= points.column("owner", number) != owner_hash(places.key[agents])[row]
+
     kept = np.flatnonzero(passes)
     kept = _latest_of_each(row[kept], points.column("trail", number[kept]), number[kept], kept)
-    # By agent, the settled ones first, the most recent first: one sort of one number is faster.
+    # By agent, the settled trails first, the most recent first: one sort of one number is faster.
     late = (number[kept] >= settled).astype(np.int64)
     kept = kept[np.argsort(((2 * row[kept] + late) * (LARGEST_NUMBER + 1)) - number[kept])]
-    begin = np.searchsorted(row[kept], row[kept])
-    place = np.arange(len(kept)) - begin
+    place = np.arange(len(kept)) - np.searchsorted(row[kept], row[kept])
     kept, place = kept[place < CANDIDATES], place[place < CANDIDATES]
     return _Candidates(
-        row=some[row[kept]],
+        row=agents[row[kept]],
         place=place,
         number=number[kept],
         along=along[kept],
@@ -195,11 +191,37 @@ def _candidates(
     )
 
 
+def _points_behind(
+    memory: TrailMemory,
+    position: Float64Array,
+    heading: Float64Array,
+    group: ClassArray,
+    first: int,
+    end: int,
+) -> tuple[IntArray, IntArray]:
+    """Return pairs of an agent and a trail point closely behind it: rows and point numbers.
+
+    Args:
+        memory: the trails.
+        position: [n, 2] of the agents, relative to the memory's origin (m).
+        heading: [n] of the agents (rad).
+        group: [n] class groups of the agents.
+        first: lowest number of a point (inclusive).
+        end: highest number (exclusive).
+    """
+    half_spacing = 0.5 * spacing_m(group)[:, None]
+    behind = position - half_spacing * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    row, number = memory.index.find(behind, heading, _REACH_M, HEADING_RAD, first, end)
+    apart = memory.points.column("offset", number) - behind.astype(np.float32).take(row, axis=0)
+    near = np.flatnonzero((apart * apart) @ np.ones(2, np.float32) < _REACH_M**2)
+    return row[near], number[near]
+
+
 def _latest_of_each(row: IntArray, trail: IntArray, number: IntArray, of: IntArray) -> IntArray:
-    """Return those ``of`` [k] with the highest number of the same row and trail."""
-    of_trail = (row << 32) | trail
+    """Return the items of ``of`` [k] with the highest point number for each row and trail."""
+    row_and_trail = (row << 32) | trail
     newest_first = np.argsort(number)[::-1]
-    _, latest = np.unique(of_trail[newest_first], return_index=True)
+    _, latest = np.unique(row_and_trail[newest_first], return_index=True)
     return of[newest_first[latest]]
 
 
@@ -210,70 +232,74 @@ def _follow(
     end: int,
     distance: Float64Array,
 ) -> tuple[Float32Array, Float32Array, IntArray]:
-    """Return [H, a] ways ahead and left along the trails (m), [a] the steps that are known.
+    """Follow the trails over given distances.
 
     Args:
         memory: the trails.
         found: the trails that pass the agents.
-        heading: [a] the agents' (rad).
+        heading: [a] of the agents (rad).
         end: points from this number on are not known yet.
         distance: [H, a] along the trail (m).
+
+    Returns:
+        x and y in the agents' frames (m), [H, a] each, 0 where unknown, and [a] the number of
+        steps that are known.
     """
     spacing = found.spacing.astype(np.float32)
     begin = (found.along / found.spacing).astype(np.float32)
-    way = begin + distance.astype(np.float32) / spacing  # in points
-    index = np.maximum(way, 0.0).astype(np.int64)
+    progress = begin + distance.astype(np.float32) / spacing  # in units of the point spacing
+    index = np.maximum(progress, 0.0).astype(np.int64)
     wanted = int(min(MAX_POINTS, index.max(initial=0) + 1))
     chain, length = _chain(memory, found.number, end, wanted)
-    known = way <= length
+    known = progress <= length
     np.minimum(index, wanted - 1, out=index)
-    part = way - index.astype(np.float32)  # of the way between two points
-    place = memory.points.column("offset", chain)  # [wanted + 1, a, 2]
-    origin = place[0] + begin[:, None] * (place[1] - place[0])
-    place = place - origin
-    flat = index * len(found.number) + np.arange(len(found.number))
-    cos, sin = (f(heading).astype(np.float32) for f in (np.cos, np.sin))
-    turned = (
-        cos * place[..., 0] + sin * place[..., 1],
-        cos * place[..., 1] - sin * place[..., 0],
+    fraction = progress - index.astype(np.float32)  # between points index and index + 1
+
+    position = memory.points.column("offset", chain)  # [wanted + 1, a, 2]
+    origin = position[0] + begin[:, None] * (position[1] - position[0])
+    position = position - origin
+    cos, sin = np.cos(heading).astype(np.float32), np.sin(heading).astype(np.float32)
+    in_agent_frame = (
+        cos * position[..., 0] + sin * position[..., 1],
+        cos * position[..., 1] - sin * position[..., 0],
     )
-    # The path starts at the agent and moves over to the trail, which is ``across`` to its right.
-    share = np.minimum(distance.astype(np.float32) * np.float32(1.0 / MERGE_M), 1.0)
-    aside = share * share * (3.0 - 2.0 * share) * -found.across.astype(np.float32)
+    # The path starts at the agent and blends (smoothstep) over to the trail, which is ``across``
+    # to the agent's right.
+    blend = np.minimum(distance.astype(np.float32) * np.float32(1.0 / MERGE_M), 1.0)
+    aside = blend * blend * (3.0 - 2.0 * blend) * -found.across.astype(np.float32)
+    to_left = (-np.sin(found.turn)).astype(np.float32), np.cos(found.turn).astype(np.float32)
+    flat = index * len(found.number) + np.arange(len(found.number))  # of [wanted + 1, a]
     ahead, left = (
-        _between(one, flat, len(found.number), part) + aside * side
-        for one, side in zip(turned, _side(found.turn), strict=True)
+        _interpolated(values, flat, fraction) + aside * side
+        for values, side in zip(in_agent_frame, to_left, strict=True)
     )
     return np.where(known, ahead, 0.0), np.where(known, left, 0.0), known.sum(axis=0)
 
 
-def _side(turn: Float64Array) -> tuple[Float32Array, Float32Array]:
-    """Return ahead and left [a] of the unit vector to the left of a direction (rad)."""
-    return (-np.sin(turn)).astype(np.float32), np.cos(turn).astype(np.float32)
-
-
-def _between(values: Float32Array, flat: IntArray, row: int, part: Float32Array) -> Float32Array:
-    """Return values [p, a] between the flat places [H, a] and those a row later."""
-    left = values.take(flat)
-    return left + part * (values.take(flat + row) - left)
+def _interpolated(values: Float32Array, flat: IntArray, fraction: Float32Array) -> Float32Array:
+    """Return [H, a] values [p, a] interpolated between flat positions [H, a] and a row later."""
+    before = values.take(flat)
+    return before + fraction * (values.take(flat + values.shape[1]) - before)
 
 
 def _chain(
     memory: TrailMemory, number: IntArray, end: int, wanted: int
 ) -> tuple[IntArray, IntArray]:
-    """Return [wanted + 1, a] the next points of the trails, [a] how many of them there are.
+    """Return the points that follow ``number`` [a] on their trails.
 
-    After the last point of a trail that is known, it is repeated.
+    Returns:
+        [wanted + 1, a] numbers of the points, beginning with ``number``; the last known point of a
+        trail is repeated. [a] how many points follow.
     """
     chain = np.empty((wanted + 1, len(number)), dtype=np.int64)
-    chain[0] = here = number
+    chain[0] = current = number
     length = np.zeros(len(number), dtype=np.int64)
     for step in range(1, wanted + 1):
-        there = here + memory.points.column("following", here)
-        on = (there > here) & (there < end)
-        if not on.any():
-            chain[step:] = here
+        following = current + memory.points.column("following", current)
+        goes_on = (following > current) & (following < end)
+        if not goes_on.any():
+            chain[step:] = current
             break
-        chain[step] = here = np.where(on, there, here)
-        length += on
+        chain[step] = current = np.where(goes_on, following, current)
+        length += goes_on
     return chain, length
