@@ -59,7 +59,7 @@ from mtpgo_core.history.track_update import (
     moved_impossibly,
     usable_observations,
 )
-from mtpgo_core.schema import HistoryWindow, KeyArray, TrackedStates
+from mtpgo_core.schema import HistoryWindow, IndexArray, KeyArray, TrackedStates
 from mtpgo_core.task.task_description import HistoryConfig
 
 __all__ = ["TrackHistory", "UpdateReport"]
@@ -112,7 +112,7 @@ class TrackHistory:
 
     @property
     def next_number(self) -> int:
-        """Number of the next track; no track ever gets one that another one had."""
+        """Number of the next track; numbers are never used twice."""
         return self._store.next_number
 
     @property
@@ -150,14 +150,15 @@ class TrackHistory:
         status: MessageStatus,
         ego_key: KeyArray | None,
     ) -> UpdateReport:
+        """Add a message that belongs to the stream, and return what became of its observations."""
         store, newest_ns = self._store, self._guard.newest_ns
         newest_ns = stamp_ns if newest_ns is None else newest_ns
         forgotten = store.forget_before(newest_ns - self._keep_ns)
 
         finite, too_fast = usable_observations(self.config, states)
-        rows = np.flatnonzero(finite & ~too_fast)
-        keys, first = np.unique(sort_keys(states.key[rows]), return_index=True)
-        row = rows[first]
+        usable = np.flatnonzero(finite & ~too_fast)
+        keys, first = np.unique(sort_keys(states.key[usable]), return_index=True)
+        row = usable[first]
         slot = store.index.find(keys)
         unique = keys.shape[0]
         if unique > self._max_tracks:
@@ -167,44 +168,24 @@ class TrackHistory:
             keys, row, slot = keys[near], row[near], slot[near]
         left_out = unique - keys.shape[0]
         last_ns = np.where(slot >= 0, store.rings.last_ns[slot], NEVER_NS)
-        fresh = last_ns < stamp_ns
-        keys, row, slot = keys[fresh], row[fresh], slot[fresh]
+        newer = last_ns < stamp_ns
+        keys, row, slot = keys[newer], row[newer], slot[newer]
 
         known = slot >= 0
-        seen_again = slot[known]
-        jumped = moved_impossibly(
-            self.config, store, seen_again, stamp_ns, states.position[row[known]]
-        )
-        steady = seen_again[~jumped]
-        alternating = store.alternation.step(
-            steady,
-            stamp_ns,
-            states.position[row[known]][~jumped],
-            store.rings.last_ns[steady],
-            store.rings.last[steady, POSITION],
-        )
-        if jumped.any():
-            self.restarted = store.number[seen_again[jumped]]
-            store.reset(seen_again[jumped])
-        new, dropped = store.allocate(keys[~known], seen_again)
+        jumped, alternating = self._check_moves(stamp_ns, states, row[known], slot[known])
+        new, dropped = store.allocate(keys[~known], slot[known])
         slot[~known] = new
         slot, row = slot[slot >= 0], row[slot >= 0]
-        if slot.shape[0]:
-            first_seen = slot[store.rings.count[slot] == 0]
-            store.first_ns[first_seen] = stamp_ns
-            sample = complete_samples(self.config, store, slot, stamp_ns, states, row)
-            store.rings.append(slot, stamp_ns, sample)
-            store.update_attributes(slot, states, row)
-            self.observed = store.number[slot]
+        self._store_samples(stamp_ns, states, row, slot)
         return UpdateReport(
             accepted=slot.shape[0],
             new_tracks=int((new >= 0).sum()),
-            restarted=int(jumped.sum()),
-            alternating=int(alternating.sum()),
+            restarted=jumped,
+            alternating=alternating,
             duplicates=int((last_ns == stamp_ns).sum()),
             late=int((last_ns > stamp_ns).sum()),
             behind=slot.shape[0] if self._behind(stamp_ns) else 0,
-            duplicate_keys=rows.shape[0] - unique,
+            duplicate_keys=usable.shape[0] - unique,
             left_out=left_out,
             non_finite=int((~finite).sum()),
             too_fast=int(too_fast.sum()),
@@ -214,8 +195,48 @@ class TrackHistory:
             frame_changed=status is MessageStatus.NEW_FRAME,
         )
 
+    def _check_moves(
+        self, stamp_ns: int, states: TrackedStates, row: IndexArray, slot: IndexArray
+    ) -> tuple[int, int]:
+        """Restart known tracks that moved impossibly; return how many, and how many alternate.
+
+        Args:
+            stamp_ns: of the message.
+            states: the message.
+            row: [k] observations of known tracks.
+            slot: [k] the slots of these tracks.
+        """
+        store, position = self._store, states.position[row]
+        jumped = moved_impossibly(self.config, store, slot, stamp_ns, position)
+        steady = slot[~jumped]
+        alternating = store.alternation.step(
+            steady,
+            stamp_ns,
+            position[~jumped],
+            store.rings.last_ns[steady],
+            store.rings.last[steady, POSITION],
+        )
+        if jumped.any():
+            self.restarted = store.number[slot[jumped]]
+            store.reset(slot[jumped])
+        return int(jumped.sum()), int(alternating.sum())
+
+    def _store_samples(
+        self, stamp_ns: int, states: TrackedStates, row: IndexArray, slot: IndexArray
+    ) -> None:
+        """Append the observations ``row`` [k] as samples of the tracks in ``slot`` [k]."""
+        if not slot.shape[0]:
+            return
+        store = self._store
+        first_seen = slot[store.rings.count[slot] == 0]
+        store.first_ns[first_seen] = stamp_ns
+        sample = complete_samples(self.config, store, slot, stamp_ns, states, row)
+        store.rings.append(slot, stamp_ns, sample)
+        store.update_attributes(slot, states, row)
+        self.observed = store.number[slot]
+
     def _behind(self, stamp_ns: int) -> bool:
-        """Return whether what was observed then (ns) cannot be carried on to the newest stamp."""
+        """Return whether a message is too old to be extrapolated to the newest stamp."""
         newest_ns = self._guard.newest_ns
         late_ns = 0 if newest_ns is None else newest_ns - stamp_ns
         return late_ns > self.config.max_extrapolation_ns + TOLERANCE_NS
