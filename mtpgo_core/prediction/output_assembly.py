@@ -66,24 +66,11 @@ def assemble(
         One row for each agent of the window. Rows of agents without a prediction, or with one
         that is not finite or whose covariance is not positive definite, are NaN throughout.
     """
-    graph, _ = np.nonzero(batch.primary)
     agent = batch.agent[batch.primary]
-    cos, sin = np.cos(batch.rotation[graph]), np.sin(batch.rotation[graph])
-    cos, sin = cos[:, None, None], sin[:, None, None]
-
-    mean = np.empty((*output.mean.shape[:3], 4))
-    scene = output.mean.astype(np.float64)
-    for first in range(0, scene.shape[-1], 2):
-        x, y = scene[..., first], scene[..., first + 1]
-        mean[..., first] = cos * x - sin * y
-        mean[..., first + 1] = sin * x + cos * y
-    mean[..., :2] += batch.origin[graph][:, None, None]
     initial, initial_yaw = initial_states(window)
-    if scene.shape[-1] == 2:
+    mean, covariance = _in_fixed_frame(batch, output)
+    if output.mean.shape[-1] == 2:
         mean[..., 2:] = _differences(mean[..., :2], initial[agent, :2], dt_s)
-
-    with np.errstate(invalid="ignore"):  # infinite covariances are rejected below
-        covariance = _rotated(output.covariance.astype(np.float64), cos, sin)
     weight = _weights(output.log_weight.astype(np.float64))
     usable = _usable(weight, mean, covariance)
     if smoother is not None:
@@ -118,6 +105,25 @@ def assemble(
         covariance=in_window(covariance),
         source=np.full(len(window), Source.MODEL, dtype=np.uint8),
     )
+
+
+def _in_fixed_frame(batch: SceneBatch, output: ModelOutput) -> tuple[Float64Array, Float64Array]:
+    """Return means [p, M, H, 4] and covariances [p, M, H, 2, 2] in the fixed frame.
+
+    The velocities of a first-order model, which predicts positions only, are not set.
+    """
+    graph, _ = np.nonzero(batch.primary)
+    cos, sin = np.cos(batch.rotation[graph]), np.sin(batch.rotation[graph])
+    cos, sin = cos[:, None, None], sin[:, None, None]
+    scene = output.mean.astype(np.float64)
+    mean = np.empty((*scene.shape[:3], 4))
+    for first in range(0, scene.shape[-1], 2):
+        x, y = scene[..., first], scene[..., first + 1]
+        mean[..., first] = cos * x - sin * y
+        mean[..., first + 1] = sin * x + cos * y
+    mean[..., :2] += batch.origin[graph][:, None, None]
+    with np.errstate(invalid="ignore"):  # infinite covariances are rejected later
+        return mean, _rotated(output.covariance.astype(np.float64), cos, sin)
 
 
 def merge(first: Prediction, other: Prediction, take_other: BoolArray) -> Prediction:
