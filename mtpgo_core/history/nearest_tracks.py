@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which road users are kept where there are too many: the nearest to the ego or to the middle.
+"""Selects the road users to keep where there are too many: the nearest to the ego or the middle.
 
-The middle is the median, which a few positions far away do not move. Those kept in the last cycle
-have an advantage, so that two road users at the limit do not take turns.
+The middle is the median position, which a few distant objects do not move. Hysteresis: those kept
+in the last cycle are preferred, so that two road users at the limit do not alternate.
 """
 
 from __future__ import annotations

@@ -57,8 +57,8 @@ class TrackStore:
         index: from identities to slots.
         rings: the samples.
         next_number: number of the next track.
-        number: [capacity] number of the track; one that starts again gets another, so that an
-            identity that is used again is told from the road user who had it before.
+        number: [capacity] number of the track. A track that restarts gets a new number, so that a
+            reused identity is distinguished from the road user who had it before.
         first_ns: [capacity] stamp of the track's first sample (ns).
         velocity, acceleration: the estimators.
         alternation: detects tracks that two publishers share.

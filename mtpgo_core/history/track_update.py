@@ -98,7 +98,7 @@ def impossible_steps(
         dt_s: [n] time between the two (s).
         step: [n, 2] the way between them (m).
         velocity: [n, 2] at the first one, estimated from positions (m/s), NaN where unknown.
-        spare_m: how much shorter a step may be and still count (m).
+        spare_m: tolerance: steps shorter than the limit by up to this also count (m).
     """
     deviation = step - velocity * dt_s[:, None]
     moved_m = np.hypot(step[:, 0], step[:, 1]) + spare_m

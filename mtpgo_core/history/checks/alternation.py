@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Detects tracks whose observations alternate between two places.
 
-Two publishers that use the same identities for different road users a few metres apart look like
-one track that jumps to and fro, by less than an impossible move. Each observation then deviates to
-the other side of the line between its neighbours, which neither noise nor motion does for long.
+Two publishers that use the same identity for different road users a few metres apart look like one
+track that jumps back and forth by less than an impossible move. Each observation then deviates
+from the line between its neighbours, to alternating sides; neither noise nor motion does so for
+long.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the boxes of vehicles can be: longer than wide, and none within another."""
+"""Plausibility of vehicle boxes: they are longer than wide and do not contain each other."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ mistaken; chosen: of two trackers with the same vehicles all would be."""
 
 
 class BoxFit:
-    """Looks at the boxes of vehicles; to be shown one window a second."""
+    """Checks the boxes of vehicles; call :meth:`look` with one window a second."""
 
     def __init__(self) -> None:
         self._sized = self._wide = self._vehicles = self._double = 0.0
 
     def look(self, window: HistoryWindow) -> None:
-        """Look at the vehicles of a window that have been there for a moment.
+        """Check the vehicles of a window that have been tracked for a moment.
 
         Args:
-            window: of the history. A track that was lost is carried on beside the one that
-                follows it, so what has no past does not count.
+            window: of the history. New tracks are ignored: the history extrapolates a lost track
+                for a moment, beside the new track of the same vehicle.
         """
         there = window.valid[:, -_SAMPLES:].all(axis=1)
         self.compare(window.position[there, -1], window.size[there], window.agent_class[there])
 
     def compare(self, position: Float64Array, size: Float64Array, agent_class: ClassArray) -> None:
-        """Look at the vehicles of an instant; earlier ones count a little less.
+        """Check the vehicles of an instant; the counts of earlier instants decay.
 
         Args:
             position: [n, 2] (m).
@@ -64,7 +64,7 @@ class BoxFit:
 
     @property
     def size_problem(self) -> str:
-        """That vehicles are wider than long, empty if they are not or little is known."""
+        """Sentence saying that vehicles are wider than long; empty if not, or too few are seen."""
         if self._sized < _ENOUGH or self._wide < _WIDE_SHARE * self._sized:
             return ""
         share = 100 * self._wide / self._sized
@@ -72,7 +72,7 @@ class BoxFit:
 
     @property
     def double_problem(self) -> str:
-        """That vehicles are there twice, empty if they are not or little is known."""
+        """Sentence saying that vehicles are listed twice; empty if not, or too few were seen."""
         if self._vehicles < _ENOUGH or self._double < _DOUBLE_SHARE * self._vehicles:
             return ""
         share = 100 * self._double / self._vehicles

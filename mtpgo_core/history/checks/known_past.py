@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Whether road users have a past: without one, predictions hardly know more than the velocity."""
+"""Whether road users have a history: without one, a prediction knows little but the velocity."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _INTERVAL_SHARE = 0.2
 
 
 class KnownPast:
-    """Counts road users without a past; to be shown one window a second."""
+    """Counts road users without a history; call :meth:`look` with one window a second."""
 
     def __init__(self) -> None:
         self._looks = self._users = 0.0
-        self._short = 0.0  # sum over the looks of the shares without a past
+        self._short = 0.0  # sum of the shares without a history
         self._interval_s = 0.0
         self._newest_ns: int | None = None
 
@@ -45,7 +45,7 @@ class KnownPast:
         self._newest_ns = stamp_ns
 
     def look(self, window: HistoryWindow, dt_s: float) -> None:
-        """Count the road users of a window that are there now.
+        """Count the road users that are present at the window's time.
 
         Args:
             window: of the history.
@@ -61,7 +61,7 @@ class KnownPast:
         self._short = _FORGET * self._short + float(((known - 1) * dt_s <= SHORT_S).mean())
 
     def problem(self, bridged_s: float) -> str:
-        """Return why most road users have no past, empty if they have one or little is known.
+        """Return why most road users have no history; empty if they have, or too few were seen.
 
         Args:
             bridged_s: longest time between two observations that the history bridges (s).

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Whether velocities and headings fit the movement: those of another frame or unit do not."""
+"""Whether velocities and headings match the movement: in another frame or unit they do not."""
 
 from __future__ import annotations
 
@@ -25,38 +25,38 @@ _SLOWEST_HEADING_MPS = 2.0
 """Slower road users may face elsewhere than they go (m/s); chosen: pedestrians do."""
 
 _WRONG_RAD = np.pi / 4
-"""A heading is wrong if it differs more from the direction of the movement; chosen."""
+"""Largest difference of a correct heading from the direction of movement (rad); chosen."""
 
 _FORGET = 0.98
-"""Share of the counts that is kept from one look to the next: fifty looks count; chosen."""
+"""Factor by which the counts decay from one check to the next: a memory of fifty; chosen."""
 
 _ENOUGH = 40.0
-"""Comparisons from which on a verdict is given; chosen."""
+"""Fewest comparisons for a verdict; chosen."""
 
 _LEAST_SHARE = 0.35
-"""Share of them that are wrong from which on the source is mistaken, not a single road user;
-chosen: of those of real and simulated trackers at most 0.05 are over a recording, and once 0.29 of
-the first forty; half of them are where velocities are in the frames of objects that go to and fro
-along the x axis."""
+"""Share of wrong comparisons from which the source is taken to be wrong, not single road users.
+Chosen: real and simulated trackers have at most 0.05 over a recording, and once 0.29 in the first
+forty; with velocities in the object frame and traffic along the x axis in both directions it is
+one half."""
 
 _ONE_WAY = 0.8
-"""Length of the mean of unit vectors from which on their directions agree; chosen."""
+"""Length of the mean unit vector from which the directions count as equal; chosen."""
 
 _NOTHING = 0.05
-"""A velocity below this share of the movement is none; chosen."""
+"""A velocity below this share of the movement counts as not filled in; chosen."""
 
 
 class MovementFit:
-    """Compares velocities and headings with movements; to be shown one window a second."""
+    """Compares velocities and headings with movements; call :meth:`look` once a second."""
 
     def __init__(self) -> None:
         self._velocities, self._headings = _Comparisons(), _Comparisons()
 
     def look(self, window: HistoryWindow, dt_s: float) -> None:
-        """Compare what the road users of a window have done over the last second.
+        """Compare the movement of a window's road users over the last second.
 
         Args:
-            window: of the history. What it had to estimate from positions fits.
+            window: of the history. Velocities that it estimated from positions always match.
             dt_s: time between its samples (s).
         """
         steps = min(round(SPAN_S / dt_s), window.valid.shape[1] - 1)
@@ -70,12 +70,12 @@ class MovementFit:
         self.compare(moved, mean, window.yaw[there, -1 - steps // 2])
 
     def compare(self, moved: Float64Array, velocity: Float64Array, yaw: Float64Array) -> None:
-        """Compare movements of about a second; earlier ones count a little less.
+        """Compare movements over about a second; the counts of earlier ones decay.
 
         Args:
-            moved: [n, 2] velocity by the positions (m/s).
-            velocity: [n, 2] as given, the mean over that time (m/s), NaN where unknown.
-            yaw: [n] heading in the middle of it (rad), NaN where unknown.
+            moved: [n, 2] mean velocity from the positions (m/s).
+            velocity: [n, 2] mean of the given velocities over that time (m/s), NaN where unknown.
+            yaw: [n] given heading in the middle of that time (rad), NaN where unknown.
         """
         speed, given = (np.hypot(v[:, 0], v[:, 1]) for v in (moved, velocity))
         course = np.arctan2(moved[:, 1], moved[:, 0])
@@ -97,19 +97,19 @@ class MovementFit:
 
     @property
     def velocity_problem(self) -> str:
-        """How the velocities do not fit the movement, empty if they do or little is known."""
+        """Sentence on velocities that do not match; empty if they do, or too few were seen."""
         found = self._velocities.problem("the velocities of the road users")
         return found and f"{found}; expected: over ground, in m/s, in the frame of the objects"
 
     @property
     def heading_problem(self) -> str:
-        """How the headings do not fit the movement, empty if they do or little is known."""
+        """Sentence on headings that do not match; empty if they do, or too few were seen."""
         found = self._headings.problem("the headings of the road users")
         return found and f"{found}; expected: radians, counter-clockwise from the x axis"
 
 
 class _Comparisons:
-    """Counts comparisons of one quantity, and how those that are wrong differ in the mean."""
+    """Counts comparisons of one quantity, and the mean difference of the wrong ones."""
 
     def __init__(self) -> None:
         self._count = self._wrong = self._log_ratio = 0.0
@@ -122,13 +122,13 @@ class _Comparisons:
         turn: Float64Array,
         ratio: Float64Array,
     ) -> None:
-        """Add comparisons [n]; what is not usable may be NaN.
+        """Add n comparisons of a quantity with the movement.
 
         Args:
-            usable: they say something.
-            wrong: the two do not fit.
-            turn: angle from the movement to what is compared with it (rad).
-            ratio: of their lengths.
+            usable: [n] the comparison counts; other entries may be NaN.
+            wrong: [n] the two do not match.
+            turn: [n] angle from the movement to the quantity (rad).
+            ratio: [n] length of the quantity over that of the movement.
         """
         wrong = wrong & usable
         log_ratio = np.log(np.maximum(ratio[wrong], 1e-3))
@@ -146,7 +146,7 @@ class _Comparisons:
         return f"{what} do not fit their movement {share}" + (f" ({how})" if how else "")
 
     def _differences(self) -> list[str]:
-        """Return how those that are wrong differ in the mean."""
+        """Return the mean difference of the wrong comparisons, as part of a sentence."""
         ratio = float(np.exp(self._log_ratio / self._wrong))
         if ratio < _NOTHING:
             return ["nearly zero"]

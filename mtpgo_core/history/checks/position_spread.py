@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Whether road users are all in one place, as where positions are in degrees or kilometres."""
+"""Whether all road users are in one place, as with positions in degrees or kilometres."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ENOUGH_LOOKS = 10
 
 
 class PositionSpread:
-    """Looks at how far apart road users are; to be shown one window a second."""
+    """Checks how far apart road users are; call :meth:`look` with one window a second."""
 
     def __init__(self) -> None:
         self._looks = 0  # in a row
@@ -26,7 +26,7 @@ class PositionSpread:
         self._users = 0
 
     def look(self, window: HistoryWindow) -> None:
-        """Look at the road users of a window that are there now.
+        """Check the road users that are present at the window's time.
 
         Args:
             window: of the history.
@@ -43,7 +43,7 @@ class PositionSpread:
 
     @property
     def problem(self) -> str:
-        """That all are in one place, empty if they are not or little is known."""
+        """Sentence saying that all are in one place; empty if not, or too few were seen."""
         if self._looks < _ENOUGH_LOOKS:
             return ""
         return one_place(self._users, float((self._high - self._low).max()))

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""How old observations are when they come: predictions begin at their stamps."""
+"""How old observations are at their receipt: predictions begin at their stamps."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class StampAge:
 
     @property
     def problem(self) -> str:
-        """That the observations are old, empty if they are not or little is known."""
+        """Sentence saying that the observations are old; empty if not, or too few were seen."""
         if len(self._age_s) < _MESSAGES:
             return ""
         newest_s = min(self._age_s)

@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a stream of tracked objects as a whole can be what it should: units, frames, identities.
+"""Plausibility of a stream of tracked objects as a whole: units, frames and identities.
 
-Every object may be in order, and all of them be wrong: in km/h, in the frame of a sensor, with
-identities that do not last. What is found is said, not mended: the source is to be set right.
+Each object may be valid and all of them wrong: in km/h, in the frame of a sensor, or with
+identities that change. Problems are reported, not corrected: the source has to be fixed.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ _LOOK_NS = round(SPAN_S * 1e9)
 
 
 class StreamChecks:
-    """Looks at the stream that a history is made of, once a second of its time.
+    """Runs all checks on the stream of a history, once per second of stream time.
 
     Args:
         config: of the history.
 
     Attributes:
-        doubts: what does not look right, kind -> sentence.
+        doubts: sentences on what is implausible, by kind.
     """
 
     def __init__(self, config: HistoryConfig) -> None:
