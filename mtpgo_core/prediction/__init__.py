@@ -1,3 +1,3 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From the input of the model to predictions in the fixed frame."""
+"""Running the model: from scenes to predictions in the fixed frame, with fallback."""

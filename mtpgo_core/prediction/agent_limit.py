@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""How many agents the model can predict in time, learned from how long it takes."""
+"""Adapts the number of agents that the model predicts to the time that it takes."""
 
 from __future__ import annotations
 

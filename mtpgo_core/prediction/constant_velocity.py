@@ -122,10 +122,10 @@ def motion_yaw(mean: Float64Array, initial_yaw: Float64Array) -> Float64Array:
 
 
 def usable_covariances(covariance: Float64Array) -> Float64Array:
-    """Return symmetric covariances [n, S, S], NaN where they are no use.
+    """Return symmetric covariances [n, S, S], NaN where they are not usable.
 
-    They are none where they are not finite, not positive definite, or have a standard deviation
-    above :data:`LARGEST_STD`, which says no more than an unknown one.
+    Not usable are covariances that are not finite, not positive definite, or have a standard
+    deviation above :data:`LARGEST_STD`, which means unknown.
     """
     # False for NaN; the eigenvalues of numbers near the largest double would overflow.
     usable = np.asarray((np.abs(covariance) <= LARGEST_STD**2).all(axis=(1, 2)))
@@ -145,15 +145,15 @@ def covariance_along_paths(
     time_s: Float64Array,
     noise: ConstantVelocityNoise = ConstantVelocityNoise(),
 ) -> Float64Array:
-    """Return [n, M, H, 2, 2] covariances of the positions on paths that come without any (m^2).
+    """Return [n, M, H, 2, 2] position covariances (m^2) for paths that are given without any.
 
-    The state's covariance at the stamp grows as at constant velocity. Its parts along and across
-    the heading turn with the path: who drives too far is too far along the road, also behind a
-    bend.
+    The state's covariance at the stamp grows as at constant velocity. Its components along and
+    across the heading turn with the path: an agent ahead of its prediction is ahead along the
+    road, also after a bend.
 
     Args:
-        observed: [n, 4, 4] of (x, y, vx, vy) at the stamp (m^2, m^2/s, m^2/s^2). Where it is no
-            use, as NaN, the result is NaN.
+        observed: [n, 4, 4] of (x, y, vx, vy) at the stamp (m^2, m^2/s, m^2/s^2). Where it is not
+            usable, for example NaN, the result is NaN.
         initial_yaw: [n] heading at the stamp (rad).
         yaw: [n, M, H] heading along the paths (rad).
         time_s: [H] seconds after the stamp.
@@ -198,7 +198,7 @@ def _grown(
     course: Float64Array,
     noise: ConstantVelocityNoise,
 ) -> Float64Array:
-    """Return [n, H, 2, 2] the position's covariance (m^2) that grows from [n, 4, 4] a state's."""
+    """Return [n, H, 2, 2] position covariances (m^2) propagated from those of states [n, 4, 4]."""
     time = time_s[:, None, None]
     cross = observed[:, None, :2, 2:]
     carried = observed[:, None, :2, :2] + time * (cross + np.swapaxes(cross, -1, -2))

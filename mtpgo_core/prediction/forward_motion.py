@@ -42,10 +42,10 @@ _LEAST_M = 1e-3
 
 
 def moving_vehicles(window: HistoryWindow) -> BoolArray:
-    """Return [n] which agents are vehicles and move at t.
+    """Return [n] which agents are vehicles that move at t.
 
-    One of unknown class is a vehicle if it is too long or, at t or before, was too fast to be
-    anything else. A velocity that was never known counts as not moving.
+    An agent of unknown class counts as a vehicle if it is too long, or was too fast at enough
+    samples, to be anything else. An agent whose velocity was never known counts as standing.
     """
     speed = np.hypot(window.velocity[..., 0], window.velocity[..., 1])  # [n, T]
     fast = ((speed > _VEHICLE_MPS) & window.valid).sum(axis=1)
@@ -58,11 +58,11 @@ def moving_vehicles(window: HistoryWindow) -> BoolArray:
 def without_reversing(prediction: Prediction, window: HistoryWindow) -> Prediction:
     """Return the prediction with no vehicle that moves at t reversing in any mode.
 
-    A path turns back in the first step whose displacement has a component against its course, the
-    chord of the last :data:`_COURSE_M` of the path, which is taken as straight before t. So a
-    turn of less than about a metre's radius is one, too. From there on the path stays where it
-    was, with velocity 0; direction and covariance stay. Networks give such paths rarely, for
-    vehicles that brake to a stop.
+    A path turns back at the first step whose displacement points against its course, that is the
+    chord of the last :data:`_COURSE_M` of the path (straight before t). A turn with a radius below
+    about a metre therefore counts as turning back, too. From that step on the path keeps its
+    position, with velocity 0; yaw and covariance are unchanged. The network rarely predicts such
+    paths, for vehicles that brake to a stop.
 
     Args:
         prediction: of all agents of the window.
@@ -95,10 +95,10 @@ def without_reversing(prediction: Prediction, window: HistoryWindow) -> Predicti
 
 
 def _may_turn_back(displacement: Float64Array, initial: Float64Array) -> BoolArray:
-    """Return [r] whether any path leaves the course at t by more than 45 degrees.
+    """Return [r] whether any path deviates from the course at t by more than 45 degrees.
 
-    One that does not cannot turn by 90 degrees from any of its own courses. Few agents do, and
-    only those are looked at more closely.
+    A path that does not cannot turn by 90 degrees from any of its own courses. This cheap test
+    leaves few agents for :func:`_last_forward_step`.
 
     Args:
         displacement: [r, M, H, 2] in each step (m).
@@ -119,19 +119,21 @@ def _last_forward_step(displacement: Float64Array, initial: Float64Array) -> Ind
         initial: [r, 4] states at t.
     """
     rows, modes, steps, _ = displacement.shape
-    moves = displacement.reshape(-1, steps, 2)
-    course = initial[:, 2:] / np.hypot(initial[:, 2], initial[:, 3])[:, None]
-    past = np.repeat(-_COURSE_M * course, modes, axis=0)  # straight, before t
-    place = np.concatenate([past[:, None], np.zeros((len(past), 1, 2)), moves.cumsum(axis=1)], 1)
+    moves = displacement.reshape(-1, steps, 2)  # [r M, H, 2]
     length = np.hypot(moves[..., 0], moves[..., 1])
-    arc = np.concatenate([np.full((len(past), 1), -_COURSE_M), np.zeros((len(past), 1))], 1)
-    arc = np.concatenate([arc, length.cumsum(axis=1)], axis=1)  # [r M, H + 2]
-    before = arc[:, 1:-1] - _COURSE_M
-    low = (arc[:, None] <= before[..., None]).sum(axis=-1) - 1
-    line = np.arange(len(past))[:, None]
-    part = (before - arc[line, low]) / np.maximum(arc[line, low + 1] - arc[line, low], 1e-12)
-    behind = place[line, low] + part[..., None] * (place[line, low + 1] - place[line, low])
-    chord = place[:, 1:-1] - behind
-    back = (length > _LEAST_M) & ((moves * chord).sum(axis=-1) < 0.0)
-    last = np.where(back.any(axis=1), back.argmax(axis=1) - 1, steps - 1)
+    course = initial[:, 2:] / np.hypot(initial[:, 2], initial[:, 3])[:, None]
+    # The points of each path and their arc lengths: _COURSE_M before t, at t, after each step.
+    past = np.repeat(-_COURSE_M * course, modes, axis=0)
+    zero = np.zeros((len(past), 1))
+    point = np.concatenate([past[:, None], np.zeros((len(past), 1, 2)), moves.cumsum(axis=1)], 1)
+    arc = np.concatenate([zero - _COURSE_M, zero, length.cumsum(axis=1)], axis=1)  # [r M, H + 2]
+    # The point _COURSE_M behind the begin of each step, interpolated along the path.
+    wanted = arc[:, 1:-1] - _COURSE_M
+    low = (arc[:, None] <= wanted[..., None]).sum(axis=-1) - 1
+    path = np.arange(len(past))[:, None]
+    part = (wanted - arc[path, low]) / np.maximum(arc[path, low + 1] - arc[path, low], 1e-12)
+    behind = point[path, low] + part[..., None] * (point[path, low + 1] - point[path, low])
+    chord = point[:, 1:-1] - behind
+    turns_back = (length > _LEAST_M) & ((moves * chord).sum(axis=-1) < 0.0)
+    last = np.where(turns_back.any(axis=1), turns_back.argmax(axis=1) - 1, steps - 1)
     return np.asarray(last.reshape(rows, modes))

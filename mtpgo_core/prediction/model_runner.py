@@ -283,7 +283,7 @@ class ModelRunner:
     def _piece(
         self, batch: SceneBatch, piece: slice, covariance: Float32Array | None
     ) -> tuple[Float32Array, Float32Array, Float32Array]:
-        """Return the output for some scenes: primary agents and position covariances only."""
+        """Return log weights, means and position covariances of some scenes' primary agents."""
         most = max(1, int((batch.agent[piece] >= 0).sum(axis=1).max(initial=0)))
         log_weight, mean, cov = self._forward(
             batch.features[piece, :most],

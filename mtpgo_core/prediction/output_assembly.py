@@ -257,8 +257,8 @@ def with_time_origin(prediction: Prediction, stamp_ns: int) -> Prediction:
 def time_grid(time_s: Float64Array) -> tuple[float, float]:
     """Return when the horizon of a prediction begins after its stamp, and its step (s).
 
-    It begins later than the stamp where the node compensated its delay: the first step is then
-    the delay and one step after it. Of a horizon of one step, this cannot be told.
+    It begins after the stamp where the node compensated its delay: the first time is then the
+    delay plus one step. With a single step, the delay cannot be determined and is taken as 0.
 
     Args:
         time_s: [H] as in a prediction (s); float32 if it comes from a message, NaN where all

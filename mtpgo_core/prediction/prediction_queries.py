@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What consumers ask of a prediction: an agent, a mode, a time, a frame.
+"""Queries on a prediction: by agent, mode, time and frame.
 
-Everything returns new arrays. A point that is missing (NaN, from a cloud that was filtered) stays
-missing, and no other value depends on it.
+All functions return new arrays. A missing point (NaN, for example from a filtered cloud) stays
+missing and does not affect other values.
 """
 
 from __future__ import annotations
@@ -67,9 +67,9 @@ def mixture_moments(
 ) -> tuple[Float64Array, Float64Array]:
     """Return mean and covariance of the whole mixture of each agent (moment matching).
 
-    The covariance is that of the modes, weighted, and of the distances between them; one
-    Gaussian cannot show two separate ways, so this is for gates and coarse bounds. Modes without
-    a point at a step are left out there.
+    The covariance is the weighted mean of the modes' covariances plus the spread of their means.
+    One Gaussian cannot represent two separate paths, so this is for gating and coarse bounds. At
+    each step, modes without a point are left out.
 
     Args:
         prediction: of n agents.
@@ -94,7 +94,7 @@ def mixture_moments(
 
 
 def without_missing_steps(prediction: Prediction) -> Prediction:
-    """Return the prediction without the steps of which no agent has a point (time NaN)."""
+    """Return the prediction without the steps at which no agent has a point (time NaN)."""
     known = np.flatnonzero(np.isfinite(prediction.time_s))
     if len(known) == len(prediction.time_s):
         return prediction
@@ -109,9 +109,10 @@ def without_missing_steps(prediction: Prediction) -> Prediction:
 
 
 def first_places(prediction: Prediction) -> Float64Array:
-    """Return [n, 2] where the agents were at the stamp (m), NaN for one without a point.
+    """Return [n, 2] positions of the agents at the stamp (m), NaN for an agent without points.
 
-    That is the first point of the first mode that has any, carried back by its velocity.
+    They are extrapolated backwards by the velocity from the first point of the first mode with
+    points.
     """
     n, modes, steps = prediction.yaw.shape
     if not modes * steps:
@@ -203,7 +204,7 @@ def _moved(state: Float64Array, pose: Pose2) -> Float64Array:
 def _without_values(
     prediction: Prediction, time_s: Float64Array, shape: tuple[int, ...]
 ) -> Prediction:
-    """Return a prediction without any known step at other times."""
+    """Return the prediction with all values unknown (NaN) at these times."""
 
     def unknown(*dimensions: int) -> NDArray[np.float64]:
         return np.full(dimensions, np.nan)

@@ -153,7 +153,7 @@ class ScenePredictor:
         self._smoother = None
 
     def _no_trails(self) -> TrailMemory:
-        """Return an empty memory, which takes its space now if the model looks at it."""
+        """Return an empty memory of trails, preallocated if the model uses trails."""
         return TrailMemory(reserved=self._runner is not None and self.task.scene.trails)
 
     def continue_from(self, other: ScenePredictor) -> None:
@@ -296,7 +296,7 @@ class ScenePredictor:
         )
 
     def _kept_modes(self, agents: int) -> int:
-        """Return the number of modes with which so many agents stay below ``max_points``."""
+        """Return the most modes with which this number of agents stays within ``max_points``."""
         points = max(1, agents) * self.task.horizon_steps
         return max(1, min(self.modes, self.options.max_points // points))
 
