@@ -47,8 +47,8 @@ from msg_adapters.bags.mcap_records import (
 )
 
 _RUN_BYTES = 1 << 16
-"""Messages outside of chunks are read together up to this size (bytes); chosen: little is read
-twice where such runs are short."""
+"""Messages outside of chunks are read in runs of up to this size (bytes). Chosen: where runs are
+short, little is read twice."""
 
 _WINDOW = 1 << 20
 """Bytes that are searched at a time for the next chunk behind a damage; chosen."""
@@ -62,7 +62,7 @@ _HEAD_BYTES = PREFIX_BYTES + 8 + 8 + 8 + 4 + 4 + 4
 """Longest match of the pattern (bytes)."""
 
 _NAME_BYTES = 64
-"""Longest name of a compression that is looked at (bytes); chosen: those known have four."""
+"""Longest name of a compression that is read (bytes); chosen: known names have at most four."""
 
 Key = TypeVar("Key")
 
@@ -74,10 +74,10 @@ class McapChunk:
     Attributes:
         position: of its record in the file (bytes).
         length: of its record, or of what there is of it (bytes).
-        start_ns, end_ns: log times of its first and last message (ns), by its own claim.
-        messages: number of messages that it should hold; None where nothing tells.
-        plain: a run of messages outside of chunks.
-        numbers: number of a channel in it -> in the file, where they differ.
+        start_ns, end_ns: log times of its first and last message (ns), as its header states.
+        messages: number of messages that it should hold, None if unknown.
+        plain: it is a run of messages outside of chunks.
+        numbers: channel numbers in the file by those in the chunk, where they differ.
     """
 
     position: int
@@ -91,7 +91,7 @@ class McapChunk:
 
 @dataclass
 class _ChunkLoss:
-    """What of a chunk is not read."""
+    """The part of a chunk that cannot be read, and why."""
 
     problem: str
     messages: int = 0
@@ -126,8 +126,8 @@ class McapFile:
     Attributes:
         path: the file.
         schemas: by their number.
-        channels: by their number. Where the file defines one again as something else, that has
-            another number.
+        channels: by their number. A number that the file defines again with other content is
+            replaced by a free one from there on.
         counts: messages by the number of their channel.
         start_ns, end_ns: log times of the first and last message (ns); both 0 without messages.
         chunks: its chunks, in the order of the file.
@@ -192,11 +192,11 @@ class McapFile:
             self._compare_with_statistics(read, wanted)
 
     def _compare_with_statistics(self, read: Mapping[int, int], wanted: Collection[int]) -> None:
-        """Note how many messages of channels, all of which were read, the summary counts besides.
+        """Note a loss if the summary counts more messages than were read.
 
         Args:
-            read: messages by channel.
-            wanted: the channels.
+            read: number of messages read, by channel.
+            wanted: channels of which all messages were read.
         """
         missing = sum(max(0, self.counts[number] - read.get(number, 0)) for number in wanted)
         if missing > sum(loss.messages for loss in self._lost.values()):
@@ -205,9 +205,9 @@ class McapFile:
             self._lost = {-1: _ChunkLoss(problem, missing, end_ns, end_ns, exact=True)}
 
     def loss(self) -> BagLoss | None:
-        """Return what is lost as far as it is known by now, None if nothing is.
+        """Return the loss that is known so far, None if there is none.
 
-        Damage in a chunk of a file with an index is found when the chunk is read.
+        In a file with an index, damage in a chunk is found only when the chunk is read.
         """
         if not self._lost and not self._break:
             return None
@@ -323,12 +323,10 @@ class McapFile:
         self.counts, self._scanned = Counter(), True
         self.start_ns = self.end_ns = 0
         position, complete, broken, files = data_start, False, "", 1
-        indexed: Counter[int] = Counter()
+        indexed: Counter[int] = Counter()  # messages by the position of their chunk
         while position < self._size:
             try:
-                if position + PREFIX_BYTES > self._size:
-                    raise _CutOffError(0)
-                kind, length = prefix_of(self._read(position, PREFIX_BYTES))
+                kind, length = self._prefix(position)
                 if kind in (DATA_END, FOOTER):
                     complete, position = True, self._behind_footer(position)
                     following = self._behind_header(position)
@@ -337,45 +335,75 @@ class McapFile:
                     # Files may have been written one behind the other.
                     complete, position, files = False, following, files + 1
                     continue
-                end = position + PREFIX_BYTES + length
-                if end > self._size and kind != CHUNK:
-                    raise _CutOffError(kind)
-                if kind == CHUNK:
-                    end = min(end, self._size)
-                    self._scan_chunk(McapChunk(position, end - position, 0, 2**63 - 1))
-                    if position in self._lost and not self._is_record(end):
-                        # Its length is wrong, too, or it ends where another file begins.
-                        following = self._next_chunk(position + 1)
-                        if following is not None:
-                            problem = self._lost[position].problem
-                            broken = broken or f"at byte {position}: {problem}"
-                            end = following
-                elif kind == MESSAGE:
-                    end = self._scan_run(position)
-                elif kind == MESSAGE_INDEX and self.chunks:
-                    # A channel and a list of 16 bytes for each of its messages.
-                    indexed[self.chunks[-1].position] += max(0, length - 6) // 16
-                elif kind in DEFINITIONS:
-                    found = ChunkContent(b"")
-                    data = self._read(position + PREFIX_BYTES, length)
-                    note_definition(kind, data, found.schemas, found.channels)
-                    self._definitions.add(found)
+                end = self._scan_record(position, kind, length, indexed)
+                if kind == CHUNK and position in self._lost and not self._is_record(end):
+                    # Its length is wrong, too, or it ends where another file begins.
+                    following = self._next_chunk(position + 1)
+                    if following is not None:
+                        problem = self._lost[position].problem
+                        broken = broken or f"at byte {position}: {problem}"
+                        end = following
                 position = end
             except McapError as error:
                 following = self._next_chunk(position + 1)
                 if following is None and isinstance(error, _CutOffError):
-                    # Of a message outside of chunks nothing is left but itself.
+                    # A message outside of chunks that is cut off is the only loss.
                     self._lost[position] = _ChunkLoss(str(error), int(error.kind == MESSAGE))
                     break
                 broken = broken or f"at byte {position}: {error}"
                 if following is None:
                     break
                 position = following
-        for place, loss in self._lost.items():
-            if place in indexed:
-                held = next(c.messages or 0 for c in self.chunks if c.position == place)
-                loss.messages, loss.exact = max(0, indexed[place] - held), True
-        self._finish_scan(position, complete, broken, files)
+        self._count_losses_by_index(indexed)
+        self._finish_scan(position, broken, files, complete=complete)
+
+    def _prefix(self, position: int) -> tuple[int, int]:
+        """Return kind and length (bytes) of the record at a position.
+
+        Raises:
+            McapError: there is no record, or its prefix is cut off.
+        """
+        if position + PREFIX_BYTES > self._size:
+            raise _CutOffError(0)
+        return prefix_of(self._read(position, PREFIX_BYTES))
+
+    def _scan_record(self, position: int, kind: int, length: int, indexed: Counter[int]) -> int:
+        """Take in a record of the data section; return where the next one should begin.
+
+        Args:
+            position: of the record (bytes).
+            kind: of the record.
+            length: of its content (bytes).
+            indexed: messages by the position of their chunk, counted by the message indices.
+
+        Raises:
+            McapError: the record is damaged or cut off.
+        """
+        end = position + PREFIX_BYTES + length
+        if kind == CHUNK:
+            end = min(end, self._size)
+            self._scan_chunk(McapChunk(position, end - position, 0, 2**63 - 1))
+            return end
+        if end > self._size:
+            raise _CutOffError(kind)
+        if kind == MESSAGE:
+            return self._scan_run(position)
+        if kind == MESSAGE_INDEX and self.chunks:
+            # A channel and a list of 16 bytes for each of its messages.
+            indexed[self.chunks[-1].position] += max(0, length - 6) // 16
+        elif kind in DEFINITIONS:
+            found = ChunkContent(b"")
+            data = self._read(position + PREFIX_BYTES, length)
+            note_definition(kind, data, found.schemas, found.channels)
+            self._definitions.add(found)
+        return end
+
+    def _count_losses_by_index(self, indexed: Mapping[int, int]) -> None:
+        """Replace estimated numbers of lost messages where a message index gives the number."""
+        for position, loss in self._lost.items():
+            if position in indexed:
+                held = next(c.messages or 0 for c in self.chunks if c.position == position)
+                loss.messages, loss.exact = max(0, indexed[position] - held), True
 
     def _is_record(self, position: int) -> bool:
         """Return whether a record begins at a position, as far as its kind and length tell."""
@@ -398,15 +426,15 @@ class McapFile:
         return self._size + 1
 
     def _scan_chunk(self, chunk: McapChunk) -> None:
-        """Add a chunk with what it holds."""
+        """Add a chunk with its definitions and messages."""
         content, head = self._load(chunk)
         if head is None:
-            # Of a chunk whose beginning alone was written nothing is lost.
+            # Nothing is lost if only the beginning of a chunk was written.
             whole = chunk.length >= PREFIX_BYTES + _HEAD_BYTES
-            lost = self._as_many_as_in(chunk.length, *self._mean) if whole else 0
+            lost = self._estimated_messages(chunk.length, *self._mean) if whole else 0
             self._lost[chunk.position] = _ChunkLoss(content.problem, lost)
             chunk.messages = 0
-            self.chunks.append(chunk)  # to which the following index of its messages belongs
+            self.chunks.append(chunk)  # the message index that follows refers to it
             return
         chunk.start_ns, chunk.end_ns = head.start_ns, head.end_ns
         self._add(chunk, content)
@@ -457,7 +485,7 @@ class McapFile:
         self._mean = (self._mean[0] + len(known), self._mean[1] + content.message_bytes)
 
     def _next_chunk(self, position: int) -> int | None:
-        """Return where the next chunk begins that reads well, None if there is none."""
+        """Return where the next readable chunk begins, None if there is none."""
         while position < self._size:
             window = self._read(position, _WINDOW + _HEAD_BYTES)
             for match in _CHUNK_HEAD.finditer(window):
@@ -476,14 +504,14 @@ class McapFile:
             position += _WINDOW
         return None
 
-    def _finish_scan(self, position: int, complete: bool, broken: str, files: int) -> None:
-        """Say what is wrong with the file as a whole.
+    def _finish_scan(self, position: int, broken: str, files: int, *, complete: bool) -> None:
+        """Set the reason why the file as a whole is not intact, if there is one.
 
         Args:
-            position: where it ended, beyond its size if it is cut off within its index.
-            complete: the end of its data was found.
-            broken: where and why it is damaged, empty if it is not.
-            files: number of files that were written into it one behind the other.
+            position: where the scan ended, beyond the file's size if the index is cut off.
+            broken: where and why the file is damaged, empty if it is not.
+            files: number of MCAP files that were written into it one behind the other.
+            complete: the end of the data section was found.
         """
         if broken:
             self._break = f"is damaged {broken}"
@@ -557,24 +585,24 @@ class McapFile:
         whole = len(compressed) == stored
         verified = whole and checksum != 0
         if verified and (len(data) < size or zlib.crc32(data) != checksum):
-            # Which of its messages are wrong cannot be told.
+            # The check sum does not tell which of its messages are wrong.
             problem = "the check sum of a chunk is wrong"
             return ChunkContent(b"", problem=problem, missing=min(size, LARGEST_CHUNK)), head
-        # The times that a chunk claims show a damage where nothing else does.
+        # Without a check sum, times outside of those that the header states reveal damage.
         content = read_content(data) if verified else read_content(data, start_ns, end_ns)
         if not whole:
             content.problem = "a chunk is cut off"
         elif len(data) < size:
             content.problem = "a chunk is damaged"
         if content.problem:
-            # What the loss is estimated from.
+            # The number of lost messages is estimated from the missing bytes.
             content.missing = size - content.used
         if not self._scanned:
             self._refuse_other_channels(content)
         return content, head
 
     def _refuse_missing(self, chunk: McapChunk, content: ChunkContent) -> None:
-        """Say what is wrong with a chunk that reads well, but not as the index tells."""
+        """Set the problem of a readable chunk that does not match the index."""
         known = [m for m in content.messages if m.channel_id in self.channels]
         if len(known) < len(content.messages):
             content.problem = "the definition of a topic is lost"
@@ -583,7 +611,7 @@ class McapFile:
             content.problem = "a chunk holds fewer messages than the index counts"
 
     def _refuse_other_channels(self, content: ChunkContent) -> None:
-        """Leave out the messages of channels that the index of the file calls otherwise."""
+        """Leave out the messages of channels that the file's index defines differently."""
         for number, channel in content.channels.items():
             known = self.channels.get(number)
             if known is not None and not channel.is_same_as(known):
@@ -593,20 +621,20 @@ class McapFile:
                 )
 
     def _note_loss(self, chunk: McapChunk, content: ChunkContent) -> None:
-        """Remember what of a chunk is not read."""
+        """Record how many messages of a chunk are lost, and why."""
         read = len(content.messages)
         last_ns = max((m.time_ns for m in content.messages), default=chunk.start_ns)
         if chunk.messages is not None:
             lost, exact = max(0, chunk.messages - read), True
         else:
-            # As many as fit into the missing bytes at the mean size so far.
+            # Estimated by the mean size of a message so far.
             mean = (read, content.message_bytes) if read else self._mean
-            lost, exact = self._as_many_as_in(content.missing, *mean), False
+            lost, exact = self._estimated_messages(content.missing, *mean), False
         self._lost[chunk.position] = _ChunkLoss(
             content.problem, lost, last_ns, chunk.end_ns, exact
         )
 
     @staticmethod
-    def _as_many_as_in(missing: int, number: int, size: int) -> int:
-        """Return how many messages missing bytes held, where ``number`` have ``size`` bytes."""
+    def _estimated_messages(missing: int, number: int, size: int) -> int:
+        """Estimate the messages in missing bytes if ``number`` messages have ``size`` bytes."""
         return max(1, round(missing * number / max(1, size)))

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The files of a bag as one sequence of messages, whole or damaged.
 
-A folder is read with or without ``metadata.yaml``: what its files are follows from their first
-bytes, what they hold from themselves. The metadata only add the order of the files and what they
-should hold. A file that is cut off or damaged is read as far as it goes, one that cannot be read
-is left out; every loss is logged once as a sentence.
+A folder is read with or without ``metadata.yaml``: the kind of a file is detected by its first
+bytes, and its topics are read from the file itself. The metadata only add the order of the files
+and the expected numbers of messages. A truncated or damaged file is read up to the damage, an
+unreadable one is left out; every loss is logged once as a sentence.
 """
 
 from __future__ import annotations
@@ -294,7 +294,8 @@ class StoredBag:
         connections: topics with their types.
         start_time: log time of the first message (ns).
         end_time: log time behind the last message (ns).
-        told: what was said of it so far, one sentence each, also if it was said before.
+        told: sentences on problems of the bag that were logged so far, also if another instance
+            logged them before.
 
     Raises:
         RecordingError: nothing of it can be read.
@@ -378,7 +379,7 @@ class StoredBag:
         return [*named, *more]
 
     def _present(self, name: str) -> Path:
-        """Return a file that the metadata name, as it is called now."""
+        """Return the present path of a file that the metadata name: it may be (un)compressed."""
         plain = next((name.removesuffix(e) for e in _PACKED if name.endswith(e)), name)
         names = dict.fromkeys((name, plain, *(plain + ending for ending in _PACKED)))
         for other in names:
@@ -436,7 +437,7 @@ class StoredBag:
         return target
 
     def _sqlite(self, file: Path) -> _SqliteStorage:
-        """Return an SQLite file, or what can be read of one that is cut off or damaged.
+        """Return an SQLite file, or a copy of the readable part of a damaged one.
 
         Raises:
             sqlite3.Error: nothing can be read.
@@ -494,18 +495,18 @@ class StoredBag:
         return f"{loss.file} cannot be read as a bag ({expected}): {reason}{more}"
 
     def _connect(self) -> list[dict[int, Connection]]:
-        """Unite the connections of the files; return those of each file by their own number."""
+        """Merge the connections of all files into ``connections``.
+
+        Returns:
+            For each file, the merged connections by the file's own connection numbers.
+        """
         united: dict[Any, Connection] = {}
         offered: dict[Any, list[Qos]] = {}
         keys: list[dict[int, Any]] = []
         for storage in self._storages:
             keys.append({})
-            for number, damaged in storage.connections.items():
-                # A damaged name may have line breaks, and stands in sentences.
-                name, kind = (" ".join(s.split()) for s in (damaged.topic, damaged.msgtype))
-                # A topic may be recorded without the slash that its name begins with.
-                name = "/" + name.lstrip("/") if name else name
-                own = damaged._replace(topic=name, msgtype=kind)
+            for number, connection in storage.connections.items():
+                own = _with_clean_names(connection)
                 topic = (own.topic, own.msgtype)
                 encoding, own_profiles = cast(ConnectionExtRosbag2, own.ext)
                 key = (*topic, encoding, own.msgdef)
@@ -578,7 +579,7 @@ class StoredBag:
             yield time_ns, own[number], data
 
     def losses(self) -> list[BagLoss]:
-        """Return what is lost, as far as it is known by now."""
+        """Return the losses that are known so far."""
         found = [self._with_gap(loss) for loss in self._unread.values()]
         for place, (file, storage) in enumerate(zip(self._files, self._storages, strict=True)):
             expected = self._about.expected.get(file.name)
@@ -615,7 +616,10 @@ class StoredBag:
         )
 
     def _short(self, place: int, expected: tuple[int, int, int] | None) -> BagLoss | None:
-        """Return what a file lacks by metadata that count its messages, but those of no topic."""
+        """Return the loss of a file with fewer messages than the metadata count for it.
+
+        Only where the metadata have no counts by topic; otherwise see :meth:`_tell_shortages`.
+        """
         storage = self._storages[place]
         read = sum(c.msgcount for c in storage.connections.values())
         if expected is None or expected[0] <= read or any(self._about.counts.values()):
@@ -642,12 +646,12 @@ class StoredBag:
             self.tell(loss.sentence())
 
     def _tell_shortages(self, wanted: Collection[int]) -> None:
-        """Say of which topics the files hold fewer messages than the metadata say.
+        """Log the topics with fewer messages in the files than the metadata count.
 
-        A file that is known to be damaged or missing explains as many as it has lost.
+        Nothing is logged if the known losses of files account for all missing messages.
 
         Args:
-            wanted: numbers of the connections that are meant, besides topics without any.
+            wanted: numbers of the connections to report, besides topics without a connection.
         """
         held = Counter[tuple[str, str]]()
         for connection in self.connections:
@@ -670,7 +674,7 @@ class StoredBag:
                 )
 
     def tell(self, sentence: str) -> None:
-        """Say a sentence about the bag, once a process, and remember it."""
+        """Log a sentence about the bag, once per process, and store it in ``told``."""
         if sentence not in self.told:
             self.told.append(sentence)
         tell_once(sentence)
@@ -682,6 +686,17 @@ class StoredBag:
                 storage.close()
         if self._folder is not None:
             self._folder.cleanup()
+
+
+def _with_clean_names(connection: Connection) -> Connection:
+    """Return a connection without line breaks in its names, its topic with a leading slash.
+
+    Names in a damaged file may contain line breaks, which must not appear in log lines; a topic
+    may have been recorded without the leading slash.
+    """
+    topic, message_type = (" ".join(s.split()) for s in (connection.topic, connection.msgtype))
+    topic = "/" + topic.lstrip("/") if topic else topic
+    return connection._replace(topic=topic, msgtype=message_type)
 
 
 def _unpacked(data: bytes) -> bytes:
@@ -699,7 +714,7 @@ def _unpacked(data: bytes) -> bytes:
 
 
 def tell_once(sentence: str) -> None:
-    """Log a sentence once: a bag is opened more than once by many commands."""
+    """Log a sentence once per process: many commands open a bag more than once."""
     if sentence not in _told:
         _told.add(sentence)
         _log.warning("%s", sentence)
