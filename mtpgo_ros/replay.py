@@ -14,7 +14,7 @@ import contextlib
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from mtpgo_core.errors import MtpgoError, RecordingError
 from mtpgo_core.maps.lane_file_options import AUTO, PROJECTIONS, LaneFileOptions
@@ -32,6 +32,10 @@ from mtpgo_ros.runtime.executable import (
     stop_on_signals,
     tell,
 )
+
+if TYPE_CHECKING:
+    from mtpgo_ros.bags.clock_gap import PlayedPart
+    from mtpgo_ros.bags.playback import PlaybackTiming
 
 _SWITCH_INTERVAL_S = 5e-4
 """Longest time that the reading thread keeps the interpreter (s), a tenth of Python's default;
@@ -141,10 +145,14 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
+    """Play a bag as the options say.
+
+    Raises:
+        MtpgoError: the bag or the lane file cannot be used, or nothing was played.
+    """
     from msg_adapters.bags.bag_reader import BagReader
     from mtpgo_core.maps.lane_file import read_lane_file
     from mtpgo_ros.bags.clock_gap import played_part
-    from mtpgo_ros.bags.playback import PlaybackTiming
     from mtpgo_ros.bags.player_node import LANES_TOPIC, BagPlayer, Wait
 
     how = LaneFileOptions(options.lane_projection, options.lane_origin, options.lane_offset)
@@ -163,17 +171,7 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
             part = played_part(bag, topics)
         for sentence in part.sentences:
             tell(f"replay: {sentence}", error=True)
-        origin_ns = part.start_ns + _ns(options.start_offset)
-        end_ns = part.end_ns
-        if options.duration is not None:
-            end_ns = min(end_ns, origin_ns + _ns(options.duration))
-        if origin_ns > part.end_ns:
-            raise RecordingError(
-                f"--start-offset is {options.start_offset:g} s, but bag {options.bag} lasts only"
-                f" {(part.end_ns - part.start_ns) * 1e-9:.3f} s"
-            )
-        timing = PlaybackTiming(origin_ns, end_ns, options.rate, options.clock_rate)
-        player = BagPlayer(bag, timing, topics)
+        player = BagPlayer(bag, _timing(options, part), topics)
         try:
             if lanes is not None:
                 player.publish_lanes(lanes.lines, options.lane_frame)
@@ -192,13 +190,32 @@ def _replay(options: argparse.Namespace, stopped: Callable[[], bool]) -> None:
             player.close()
 
 
+def _timing(options: argparse.Namespace, part: PlayedPart) -> PlaybackTiming:
+    """Return which part of a bag is played, and how fast.
+
+    Raises:
+        RecordingError: the bag ends before the start offset.
+    """
+    from mtpgo_ros.bags.playback import PlaybackTiming
+
+    origin_ns, end_ns = part.start_ns + _ns(options.start_offset), part.end_ns
+    if options.duration is not None:
+        end_ns = min(end_ns, origin_ns + _ns(options.duration))
+    if origin_ns > part.end_ns:
+        raise RecordingError(
+            f"--start-offset is {options.start_offset:g} s, but bag {options.bag} lasts only"
+            f" {(part.end_ns - part.start_ns) * 1e-9:.3f} s"
+        )
+    return PlaybackTiming(origin_ns, end_ns, options.rate, options.clock_rate)
+
+
 def _ns(seconds: float) -> int:
-    """Return a time of the command line (ns), of which a number may be as large as it likes."""
+    """Return a time from the command line (s) in ns, limited to :data:`_LONGEST_S`."""
     return round(1e9 * min(seconds, _LONGEST_S))
 
 
 def _of(options: argparse.Namespace) -> str:
-    """Return which part of the bag was asked for, in words."""
+    """Return the selected topics and times as the end of a sentence."""
     words = [] if options.topics is None else [f"on {', '.join(options.topics)}"]
     if options.start_offset or options.duration is not None:
         words.append("in the time that was asked for")

@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the messages of a bag have the definition that is installed.
+"""Checks that the messages of a bag have the same definition as the installed message packages.
 
-They are played as the bytes that were recorded. Where a field was added, removed or moved since,
-a subscriber would read them as something else.
+The recorded bytes are played unchanged. If a field was added, removed or moved since, subscribers
+would decode wrong values.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def installed_definition(message_type: str) -> str:
 
 
 def _as_in_file(text: str) -> str:
-    """Return the type of a field as a ``.msg`` file writes it, without bounds."""
+    """Return the type of a field in the notation of ``.msg`` files, without bounds."""
     kind, inner = _kind_of(text)
     return kind.replace("message", inner.replace("/msg/", "/"), 1) if inner else kind
 
@@ -106,6 +106,6 @@ def _kind_of(text: str) -> tuple[str, str]:
 
 
 def _named(kind: str) -> str:
-    """Return the one name of a type that has several."""
+    """Return the canonical name of a primitive type."""
     name, bracket, size = _BOUND.sub(r"\1", kind).partition("[")
     return _BASIC.get(name, name) + bracket + size

@@ -56,7 +56,7 @@ class Sinks:
     Attributes:
         publish: (topic, bytes).
         clock: called with the present log time (ns) at every tick.
-        progress: called with the log time reached (ns), when there is time for it.
+        progress: called with the log time reached (ns), while no message is due.
         stopped: returns whether to stop.
     """
 

@@ -156,7 +156,7 @@ class Recorder(Node):
         self._bag.flush_if_due()
 
     def _find_publishers(self) -> None:
-        """Subscribe as the publishers that there are by now demand it."""
+        """Subscribe to the topics by the types and QoS of the publishers found so far."""
         for name in self._topics:
             infos = self.get_publishers_info_by_topic(name)
             if infos:
@@ -206,7 +206,7 @@ class Recorder(Node):
         )
 
     def _add_to_bag(self, name: str) -> bool:
-        """Add a topic to the bag when it is known what it is; return whether it is there."""
+        """Add a topic to the bag once its type is known; return whether the bag has it."""
         topic = self._topics[name]
         if self._bag.type_of(name) == topic.message_type:
             return True
@@ -276,9 +276,9 @@ class Recorder(Node):
 
 
 def _other_definition(message_type: str) -> str:
-    """Return the installed definition of a type if it is not the known one, else empty.
+    """Return the installed definition of a type if it differs from the packaged one, else "".
 
-    A bag has the known one with its comments and constants.
+    The packaged one, with its comments and constants, is written into bags by default.
     """
     try:
         require_installed_layout(message_type, known_layout(message_type))

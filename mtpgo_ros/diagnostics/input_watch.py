@@ -1,10 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the input is alive: the time since the last usable observation. No ROS in here.
+"""The age of the input: the time since the last usable observation. No ROS in here.
 
-A message that is rejected, or of which every object is rejected, is no sign of life. Time counts
-on a clock that moves: with simulated time a simulation that is slow or paused for a moment does
-not make the input stale, but one that stands still for longer is timed on the machine's clock.
+A message that is rejected, or whose objects are all rejected, does not count. With simulated time
+the age is measured on the simulated clock, so that a slow or briefly paused simulation does not
+make the input stale; once that clock has stood still for a while, the machine's clock is used.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ waited for any longer; chosen: a step of a slow simulator is shorter."""
 
 @dataclass(frozen=True)
 class InputAge:
-    """What is known about the life of the input.
+    """The age of the input, and why messages were rejected.
 
     Attributes:
         usable: whether there was a usable observation since the activation.
@@ -80,11 +80,11 @@ class InputWatch:
         with self._lock:
             changed = simulated_ns != self._simulated_ns
             if changed and not (simulated_ns and self._simulated_ns):
-                # Another clock, or its first time: it cannot be compared with what was before.
+                # Another clock, or its first time: it cannot be compared with earlier times.
                 self._marked_ns = simulated_ns
             elif simulated_ns and self._simulated_ns and self._marked_ns is not None:
-                # A clock that is set back takes the mark along: the age goes on from where it is,
-                # and does not wait until the clock shows that time again.
+                # When the clock is set back, the mark is moved with it, so that the age continues
+                # to grow at once, not only when the clock has reached its old time again.
                 self._marked_ns -= max(0, self._simulated_ns - simulated_ns)
             if changed or simulated_ns is None:
                 self._moved_s = self._machine_clock()

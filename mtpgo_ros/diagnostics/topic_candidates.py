@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which other topics may have the tracked objects, where the expected one has no publisher."""
+"""Suggests topics with tracked objects where the expected one has no publisher."""
 
 from __future__ import annotations
 

@@ -1,3 +1,3 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a lifecycle manager needs of the node besides rclpy's own services."""
+"""The lifecycle of the nodes: executables, transitions, bond and resources."""

@@ -40,7 +40,7 @@ def run_lifecycle(node: Any, stopped: Callable[[], bool], notifier: ServiceNotif
     node.on_health(lambda verdict: notifier.status(verdict.sentence))
     node.long_step = notifier.long_step
     if notifier.watchdog_s:
-        # From the executor: one that hangs gives no sign of life.
+        # On the executor, so that a blocked executor sends no watchdog notification.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(notifier.watchdog_s, notifier.alive, clock=steady)
     spin(node, stopped, node.events.failure)

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a step creates on a node does not outlive a step that fails."""
+"""Cleans up the entities that a failed step has created on a node."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 def nothing_left_behind(node: LifecycleNode) -> Iterator[None]:
     """Destroy the publishers, subscriptions and timers that the block created if it raises.
 
-    A constructor that fails half-way returns nothing that could be closed, and what it had created
-    would go on: a subscription would call into half of an object.
+    A constructor that raises returns no object that could be closed. Without this, its
+    subscriptions would remain and call a half-constructed object.
 
     Args:
         node: on which the block creates something, in this thread.
@@ -39,6 +39,6 @@ def nothing_left_behind(node: LifecycleNode) -> Iterator[None]:
 
 
 def _new(now: Iterable[Any], before: list[Any]) -> list[Any]:
-    """Return what was not there before."""
+    """Return the entities that were created since."""
     known = set(map(id, before))
     return [entity for entity in now if id(entity) not in known]

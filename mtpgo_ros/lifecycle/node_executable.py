@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the executables of the lifecycle nodes have in common: arguments, start, end, status."""
+"""Shared by the executables of lifecycle nodes: arguments, start, end and exit status."""
 
 from __future__ import annotations
 

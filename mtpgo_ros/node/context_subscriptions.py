@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Subscriptions to the context topics: the ego's identity and the lane markings.
 
-They are made for latched publishers, whose last message comes whenever the node starts. A volatile
-or best-effort publisher does not fit such a subscription; when one appears, a second subscription
-hears it.
+The subscriptions are latched (transient local), so the last message arrives whenever the node
+starts. A volatile or best-effort publisher is incompatible with such a subscription; when one
+appears, a second, volatile best-effort subscription is created.
 """
 
 from __future__ import annotations
@@ -90,9 +90,9 @@ class ContextSubscriptions:
 
 
 class _LaneMarkings:
-    """The subscription to ``lane_markings``, whose messages a thread of its own reads.
+    """The subscription to ``lane_markings``, whose messages are read on a separate thread.
 
-    Reading the lines of a large site takes a second, which services and diagnostics do not have.
+    Reading the lines of a large site takes a second, which would block services and diagnostics.
 
     Args:
         node: the node.
@@ -114,7 +114,7 @@ class _LaneMarkings:
         self._subscription = _AnyPublisher(
             node, MarkerArray, "lane_markings", self._submit, events, raw=True
         )
-        # After what may fail: nothing would end its thread. Messages come on this thread, later.
+        # Created last: if the above fails, nothing would end its thread.
         self._queue = WorkQueue(self._read, 1, "lane markings")
 
     def _submit(self, data: bytes) -> None:
@@ -146,7 +146,7 @@ class _LaneMarkings:
 
 
 class _AnyPublisher:
-    """A latched subscription and, once a publisher does not fit it, an undemanding one.
+    """A latched subscription and, once a publisher is incompatible, a volatile best-effort one.
 
     Args:
         node: the node.

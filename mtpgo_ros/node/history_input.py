@@ -155,16 +155,9 @@ class HistoryInput:
             The window of the prediction that the observation starts, None if none is due.
         """
         self.report = None
-        if states.stamp_ns <= 0:  # before 1970: no clock of a robot shows that
-            self._reject("unstamped")
-            return None
-        if self._is_of_another_unit(states.stamp_ns, receipt.monotonic_ns):
-            self._reject("stamp_unit")
-            return None
-        self._pace.add(states.stamp_ns, now_ns)
-        self._events.count("stamp_pace", int(self._pace.is_slow))
-        if self._is_from_the_future(states.stamp_ns, now_ns):
-            self._reject("future_stamp")
+        refused = self._refused_stamp(states.stamp_ns, now_ns, receipt)
+        if refused:
+            self._reject(refused)
             return None
         set_forward = self._set_forward(states.stamp_ns, now_ns, self._sender_set(receipt))
         if set_forward:
@@ -175,7 +168,7 @@ class HistoryInput:
             self._events.count(name, int(getattr(report, name)))
         if set_forward:
             self._events.count("clock_set", reason="the clock of the objects was set forward")
-            # Once: two senders whose clocks differ would clear it by turns.
+            # Only once: two senders whose clocks differ would otherwise clear it alternately.
             self._sender_set_until_ns = 0
             report = dataclasses.replace(report, clock_reset=True)
         self.report = report
@@ -183,9 +176,11 @@ class HistoryInput:
         if report.wrong_frame:
             self.rejection = ODD_INPUT["frame_changed"]
             return None
-        own = int(with_ego)
-        accepted = report.accepted - int(own and self._observed(ego_key, states.stamp_ns))
-        self.rejection = _rejection(report, accepted, len(states) - own, skipped_objects)
+        accepted, objects = report.accepted, len(states)
+        if with_ego:
+            objects -= 1
+            accepted -= int(self._observed(ego_key, states.stamp_ns))
+        self.rejection = _rejection(report, accepted, objects, skipped_objects)
         if report.clock_reset or report.frame_changed:
             self._predictor.reset()
             self._rate_limiter.reset()
@@ -237,11 +232,21 @@ class HistoryInput:
         self._events.count(counter)
         self.rejection = ODD_INPUT[counter]
 
-    def _is_of_another_unit(self, stamp_ns: int, received_ns: int) -> bool:
-        """Return whether the parts of seconds of the stamps are not in nanoseconds.
+    def _refused_stamp(self, stamp_ns: int, now_ns: int, receipt: Receipt) -> str:
+        """Return the counter for a stamp that is not used, empty if it is; call once a message."""
+        if stamp_ns <= 0:  # 1970 or before: the clock was not set
+            return "unstamped"
+        if self._is_of_another_unit(stamp_ns, receipt.monotonic_ns):
+            return "stamp_unit"
+        self._pace.add(stamp_ns, now_ns)
+        self._events.count("stamp_pace", int(self._pace.is_slow))
+        return "future_stamp" if self._is_from_the_future(stamp_ns, now_ns) else ""
 
-        The history would take the messages of a second for one. A stamp outside of the first
-        millisecond of a second says that the stamps are right from now on.
+    def _is_of_another_unit(self, stamp_ns: int, received_ns: int) -> bool:
+        """Return whether ``nanosec`` of the stamps seems to be in another unit, such as ms.
+
+        The history would take all messages of a second for duplicates. A stamp outside of the
+        first millisecond of a second proves that the unit is right.
         """
         self._seconds.add(stamp_ns, received_ns)
         if not self._seconds.are_in_first_millisecond:
@@ -274,9 +279,9 @@ class HistoryInput:
     def _set_forward(self, stamp_ns: int, now_ns: int, sender_set: bool) -> bool:
         """Return whether the stream's clock was set forward.
 
-        Its stamps are ahead of the node's clock from now on, or the clock of their sender was set;
-        and they have gone on by more than the node's clock. Neither alone says so: a bag may be
-        played faster, and a simulation or a sensor has a clock of its own.
+        Two conditions must hold, since a bag may be played faster than real time, and a simulation
+        or a sensor has a clock of its own: the stamps are ahead of the node's clock since now, or
+        the sender's clock was set; and the stamps advanced by more than the node's clock.
         """
         if self._newest_ns is None or not (sender_set or self._ahead == _CONFIRMATIONS):
             return False

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""How much time of a period the model may take, and what is said where it is not enough.
+"""The model's share of the period, and the report when it is not sufficient.
 
 No ROS in here.
 """
@@ -27,7 +27,7 @@ _MODEL_SHARE = 0.95
 
 
 class LoadControl:
-    """Shortens the model's time where publishing takes long, so that the fallback is in time."""
+    """Reduces the model's time budget by the time that publishing takes."""
 
     def __init__(self) -> None:
         self._publishing_ns = 0.0

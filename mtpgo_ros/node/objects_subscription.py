@@ -114,14 +114,15 @@ class ObjectsSubscription:
         self._next_search_s = time.monotonic() + _SEARCH_S
         self._follows_type = input_type == "auto"
         self._choice = ReliabilityChoice(time.monotonic())
-        # The last subscription, while its successor is discovered, and what both may receive.
+        # The previous subscription overlaps with its successor until that one is discovered; the
+        # source times tell the messages that both receive.
         self._leaving: Subscription | None = None
         self._leaving_s = 0.0
         self._sent_ns: deque[int] = deque(maxlen=2 * _DEPTH)
         self._depth = _DEPTH
         if not self._follows_type:
             self._subscribe(input_adapter(input_type))
-        # After what may fail: nothing would end its thread. Messages come on this thread, later.
+        # Created last: if the above fails, nothing would end its thread.
         self._queue = WorkQueue(
             self._decode, self._depth, "objects", self._on_overrun, rest_s=_REST_S
         )
@@ -159,10 +160,11 @@ class ObjectsSubscription:
         self._check_type({info.topic_type for info in publishers})
 
     def _make_room(self, publishers: int) -> bool:
-        """Let a message of each publisher wait when all send at once; return if that is new.
+        """Deepen the queues so that one message of each publisher fits; return whether changed.
 
-        Otherwise the middleware would keep the newest five of all, always of the same publishers,
-        and the road users of the others would never be seen. Doubled, not to subscribe too often.
+        With too short a queue the middleware keeps the newest messages only, which may always be
+        of the same publishers, and the road users of the others would never be seen. The depth is
+        doubled, since each change needs a new subscription.
         """
         depth = self._depth
         while self._depth < _DEPTH * min(publishers, _MOST_PUBLISHERS):
@@ -175,9 +177,9 @@ class ObjectsSubscription:
         return True
 
     def _check_type(self, published: set[str]) -> None:
-        """Subscribe to a published type; types with an adapter are preferred.
+        """Subscribe to a published type if needed, and set the status.
 
-        The status is made anew each time, so that it ends with its cause.
+        The status is set on every call, so that a problem is reported only while it lasts.
         """
         others = published - {self.message_type}
         if not published:
@@ -191,7 +193,7 @@ class ObjectsSubscription:
             self._subscribe_to_one_of(published)
 
     def _without_publisher(self) -> str:
-        """Return the status without a publisher: none where there was one, else where to look."""
+        """Return the status without a publisher: empty if there was one, else other topics."""
         if self._subscription is not None and self._matched:
             return ""
         if time.monotonic() >= self._next_search_s:
@@ -289,8 +291,8 @@ class ObjectsSubscription:
         self._events.count("input_overruns")
 
     def _on_matched(self, event: Any) -> None:
-        # Discovery ends on the two sides at different times, and messages sent before it has ended
-        # here are lost. Scripts that must not lose the first message wait for this line.
+        # The two sides discover each other at different times, and messages sent before this side
+        # has are lost. Scripts that must not lose the first message wait for this line.
         if event.current_count_change > 0:
             self._matched = True
             self._node.get_logger().info(
@@ -316,10 +318,10 @@ class ObjectsSubscription:
 
 
 class LostMessages:
-    """Counts lost messages from the middleware's reports of changes.
+    """Counts lost messages by the changes that the middleware reports.
 
-    The middleware corrects a report when a message that it believed lost arrives after all. The
-    change is then negative, and comes as an unsigned number.
+    The middleware corrects its count when a message that it reported as lost arrives after all.
+    The change is then negative, but is given as an unsigned 64-bit number.
     """
 
     def __init__(self) -> None:
@@ -335,10 +337,10 @@ class LostMessages:
 
 @contextlib.contextmanager
 def _without_garbage_collection() -> Iterator[None]:
-    """Keep the collector from searching hundreds of thousands of new objects again and again.
+    """Disable garbage collection within the block.
 
-    It would keep every other thread waiting, 50 ms at a time (measured); no object of a message
-    refers to itself.
+    Decoding creates hundreds of thousands of objects, and each collection would block all other
+    threads for 50 ms (measured). Messages have no reference cycles.
     """
     gc.disable()
     try:

@@ -218,10 +218,10 @@ class PredictionPipeline:
 
     @contextlib.contextmanager
     def no_cycle_skipped(self) -> Iterator[None]:
-        """Skip no cycle within the block, which begins right after one; any thread.
+        """Let no cycle be skipped within the block, which begins right after a cycle; any thread.
 
-        For work that keeps all other threads waiting: observations that come meanwhile are
-        handled afterwards, at once, and each of them is answered.
+        For work that blocks all other threads: the observations that arrive meanwhile are handled
+        immediately afterwards, and each of them is answered.
         """
         self._cycle_ended.clear()
         self._cycle_ended.wait(min(_LONGEST_WAIT_S, 2.0 * self._parameters.period_s))
@@ -296,14 +296,17 @@ class PredictionPipeline:
             if window is None:
                 self._score()
             else:
-                if self._unanswered_since_s is None:
-                    self._unanswered_since_s = time.monotonic()
-                request = self._request(window, states.stamp_ns, receipt.monotonic_ns)
-                self.worker.submit(request)
-                self._score()
-                request.scored.set()
+                self._submit(self._request(window, states.stamp_ns, receipt.monotonic_ns))
         finally:
             self._events.count("messages")
+
+    def _submit(self, request: PredictionRequest) -> None:
+        """Submit a request to the worker, and score earlier predictions meanwhile."""
+        if self._unanswered_since_s is None:
+            self._unanswered_since_s = time.monotonic()
+        self.worker.submit(request)
+        self._score()
+        request.scored.set()
 
     def _score(self) -> None:
         """Score earlier predictions by the last observation, while the model is at work."""
@@ -396,12 +399,25 @@ class PredictionPipeline:
         published_ns = time.monotonic_ns()
         self._load.published(published_ns - begun_ns)
         latency_ns = published_ns - request.received_ns
-        status = self._status
         self._published_s, self._unanswered_since_s = time.monotonic(), None
         self._events.count("predictions")
         if latency_ns > request.deadline_ns:
             self._events.count("deadline_misses", reason=late_cycle(request, published_ns))
-        status.latency.add(latency_ns * 1e-6)
+        self._status.latency.add(latency_ns * 1e-6)
+        self._note_sources(request, prediction)
+        self._publishers.publish_secondary(prediction, latency_ns * 1e-6)
+        if len(prediction) and not self._said_first:
+            self._said_first = True
+            self._node.get_logger().info(
+                f"first prediction: {len(prediction)} road user(s), {latency_ns * 1e-6:.0f} ms"
+                " after their observation"
+            )
+        self.quality.published(prediction, request.window, self._parameters.max_modes)
+        self._cycle_ended.set()
+
+    def _note_sources(self, request: PredictionRequest, prediction: Prediction) -> None:
+        """Note in the status how many agents the model served, and for how long it has not."""
+        status = self._status
         status.over_budget_in_a_row = status.over_budget_in_a_row + 1 if request.over_budget else 0
         status.agents = len(prediction)
         constant = prediction.source == Source.CONSTANT_VELOCITY
@@ -411,15 +427,6 @@ class PredictionPipeline:
         if not request.over_budget:
             unserved = 0 < status.agents == status.fallback_agents
             status.without_model_in_a_row = status.without_model_in_a_row + 1 if unserved else 0
-        self._publishers.publish_secondary(prediction, latency_ns * 1e-6)
-        if status.agents and not self._said_first:
-            self._said_first = True
-            self._node.get_logger().info(
-                f"first prediction: {status.agents} road user(s), {latency_ns * 1e-6:.0f} ms"
-                " after their observation"
-            )
-        self.quality.published(prediction, request.window, self._parameters.max_modes)
-        self._cycle_ended.set()
 
     def _on_ego(self, text: str) -> None:
         changed, self.ego_text = text != self.ego_text, text

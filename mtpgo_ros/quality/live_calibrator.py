@@ -71,7 +71,7 @@ class LiveCalibrator:
             self.look_at_file()
 
     def look_at_file(self) -> None:
-        """Take the file as it is now for this calibrator's own."""
+        """Accept the present state of the file as written by this calibrator."""
         if self._path is not None:
             self._seen = _state_of(self._path)
 
@@ -92,7 +92,7 @@ class LiveCalibrator:
             return
         self._saved_s = now_s
         if self._writer is None or not self._writer.is_alive():
-            # A disk may take its time, which the observations do not have.
+            # A slow disk must not delay the observations.
             self._writer = threading.Thread(target=self._save, name="calibration file")
             self._writer.start()
 

@@ -58,7 +58,7 @@ class LiveQuality:
         self.place = (float(middle[0]), float(middle[1]))
 
     def observed(self, history: TrackHistory, report: UpdateReport) -> Outcomes:
-        """Score what has become known with an observation, and return it.
+        """Score the earlier predictions whose truth this observation gives, and return them.
 
         Args:
             history: after the observation.

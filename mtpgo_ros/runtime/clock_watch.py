@@ -27,7 +27,7 @@ _SURE_NS = 1_000_000
 
 
 class ClockSteps:
-    """The times at which the system clock was set, seen by looking again and again.
+    """Detects steps of the system clock by polling.
 
     A machine that was suspended counts as one whose clock was set forward.
     """
@@ -36,9 +36,9 @@ class ClockSteps:
         self._offset_ns = _offset_ns()
 
     def change_ns(self) -> int:
-        """Return by how much the clock was set since the last look (ns), 0 if it was not.
+        """Return by how much the clock was set since the last call (ns), 0 if it was not.
 
-        What comes and goes by less than :data:`SET_NS` between two looks is no change.
+        Changes by less than :data:`SET_NS` between two calls are ignored.
         """
         offset_ns, before_ns = _offset_ns(), self._offset_ns
         if offset_ns is None:
@@ -50,7 +50,7 @@ class ClockSteps:
 
 
 class EvenClock:
-    """The system's time at the start, which goes on evenly when the system clock is set.
+    """A clock that starts at the system time and ignores later steps of the system clock.
 
     It follows adjustments of the rate.
     """
@@ -60,7 +60,7 @@ class EvenClock:
         self._shift_ns = 0
 
     def time_ns(self) -> int:
-        """Return the time (ns); call it often, or what was adjusted meanwhile counts as set."""
+        """Return the time (ns); call it often, so that slow adjustments do not look like steps."""
         self._shift_ns -= self._steps.change_ns()
         return time.time_ns() + self._shift_ns
 
@@ -100,9 +100,9 @@ def set_sentence(change_s: float) -> str:
 
 
 def _offset_ns() -> int | None:
-    """Return what the system clock is ahead of the monotonic one (ns); None if not known.
+    """Return the system clock minus the monotonic clock (ns); None if not known.
 
-    The thread may have to wait for a processor between the two.
+    Not known if the thread was suspended between reading the two clocks.
     """
     for _ in range(3):
         before_ns = time.monotonic_ns()

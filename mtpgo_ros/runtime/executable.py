@@ -46,9 +46,9 @@ def share_interpreter() -> None:
 
 
 def tell(sentence: str, *, error: bool = False) -> None:
-    """Print a line on stdout, or on stderr; the work goes on where that is closed or not read.
+    """Print a line on stdout or stderr; errors are ignored, for example of a closed pipe.
 
-    A script may end reading after the line that it waits for.
+    A script may stop reading after the line that it waits for.
     """
     stream = sys.stderr if error else sys.stdout
     if stream is None:  # as Python has it where the file is closed
@@ -60,7 +60,7 @@ def tell(sentence: str, *, error: bool = False) -> None:
 
 
 def answer(program: str, text: str) -> None:
-    """Print what was asked for on stdout; nothing is printed where that is closed.
+    """Print requested text, such as the help, on stdout; print nothing if that is closed.
 
     Raises:
         SystemExit: it cannot be written, as on a full disk, or its reader has ended.
@@ -77,7 +77,7 @@ def answer(program: str, text: str) -> None:
 
 
 def _drop_output(stream: TextIO) -> None:
-    """Let what is left of the output go nowhere: it would fail again at the end of the process."""
+    """Redirect the rest of the output to the null device: flushing it at exit would fail again."""
     with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
         os.dup2(nowhere.fileno(), stream.fileno())
 

@@ -11,7 +11,7 @@ from mtpgo_ros.runtime.clock_watch import ClockSteps
 
 
 class Receipt(NamedTuple):
-    """What is known of the way of a message.
+    """When and how a message was received.
 
     Attributes:
         monotonic_ns: when it was received (ns of the monotonic clock), 0 where that is not known.
@@ -27,11 +27,11 @@ UNKNOWN = Receipt()
 
 
 class ReceiptClock:
-    """Converts times of receipt from the system clock, which the middleware has, to the monotonic.
+    """Converts the middleware's times of receipt from the system clock to the monotonic clock.
 
-    A message may have waited for long: while the process was stopped, or while something kept its
-    interpreter busy. That time counts, unless the system clock was set since it was received:
-    then nothing is known about the wait before that.
+    A message may have waited for long, for example while the process was stopped. This wait is
+    part of its latency, unless the system clock was set since the receipt: the wait before that
+    is then unknown.
     """
 
     def __init__(self) -> None:
