@@ -55,6 +55,8 @@ from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS, RECORDED,
 if TYPE_CHECKING:
     from mtpgo_core.prediction.model_runner import ModelRunner
     from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
+    from mtpgo_training.evaluation.evaluator import Settings
+    from mtpgo_training.parallel.pool_options import PoolOptions
 
 
 STRIDE_S = 0.2
@@ -90,7 +92,7 @@ WITHOUT_EFFECT = (
     (("calibration", "prefer"), "which were calibrated by the node"),
     (("path_smoothing",), "which are scored as the node published them"),
 )
-"""Those that do nothing for recorded predictions, and why."""
+"""Options without effect on recorded predictions, and the reasons."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -218,14 +220,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo evaluate``."""
     if args.results:
-        if args.model or args.predictions or args.data_options or args.json or args.report:
-            raise ConfigurationError(
-                "--results is given with --model, --data, --predictions, --json or --report"
-            )
-        require_none(_given(args, OF_A_RUN), "--results", "which are of earlier evaluations")
-        from mtpgo_training.reports.markdown import markdown_table, read_results
-
-        print(markdown_table([(path.stem, read_results(path)) for path in args.results]))
+        _print_results(args)
         return 0
     topic = _predictions_topic(args)
     _check(args)
@@ -247,11 +242,8 @@ def run(args: argparse.Namespace) -> int:
         require_writable(args.json)
     start_fork_server(pool, "mtpgo_training.evaluation.parallel_evaluation")
     # Imported here: torch takes seconds to load, and the parser does not need it.
-    from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
-    from mtpgo_training.evaluation.evaluator import Settings, load_models
-    from mtpgo_training.evaluation.parallel_evaluation import evaluate_sources
+    from mtpgo_training.evaluation.evaluator import load_models
     from mtpgo_training.evaluation.summary import summarise
-    from mtpgo_training.scenes.taken_strides import rounding_sentences
 
     runners = load_models(args.model)
     if args.without_trails and not any(one.task.scene.trails for one in runners.values()):
@@ -259,41 +251,11 @@ def run(args: argparse.Namespace) -> int:
             f"--without-trails is given with {', '.join(runners)}, which do not see trails, "
             "expected a model with scene.trails"
         )
-    settings = Settings(
-        args.policy,
-        STRIDE_S if args.stride is None else args.stride,
-        not args.no_centre,
-        args.min_future,
-        args.one_sample,
-        not args.without_trails,
-        (args.tracker_seed or 0) if args.tracker == SIMULATED else None,
-        args.calibration or SHIPPED,
-        args.prefer or PREFER_MODEL,
-        args.kde_samples,
-        args.path_smoothing,
-        args.unknown_classes,
-    )
+    settings = _settings(args)
     if args.predictions:
         result = _from_bags(args, runners, topic)
     else:
-        evaluation, failures = evaluate_sources(
-            runners,
-            jobs,
-            settings,
-            pool=pool,
-            cache=cache_from(args),
-            resume=args.resume,
-            draw=list(runners) if args.report is not None else [],
-            progress=not args.quiet and sys.stderr.isatty(),
-        )
-        if len(failures) == len(jobs):
-            raise RecordingError(failures[0].reason)
-        said = []
-        if args.stride is not None:
-            said = rounding_sentences(
-                "--stride", args.stride, evaluation.rounded, "instants are scored"
-            )
-        result = BagResult(evaluation, warnings=said, failures=failures)
+        result = _from_models(args, runners, jobs, settings, pool)
     if not result.evaluation.scores:
         raise RecordingError(
             "nothing could be scored: no agent of the recordings is predicted and observed "
@@ -336,6 +298,78 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _print_results(args: argparse.Namespace) -> None:
+    """Print the table of earlier evaluations (``--results``).
+
+    Raises:
+        ConfigurationError: options of an evaluation are given as well, or a file is not one.
+    """
+    if args.model or args.predictions or args.data_options or args.json or args.report:
+        raise ConfigurationError(
+            "--results is given with --model, --data, --predictions, --json or --report"
+        )
+    require_none(_given(args, OF_A_RUN), "--results", "which are of earlier evaluations")
+    from mtpgo_training.reports.markdown import markdown_table, read_results
+
+    print(markdown_table([(path.stem, read_results(path)) for path in args.results]))
+
+
+def _settings(args: argparse.Namespace) -> Settings:
+    """Return what is scored, and how, as the options say."""
+    from mtpgo_training.evaluation.evaluator import Settings
+
+    return Settings(
+        policy=args.policy,
+        stride_s=STRIDE_S if args.stride is None else args.stride,
+        centre=not args.no_centre,
+        min_future_s=args.min_future,
+        one_sample=args.one_sample,
+        trails=not args.without_trails,
+        tracker_seed=(args.tracker_seed or 0) if args.tracker == SIMULATED else None,
+        calibration=args.calibration or SHIPPED,
+        prefer=args.prefer or PREFER_MODEL,
+        kde_samples=args.kde_samples,
+        path_smoothing_s=args.path_smoothing,
+        unknown_classes=args.unknown_classes,
+    )
+
+
+def _from_models(
+    args: argparse.Namespace,
+    runners: dict[str, ModelRunner],
+    jobs: list[SourceJob],
+    settings: Settings,
+    pool: PoolOptions,
+) -> BagResult:
+    """Run the models on the recordings and score their predictions.
+
+    Raises:
+        RecordingError: none of the recordings can be read.
+    """
+    from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
+    from mtpgo_training.evaluation.parallel_evaluation import evaluate_sources
+    from mtpgo_training.scenes.taken_strides import rounding_sentences
+
+    evaluation, failures = evaluate_sources(
+        runners,
+        jobs,
+        settings,
+        pool=pool,
+        cache=cache_from(args),
+        resume=args.resume,
+        draw=list(runners) if args.report is not None else [],
+        progress=not args.quiet and sys.stderr.isatty(),
+    )
+    if len(failures) == len(jobs):
+        raise RecordingError(failures[0].reason)
+    warnings = []
+    if args.stride is not None:
+        warnings = rounding_sentences(
+            "--stride", args.stride, evaluation.rounded, "instants are scored"
+        )
+    return BagResult(evaluation, warnings=warnings, failures=failures)
+
+
 def _check_path_smoothing(args: argparse.Namespace) -> None:
     if not 0.0 <= args.path_smoothing <= LONGEST_MEMORY_S:
         raise ConfigurationError(
@@ -350,7 +384,7 @@ def _check_path_smoothing(args: argparse.Namespace) -> None:
 
 
 def _given(args: argparse.Namespace, names: Iterable[str]) -> dict[str, bool]:
-    """Return options of a run as they are written, and whether each is given."""
+    """Return the flags of these options, and whether each is given."""
     return {f"--{name.replace('_', '-')}": getattr(args, name) != OF_A_RUN[name] for name in names}
 
 
