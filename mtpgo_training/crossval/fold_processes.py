@@ -102,8 +102,6 @@ def run_folds(
         finished: called with a fold that is done.
         failed: called with a fold and its error; the other folds go on.
     """
-    # A forked process may hang on locks that torch's threads held, which it does not have.
-    context = multiprocessing.get_context("spawn")
     waiting, running = deque(jobs), list[_Started[J]]()
     stopping = False
     try:
@@ -111,52 +109,57 @@ def run_folds(
             if interruption.requested() and not stopping:
                 stopping = True
                 waiting.clear()
-                for one in running:
-                    one.interrupt()
+                for fold in running:
+                    fold.interrupt()
             while waiting and len(running) < processes:
                 job = waiting.popleft()
-                receiver, sender = context.Pipe(duplex=False)
-                process = context.Process(
-                    target=_fold_process, args=(pickle.dumps(job), job.folder, sender)
-                )
-                process.start()
-                sender.close()  # so that the end of the process ends the pipe
-                running.append(_Started(job, process, receiver))
+                running.append(_start(job))
                 started(job)
-            for ready in wait([one.receiver for one in running], timeout=POLL_S):
-                one = next(one for one in running if one.receiver is ready)
-                outcome = _received(one)
+            for receiver in wait([fold.receiver for fold in running], timeout=POLL_S):
+                fold = next(fold for fold in running if fold.receiver is receiver)
+                outcome = _received(fold)
                 if outcome == "ready":
-                    one.ready = True
+                    fold.ready = True
                     if stopping:
-                        one.interrupt()
+                        fold.interrupt()
                     continue
-                running.remove(one)
-                one.process.join()
-                one.receiver.close()
+                running.remove(fold)
+                fold.process.join()
+                fold.receiver.close()
                 if isinstance(outcome, MtpgoError):
-                    failed(one.job, outcome)
+                    failed(fold.job, outcome)
                 elif outcome:
-                    finished(one.job)
+                    finished(fold.job)
                 elif not stopping:
-                    failed(one.job, _ended(one))
+                    failed(fold.job, _ended(fold))
     finally:
-        for one in running:
-            one.process.kill()
-            one.process.join()
+        for fold in running:
+            fold.process.kill()
+            fold.process.join()
 
 
-def _received(one: _Started[J]) -> object:
-    """Return what the process sent, None if it ended without a word."""
+def _start(job: J) -> _Started[J]:
+    """Start the process of a fold."""
+    # A forked process may hang on locks that torch's threads held, which it does not have.
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_fold_process, args=(pickle.dumps(job), job.folder, sender))
+    process.start()
+    sender.close()  # so that the end of the process ends the pipe
+    return _Started(job, process, receiver)
+
+
+def _received(fold: _Started[J]) -> object:
+    """Return what the process of a fold sent, None if it ended without sending anything."""
     try:
-        return one.receiver.recv()
+        return fold.receiver.recv()
     except EOFError:
         return None
 
 
-def _ended(one: _Started[J]) -> FoldError:
-    log = one.job.folder / "fold.log"
-    return FoldError(f"the process ended with status {one.process.exitcode}, see {log}")
+def _ended(fold: _Started[J]) -> FoldError:
+    log = fold.job.folder / "fold.log"
+    return FoldError(f"the process ended with status {fold.process.exitcode}, see {log}")
 
 
 def _fold_process(job: bytes, folder: Path, sender: Connection) -> None:
