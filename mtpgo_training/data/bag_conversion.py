@@ -21,6 +21,9 @@ from mtpgo_training.data.recording_bag import DEFAULT_KIND, write_recording
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
+    from msg_adapters.bags.bag_reader import BagReader
+    from msg_adapters.bags.mcap_writer import McapWriter
+
 JOIN_GAP_S = 10.0
 """Pause between recordings in one bag (s); chosen longer than any history, so they never mix."""
 
@@ -123,7 +126,7 @@ class CopiedBag:
 def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
     """Write every message of every topic of a bag into a new one, as it was recorded.
 
-    What of a damaged bag can be read makes a whole bag.
+    The readable part of a damaged bag becomes an intact bag.
 
     Args:
         bag: the bag.
@@ -134,8 +137,6 @@ def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
         RecordingError: the bag cannot be read, or the output cannot be written.
     """
     # Imported late: rosbags is not needed to complete or explain a command line.
-    from msg_adapters.bags.bag_definitions import BagDefinitions
-    from msg_adapters.bags.bag_loss import counted
     from msg_adapters.bags.bag_reader import BagReader
     from msg_adapters.bags.mcap_writer import McapWriter
     from msg_adapters.bags.stored_bag import bag_files
@@ -144,27 +145,7 @@ def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
         raise RecordingError(f"{output} is the bag itself, expected another output")
     _require_apart(output, bag_files(bag) if bag.is_dir() else [bag])
     with BagReader(bag) as source, McapWriter(output, replace=True, compress=True) as target:
-        topics, skipped = source.topics(), source.skipped()
-        definitions = BagDefinitions(source.connections)
-        copied: list[Connection] = []
-        known: dict[str, tuple[str, list[tuple[str, str]]]] = {}
-        for topic in topics:
-            for connection in source.connections_of(topic):
-                layout = definitions.layout(connection)
-                first, usual = known.setdefault(topic.message_type, (topic.name, layout))
-                if layout != usual:
-                    # The writer, as rosbag2's own, has one definition for a type.
-                    skipped[topic.name] = (
-                        f"{counted(connection.msgcount)} with another definition of "
-                        f"{topic.message_type} than those of {first}"
-                    )
-                    continue
-                try:
-                    if not target.has_topic(topic.name):
-                        target.add_recorded_topic(connection, definitions.type_hash(connection))
-                    copied.append(connection)
-                except (MessageError, RecordingError) as error:
-                    skipped[topic.name] = str(error)
+        copied, skipped = _add_topics(source, target)
         if not copied:
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in skipped.items())
             raise RecordingError(f"no topic of {bag} can be copied: {reasons}")
@@ -186,6 +167,40 @@ def copy_bag(bag: Path, output: Path, *, progress: bool = False) -> CopiedBag:
     return CopiedBag(
         output, frozenset(one.topic for one in copied), target.messages, duration_s, skipped
     )
+
+
+def _add_topics(source: BagReader, target: McapWriter) -> tuple[list[Connection], dict[str, str]]:
+    """Add the topics of a bag to a new one.
+
+    Returns:
+        The connections whose messages are to be copied, and the reasons why others are not, by
+        topic.
+    """
+    from msg_adapters.bags.bag_definitions import BagDefinitions
+    from msg_adapters.bags.bag_loss import counted
+
+    topics, skipped = source.topics(), source.skipped()
+    definitions = BagDefinitions(source.connections)
+    copied: list[Connection] = []
+    known: dict[str, tuple[str, list[tuple[str, str]]]] = {}
+    for topic in topics:
+        for connection in source.connections_of(topic):
+            layout = definitions.layout(connection)
+            first, usual = known.setdefault(topic.message_type, (topic.name, layout))
+            if layout != usual:
+                # The writer, as rosbag2's own, has one definition for a type.
+                skipped[topic.name] = (
+                    f"{counted(connection.msgcount)} with another definition of "
+                    f"{topic.message_type} than those of {first}"
+                )
+                continue
+            try:
+                if not target.has_topic(topic.name):
+                    target.add_recorded_topic(connection, definitions.type_hash(connection))
+                copied.append(connection)
+            except (MessageError, RecordingError) as error:
+                skipped[topic.name] = str(error)
+    return copied, skipped
 
 
 def _chain(
