@@ -109,14 +109,15 @@ def _vehicle_classes(
 ) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield (name, attributes) of the vehicle types in the scenario's route and other files."""
     for option_name in ("route-files", "additional-files"):
-        element = root.find(f".//{option_name}")
-        names = element.get("value", "").replace(",", " ").split() if element is not None else []
-        for file in names:
-            if (folder / file).suffix == ".xml" and (folder / file).is_file():
-                for _, found in ElementTree.iterparse(folder / file):
-                    if found.tag == "vType":
-                        yield found.get("id", ""), dict(found.attrib)
-                    found.clear()
+        option = root.find(f".//{option_name}")
+        names = option.get("value", "").replace(",", " ").split() if option is not None else []
+        for path in (folder / name for name in names):
+            if path.suffix != ".xml" or not path.is_file():
+                continue
+            for _, element in ElementTree.iterparse(path):
+                if element.tag == "vType":
+                    yield element.get("id", ""), dict(element.attrib)
+                element.clear()
 
 
 def _road_user(name: str, attributes: dict[str, str]) -> sumo.VehicleType:
