@@ -11,7 +11,7 @@ which are made once; the baselines use those of the first model.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +23,7 @@ from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
 from mtpgo_core.live_calibration.live_options import OFF, SHIPPED, LiveOptions
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
+from mtpgo_core.prediction.scene_predictor import ScenePredictor
 from mtpgo_core.schema import AgentClass, HistoryWindow, Prediction, Source
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording
@@ -252,12 +253,7 @@ def evaluate_recording(
     first = next(iter(runners), None)
     if settings.calibration == OFF:
         runners = {model: runner.uncalibrated() for model, runner in runners.items()}
-    observed = recording
-    if settings.tracker_seed is not None:
-        observed = draw_tracker(recording, settings.tracker_seed).observe(recording)
-    if settings.unknown_classes:
-        unknown = np.full_like(observed.agent_class, AgentClass.UNKNOWN)
-        observed = dataclasses.replace(observed, agent_class=unknown)
+    observed = _observed(recording, settings)
     for group in _same_history(runners):
         history = runners[group[0]].task.history
         scorer = Scorer(
@@ -291,10 +287,7 @@ def evaluate_recording(
         for window, protocols in _windows(recording, observed, history, settings, tick, learn):
             for (model, protocol), predictor in predictors.items():
                 if protocol not in protocols:
-                    if settings.path_smoothing_s and "all" in protocols:
-                        predictor.predict(window)  # with which the next paths are combined
-                    else:
-                        predictor.observe(window)
+                    _skip(predictor, window, settings, protocols)
                     continue
                 prediction = predictor.predict(window)
                 prediction = live[model, protocol].serve(prediction, window)
@@ -303,6 +296,30 @@ def evaluate_recording(
                         model, protocol, scorer, prediction, window, baselines=model == first
                     )
     result.honesty.finish()
+
+
+def _observed(recording: Recording, settings: Settings) -> Recording:
+    """Return a recording as the models observe it; the recording itself stays the truth."""
+    observed = recording
+    if settings.tracker_seed is not None:
+        observed = draw_tracker(recording, settings.tracker_seed).observe(recording)
+    if settings.unknown_classes:
+        unknown = np.full_like(observed.agent_class, AgentClass.UNKNOWN)
+        observed = dataclasses.replace(observed, agent_class=unknown)
+    return observed
+
+
+def _skip(
+    predictor: ScenePredictor,
+    window: HistoryWindow,
+    settings: Settings,
+    protocols: Collection[str],
+) -> None:
+    """Show a predictor a window at which its protocol is not scored."""
+    if settings.path_smoothing_s and "all" in protocols:
+        predictor.predict(window)  # the next paths are smoothed with these
+    else:
+        predictor.observe(window)
 
 
 def _windows(
