@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.options import option
-from mtpgo_core.schema import Float64Array
+from mtpgo_core.schema import Float64Array, IndexArray
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.simulate.drivers import Generator, between
 from mtpgo_training.simulate.drone_camera import make_recording
@@ -172,6 +172,82 @@ def _draw_points(
     return points
 
 
+class _Visitors:
+    """Visitors who walk from goal to goal, stop for a while and drift off the straight line.
+
+    Args:
+        generator: of all random decisions.
+        visits: one for each visitor.
+
+    Attributes:
+        crowd: positions, velocities and desired velocities of the visitors.
+    """
+
+    def __init__(self, generator: Generator, visits: list[_Visit]) -> None:
+        count = len(visits)
+        self._generator = generator
+        self._visits = visits
+        self._points = [np.array(visit.points) for visit in visits]
+        self._arrive_s = np.array([visit.time_s for visit in visits])
+        self._speed = np.array([visit.speed_mps for visit in visits])
+        self._goal = np.ones(count, dtype=np.int64)  # index of the point that is walked to
+        self._stop_until_s = np.zeros(count)
+        self._drift = np.zeros(count)  # of the heading (rad)
+        self._drift_rad = between(generator, *_DRIFT_RAD)
+        self._stop_rate = between(generator, *_STOP_RATE)
+        self.crowd = Crowd(
+            position=np.array([visit.points[0] for visit in visits]),
+            velocity=np.zeros((count, 2)),
+            desired=np.zeros((count, 2)),
+            group=np.array([visit.group for visit in visits]),
+            present=np.zeros(count, dtype=np.bool_),
+        )
+
+    def decide(self, now: float) -> None:
+        """Let visitors enter, reach goals, leave and stop, and set the desired velocities."""
+        self._enter(now)
+        present = np.flatnonzero(self.crowd.present)
+        self._reach_goals(present, now)
+        self._stop_groups(present, now)
+        # An Ornstein-Uhlenbeck process of standard deviation ``drift_rad``.
+        noise = self._generator.standard_normal(len(self._visits))
+        diffusion = self._drift_rad * np.sqrt(2 * _STEP_S / _DRIFT_S)
+        self._drift += -self._drift * _STEP_S / _DRIFT_S + diffusion * noise
+        goals = np.array([points[i] for points, i in zip(self._points, self._goal, strict=True)])
+        ahead = goals - self.crowd.position
+        heading = np.arctan2(ahead[:, 1], ahead[:, 0]) + self._drift
+        speed = np.where(self._stop_until_s > now, 0.0, self._speed)
+        self.crowd.desired = speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+
+    def _enter(self, now: float) -> None:
+        entering = ~self.crowd.present & (self._arrive_s <= now) & (self._arrive_s > now - _STEP_S)
+        self.crowd.present |= entering
+        new = np.flatnonzero(entering)
+        towards = np.array([self._points[i][1] - self._points[i][0] for i in new]).reshape(-1, 2)
+        self.crowd.velocity[new] = _unit(towards) * self._speed[new, None]
+
+    def _reach_goals(self, present: IndexArray, now: float) -> None:
+        """Turn those at their goal to the next one; who has reached the last one leaves."""
+        for i in present:
+            if np.hypot(*(self._points[i][self._goal[i]] - self.crowd.position[i])) >= _ARRIVED_M:
+                continue
+            self._goal[i] += 1
+            if self._goal[i] == len(self._points[i]):
+                self.crowd.present[i] = False
+                self._goal[i] -= 1
+            elif not self._visits[i].bicycle and self._generator.random() < 0.5:
+                self._stop_until_s[i] = now + between(self._generator, *_STOP_S)
+
+    def _stop_groups(self, present: IndexArray, now: float) -> None:
+        """Let some pedestrians stop, each together with its group."""
+        group = self.crowd.group[present]
+        stops = self._generator.random(len(present)) < self._stop_rate * _STEP_S
+        for number in np.unique(group[stops]):
+            members = present[group == number]
+            if not self._visits[int(members[0])].bicycle:
+                self._stop_until_s[members] = now + between(self._generator, *_STOP_S)
+
+
 def _walk(
     generator: Generator,
     config: CrowdConfig,
@@ -182,17 +258,6 @@ def _walk(
     cyclists: list[VehicleType],
 ) -> FloatingCarData:
     """Simulate the visits and return them at the frame rate."""
-    count = len(visits)
-    arrive = np.array([visit.time_s for visit in visits])
-    speed = np.array([visit.speed_mps for visit in visits])
-    group = np.array([visit.group for visit in visits])
-    crowd = Crowd(
-        position=np.array([visit.points[0] for visit in visits]),
-        velocity=np.zeros((count, 2)),
-        desired=np.zeros((count, 2)),
-        group=group,
-        present=np.zeros(count, dtype=np.bool_),
-    )
     forces = SocialForceConfig(
         relaxation_s=between(generator, 0.4, 0.9),
         repulsion_mps2=between(generator, 1.5, 3.5),
@@ -200,47 +265,19 @@ def _walk(
         horizon_s=between(generator, 0.4, 1.2),
     )
     walls = float(half[1]) if place in ("street", "sidewalk") else np.inf
-    goal = np.ones(count, dtype=np.int64)
-    stop_until = np.zeros(count)
-    drift = np.zeros(count)
-    drift_rad = between(generator, *_DRIFT_RAD)
-    stop_rate = between(generator, *_STOP_RATE)
-    points = [np.array(visit.points) for visit in visits]
+    visitors = _Visitors(generator, visits)
+    crowd = visitors.crowd
     steps = round((config.warm_up_s + config.seconds + EXTRA_S) / _STEP_S)
-    times, rows, places, moved = [], [], [], []
+    times, rows, positions, velocities = [], [], [], []
     for step in range(steps + 1):
         now = step * _STEP_S
-        entering = ~crowd.present & (arrive <= now) & (arrive > now - _STEP_S)
-        crowd.present |= entering
-        new = np.flatnonzero(entering)
-        towards = np.array([points[i][1] - points[i][0] for i in new]).reshape(-1, 2)
-        crowd.velocity[new] = _unit(towards) * speed[new, None]
-        here = np.flatnonzero(crowd.present)
-        for i in here:
-            if np.hypot(*(points[i][goal[i]] - crowd.position[i])) < _ARRIVED_M:
-                goal[i] += 1
-                if goal[i] == len(points[i]):
-                    crowd.present[i] = False
-                    goal[i] -= 1
-                elif not visits[i].bicycle and generator.random() < 0.5:
-                    stop_until[i] = now + between(generator, *_STOP_S)
-        # A group stops together.
-        for number in np.unique(group[here][generator.random(len(here)) < stop_rate * _STEP_S]):
-            members = here[group[here] == number]
-            if not visits[int(members[0])].bicycle:
-                stop_until[members] = now + between(generator, *_STOP_S)
-        noise = generator.standard_normal(count)
-        drift += -drift * _STEP_S / _DRIFT_S + drift_rad * np.sqrt(2 * _STEP_S / _DRIFT_S) * noise
-        ahead = np.array([points[i][goal[i]] for i in range(count)]) - crowd.position
-        heading = np.arctan2(ahead[:, 1], ahead[:, 0]) + drift
-        walking = np.where(stop_until > now, 0.0, speed)
-        crowd.desired = walking[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        visitors.decide(now)
         if now >= config.warm_up_s - EXTRA_S:
             present = np.flatnonzero(crowd.present)
             times.append(np.full(len(present), now - config.warm_up_s))
             rows.append(present)
-            places.append(crowd.position[present].copy())
-            moved.append(crowd.velocity[present].copy())
+            positions.append(crowd.position[present].copy())
+            velocities.append(crowd.velocity[present].copy())
         crowd.step(_STEP_S, forces, walls)
     kinds = [
         (cyclists if visit.bicycle else types)[i % len(cyclists if visit.bicycle else types)].name
@@ -250,8 +287,8 @@ def _walk(
         config,
         np.concatenate(times),
         np.concatenate(rows),
-        np.concatenate(places),
-        np.concatenate(moved),
+        np.concatenate(positions),
+        np.concatenate(velocities),
         kinds,
     )
 
