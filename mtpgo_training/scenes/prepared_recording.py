@@ -138,55 +138,25 @@ def prepare(
         weight: how often its windows are drawn in an epoch.
         cache: cache of the columns that are costly to compute.
     """
-
-    def columns(
-        purpose: str, settings: object, make: Callable[[], Columns], *code: Callable[..., Any]
-    ) -> Columns:
-        if cache is None:
-            return make()
-        return cache.columns(recording, purpose, settings, make, *code)
-
+    cached = _CachedColumns(recording, cache)
     stride_s = data.stride_s if training else data.validation_stride_s
     settings = dataclasses.asdict(history)
-    table = columns("samples", settings, functools.partial(take_in, recording, history))
+    table = cached.columns("samples", settings, functools.partial(take_in, recording, history))
     samples = SampleTable(table, history)
     windows = windows_of(recording, samples, stride_s)
     restarted: Windows | None = None
     if training and data.restart_probability > 0.0:
-        generator = np.random.default_rng([seed, len(recording)])
-        pieces, owner = cut_tracks(recording, data.restart_within_s, generator)
-        table = columns(
-            "restarted",
-            {**settings, "seed": seed, "within_s": data.restart_within_s},
-            functools.partial(take_in, pieces, history),
-            cut_tracks,
-        )
-        times_ns = windows.instants.stamp_ns
-        restarted = Windows(pieces, SampleTable(table, history), times_ns, owner)
+        restarted = _restarted(cached, windows, history, data.restart_within_s, seed)
     trails = recorded_trails(recording, samples) if scene.trails else None
-    tracked = []
-    for tracker in trackers_of(recording, data, training=training, seed=seed):
-        within_s = data.restart_within_s if tracker.restarts else None
-        table = columns(
-            "tracked",
-            {**settings, "tracker": dataclasses.asdict(tracker), "within_s": within_s},
-            functools.partial(tracked_columns, recording, tracker, history, within_s),
-        )
-        owner, reported = table["owner"], tracker.attributes(recording)
-        if tracker.restarts:
-            reported = with_pieces(reported, owner)
-        times_ns = windows.instants.stamp_ns
-        reports = SampleTable(table, history)
-        # The pieces of a tracker that restarts have keys of their own: the recorded trails then.
-        left = trails
-        if scene.trails and not tracker.restarts:
-            left = recorded_trails(reported, reports)
-        tracked.append(View(Windows(reported, reports, times_ns, owner), left))
+    tracked = tuple(
+        _tracked(cached, tracker, windows, trails, history, data.restart_within_s)
+        for tracker in trackers_of(recording, data, training=training, seed=seed)
+    )
     smoothing_s = data.velocity_smoothing_s if training else 0.0
     future = FutureTable(
         recording,
         max_gap_s=history.max_gap_s,
-        columns=columns(
+        columns=cached.columns(
             "future", smoothing_s, functools.partial(future_columns, recording, smoothing_s)
         ),
     )
@@ -203,8 +173,87 @@ def prepare(
         lanes=LaneMap(recording.lanes) if scene.uses_lanes else None,
         weight=weight,
         trails=trails,
-        tracked=tuple(tracked),
+        tracked=tracked,
     )
+
+
+@dataclass(frozen=True)
+class _CachedColumns:
+    """Columns of a recording, from a cache if there is one."""
+
+    recording: Recording
+    cache: RecordingCache | None
+
+    def columns(
+        self,
+        purpose: str,
+        settings: object,
+        make: Callable[[], Columns],
+        *code: Callable[..., Any],
+    ) -> Columns:
+        """Return columns; the arguments are those of :meth:`RecordingCache.columns`."""
+        if self.cache is None:
+            return make()
+        return self.cache.columns(self.recording, purpose, settings, make, *code)
+
+
+def _restarted(
+    cached: _CachedColumns,
+    windows: Windows,
+    history: HistoryConfig,
+    within_s: float,
+    seed: int,
+) -> Windows:
+    """Return the windows of the same instants with tracks that are cut to short pasts."""
+    recording = cached.recording
+    generator = np.random.default_rng([seed, len(recording)])
+    pieces, owner = cut_tracks(recording, within_s, generator)
+    table = cached.columns(
+        "restarted",
+        {**dataclasses.asdict(history), "seed": seed, "within_s": within_s},
+        functools.partial(take_in, pieces, history),
+        cut_tracks,
+    )
+    return Windows(pieces, SampleTable(table, history), windows.instants.stamp_ns, owner)
+
+
+def _tracked(
+    cached: _CachedColumns,
+    tracker: SimulatedTracker,
+    windows: Windows,
+    trails: TrailMemory | None,
+    history: HistoryConfig,
+    restart_within_s: float,
+) -> View:
+    """Return a recording as a simulated tracker reports it, at the instants of ``windows``.
+
+    Args:
+        cached: the columns of the recording.
+        tracker: the tracker.
+        windows: as recorded.
+        trails: as recorded, None if the task has none.
+        history: see :func:`prepare`.
+        restart_within_s: longest past of the tracks of a tracker that restarts (s).
+    """
+    recording = cached.recording
+    within_s = restart_within_s if tracker.restarts else None
+    table = cached.columns(
+        "tracked",
+        {
+            **dataclasses.asdict(history),
+            "tracker": dataclasses.asdict(tracker),
+            "within_s": within_s,
+        },
+        functools.partial(tracked_columns, recording, tracker, history, within_s),
+    )
+    owner, reported = table["owner"], tracker.attributes(recording)
+    if tracker.restarts:
+        reported = with_pieces(reported, owner)
+    samples = SampleTable(table, history)
+    # The pieces of a tracker that restarts have keys of their own: it keeps the recorded trails.
+    if trails is not None and not tracker.restarts:
+        trails = recorded_trails(reported, samples)
+    return View(Windows(reported, samples, windows.instants.stamp_ns, owner), trails)
 
 
 def trackers_of(
