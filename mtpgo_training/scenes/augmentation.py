@@ -128,7 +128,7 @@ class Augmentation:
         return out
 
     def trails(self, trails: Float32Array) -> Float32Array:
-        """Return [..., 3] continuations of the agents' ways in their own frames, changed.
+        """Return [..., 3] trail features, which are in the agents' own frames, changed.
 
         Ahead and left are lengths, mirroring turns left into right, and the agents' own frames
         turn along. See :func:`mtpgo_core.scene.trails.trail_context.trail_features`.

@@ -190,7 +190,7 @@ class SceneDataset(Dataset[Data]):
         return RESTARTED if restarted else RECORDED
 
     def without_pairs(self) -> SceneDataset:
-        """Return the same samples without what is observed in the next window."""
+        """Return the same samples without the fields of the next window."""
         single = copy.copy(self)
         single.pairs = False
         return single
@@ -239,10 +239,10 @@ class SceneDataset(Dataset[Data]):
     def _later(
         self, data: Data, batch: SceneBatch, tracked: TrackedWindow, item: Item
     ) -> dict[str, Tensor]:
-        """Return what is observed of an item's agents in the next window.
+        """Return the fields of an item's agents in the next window.
 
-        None of them is in both where there is no next window, or not at the right time, or the
-        centre is not in it.
+        No agent is in both windows if there is no next window at the right time, or if the centre
+        is not in it.
         """
         windows = self.sources[item.source].views[item.view].windows
         if item.window + 1 >= len(windows):
@@ -363,7 +363,8 @@ def trail_context(
 def with_own_keys(tracked: TrackedWindow, source: PreparedRecording) -> HistoryWindow:
     """Return the window with the keys that its road users have in the recording.
 
-    Pieces of tracks have keys of their own, by which an agent would not know its own trail.
+    Pieces of tracks have keys of their own, with which an agent's own trail would count as that of
+    another road user.
     """
     if source.trails is None:
         return tracked.window
@@ -432,8 +433,8 @@ def scene_data(
 def hide_classes(static: Float32Array, classes: tuple[str, ...], seed: int) -> Float32Array:
     """Return static features in which the class of all agents, or of a random half, is unknown.
 
-    Either has the same chance: a tracker without classes, and one that is often unsure. The
-    columns after the classes are unchanged.
+    Both have the same probability; they imitate a tracker without classes and one that is often
+    unsure. The columns after the classes are unchanged.
 
     Args:
         static: [N, C + ...] one-hot classes first.

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of a stride that is no whole number of frames of a recording."""
+"""Rounding of strides to whole frames of a recording."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ROUNDING = 0.01
 
 
 def rounded_stride_s(recording: Recording, stride_s: float) -> float | None:
-    """Return the stride that a recording has in place of another (s).
+    """Return the stride that is used instead of the wanted one (s).
 
     None if it is the same, and where the recording is so short that only one instant is left.
 
@@ -38,7 +38,7 @@ def rounded_strides(recordings: Mapping[str, Recording], stride_s: float) -> dic
 def rounding_sentences(
     option: str, stride_s: float, taken_s: Mapping[str, float], what: str
 ) -> list[str]:
-    """Return what to say of recordings whose frames do not have a stride, one for each taken.
+    """Return a sentence for each rounded stride, with the recordings that it is used for.
 
     Args:
         option: that the stride was given with.

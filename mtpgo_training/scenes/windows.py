@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The windows of a recording, from which scenes are cut.
 
-A window holds nothing later than its stamp, because only samples up to it are looked at. Windows
-are not stored: only which track has a past at which instant is, and a window is cut from the
+A window contains nothing later than its stamp, since it is cut from samples up to that time only.
+Windows are not stored, only which track has a past at which instant; a window is cut from the
 recording's samples (:mod:`mtpgo_training.scenes.track_samples`) when it is needed.
 """
 

@@ -1,3 +1,3 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A training scene together with what is observed of its road users a moment later."""
+"""Pairs of training scenes: the same road users in one window and in the next."""

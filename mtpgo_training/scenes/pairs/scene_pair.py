@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The road users of a training scene as they are observed in the next window.
+"""The fields of the next window that a training scene is paired with.
 
-Two predictions of the same road user, one made a moment after the other, should agree unless
-something has happened in between. To train that, both have to be computed.
+Two predictions of the same road user, made a moment apart, should agree unless something happened
+in between. The consistency loss compares them, so both must be in the sample.
 """
 
 from __future__ import annotations
@@ -68,9 +68,10 @@ def present_row(tracked: TrackedWindow, track: int) -> int | None:
 
 
 def is_compared(window: HistoryWindow) -> BoolArray:
-    """Return [n] the agents of a window whose predictions should not jump: moving vehicles.
+    """Return [n] whether the predictions of an agent should not jump: it is a moving vehicle.
 
-    Pedestrians change their ways within a cycle, and what stands may start: both are news.
+    Pedestrians change direction within a cycle, and standing agents may start, so jumps of their
+    predictions are justified.
     """
     speed = np.linalg.norm(np.nan_to_num(window.velocity[:, -1]), axis=-1)
     moving: BoolArray = speed > MOVING_MPS

@@ -209,7 +209,7 @@ def ideal_tracker(
     assumed_std_m: float = 0.03,
     moving_mps: float = 0.5,
 ) -> Tracker:
-    """Return a tracker without a defect but that it cannot know the future.
+    """Return a tracker without noise or gaps; its filter is causal like any other.
 
     Args:
         order: see :class:`Tracker`, as for the others.
