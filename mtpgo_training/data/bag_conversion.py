@@ -89,10 +89,10 @@ def convert(
 
 
 def _require_apart(output: Path, sources: Collection[Path]) -> None:
-    """Check that a bag takes the place of no file that it is made of.
+    """Check that a bag would not overwrite one of its sources.
 
     Raises:
-        RecordingError: it does: what else was in it would be lost.
+        RecordingError: it would, and other content of that file would be lost.
     """
     place = output.resolve()
     for source in sources:

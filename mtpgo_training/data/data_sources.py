@@ -86,7 +86,7 @@ def read_all(
 
 
 class KnownContents:
-    """The recordings of several files by their content, to find those that are there twice."""
+    """The recordings of several files by their content, to find duplicates."""
 
     def __init__(self) -> None:
         self._names: dict[tuple[str, float, float], str] = {}
@@ -135,7 +135,7 @@ class SourceJob:
 
 
 def source_jobs(sources: Sequence[DataSource]) -> list[SourceJob]:
-    """Return what of several directories can be read one independently of the other.
+    """Return the jobs of several directories, each of which can be read independently.
 
     Raises:
         RecordingError: a directory or layout is not as it should be.

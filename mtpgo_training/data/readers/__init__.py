@@ -51,7 +51,7 @@ def reading_jobs(
     names: Sequence[str] | None = None,
     options: ReadingOptions = AS_USUAL,
 ) -> list[ReadingJob]:
-    """Return what of a directory can be read one independently of the other, without reading it.
+    """Return the jobs of a directory, each of which can be read independently; nothing is read.
 
     Arguments as for :func:`iter_recordings`.
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a text file is and where its rows are: read only to say what is wrong with it."""
+"""Kind and line numbers of a text file, for error messages only."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def kind_of_other_file(path: Path) -> str:
-    """Return what a file is if it is no plain text, empty if it may be.
+    """Return the kind of a file that is not plain text, "" if it may be plain text.
 
     Args:
         path: the file; one whose name ends in ``.gz`` is looked at as it is.

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a user may choose about the reading of bags."""
+"""Options for reading bags: topics, frames and the ego."""
 
 from __future__ import annotations
 

@@ -153,10 +153,10 @@ class TransformTree:
         self._edges[child] = max(parents.values(), key=_trust)
 
     def is_apart(self, frame: str) -> bool:
-        """Return whether the transforms tell how some frame moves, but nothing of this one.
+        """Return whether some frames move by the transforms, but this one is not connected.
 
-        Such a frame is that of a sensor whose mounting is missing, or a fixed frame of its own, or
-        it comes back to itself in a loop.
+        It is the frame of a sensor whose mounting is missing, a fixed frame of its own, or part of
+        a loop.
         """
         root = frame.lstrip("/")
         ancestors, _, is_loop = self._ancestors(root)
@@ -230,7 +230,7 @@ class TransformTree:
 
 
 def _trust(edge: _Edge) -> tuple[bool, int]:
-    """Return by what one of a frame's parents is preferred: a usual fixed one, then the number."""
+    """Return the sort key by which the preferred parent of a frame is chosen."""
     return edge.parent in FIXED_FRAMES, len(edge.stamps)
 
 
@@ -249,7 +249,7 @@ def _composed(up: list[_Edge], down: list[_Edge]) -> tuple[PoseBuffer, float]:
     if not moving:
         moving = [np.zeros(1, dtype=np.int64)]
     stamps = np.unique(np.concatenate(moving))
-    # Where one of them is not known yet, or no more, neither is the pose.
+    # Outside the times of one of them, the pose is unknown.
     first, last = max(stamp.min() for stamp in moving), min(stamp.max() for stamp in moving)
     stamps = stamps[(stamps >= first) & (stamps <= last)]
     stamps = stamps[np.all([edge.is_known(stamps) for edge in chain], axis=0)]

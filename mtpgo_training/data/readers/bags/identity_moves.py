@@ -1,11 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Counts the moves by which the node notices that an identity stands for several road users.
+"""Counts moves that show that several road users share an identity, as the node does.
 
 Two publishers with the same identities make tracks that restart (``restarted``), or alternate
-between two places (``alternating``). The node's own history decides, message by message, which
-takes half a millisecond for each. It is asked only about tracks of which its rules, applied to
-whole columns, say that they may do so: hardly any in a recording without this fault.
+between two places (``alternating``). The counts come from the node's own history, message by
+message, which takes half a millisecond each. It is therefore run only on suspect tracks, which are
+found by the same rules applied to whole columns; a recording without this fault has hardly any.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def identity_moves(
 def _suspects(
     config: HistoryConfig, track: Int64Array, stamp_ns: Int64Array, position: Float64Array
 ) -> Int64Array:
-    """Return the tracks that restart or alternate by the rules of the history, and maybe more."""
+    """Return all tracks that may restart or alternate by the rules of the history (a superset)."""
     order = np.argsort(track, kind="stable")
     past = _Pasts(config, track[order], stamp_ns[order], position[order])
     some = past.of(past.track[1:][past.impossible(_worst_velocities(past))])
@@ -108,10 +108,10 @@ class _Pasts:
 
 
 def _worst_velocities(past: _Pasts) -> Float64Array:
-    """Return [rows - 1, 2] velocities from which each step differs more than from any estimate.
+    """Return [rows - 1, 2] velocities that bound how far a step deviates from any estimate.
 
-    An estimate is a mean of the velocities from one observation of the track to the next. None is
-    farther from that of a step than the fastest of them, the other way.
+    An estimate is a weighted mean of the track's step velocities, so no estimate is farther from
+    the velocity of a step than a vector of the largest speed in the opposite direction.
     """
     moved_m = np.hypot(past.step[:, 0], past.step[:, 1])
     fastest_mps = np.zeros(int(past.track.max(initial=0)) + 1)

@@ -1,3 +1,3 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What is said about files besides their recordings: remarks, other units, other layouts."""
+"""Checks and remarks of the readers: other units, other layouts, files that are not read."""

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Files beside the recordings of a directory that are passed over: of another kind, or packed."""
+"""Files in a directory of recordings that are skipped: files of another kind, and archives."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _MOST_NAMES = 3
 
 
 def without_foreign(units: Sequence[Unit], is_one: Callable[[Path], bool]) -> list[Unit]:
-    """Return the files without those of another kind, which the first one names in a remark.
+    """Return the files of the wanted kind; a remark on the first file names the others.
 
-    Where none is of the kind asked for, all are returned: what is wrong with them is said where
-    they are read. So it is of files that cannot be read.
+    If no file is of that kind, all are returned, so that reading them reports the problem. Files
+    that cannot be opened are returned for the same reason.
 
     Args:
         units: the files of a directory, one in each.
@@ -45,9 +45,9 @@ def without_foreign(units: Sequence[Unit], is_one: Callable[[Path], bool]) -> li
 
 
 def with_packed_named(units: Sequence[Unit], directory: Path) -> list[Unit]:
-    """Return the files of a directory, the first with a remark on archives that are not read.
+    """Return the files of a directory; a remark on the first names archives that are not read.
 
-    An archive is passed over in silence where what it seems to hold lies beside it.
+    An archive is skipped without a remark if its unpacked content seems to be beside it.
 
     Args:
         units: the files that are read.
@@ -77,7 +77,7 @@ def _is_packed(name: str) -> bool:
 
 
 def _stem(name: str) -> str:
-    """Return the name of an archive or of what it holds, without the endings of either."""
+    """Return the name of an archive, or of its content, without suffixes."""
     return name.partition(".")[0]
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a directory has in place of the recordings that were asked for: for an error alone."""
+"""Guesses which layout the files of a directory have, for error messages only."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _ALIKE = {"round": "ind", "unid": "ind", "citr": "dut"}
 
 
 def what_is_there(directory: Path, layout: str) -> str:
-    """Return what a directory has in place of recordings of a layout, empty if it is empty.
+    """Return what a directory contains instead of recordings of a layout, "" if it is empty.
 
     Args:
         directory: the directory, or a single file.
@@ -72,7 +72,7 @@ def what_is_there(directory: Path, layout: str) -> str:
 
 
 def is_of_another(path: Path, layout: str) -> str:
-    """Return the layout of a file that is of another than the one asked for, else empty."""
+    """Return the layout of a file if it is not the wanted one, else ""."""
     found = _layout_of_name(path)
     if found is None and _TEXT.fullmatch(path.name):
         found = layout_of_header(path)
@@ -81,7 +81,7 @@ def is_of_another(path: Path, layout: str) -> str:
 
 def layout_of_header(path: Path) -> str | None:
     """Return the layout that the first lines of a text file show, None if they show none."""
-    # Only here: it loads pandas, for which a completion in the shell would wait.
+    # Imported here: it loads pandas, which would delay completion in the shell.
     from mtpgo_training.data.readers.csv_table import first_lines_of
 
     try:

@@ -1,9 +1,9 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Remarks of the readers on what they read: warnings that are said again from the cache.
+"""Remarks: warnings of the readers that are stored in the cache and repeated from there.
 
-A remark says what was left out or is odd, such as rows without a position. It concerns every
-use of the recordings, whether the files are read now or were read before.
+A remark names what was left out or is odd, such as rows without a position. It is relevant for
+every use of the recordings, whether the files are read now or come from the cache.
 """
 
 from __future__ import annotations

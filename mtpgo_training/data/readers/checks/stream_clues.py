@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Clues that a recording as a whole cannot be what it should: velocities, headings, boxes."""
+"""Implausible velocities, headings and boxes of a recording as a whole."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_FRAMES = 50
 
 
 def stream_clues(recording: Recording) -> list[str]:
-    """Return what does not look right in a recording as a whole, as the node says it of a stream.
+    """Return what is implausible in a recording as a whole, in the node's sentences on a stream.
 
     Args:
         recording: the recording.

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Clues that times or positions of a recording are in another unit than they were read in."""
+"""Detects times and positions of a recording that seem to be in another unit."""
 
 from __future__ import annotations
 
