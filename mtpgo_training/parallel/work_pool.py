@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Many items through one function, in the order of the items, wherever they are worked on."""
+"""Applies a function to many items, in this process or in others, in the order of the items."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import contextlib
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from mtpgo_core.errors import ConfigurationError, MtpgoError
 from mtpgo_training.data.code_hash import code_sha256
@@ -27,8 +27,8 @@ TIMEOUT_S = 10.0
 """Time within which a scheduler and its first worker must answer (s); chosen: a network's."""
 
 AT_ONCE = 2
-"""Batches that a process has at the same time: one that it works on, and the next. Without the
-next it would wait for one after each batch, which took 15 ms (measured)."""
+"""Batches that a process has at the same time: the one it works on, and the next. Without the
+next it would be idle for 15 ms after each batch (measured)."""
 
 BATCH_S = 1.0
 """Time that a batch of small items should take (s); chosen: handing it out and taking its results
@@ -38,7 +38,7 @@ LARGEST_BATCH = 32
 """Items handed out together at most; chosen: they are lost together if their process ends."""
 
 LOOK_S = 2.0
-"""Time between two looks at the number of processes (s); chosen: a look takes milliseconds."""
+"""Time between two queries of the number of processes (s); chosen: one takes milliseconds."""
 
 MOST_EARLY = 64
 """Results that wait for one of an earlier item, per process; chosen, bounds the memory."""
@@ -77,70 +77,103 @@ def _elsewhere(
     client: Client, function: Callable[[I], R], items: Sequence[I]
 ) -> Iterator[R | Failure]:
     """Yield the results from the processes of a cluster, in the order of the items."""
-    import cloudpickle  # a part of Dask; readers of some layouts are lambdas
-    from distributed import CancelledError, KilledWorker, as_completed
-
-    numbers: dict[Any, range] = {}  # of the items that are worked on
-    suspects: list[int] = []  # items that processes had when they ended
-    early: dict[int, R | Failure] = {}
-    running = as_completed()
-    begun = given = done = 0
-    spent_s = 0.0
-    processes, next_look_s = 1, 0.0
-
-    def hand_out(batch: range) -> None:
-        pickled = cloudpickle.dumps((function, [items[number] for number in batch]))
-        future = client.submit(attempt_elsewhere, pickled, pure=False)
-        numbers[future.key] = batch
-        running.add(future)
-
+    distributor = _Distributor(client, function, items)
+    given = 0
     while given < len(items):
-        if time.monotonic() >= next_look_s:  # processes come and go
-            processes = max(1, sum(client.nthreads().values()))
-            next_look_s = time.monotonic() + LOOK_S
-        alone = -1
-        if suspects:
-            # A process that ends takes along what it has and what waits for it. Which item it was
-            # shows when each is worked on with no other beside it.
-            if not numbers:
-                alone = suspects.pop(0)
-                hand_out(range(alone, alone + 1))
-        else:
-            while begun < len(items) and len(numbers) < AT_ONCE * processes:
-                if numbers and len(early) >= MOST_EARLY * processes:
-                    break
-                # The last batches are small, so that no process is left with a long one.
-                count = min(
-                    _batch_size(spent_s, done), -(-(len(items) - begun) // (AT_ONCE * processes))
-                )
-                hand_out(range(begun, begun + count))
-                begun += count
-        future = next(running)
-        batch = numbers.pop(future.key)
+        distributor.hand_out()
+        distributor.take_next()
+        while given in distributor.results:
+            yield distributor.results.pop(given)
+            given += 1
+
+
+class _Distributor(Generic[I, R]):
+    """Hands out batches of items to the processes of a cluster and takes their results.
+
+    Args:
+        client: of the cluster.
+        function: called with each item.
+        items: the items.
+
+    Attributes:
+        results: by the number of the item; the caller removes them.
+    """
+
+    def __init__(self, client: Client, function: Callable[[I], R], items: Sequence[I]) -> None:
+        from distributed import as_completed
+
+        self._client, self._function, self._items = client, function, items
+        self._running = as_completed()
+        self._numbers: dict[Any, range] = {}  # of the items in each running batch, by its key
+        self._suspects: list[int] = []  # items that processes had when they ended
+        self._alone = -1  # the suspect that is worked on with no other item beside it
+        self._begun = self._done = 0
+        self._spent_s = 0.0
+        self._processes, self._next_look_s = 1, 0.0
+        self.results: dict[int, R | Failure] = {}
+
+    def hand_out(self) -> None:
+        """Hand out batches until all processes have enough to do."""
+        if time.monotonic() >= self._next_look_s:  # processes come and go
+            self._processes = max(1, sum(self._client.nthreads().values()))
+            self._next_look_s = time.monotonic() + LOOK_S
+        self._alone = -1
+        if self._suspects:
+            # A process that ends takes along the items that it works on and those that wait for
+            # it. Working on each of them alone shows which one ends a process.
+            if not self._numbers:
+                self._alone = self._suspects.pop(0)
+                self._submit(range(self._alone, self._alone + 1))
+            return
+        total, wanted = len(self._items), AT_ONCE * self._processes
+        while self._begun < total and len(self._numbers) < wanted:
+            if self._numbers and len(self.results) >= MOST_EARLY * self._processes:
+                break
+            # The last batches are small, so that no process is left with a long one.
+            share = -(-(total - self._begun) // wanted)
+            count = min(_batch_size(self._spent_s, self._done), share)
+            self._submit(range(self._begun, self._begun + count))
+            self._begun += count
+
+    def take_next(self) -> None:
+        """Wait for the next batch that ends, and take its results.
+
+        Raises:
+            MtpgoError: the cluster is lost, or something is wrong for every item.
+        """
+        from distributed import CancelledError, KilledWorker
+
+        future = next(self._running)
+        batch = self._numbers.pop(future.key)
         try:
             outcomes = future.result()
         except KilledWorker:
-            if batch[0] == alone:
+            if batch[0] == self._alone:
                 reason = "its process ended without an answer, as when the memory is full"
-                early[alone] = Failure(items[alone].name, reason)
+                self.results[self._alone] = Failure(self._items[self._alone].name, reason)
             else:
-                suspects.extend(batch)
+                self._suspects.extend(batch)
         except CancelledError as error:
             raise MtpgoError(f"the connection to the cluster is lost: {error}") from error
         else:
             for number, outcome in zip(batch, outcomes, strict=True):
-                early[number] = outcome.result
+                self.results[number] = outcome.result
                 for remark in outcome.remarks:
                     LOG.warning("%s", remark)
-                done += 1
-                spent_s += outcome.took_s
-        while given in early:
-            yield early.pop(given)
-            given += 1
+                self._done += 1
+                self._spent_s += outcome.took_s
+
+    def _submit(self, batch: range) -> None:
+        import cloudpickle  # a part of Dask; readers of some layouts are lambdas
+
+        pickled = cloudpickle.dumps((self._function, [self._items[number] for number in batch]))
+        future = self._client.submit(attempt_elsewhere, pickled, pure=False)
+        self._numbers[future.key] = batch
+        self._running.add(future)
 
 
 def _batch_size(spent_s: float, done: int) -> int:
-    """Return how many items take :data:`BATCH_S`, by those that are done; one before any is."""
+    """Return how many items take :data:`BATCH_S` by the mean of those done, one before any is."""
     if not done:
         return 1
     return max(1, min(LARGEST_BATCH, int(BATCH_S * done / max(spent_s, 1e-9))))
