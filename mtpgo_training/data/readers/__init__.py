@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_training.data.readers.checks.foreign_files import with_packed_named
-from mtpgo_training.data.readers.checks.layout_clues import what_is_there
+from mtpgo_training.data.readers.checks.layout_clues import contents_in_words
 from mtpgo_training.data.readers.drone_files import NoRecordingsError, select_names
 from mtpgo_training.data.readers.reading_job import ReadingJob
 from mtpgo_training.data.readers.reading_layouts import finder_of
@@ -110,7 +110,7 @@ def _find(
             parts = parts + [RecordingPart(name, name, 0.0, math.inf) for name in inner]
             return (find(directory, whole, options) if whole else []), parts
     except NoRecordingsError as error:
-        there_is = what_is_there(directory, layout)
+        there_is = contents_in_words(directory, layout)
         raise NoRecordingsError(f"{error}; {there_is}" if there_is else str(error)) from error
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_core.history.odd_input import described
-from mtpgo_training.data.readers.checks.layout_clues import is_of_another
+from mtpgo_training.data.readers.checks.layout_clues import other_layout_of
 from mtpgo_training.data.readers.checks.reading_remarks import (
     keeping,
     keeping_all,
@@ -137,7 +137,7 @@ def _read(unit: Unit) -> Iterator[Recording]:
     except RecordingError as error:
         # A plain table may describe the columns of any layout, and the files of a bag be missing.
         tells_nothing = unit.layout == "table" or not unit.files
-        other = "" if tells_nothing else is_of_another(unit.files[0], unit.layout)
+        other = "" if tells_nothing else other_layout_of(unit.files[0], unit.layout)
         if not other or repr(other) in str(error):
             raise
         raise RecordingError(f"{error}; it is of the layout {other!r}") from error

@@ -42,7 +42,7 @@ _ALIKE = {"round": "ind", "unid": "ind", "citr": "dut"}
 """Layouts whose files do not differ from those of another one."""
 
 
-def what_is_there(directory: Path, layout: str) -> str:
+def contents_in_words(directory: Path, layout: str) -> str:
     """Return what a directory contains instead of recordings of a layout, "" if it is empty.
 
     Args:
@@ -50,7 +50,7 @@ def what_is_there(directory: Path, layout: str) -> str:
         layout: the layout that was asked for.
     """
     if directory.is_file():
-        other = is_of_another(directory, layout)
+        other = other_layout_of(directory, layout)
         return f"it is of the layout {other!r}" if other else ""
     asked = _ALIKE.get(layout, layout)
     headers = 0
@@ -71,7 +71,7 @@ def what_is_there(directory: Path, layout: str) -> str:
     return f"it has {found_names(names, _MOST_NAMES)}" if names else ""
 
 
-def is_of_another(path: Path, layout: str) -> str:
+def other_layout_of(path: Path, layout: str) -> str:
     """Return the layout of a file if it is not the wanted one, else ""."""
     found = _layout_of_name(path)
     if found is None and _TEXT.fullmatch(path.name):

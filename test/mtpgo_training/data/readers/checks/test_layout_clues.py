@@ -7,7 +7,7 @@ from drone_files import write_highd, write_ind
 
 from mtpgo_core.errors import RecordingError
 from mtpgo_training.data.readers import load_recordings
-from mtpgo_training.data.readers.checks.layout_clues import is_of_another, what_is_there
+from mtpgo_training.data.readers.checks.layout_clues import contents_in_words, other_layout_of
 
 VEHICLES = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width\n"
 NGSIM = "Vehicle_ID,Frame_ID,Global_Time,Local_X,Local_Y\n"
@@ -34,7 +34,7 @@ def test_the_layout_of_a_directory_is_named(tmp_path, name):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     asked = "sind" if layout == "ind" else "ind"
-    assert what_is_there(tmp_path, asked) == f"{path} is of the layout {layout!r}"
+    assert contents_in_words(tmp_path, asked) == f"{path} is of the layout {layout!r}"
     with pytest.raises(RecordingError) as caught:
         load_recordings(tmp_path, asked)
     assert "has no recordings, expected files such as 01_tracks.csv" in str(caught.value)
@@ -47,12 +47,12 @@ def test_files_of_the_layout_in_a_folder_below_are_pointed_at(tmp_path):
         load_recordings(tmp_path, "round")
 
 
-def test_what_is_there_is_listed_where_no_layout_shows(tmp_path):
-    assert what_is_there(tmp_path, "ind") == ""
+def test_files_are_listed_where_no_layout_is_recognised(tmp_path):
+    assert contents_in_words(tmp_path, "ind") == ""
     for name in ("inD.zip", ".hidden", "b", "c/d", "e"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("x")
-    assert what_is_there(tmp_path, "ind") == "it has b, e, inD.zip and 1 more"
+    assert contents_in_words(tmp_path, "ind") == "it has b, e, inD.zip and 1 more"
     with pytest.raises(RecordingError, match=r"has no bags, expected .*; it has b, e, inD\.zip"):
         load_recordings(tmp_path, "bag")
 
@@ -71,9 +71,9 @@ def test_a_file_read_as_another_layout_names_its_own(tmp_path, asked, write, fou
 
 def test_alike_layouts_are_no_others(tmp_path):
     write_ind(tmp_path)
-    assert is_of_another(tmp_path / "07_tracks.csv", "unid") == ""
-    assert is_of_another(tmp_path / "07_tracks.csv", "openacc") == "ind"
-    assert is_of_another(tmp_path / "none.csv", "openacc") == ""
+    assert other_layout_of(tmp_path / "07_tracks.csv", "unid") == ""
+    assert other_layout_of(tmp_path / "07_tracks.csv", "openacc") == "ind"
+    assert other_layout_of(tmp_path / "none.csv", "openacc") == ""
 
 
 def test_a_single_file_of_another_layout_is_called_so(tmp_path):
