@@ -66,7 +66,7 @@ def prepare_scenes(
         ConfigurationError: the recordings of a split hold no agent, or none with a future.
     """
 
-    def prepared(named: Sequence[NamedRecording], training: bool) -> list[PreparedRecording]:
+    def prepared(named: Sequence[NamedRecording], *, training: bool) -> list[PreparedRecording]:
         return prepare_all(
             named,
             config.history,
@@ -80,7 +80,7 @@ def prepare_scenes(
         )
 
     dataset = SceneDataset(
-        prepared(splits.train, True),
+        prepared(splits.train, training=True),
         config.history,
         config.scene,
         config.data,
@@ -89,7 +89,7 @@ def prepare_scenes(
         pairs=consistency_term(config, horizon_steps).weight > 0.0,
     )
     validation = validation_scenes(
-        prepared(splits.validation, False), config.history, config.scene, horizon_steps
+        prepared(splits.validation, training=False), config.history, config.scene, horizon_steps
     )
     if not len(dataset):
         raise ConfigurationError("no agent is present in any recording of data.train")

@@ -43,7 +43,7 @@ def require_effect(run: TrainingRun, scenes: SceneDataset) -> None:
             seen.add(terms)
             trial.state.epoch = epoch
             train_only(trial.model, options.train_only)
-            loss = BatchLoss(trial)(next(iter(DataLoader(scenes, 1))), False)
+            loss = BatchLoss(trial)(next(iter(DataLoader(scenes, 1))), teacher_forcing=False)
             if not loss.requires_grad:
                 raise ConfigurationError(
                     f"optimisation.train_only is {list(options.train_only)}, on which the loss of "

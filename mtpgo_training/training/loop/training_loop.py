@@ -149,7 +149,7 @@ class TrainingLoop:
         batch = fabric.to_device(batch)
         loss = self._loss(batch, teacher_forcing)
         loss, mean_loss, agents, signalled, run.out_of_time = _share(
-            fabric, loss, batch, stop, late, by_agent=run.averages_agents
+            fabric, loss, batch, stop=stop, late=late, by_agent=run.averages_agents
         )
         run.stopping = signalled or run.out_of_time
         self._optimiser.zero_grad()
@@ -269,13 +269,20 @@ class TrainingLoop:
 
 
 def _share(
-    fabric: Fabric, loss: Tensor, batch: Batch, stop: bool, late: bool, *, by_agent: bool
+    fabric: Fabric, loss: Tensor, batch: Batch, *, stop: bool, late: bool, by_agent: bool
 ) -> tuple[Tensor, float, float, bool, bool]:
     """Weight a process's loss so that the average over the processes is that of the whole batch.
 
-    A loss is an average over agent-steps or, ``by_agent``, over observed agents, of which each
-    process has a different number. The same message distributes the request to stop, so that all
-    processes end after the same step.
+    Each process has a different number of agents. The same message distributes the request to
+    stop, so that all processes end after the same step.
+
+    Args:
+        fabric: of the processes.
+        loss: of this process's part of the batch.
+        batch: that part.
+        stop: this process was asked to stop.
+        late: its time is up.
+        by_agent: the loss is an average over observed agents, else over agent-steps.
 
     Returns:
         The weighted loss; the loss and the number of agents of the whole batch; whether any

@@ -38,13 +38,14 @@ def training_loss(
     Args:
         model: the network.
         fields: a batch from :func:`mtpgo_training.scenes.scene_dataset.dense`.
-        weights: of EWTA and NLL. The covariance is computed only where NLL counts.
-        huber: added to NLL, by weights relative to it; its delta is that of the EWTA loss, too.
+        weights: of EWTA and NLL. Covariances are computed only if NLL has weight.
+        huber: terms added to NLL, with weights relative to it; its delta is also used by EWTA.
         likelihood: the negative log-likelihood, one of :mod:`.likelihood_loss`.
         teacher_forcing: feed the observed states to the roll-out.
         summed: the EWTA loss is the paper's sum, see :func:`.ewta_loss.ewta_loss`; ``likelihood``
-            has to be summed, too.
-        consistency: added to NLL like ``huber``, from a second prediction a moment later.
+            has to be a sum, too.
+        consistency: term added to NLL like ``huber``; it compares the prediction with a second
+            one made a moment later.
     """
     states = model.config.state_size
     target, mask = fields["target"][..., :states], fields["weight"]
@@ -53,11 +54,11 @@ def training_loss(
         fields["x"],
         fields["valid"],
         fields["static"],
-        None,
-        with_covariance,
-        target if teacher_forcing else None,
-        mask > 0.0 if teacher_forcing else None,
-        fields.get("trails"),
+        initial_covariance=None,
+        with_covariance=with_covariance,
+        teacher=target if teacher_forcing else None,
+        teacher_valid=mask > 0.0 if teacher_forcing else None,
+        trails=fields.get("trails"),
     )
     loss = mean.new_zeros(())
     if weights.ewta > 0.0:
@@ -72,11 +73,11 @@ def training_loss(
                 fields["later_x"],
                 fields["later_valid"],
                 fields["static"],
-                None,
-                False,
-                None,
-                None,
-                fields.get("later_trails"),
+                initial_covariance=None,
+                with_covariance=False,
+                teacher=None,
+                teacher_valid=None,
+                trails=fields.get("later_trails"),
             )
             term = consistency(log_weight, mean, later_log_weight, later_mean, fields)
             loss = loss + weights.nll * term

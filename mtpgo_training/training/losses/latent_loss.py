@@ -40,7 +40,7 @@ def latent_loss(
     target, mask = fields["target"][..., :2], fields["weight"]
     context, start = model.encode(fields["x"], fields["valid"], fields["static"])
     wheeled = model.is_wheeled(fields["static"])
-    mean, covariance = model.decode(context, start, wheeled, True)
+    mean, covariance = model.decode(context, start, wheeled, with_covariance=True)
     log_prior = model.mixture(context)
     log_posterior = model.log_posterior(context, start, target, mask > 0.0)
     log_prob = trajectory_log_prob(mean, covariance, target, mask)

@@ -41,7 +41,14 @@ def region_loss(
     """
     target, mask = fields["target"][..., :2], fields["weight"]
     given = (fields["x"], fields["valid"])
-    log_weight, mean, covariance = model.roll_out(*given, fields["static"], None, True, None, None)
+    log_weight, mean, covariance = model.roll_out(
+        *given,
+        fields["static"],
+        initial_covariance=None,
+        with_covariance=True,
+        teacher=None,
+        teacher_valid=None,
+    )
     error = huber_per_mode(mean, target, mask, huber.delta)  # [B, N, K]
     distance = mean_distance(mean.detach(), target, mask)
     complete = mask[..., -1:] > 0.0

@@ -127,7 +127,7 @@ def _epoch_s(
 
 def take_step(module: BatchLoss, optimiser: torch.optim.Optimizer, batch: Batch) -> Tensor:
     """Train on a batch and return its loss, for whose value a GPU has to be waited for."""
-    loss = module(batch, False)
+    loss = module(batch, teacher_forcing=False)
     optimiser.zero_grad()
     loss.backward()
     optimiser.step()
