@@ -211,7 +211,7 @@ def test_a_paused_start_without_standard_input_is_refused(signals, here, bag, ca
 
 
 @pytest.mark.parametrize("ending", ["| true", ">&-", "2>&-"])
-def test_the_bag_is_played_where_nobody_reads_what_is_said(bag, ending):
+def test_the_bag_is_played_where_its_output_is_closed_or_not_read(bag, ending):
     """A reader that has ended, closed standard output, closed standard error."""
     played = f"{sys.executable} -m mtpgo_ros.replay {bag} --rate 1000 --delay 0 {ending}"
     done = subprocess.run(

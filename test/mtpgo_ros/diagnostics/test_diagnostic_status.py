@@ -53,7 +53,7 @@ def test_silence_is_not_hidden_by_anything(status):
     assert sentence(status, 0).endswith("; a publisher of std_msgs/msg/String")
 
 
-def test_an_output_that_is_left_out_is_said(status):
+def test_an_output_that_is_left_out_is_reported(status):
     status.agents, status.left_out = 3, ["output autoware is left out: no package"]
     assert levels(status, EventLog())[1] == WARN
     assert "no package" in sentence(status, 1)
@@ -128,7 +128,7 @@ def test_every_other_cause_of_a_level_and_its_end(status):
     assert levels(status, events)[4] == WARN
 
 
-def test_the_model_does_not_claim_to_serve_where_there_is_nobody(status):
+def test_without_road_users_the_model_does_not_claim_to_serve(status):
     assert sentence(status, 1) == "no agent to be predicted"
     status.agents = 3
     assert sentence(status, 1) == "the model serves every agent"

@@ -62,7 +62,7 @@ def test_a_fault_that_comes_and_goes_is_one_fault(setup):
     assert verdict.sentence == "model 36"  # the last sentence of that level
 
 
-def test_of_equal_levels_the_one_that_began_first_is_said(setup):
+def test_of_equal_levels_the_one_that_began_first_is_reported(setup):
     setup.show(model_level=WARN)
     for step in range(10):
         setup.now = 0.1 * step

@@ -193,7 +193,7 @@ def test_a_tracker_whose_clock_is_behind_and_is_set_forward_is_noticed(looker, b
     assert most_missed(looker) == 0.0
 
 
-def test_what_was_held_up_and_comes_at_once_is_of_no_clock_that_was_set(looker, behind):
+def test_messages_that_were_held_up_do_not_look_like_a_clock_that_was_set(looker, behind):
     with looker.counts(clock_set=0, clock_reset=0):
         looker.process.popen.send_signal(signal.SIGSTOP)
         try:
@@ -216,7 +216,7 @@ def test_a_clock_whose_rate_is_adjusted_is_not_set(node, clocks, together):
     assert predicts(node, clocks["tracker"]) < SILENCE_S
 
 
-def test_a_node_that_nobody_hears_is_not_forgotten(library, tmp_path, models):
+def test_a_node_without_subscribers_is_not_forgotten(library, tmp_path, models):
     clock, looker = MachineClock(library, tmp_path / "clock"), Node("looker")
     with clock.loaded():
         process = Process(

@@ -262,7 +262,7 @@ def test_a_clock_that_was_set_says_nothing_about_the_pace_of_the_stamps(make, se
     assert "stamp_pace" not in events.counts()
 
 
-def test_old_observations_and_what_else_is_odd_in_the_whole_stream_is_said(make):
+def test_old_observations_and_implausible_streams_are_reported(make):
     history, _, _ = make()
     for k in range(60):
         history.update(traffic(k / 5), at(k / 5 + 2.0))

@@ -29,7 +29,7 @@ def test_the_model_has_less_than_the_budget():
     assert control.allowed_s(0.85, 0.2) == pytest.approx(0.95 * 0.11)
 
 
-def test_overload_is_said_with_its_reason():
+def test_overload_is_reported_with_its_reason():
     assert overload(PredictionReport(agents=5, by_model=5, modes=8), 8) == ""
     report = PredictionReport(agents=5000, by_model=90, over_limit=4910, modes=2)
     said = overload(report, 8)

@@ -178,7 +178,7 @@ def test_people_get_a_status_for_every_group_and_window(played):
     assert "moving vehicle: " in text.text
 
 
-def test_the_limits_may_change_and_too_few_road_users_are_said_in_place_of_numbers(played):
+def test_the_limits_may_change_and_too_few_road_users_are_reported_in_place_of_numbers(played):
     bench, _, people, *_ = played
 
     def given(**values):

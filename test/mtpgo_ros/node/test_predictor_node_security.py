@@ -65,7 +65,7 @@ def test_the_odometry_of_the_ego_is_the_only_topic_that_has_to_be_added(everythi
     assert info.topic_type == "nav_msgs/msg/Odometry"
 
 
-def test_activated_again_and_again_it_has_what_it_had(everything):
+def test_repeated_activation_leaves_no_further_entities(everything):
     node = everything()
 
     def all_of():

@@ -37,7 +37,7 @@ def test_values_that_make_no_sense_are_refused(values, words):
         updated_risk(RiskParameters(), values)
 
 
-def test_what_is_no_parameter_of_the_node_is_ignored():
+def test_names_that_are_not_parameters_of_the_node_are_ignored():
     found = updated_risk(RiskParameters(), {"use_sim_time": True, "after_plan": "stand"})
     assert found == RiskParameters(after_plan="stand")
     assert found.stands_after

@@ -135,7 +135,7 @@ def test_what_an_observation_teaches_is_served_with_the_prediction_that_it_start
     assert order == 3 * ["observe", "serve"]
 
 
-def test_an_unwritable_file_is_reported_and_the_node_goes_on(bench, tmp_path):
+def test_an_unwritable_file_is_reported_and_the_node_continues(bench, tmp_path):
     b = bench(calibration_file=str(tmp_path / "missing" / "calibration.json"))
     b.status("calibration", WARN, "cannot be read")
     assert len(b.predict(traffic(0.0, agents=AGENTS))) == AGENTS
@@ -195,7 +195,7 @@ def test_a_node_without_its_model_keeps_what_was_learned_about_it(tmp_path, cali
     assert path.read_bytes() == before
 
 
-def test_two_nodes_with_one_file_are_told(calibrator):
+def test_two_nodes_with_one_file_are_reported(calibrator):
     one, other = calibrator(), calibrator()
     one.close()
     assert not one.file_error

@@ -178,7 +178,7 @@ def stranger():
     context.try_shutdown()
 
 
-def test_publishers_that_are_not_heard_or_too_many_are_said(bench, stranger):
+def test_incompatible_or_several_publishers_are_reported(bench, stranger):
     topic = "predictor/predictions"
     for kind, qos, words in (
         (String, 5, "a publisher of std_msgs/msg/String is not heard, the node takes sensor_msgs"),

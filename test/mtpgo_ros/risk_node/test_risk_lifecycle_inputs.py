@@ -165,7 +165,7 @@ def test_a_plan_from_before_a_jump_back_of_the_clock_is_not_used(bench, monkeypa
     assert one.predict(prediction())["unknown"].tolist() == [Unknown.KNOWN] * 2
 
 
-def test_another_node_of_the_same_name_is_said(bench):
+def test_another_node_of_the_same_name_is_reported(bench):
     one = bench()
     one.plan()
     one.predict(prediction())

@@ -39,7 +39,7 @@ def test_clocks_that_could_not_be_read_together_are_read_at_the_next_look(clocks
 
 
 @pytest.mark.parametrize("by_ns", [-3600 * S_NS, 3600 * S_NS])
-def test_an_even_clock_goes_on(clocks, by_ns):
+def test_an_even_clock_ignores_steps_of_the_system_clock(clocks, by_ns):
     even, begin_ns = EvenClock(), clocks.system_ns
     clocks.pass_time(1.0)
     clocks.system_ns += by_ns

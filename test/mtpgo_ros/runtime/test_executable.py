@@ -30,7 +30,7 @@ def test_an_error_is_one_line_on_stderr_and_status_two(capsys):
 
 
 @pytest.mark.parametrize("error", [False, True])
-def test_a_line_that_nobody_reads_is_no_error(monkeypatch, error):
+def test_a_line_to_a_closed_output_is_no_error(monkeypatch, error):
     name = "stderr" if error else "stdout"
     read, write = os.pipe()
     os.close(read)

@@ -30,7 +30,7 @@ def test_the_folder_of_ros_is_kept_where_it_is_usable(monkeypatch, tmp_path, cap
 
 
 @pytest.mark.parametrize("given", [None, "/proc/none"])
-def test_another_folder_is_chosen_and_said(monkeypatch, tmp_path, capsys, given):
+def test_another_folder_is_chosen_and_reported(monkeypatch, tmp_path, capsys, given):
     monkeypatch.setenv("ROS_LOG_DIR", "")  # restored after the test
     if given:
         monkeypatch.setenv("ROS_LOG_DIR", given)
@@ -43,7 +43,7 @@ def test_another_folder_is_chosen_and_said(monkeypatch, tmp_path, capsys, given)
 
 
 @pytest.mark.parametrize("name", ["ROS_LOG_DIR", "ROS_HOME"])
-def test_the_home_of_nobody_is_another_folder(monkeypatch, tmp_path, capsys, name):
+def test_the_home_of_an_unknown_user_is_replaced(monkeypatch, tmp_path, capsys, name):
     monkeypatch.setenv("ROS_LOG_DIR", "")  # restored after the test
     monkeypatch.setenv(name, "~nobody_of_this_name/log")
     assert choose_log_folder("predictor") == []

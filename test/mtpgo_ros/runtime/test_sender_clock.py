@@ -64,7 +64,7 @@ def test_a_clock_that_was_set_back_is_noticed_when_it_is_set_forward_later():
     assert found == pytest.approx([45.0])
 
 
-def test_two_senders_with_different_clocks_are_told_once_at_most():
+def test_two_senders_with_different_clocks_are_reported_once_at_most():
     received_s = 0.05 * np.arange(4000)
     ahead_s = np.where(np.arange(4000) % 3 == 0, 4.0, 0.0)  # one sends half as often
     ahead_s[:1000] = 0.0

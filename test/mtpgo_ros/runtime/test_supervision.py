@@ -20,7 +20,7 @@ def manager(tmp_path):
         yield one
 
 
-def test_what_is_reported(manager):
+def test_states_are_reported_to_the_supervisor(manager):
     notifier = ServiceNotifier(manager.getsockname(), 3_000_000)
     assert notifier.watchdog_s == 1.5
     notifier.ready()

@@ -167,7 +167,7 @@ def test_reading_takes_place_beside_the_node(bench, tmp_path, monkeypatch):
     assert "slow" in bench.lanes.limitations()[0]
 
 
-def test_markings_without_a_line_and_refused_ones_are_said_until_usable_ones_come(bench):
+def test_empty_and_refused_markings_are_reported_until_usable_ones_come(bench):
     assert bench.lanes.limitations() == [
         "the model wants lanes, but nothing has come on lane_markings"
     ]
@@ -195,7 +195,7 @@ def test_parameters_of_a_file_that_is_none_leave_the_lines_of_the_topic(bench):
     assert len(bench.placed[-1]) == 1
 
 
-def test_what_was_read_too_late_is_not_used(bench, tmp_path, monkeypatch):
+def test_lines_read_after_a_newer_choice_are_not_used(bench, tmp_path, monkeypatch):
     """The topic is wanted by the time a file is read, and a file by that of a message."""
     path = lane_file(tmp_path / "lanes.geojson")
     found = lane_input.read_lane_file(path, parameters(path).lane_options)
