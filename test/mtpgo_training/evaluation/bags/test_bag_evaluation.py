@@ -156,7 +156,7 @@ def test_constant_velocity_in_place_of_the_model_is_a_warning(tmp_path, fallback
         assert warning.startswith(f"{fallback * agents} of the {10 * agents} predictions")
 
 
-def test_of_two_predictions_of_a_stamp_the_last_one_is_scored_and_that_is_said(tmp_path):
+def test_of_two_predictions_of_a_stamp_the_last_one_is_scored_and_that_is_reported(tmp_path):
     recording = make_recording(duration_s=6.0)
 
     def published(number):
@@ -243,7 +243,7 @@ def test_objects_are_read_in_the_frame_of_the_predictions(tmp_path, fixed_frame)
     assert result.warnings == []
 
 
-def test_frames_that_no_transform_connects_are_told(tmp_path):
+def test_frames_without_a_connecting_transform_are_reported(tmp_path):
     recording = make_recording(duration_s=6.0)
     path = driven_past(tmp_path / "drive", recording, "odom", with_transforms=False)
     result = evaluate_bags([path], observed_recordings([path]), {}, own_clock=False)

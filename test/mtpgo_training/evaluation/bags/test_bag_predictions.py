@@ -56,7 +56,7 @@ def test_bags_without_predictions_are_refused(recording, tmp_path):
         read_predictions(path)
 
 
-def test_agents_of_which_points_are_missing_are_told_and_left_out():
+def test_agents_with_missing_points_are_reported_and_left_out():
     made = make_recording()
     whole, holes, halves, late = (perfect_prediction(made, 0) for _ in range(4))
     holes.mean[1, 0, 3] = np.nan

@@ -27,7 +27,7 @@ def test_a_model_is_compared_with_the_better_of_two_by_class_and_motion():
     assert car["ade_to_ca"] == pytest.approx(1.01)
 
 
-def test_without_baselines_nothing_is_said():
+def test_without_baselines_there_is_no_sentence():
     table = ScoreTable()
     add(table, 1.0)
     row = compare_with_simple(table.agents())["m"]["all"]["car, moving"]
