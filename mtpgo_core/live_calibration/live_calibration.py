@@ -19,7 +19,7 @@ from mtpgo_core.live_calibration.served_tables import (
     as_preferred,
     log_shipped_50,
 )
-from mtpgo_core.live_calibration.sigma_tracker import POOL_OF, SigmaTracker, Squares
+from mtpgo_core.live_calibration.sigma_tracker import POOL_OF, SigmaTracker, SquaredErrors
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import merge, with_time_origin
 from mtpgo_core.quality.metrics import mahalanobis
@@ -37,7 +37,7 @@ MODEL, CV = int(Source.MODEL), int(Source.CONSTANT_VELOCITY)
 
 
 class LiveCalibration:
-    """Corrects predictions before they are published, by what became known of earlier ones.
+    """Corrects predictions before they are published, by the outcomes of earlier ones.
 
     The predictions of the model and of constant velocity are both compared with the observations,
     no matter which is served. :meth:`serve` may be called from any thread, :meth:`observe` from
@@ -69,12 +69,13 @@ class LiveCalibration:
         self.options = self.tracker.options = self.preference.options = options
 
     def serve(self, prediction: Prediction, window: HistoryWindow) -> Prediction:
-        """Return the prediction that is to be published in place of another.
+        """Return the corrected prediction, which is to be published, and remember it for learning.
 
         Args:
-            prediction: with the shipped calibration, of the agents present in the window. One
-                with another horizon is returned as it is: it was made before a change of models.
-            window: that it was made of.
+            prediction: with the shipped calibration, of the agents present in the window. A
+                prediction with another horizon, made before a change of models, is returned
+                unchanged.
+            window: the window that it was made from.
         """
         if not self.options.watches or not len(prediction):
             return prediction
@@ -108,7 +109,7 @@ class LiveCalibration:
 
     @staticmethod
     def _constant(prediction: Prediction, window: HistoryWindow) -> Prediction:
-        """Return constant velocity in place of a prediction."""
+        """Return a constant-velocity prediction with the times and modes of a prediction."""
         start_s = (window.stamp_ns - prediction.stamp_ns) * 1e-9
         constant = predict_constant_velocity(
             window,
@@ -135,15 +136,15 @@ class LiveCalibration:
         seconds = self._passed_s(outcomes.now_ns)
         if self.options.learns_factors:
             self.tracker.pass_time(seconds)
-            squares = self._squares(outcomes)
-            self.tracker.update(squares)
+            errors = self._squared_errors(outcomes)
+            self.tracker.update(errors)
         if self.options.prefer == BEST:
             error_m = _errors(outcomes)
             group = outcomes.group.astype(np.intp)
             self.preference.update(seconds, outcomes.track, group, error_m)
 
     def clear_stream(self, cause: str) -> None:
-        """Forget the predictions that are not known yet; keep what was learned.
+        """Forget the predictions whose outcomes are not known yet; keep what was learned.
 
         Args:
             cause: one of :data:`mtpgo_core.quality.outcomes.UNKNOWN`.
@@ -158,8 +159,8 @@ class LiveCalibration:
             return 0.0
         return min(max(0.0, (now_ns - before) * 1e-9), _LONGEST_STEP_S)
 
-    def _squares(self, outcomes: Outcomes) -> Squares:
-        """Return squared errors in units of the covariances of the shipped calibration."""
+    def _squared_errors(self, outcomes: Outcomes) -> SquaredErrors:
+        """Return the squared errors of outcomes, relative to the shipped covariances."""
         with self._lock:
             table, tables = self._served.find(outcomes.stamp_ns)
         rows = np.flatnonzero(outcomes.known & (table >= 0))
@@ -167,7 +168,7 @@ class LiveCalibration:
         step, group = outcomes.step, outcomes.group.astype(np.intp)
         if not len(rows):
             nothing = np.empty((0, 2, 2))
-            return Squares(
+            return SquaredErrors(
                 outcomes.track,
                 group,
                 step,
@@ -186,7 +187,7 @@ class LiveCalibration:
         # The covariances of the model are kept as served, those of constant velocity are not.
         model = model * np.exp(2.0 * own[:, MODEL, 1])
         constant = mahalanobis(truth - outcomes.cv_mean, outcomes.cv_covariance)[0]
-        return Squares(
+        return SquaredErrors(
             track=outcomes.track,
             group=group,
             step=step,

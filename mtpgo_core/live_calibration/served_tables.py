@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What was served with each prediction: the factors in force, and how they are applied."""
+"""The factors that were applied to each served prediction, and how they are applied."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class ServedTable:
 
     Attributes:
         stamp_ns: of the prediction (ns).
-        span_s: time since the prediction before it, for which this one stands (s).
+        span_s: time since the previous prediction, for which this one counts (s).
         log_sigma: [SOURCES, LEVELS, groups, H], see
             :class:`~mtpgo_core.live_calibration.sigma_tracker.SigmaTracker`.
         log_shipped_50: [groups, H] logarithms of the factors for the 50 % ellipses of the model's
@@ -53,7 +53,7 @@ class ServedTable:
 
 
 class ServedTables:
-    """The last tables, by the stamps of their predictions."""
+    """The latest tables, by the stamps of their predictions."""
 
     def __init__(self) -> None:
         self._tables: deque[ServedTable] = deque(maxlen=_KEPT)

@@ -53,21 +53,21 @@ _FEW_AGENTS = 10.0
 
 
 @dataclass(frozen=True)
-class Squares:
-    """Squared errors of m steps of predictions, in units of covariances.
+class SquaredErrors:
+    """Squared Mahalanobis errors of m steps of predictions.
 
     Attributes:
         track: [m] numbers of tracks.
         group: [m] positions in :data:`~mtpgo_core.task.calibration.GROUPS`.
         step: [m] horizon steps.
-        cycle: [m] which prediction a row is of, any number.
-        span_s: [m] time that this prediction stands for, up to the next one (s).
+        cycle: [m] number that identifies the prediction of a row.
+        span_s: [m] time from this prediction to the next one, for which it counts (s).
         squared: [m, SOURCES] squared Mahalanobis distance of the truth with the covariances of
             the shipped calibration, NaN where a source did not predict.
         shipped_50: [m, SOURCES] logarithms of the factors for the 50 % ellipses of the shipped
             calibration.
-        own: [m, SOURCES, LEVELS] logarithms of the factors that were served.
-        pool: [m, SOURCES, LEVELS] those of the group ``any`` then.
+        own: [m, SOURCES, LEVELS] logarithms of the factors of the row's group when it was served.
+        pool: [m, SOURCES, LEVELS] the same of its group ``any``.
     """
 
     track: NDArray[np.int64]
@@ -110,7 +110,7 @@ class SigmaTracker:
         return self._agent_s / np.maximum(self._span_s, 1e-9)
 
     def pass_time(self, seconds: float) -> None:
-        """Forget factors of which nothing becomes known.
+        """Let the factors of groups without outcomes decay to those of their parent group.
 
         Args:
             seconds: time since the last call (s).
@@ -118,47 +118,50 @@ class SigmaTracker:
         self._limits.pass_time(seconds, self.options.track_memory_s)
         self._idle_s += seconds
         share = 1.0 - math.exp(-seconds / self.options.memory_s)
-        toward = self._parents()
-        lonely = 1.0 - self._independence()
-        self.log_sigma = self.log_sigma + share * lonely * (toward - self.log_sigma)
+        dependence = 1.0 - self._independence()
+        self.log_sigma = self.log_sigma + share * dependence * (self._parents() - self.log_sigma)
 
-    def update(self, squares: Squares) -> None:
+    def update(self, errors: SquaredErrors) -> None:
         """Move the factors by the outcomes of one observation."""
-        if not len(squares.track):
+        if not len(errors.track):
             return
-        self._count(squares)
-        change = self._changes(squares)
+        self._count(errors)
+        change = self._changes(errors)
         weight = self._independence()[:POOLS]
         change[:, :, :POOLS] = weight * change[:, :, :POOLS]
         change[:, :, :POOLS] += (1.0 - weight) * change[:, :, POOL_OF[:POOLS]]
         change[:, 1] += self.options.coupling * change[:, 0]
         self.log_sigma = np.clip(self.log_sigma + change, _LOW, _HIGH)
 
-    def _changes(self, squares: Squares) -> Float64Array:
-        """Return the change of each factor by the road users of its own group."""
-        pool = POOL_OF[squares.group]
-        m, steps = len(squares.track), self.log_sigma.shape[-1]
-        # [2, m]: each row counts for its own group and for that of all classes, which are one
-        # where the class is unknown.
-        group = np.stack([squares.group, pool])
-        counts = np.stack([squares.group < POOLS, np.ones(m, dtype=np.bool_)])
-        agents = self.agents[group, squares.step]
-        size = squares.span_s / np.maximum(agents, self.options.least_agents)
-        limit = self._track_limits()[group, squares.step]
+    def _changes(self, errors: SquaredErrors) -> Float64Array:
+        """Return [SOURCES, LEVELS, groups, H] changes, each by the outcomes of its own group.
+
+        The rule is log f += rate (missed - alpha), averaged over the road users of the group and
+        limited for each track.
+        """
+        pool = POOL_OF[errors.group]
+        m, steps = len(errors.track), self.log_sigma.shape[-1]
+        # [2, m]: each row counts for its own group and for the group ``any``, and only once where
+        # both are the same (class unknown).
+        group = np.stack([errors.group, pool])
+        counts = np.stack([errors.group < POOLS, np.ones(m, dtype=np.bool_)])
+        agents = self.agents[group, errors.step]
+        size = errors.span_s / np.maximum(agents, self.options.least_agents)
+        limit = self._track_limits()[group, errors.step]
         # [2, m, SOURCES, LEVELS]
-        served = np.stack([squares.own, squares.pool])
+        served = np.stack([errors.own, errors.pool])
         # [m, SOURCES, LEVELS], in units of the shipped ellipse of each level
-        squared = np.repeat(squares.squared[:, :, None], len(LEVELS), axis=2)
-        squared[:, :, 0] *= np.exp(-2.0 * squares.shipped_50)
+        squared = np.repeat(errors.squared[:, :, None], len(LEVELS), axis=2)
+        squared[:, :, 0] *= np.exp(-2.0 * errors.shipped_50)
         with np.errstate(invalid="ignore"):
             missed = squared > _RADIUS * np.exp(2.0 * served)
         rate = np.array([self.options.rate_50, self.options.rate_90])
         wanted = rate * size[:, :, None, None] * (missed - _ALPHA)
         rows = np.broadcast_to(counts[:, :, None, None] & np.isfinite(squared), wanted.shape)
         kind, row, source, level = np.nonzero(rows)
-        step = squares.step[row]
+        step = errors.step[row]
         place = ((kind * SOURCES + source) * len(LEVELS) + level) * steps + step
-        tracks, of_track = np.unique(squares.track, return_inverse=True)
+        tracks, of_track = np.unique(errors.track, return_inverse=True)
         granted = self._limits.limited(
             tracks, of_track[row], place, wanted[rows], limit[kind, row]
         )
@@ -168,41 +171,41 @@ class SigmaTracker:
         return change.reshape(shape)
 
     def _track_limits(self) -> Float64Array:
-        """Return [groups, H] most that one track may move a logarithm.
+        """Return [groups, H] the largest change of a logarithm by a single track.
 
-        What counts is how many road users move, not how many are in the group: among thirty, one
-        of few pedestrians may do no more than one of many cars. For groups that stand all count,
-        since any road user may stand for a moment.
+        It depends on the number of all moving road users, not on that of the group: among thirty
+        road users, one of few pedestrians may change as much as one of many cars. For standing
+        groups all road users count, since any of them may stand for a moment.
         """
         standing, moving = self.agents[POOLS:]
         present = np.maximum([standing + moving, moving], 1.0)
         limit = self.options.track_limit * np.maximum(1.0, _FEW_AGENTS / present)
         return np.asarray(limit[POOL_OF - POOLS])
 
-    def _count(self, squares: Squares) -> None:
+    def _count(self, errors: SquaredErrors) -> None:
         """Count road users per prediction, by group and step."""
         groups, steps = self._agent_s.shape
-        group = np.concatenate([squares.group, POOL_OF[squares.group]])
-        both = np.concatenate([squares.group < POOLS, np.ones(len(squares.group), dtype=bool)])
-        cell = (group * steps + np.tile(squares.step, 2))[both]
-        came = np.bincount(cell, np.tile(squares.span_s, 2)[both], groups * steps)
+        group = np.concatenate([errors.group, POOL_OF[errors.group]])
+        both = np.concatenate([errors.group < POOLS, np.ones(len(errors.group), dtype=bool)])
+        cell = (group * steps + np.tile(errors.step, 2))[both]
+        came = np.bincount(cell, np.tile(errors.span_s, 2)[both], groups * steps)
         came = came.reshape(groups, steps)
-        pairs = np.stack([squares.cycle, squares.step], axis=1)
+        pairs = np.stack([errors.cycle, errors.step], axis=1)
         _, first = np.unique(pairs, axis=0, return_index=True)
-        passed = np.bincount(squares.step[first], squares.span_s[first], steps)
+        passed = np.bincount(errors.step[first], errors.span_s[first], steps)
         decay = np.exp(-passed / _AGENTS_S)
         self._agent_s = self._agent_s * decay + came
         self._span_s = self._span_s * decay + passed
         self._idle_s[came > 0.0] = 0.0
 
     def _independence(self) -> Float64Array:
-        """Return [groups, H] 1 where a group has outcomes enough of its own, 0 where none."""
+        """Return [groups, H] weight of a group's own outcomes: 1 for enough, 0 for none."""
         enough = np.minimum(1.0, self.agents / self.options.least_agents)
         enough[POOLS:] = 1.0
         return np.where(self._idle_s > _IDLE_S, 0.0, enough)
 
     def _parents(self) -> Float64Array:
-        """Return the factors that groups without outcomes fall back to."""
+        """Return the factors that groups without outcomes fall back to (as ``log_sigma``)."""
         parents = np.zeros_like(self.log_sigma)
         parents[:, :, :POOLS] = self.log_sigma[:, :, POOL_OF[:POOLS]]
         return parents

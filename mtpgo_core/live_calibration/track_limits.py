@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Bounds what a single track may change."""
+"""Limits on the changes that a single track may make."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _CAPACITY = 1024
 
 
 class TrackLimits:
-    """Sums what each track has changed, with exponential forgetting, and cuts off the surplus.
+    """Sums the changes by each track, with exponential forgetting, and clips them at a limit.
 
     Args:
         places: number of values that each track may change.
@@ -30,7 +30,7 @@ class TrackLimits:
         self._row_of: dict[int, int] = {}
         self._free = list(range(_CAPACITY))
         self._idle_s = np.zeros(_CAPACITY)
-        # Stays where it is: more than a megabyte would be moved with each new track.
+        # Allocated once: growing it with each new track would copy more than a megabyte.
         self._sum = np.zeros((_CAPACITY, places))
 
     def __len__(self) -> int:

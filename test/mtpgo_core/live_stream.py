@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from mtpgo_core.live_calibration.live_options import LiveOptions
-from mtpgo_core.live_calibration.sigma_tracker import POOLS, SigmaTracker, Squares
+from mtpgo_core.live_calibration.sigma_tracker import POOLS, SigmaTracker, SquaredErrors
 from mtpgo_core.quality.metrics import radius_squared
 
 STEPS, DT_S, GROUP = 2, 0.4, 1
@@ -67,7 +67,7 @@ class ErrorStream:
         self.log.append(table[0, :, GROUP])
         self.tracker.pass_time(DT_S)
         self.tracker.update(
-            Squares(
+            SquaredErrors(
                 track=track,
                 group=group,
                 step=step,

@@ -11,7 +11,7 @@ from mtpgo_core.live_calibration.sigma_tracker import (
     POOLS,
     SIGMA_LIMITS,
     SigmaTracker,
-    Squares,
+    SquaredErrors,
 )
 from mtpgo_core.quality.metrics import radius_squared, sigma_factor
 from mtpgo_core.task.calibration import GROUPS, SIGMA_FACTOR_50_LIMITS
@@ -179,7 +179,7 @@ def test_the_long_run_coverage_of_heavy_tails_that_become_known_five_seconds_lat
         inside += (np.sqrt(squared[rows])[:, None] <= radius).tolist()
         m = len(rows)
         tracker.update(
-            Squares(
+            SquaredErrors(
                 track=track[rows],
                 group=np.full(m, 1),
                 step=np.zeros(m, dtype=int),
