@@ -109,7 +109,7 @@ class OutcomeMatcher:
         self.memory.clear()
 
     def update(self, history: TrackHistory, report: UpdateReport) -> Outcomes:
-        """Return what has become known with the last observation of the history.
+        """Return the outcomes that the last observation of the history reveals.
 
         Args:
             history: after the observation.
@@ -159,8 +159,8 @@ class OutcomeMatcher:
         while self._waiting:
             key, new = self._waiting.popleft()
             if new.stamp_ns > now_ns:
-                # Made before the clock was set back. To the memory all others would come too soon
-                # after it, until the clock shows its time again.
+                # Made before the clock was set back: the memory would leave out all others as too
+                # soon after it, until the clock reaches its time again.
                 self.unknown["no_track"] += len(key) * len(new.time_s)
                 continue
             number = history.track_numbers(key, new.stamp_ns)

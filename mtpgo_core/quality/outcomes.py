@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What has become known about earlier predictions with one observation."""
+"""The outcomes of earlier predictions that one observation reveals."""
 
 from __future__ import annotations
 

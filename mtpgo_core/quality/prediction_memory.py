@@ -57,7 +57,7 @@ class MemoryLimits:
         check_options(self, "memory.")
 
     def spacing_s(self, horizon_s: float, max_gap_s: float) -> float:
-        """Return the least time between two predictions of which both are kept (s).
+        """Return the smallest time between two predictions that are both kept (s).
 
         Args:
             horizon_s: how far they reach (s).
@@ -68,7 +68,7 @@ class MemoryLimits:
 
 @dataclass(frozen=True)
 class KeptPrediction:
-    """What is kept of the prediction of one instant, for n agents.
+    """The stored part of the prediction of one instant, for n agents.
 
     Attributes:
         stamp_ns: time of the observation that it starts from (ns).
@@ -107,8 +107,8 @@ class PredictionMemory:
         max_gap_s: how long the truth of a step may come after it (s).
 
     Attributes:
-        next_ns: time of the next step that was not due so far (ns).
-        left_out: predictions of agents that found no room.
+        next_ns: earliest time of a step that is not due yet (ns).
+        left_out: number of predictions of agents for which there was no room.
 
     The arrays have the axes C cycles, A agents, H steps, M modes; ``step`` [C, A] is the next step
     to resolve, H where there is none.
@@ -300,8 +300,8 @@ class PredictionMemory:
 def _with_modes(new: KeptPrediction, modes: int) -> KeptPrediction:
     """Return a prediction of fewer modes with further ones that have no weight.
 
-    The number of modes changes from cycle to cycle where there are more road users than all modes
-    are published of, and predictions in flight must not be lost by that.
+    With many road users fewer modes are published, so the number of modes may change from cycle to
+    cycle; predictions in flight must not be lost by that.
     """
     extra = modes - new.mean.shape[1]
     return dataclasses.replace(

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The scores of the last minutes, and what they say about how far to trust the predictions."""
+"""The scores of the last minutes, and the verdict on how reliable the predictions are."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ difference that a user would notice, as in the evaluation."""
 
 
 class Level(IntEnum):
-    """How far to trust the predictions; the values are those of ``DiagnosticStatus``."""
+    """How reliable the predictions are; the values are those of ``DiagnosticStatus``."""
 
     OK = 0
     WARN = 1
@@ -55,7 +55,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class QualityLimits:
-    """From when on the scores are bad.
+    """Limits of the scores for warnings and errors.
 
     Attributes:
         min_agents: fewest road users of a group whose scores are given and judged.
@@ -116,11 +116,11 @@ class QualityReport:
 
 @dataclass(frozen=True)
 class QualityVerdict:
-    """How far to trust the predictions of one group, or of all.
+    """How reliable the predictions of one group, or of all groups, are.
 
     Attributes:
         level: the worst that applies.
-        message: what is bad, or how good they are.
+        message: the problems, or the scores if there are none.
     """
 
     level: Level

@@ -34,9 +34,9 @@ _SLACK_S = 1e-6
 class RollingScores:
     """Sums of scores in spans of ``BUCKET_S``, for windows of 1, 5 and 30 minutes.
 
-    A prediction counts at the time that it was made for: the window of one minute holds what was
-    predicted for this minute. All times are those of the observations; where their clock is set
-    back, the windows go on from where they were.
+    A prediction counts at the time that it predicts: the window of one minute holds what was
+    predicted for this minute. All times are those of the observations; if their clock is set back,
+    the windows continue without a gap.
 
     Args:
         dt_s: horizon step (s). The step nearest to a time of ``TIMES_S`` counts as that time.
@@ -60,7 +60,7 @@ class RollingScores:
         return self._sums.nbytes + self._seen.nbytes + self._seen_bucket.nbytes
 
     def update(self, outcomes: Outcomes) -> None:
-        """Add what has become known."""
+        """Add outcomes."""
         self._advance(outcomes.now_ns)
         if not len(outcomes):
             return
