@@ -11,11 +11,11 @@ from models.network_config import NetworkConfig
 class DirectCovariance(nn.Module):
     """The decoder's own covariance of the position (ablation ``ekf=False``, and the baselines).
 
-    The position's covariance k steps ahead is (k dt)^2 Q_k, so that an untrained model is already
-    less certain of what is farther in the future. The paper predicts no more than that; to fill
-    the state's S x S matrix, the velocity gets Q_k, the spread of velocities that alone would
-    explain the position's, and no correlation with it. Such a model is trained by the position's
-    likelihood. An unconditioned network gives Q_k itself.
+    The position's covariance k steps ahead is (k dt)^2 Q_k, so that the uncertainty of an
+    untrained model already grows along the horizon. The paper predicts the position's covariance
+    only; to fill the state's S x S matrix, the velocity gets Q_k, the covariance of a constant
+    velocity that would explain the position's, without correlation of the two. Such a model is
+    trained by the position's likelihood. An unconditioned network gives Q_k itself.
     """
 
     def __init__(self, config: NetworkConfig):

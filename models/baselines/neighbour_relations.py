@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""How every agent sees the others: offset, relative velocity and heading in its own frame."""
+"""Relative states of all pairs of agents: offset, velocity and heading in one's own frame."""
 
 import torch
 from torch import Tensor
@@ -24,7 +24,7 @@ def neighbour_relations(
     offset_m: float = OFFSET_M,
     relative_mps: float = RELATIVE_MPS,
 ) -> Tensor:
-    """Return [B, N, N, RELATIONS] what agent i (first) sees of agent j.
+    """Return [B, N, N, RELATIONS] the state of agent j (last) relative to agent i, in i's frame.
 
     Args:
         features: [B, N, F] at one step; they begin with x, y (m), vx, vy (m/s).

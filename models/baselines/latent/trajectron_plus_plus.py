@@ -146,26 +146,30 @@ class TrajectronPlusPlus(TrajectoryPredictor):
         if with_covariance:
             states = torch.stack(hidden).view(self.horizon_steps, b, n * m, -1)
             noise = self.noise(states).view(2, 2, self.horizon_steps, b, n, m)
-        turning, turning_spread = self.turned(outputs, noise, start, with_covariance)
-        walking, walking_spread = self.walked(outputs, noise, start, with_covariance)
+        unicycle, unicycle_spread = self.as_unicycles(outputs, noise, start, with_covariance)
+        integrator, integrator_spread = self.as_integrators(outputs, noise, start, with_covariance)
         vehicle = wheeled.unsqueeze(-1)  # [B, N, 1]
-        own = torch.where(vehicle.unsqueeze(-1), turning, walking)  # [H, B, N, M, 2]
+        own = torch.where(vehicle.unsqueeze(-1), unicycle, integrator)  # [H, B, N, M, 2]
         mean = states_to_scene(own, start).permute(1, 2, 3, 0, 4).contiguous()
         if not with_covariance:
             return mean, noise
-        block = torch.where(vehicle, turning_spread, walking_spread)  # [2, 2, H, B, N, M]
+        block = torch.where(vehicle, unicycle_spread, integrator_spread)  # [2, 2, H, B, N, M]
         return mean, self.observed(rotate_blocks([block], start.direction))
 
-    def turned(
+    def as_unicycles(
         self, outputs: list[Tensor], noise: Tensor, start: Start, with_covariance: bool
     ) -> tuple[Tensor, Tensor]:
-        """Return positions [H, B, N, M, 2] and their covariances of unicycles, in own frames.
+        """Integrate the controls with unicycle dynamics (Sec. 4; P' = F P F^T + G Q G^T).
 
         Args:
-            outputs: [B, N, M, 2] of each step.
+            outputs: [B, N, M, 2] scaled turn rate and acceleration of each step.
             noise: [2, 2, H, B, N, M] Q of the outputs.
             start: the agents' frames; the heading at t is the frame's.
             with_covariance: false skips the covariances.
+
+        Returns:
+            Positions [H, B, N, M, 2] (m) and their covariances [2, 2, H, B, N, M] (m^2), in the
+            agents' own frames.
         """
         zero = torch.zeros_like(start.velocity[..., 0])
         first = (start.position[..., 0], start.position[..., 1], zero, start.velocity[..., 0])
@@ -185,12 +189,13 @@ class TrajectronPlusPlus(TrajectoryPredictor):
             return torch.stack(positions), noise
         return torch.stack(positions), torch.stack(spreads).permute(4, 5, 0, 1, 2, 3)
 
-    def walked(
+    def as_integrators(
         self, outputs: list[Tensor], noise: Tensor, start: Start, with_covariance: bool
     ) -> tuple[Tensor, Tensor]:
-        """Return positions [H, B, N, M, 2] and their covariances of single integrators.
+        """Integrate the controls as velocities (single integrators; Sec. 4).
 
-        The controls are deviations from the velocity at t; arguments as in :meth:`turned`.
+        The controls are deviations from the velocity at t (m/s); other arguments and results are
+        those of :meth:`as_unicycles`.
         """
         velocity = start.velocity.unsqueeze(2) + torch.stack(outputs)
         position = start.position.unsqueeze(2) + self.dt_s * velocity.cumsum(dim=0)

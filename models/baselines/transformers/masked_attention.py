@@ -17,8 +17,8 @@ MASKED_SCORE = -1e4
 class MaskedAttention(nn.Module):
     """Multi-head scaled dot-product attention: softmax(Q K^T / sqrt(d)) V in each head.
 
-    (Vaswani et al., "Attention Is All You Need", NeurIPS 2017, eq. 1.) A query with nothing to
-    look at gets the output's bias.
+    (Vaswani et al., "Attention Is All You Need", NeurIPS 2017, eq. 1.) A query without any known
+    entry gets the output's bias.
 
     Args:
         size: D, channels of queries, memory and output.
@@ -39,9 +39,9 @@ class MaskedAttention(nn.Module):
         """Return [L, Q, D].
 
         Args:
-            x: [L, Q, D] that ask.
-            memory: [L, S, D] that is looked at.
-            known: [L, S] true where there is an entry.
+            x: [L, Q, D] queries.
+            memory: [L, S, D] keys and values.
+            known: [L, S] true where ``memory`` has an entry.
         """
         query = self.query(x).unflatten(2, (self.heads, -1)).transpose(1, 2)  # [L, heads, Q, d]
         key = self.key(memory).unflatten(2, (self.heads, -1)).transpose(1, 2)
@@ -67,9 +67,9 @@ class FeedForward(nn.Module):
 
 
 class EncoderLayer(nn.Module):
-    """Self-attention and feed-forward part, each added to its normalised input's origin.
+    """Self-attention and feed-forward part with residual connections.
 
-    The normalisation comes first in each part, so that no long warm-up is needed.
+    Each part normalises its input first (pre-norm), so that no long warm-up is needed.
     """
 
     def __init__(self, size: int, heads: int):
@@ -87,7 +87,7 @@ class EncoderLayer(nn.Module):
 
 
 class DecoderLayer(nn.Module):
-    """Queries that look at each other, then at the memory, then the feed-forward part."""
+    """Self-attention of the queries, attention to the memory, and feed-forward part (pre-norm)."""
 
     def __init__(self, size: int, heads: int):
         super().__init__()
@@ -108,7 +108,7 @@ class DecoderLayer(nn.Module):
 
 
 class Transformer(nn.Module):
-    """Encoder layers over a sequence, and decoder layers whose queries look at its result.
+    """Encoder layers over a sequence, and decoder layers whose queries attend to its result.
 
     Args:
         size: D.

@@ -111,7 +111,7 @@ class MMTransformer(TrajectoryPredictor):
     def neighbourhood(
         self, moved: Tensor, present: Tensor, course: Tensor, start: Start
     ) -> Tensor:
-        """Return [B N, N, D] what every agent sees of all: their proposals, in its own frame.
+        """Return [B N, N, D] the embedded proposals of all agents relative to each agent.
 
         Args:
             moved: [B N, K, D] proposals of the motion extractor.
