@@ -64,7 +64,7 @@ class OutputAdapter:
 
         Args:
             types: source of message classes.
-            max_modes: the strongest modes to keep, renormalised; None keeps all.
+            max_modes: the heaviest modes to keep, renormalised; None keeps all.
             serialized: write CDR bytes where that is much faster; rclpy publishers accept both.
 
         Raises:

@@ -24,7 +24,7 @@ from msg_adapters.inputs.autoware import (
 from msg_adapters.types import Types
 from msg_adapters.wire.cdr import CdrWriter, write_header
 from mtpgo_core.identity import key_to_uuid_bytes
-from mtpgo_core.prediction.output_assembly import strongest_modes
+from mtpgo_core.prediction.output_assembly import heaviest_modes
 from mtpgo_core.schema import Float64Array, Prediction
 
 
@@ -36,7 +36,7 @@ def prediction_to_predicted_objects(
     Args:
         prediction: what to publish; stamp and frame go into the header.
         types: source of message classes.
-        max_modes: the strongest modes to keep, renormalised; None keeps all.
+        max_modes: the heaviest modes to keep, renormalised; None keeps all.
 
     Raises:
         MessageError: autoware_perception_msgs is not available.
@@ -136,7 +136,7 @@ class _Content(NamedTuple):
 
 
 def _content(prediction: Prediction, max_modes: int | None) -> _Content:
-    weight, modes = strongest_modes(prediction, max_modes)
+    weight, modes = heaviest_modes(prediction, max_modes)
     order = np.argsort(-weight, axis=1, kind="stable")
     step_s, rows = _paths(prediction, modes)
     poses = np.zeros((*rows.shape[:3], 7))

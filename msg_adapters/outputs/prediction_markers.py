@@ -31,7 +31,7 @@ from msg_adapters.outputs.marker_encoding import (
 from msg_adapters.outputs.marker_tracker import MODES_PER_AGENT, MarkerTracker
 from msg_adapters.types import Types
 from mtpgo_core.class_size import known_sizes
-from mtpgo_core.prediction.output_assembly import strongest_modes
+from mtpgo_core.prediction.output_assembly import heaviest_modes
 from mtpgo_core.schema import AgentClass, Float64Array, Prediction, Source
 
 BOXES, TRAJECTORIES, ELLIPSES, LABELS = "agents", "trajectories", "ellipses", "labels"
@@ -57,7 +57,7 @@ class MarkerStyle:
     """Settings of the drawing.
 
     Attributes:
-        min_weight: modes lighter than this are not drawn, except an agent's strongest.
+        min_weight: modes lighter than this are not drawn, except an agent's heaviest.
         ellipse_min_weight: modes lighter than this are drawn without ellipses.
         ellipse_every_s: time between two ellipses of a mode (s).
         ellipse_sigma: Mahalanobis radius of the ellipses.
@@ -93,7 +93,7 @@ def prediction_to_markers(
         prediction: what to draw; stamp and frame go into every header.
         types: source of message classes.
         tracker: the ids in use; one per topic.
-        max_modes: the strongest modes to draw, renormalised; None draws all.
+        max_modes: the heaviest modes to draw, renormalised; None draws all.
         style: settings, default :class:`MarkerStyle`.
     """
     style = style or MarkerStyle()
@@ -147,7 +147,7 @@ class _Painter:
 
     def __init__(self, prediction: Prediction, style: MarkerStyle, max_modes: int | None) -> None:
         self.style = style
-        self.weight, modes = strongest_modes(prediction, max_modes)
+        self.weight, modes = heaviest_modes(prediction, max_modes)
         self.classes = prediction.agent_class.tolist()
         self.low_words = prediction.key[:, 0].tolist()
         self.initial = prediction.initial[:, :2].tolist()
@@ -246,5 +246,5 @@ def _with_z(points: Float64Array, z: Float64Array) -> Float64Array:
 
 
 def _opacity(weight: Float64Array) -> Float64Array:
-    """Return [n, M] the opacity in 0.1..1: the weight relative to the agent's strongest mode."""
+    """Return [n, M] the opacity in 0.1..1: the weight relative to the agent's heaviest mode."""
     return np.clip(weight / weight.max(axis=1, keepdims=True, initial=1e-12), 0.1, 1.0)

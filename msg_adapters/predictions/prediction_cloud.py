@@ -19,7 +19,7 @@ from msg_adapters.types import Types
 from msg_adapters.wire.cloud import cloud_to_records, records_to_cloud, require_fields
 from msg_adapters.wire.cloud_bytes import cloud_from_cdr
 from mtpgo_core.errors import MessageError
-from mtpgo_core.prediction.output_assembly import strongest_modes
+from mtpgo_core.prediction.output_assembly import heaviest_modes
 from mtpgo_core.schema import Float64Array, Prediction
 
 _FLOATS = ("x", "y", "z", "t", "weight", "vx", "vy", "yaw", "cov_xx", "cov_xy", "cov_yy")
@@ -89,12 +89,12 @@ def prediction_to_pointcloud2(
     Args:
         prediction: what to publish; stamp and frame go into the header.
         types: source of message classes.
-        max_modes: the strongest modes to keep, renormalised; None keeps all.
+        max_modes: the heaviest modes to keep, renormalised; None keeps all.
 
     Raises:
         MessageError: more modes or steps than a byte counts.
     """
-    weight, modes = strongest_modes(prediction, max_modes)
+    weight, modes = heaviest_modes(prediction, max_modes)
     n, steps = len(prediction), len(prediction.time_s)
     if modes > MAX_COUNT or steps > MAX_COUNT:
         raise MessageError(

@@ -191,9 +191,9 @@ def spread(prediction: Prediction, row: IndexArray, window: HistoryWindow) -> Pr
     )
 
 
-def with_strongest_modes(prediction: Prediction, modes: int) -> Prediction:
+def with_heaviest_modes(prediction: Prediction, modes: int) -> Prediction:
     """Return the first ``modes`` modes of each agent, with weights that sum to one."""
-    weight, kept = strongest_modes(prediction, modes)
+    weight, kept = heaviest_modes(prediction, modes)
     if kept == prediction.weight.shape[1]:
         return prediction
     return dataclasses.replace(
@@ -224,7 +224,7 @@ def without_agent(prediction: Prediction, key: KeyArray | None) -> Prediction:
     return prediction if kept.all() else select(prediction, kept)
 
 
-def strongest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Float64Array, int]:
+def heaviest_modes(prediction: Prediction, max_modes: int | None) -> tuple[Float64Array, int]:
     """Return the weights of the first ``max_modes`` modes, with sum one, and their number.
 
     Args:

@@ -22,7 +22,7 @@ from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.options import check_options, option
 from mtpgo_core.prediction.agent_limit import AgentLimit
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
-from mtpgo_core.prediction.output_assembly import replace_rows, select, with_strongest_modes
+from mtpgo_core.prediction.output_assembly import replace_rows, select, with_heaviest_modes
 from mtpgo_core.prediction.path_smoothing import LONGEST_MEMORY_S, PathSmoother
 from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.lane_map import LaneMap
@@ -47,7 +47,7 @@ class PredictorOptions:
         max_agents: most agents that the model predicts, those nearest to the ego or, without an
             ego, to the median position; the others are predicted at constant velocity and are seen
             by the model as neighbours of those.
-        max_points: most agents x modes x steps of a prediction; with more, the strongest modes of
+        max_points: most agents x modes x steps of a prediction; with more, the heaviest modes of
             every agent are kept, at least one.
         use_tracker_covariance: start from the tracker's covariance where there is one.
         path_smoothing_s: memory of the farthest predicted points over the cycles (s), 0 for none.
@@ -230,7 +230,7 @@ class ScenePredictor:
             graphs=batch.valid.shape[0],
             largest_graph=int((batch.agent >= 0).sum(axis=1).max(initial=0)),
         )
-        modelled = with_strongest_modes(modelled, modes)
+        modelled = with_heaviest_modes(modelled, modes)
         if len(predicted) == n and usable.all():
             return modelled
         return replace_rows(self._constant(present), predicted[usable], select(modelled, usable))

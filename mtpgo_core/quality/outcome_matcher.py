@@ -16,7 +16,7 @@ from mtpgo_core.history.stream_guard import UpdateReport
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
-from mtpgo_core.prediction.output_assembly import select, strongest_modes
+from mtpgo_core.prediction.output_assembly import heaviest_modes, select
 from mtpgo_core.quality.outcomes import UNKNOWN, Outcomes
 from mtpgo_core.quality.prediction_memory import KeptPrediction, MemoryLimits, PredictionMemory
 from mtpgo_core.schema import (
@@ -79,7 +79,7 @@ class OutcomeMatcher:
         row = find_sort_keys(sort_keys(window.key), sort_keys(prediction.key))
         if (row < 0).any():
             prediction, row = select(prediction, row >= 0), row[row >= 0]
-        weight, modes = strongest_modes(
+        weight, modes = heaviest_modes(
             prediction, min(self._limits.modes, max_modes or self._limits.modes)
         )
         window = window.select(row)

@@ -79,13 +79,13 @@ def _draw_modes(axes: Any, moment: Moment, around: LocalView, agent: int, *, foc
     """Draw modes as lines that fade with their weight, uncertainty as two-sigma ellipses."""
     prediction = moment.prediction
     z = 10 if focal else 3
-    strongest = float(prediction.weight[agent].max())
+    heaviest = float(prediction.weight[agent].max())
     start = around.position[agent][None]
     for mode in np.argsort(prediction.weight[agent]).tolist():
         weight = float(prediction.weight[agent, mode])
-        if weight < (SHOWN_WEIGHT if focal else 0.15) and weight < strongest:
+        if weight < (SHOWN_WEIGHT if focal else 0.15) and weight < heaviest:
             continue
-        share = weight / strongest
+        share = weight / heaviest
         path = np.concatenate([start, around.turn(prediction.mean[agent, mode, :, :2])])
         axes.plot(
             *path.T,

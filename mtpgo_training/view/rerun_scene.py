@@ -179,9 +179,9 @@ class RerunScene:
         for agent in range(len(prediction)):
             model = prediction.source[agent] == Source.MODEL
             colour = colour_bytes(own[agent] if model else FALLBACK_COLOUR)
-            strongest = float(prediction.weight[agent].max())
+            heaviest = float(prediction.weight[agent].max())
             for mode in np.flatnonzero(shown_modes(prediction.weight[agent])).tolist():
-                share = float(prediction.weight[agent, mode]) / strongest
+                share = float(prediction.weight[agent, mode]) / heaviest
                 # The likelier, the higher: in front of the others.
                 path = self._placed(prediction.mean[agent, mode, :, :2], 0.1 + 0.1 * share)
                 strips.append(path[np.isfinite(path).all(axis=1)])

@@ -178,10 +178,10 @@ class ScenePainter:
                 colour = self._colour[seen.track[agent]]
                 if p.source[agent] != Source.MODEL:
                     colour = np.array(to_rgba(FALLBACK_COLOUR))
-                strongest = float(p.weight[agent].max())
+                heaviest = float(p.weight[agent].max())
                 order = np.argsort(p.weight[agent])
                 for mode in order[shown_modes(p.weight[agent, order])].tolist():
-                    share = float(p.weight[agent, mode]) / strongest
+                    share = float(p.weight[agent, mode]) / heaviest
                     path = rotate(p.mean[agent, mode, later, :2], -self._angle)
                     segments.append(np.concatenate([place[seen.track[agent]][None], path]))
                     colours.append(colour * (1.0, 1.0, 1.0, 0.08 + 0.82 * share**1.5))

@@ -76,7 +76,7 @@ def test_clouds_from_before_the_calibration_was_published_are_read(prediction, o
     assert np.isnan(found.size).all()
 
 
-def test_max_modes_keeps_the_strongest_and_renormalises(prediction, offline):
+def test_max_modes_keeps_the_heaviest_and_renormalises(prediction, offline):
     message = prediction_to_pointcloud2(prediction, offline, max_modes=2)
     found = prediction_from_pointcloud2(message)
     np.testing.assert_allclose(found.weight.sum(axis=1), 1.0, rtol=1e-6)

@@ -98,7 +98,7 @@ def test_a_bad_value_is_as_an_unknown_one(runner, name, value):
     np.testing.assert_array_equal(found.covariance[others], unknown.covariance[others])
 
 
-def test_the_nearest_are_predicted_by_the_model_and_the_strongest_modes_kept(runner):
+def test_the_nearest_are_predicted_by_the_model_and_the_heaviest_modes_kept(runner):
     predictor = ScenePredictor(runner, options=PredictorOptions(max_agents=10, max_points=2500))
     history = TrackHistory(predictor.task.history)
     for step in range(5):
