@@ -189,38 +189,7 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
         raise RecordingError(
             f"{path}, topic {topic.name}: no tracked object can be used ({described(counts)})"
         )
-    if (
-        len(recordings) > 2
-        and piece_reader.pace > _FASTEST_PACE
-        and not any(recording.duration_s for recording in recordings)
-    ):
-        raise RecordingError(
-            f"{path}, topic {topic.name}: its stamps advance {piece_reader.pace:.3g} times as "
-            "fast as the time at which they were recorded, so that no two messages belong "
-            "together; expected the time of the observation in seconds and nanoseconds"
-        )
-    if piece_reader.parts_of_seconds_are_wrong:
-        raise RecordingError(
-            f"{path}, topic {topic.name}: its stamps are all in the first millisecond of a second,"
-            " as with microseconds or milliseconds in the field of nanoseconds; expected the time"
-            " of the observation in seconds and nanoseconds"
-        )
-    if piece_reader.pace < SLOWEST_PACE:  # false for NaN
-        remark(
-            f"{path}, topic {topic.name}: its stamps advance {piece_reader.pace:.3g} times as fast"
-            " as the time at which they were recorded; expected the time of the observation in"
-            " seconds and nanoseconds"
-        )
-    if (
-        piece_reader.used >= _PACE_MESSAGES
-        and piece_reader.recorded_s >= 1.0
-        and not piece_reader.moved_s
-    ):
-        raise RecordingError(
-            f"{path}, topic {topic.name}: its {piece_reader.used} messages all have the same"
-            f" stamp, while they were recorded over {piece_reader.recorded_s:.1f} s; expected the"
-            " time of the observation in seconds and nanoseconds"
-        )
+    _check_stamps(path, topic.name, piece_reader, recordings)
     last = recordings[-1]
     recordings[-1] = dataclasses.replace(last, counts=dict(Counter(last.counts) + counts))
     sha256 = sha256_of(_sources(path))
@@ -230,6 +199,48 @@ def _read_bag(name: str, path: Path, options: ReadingOptions) -> Iterator[Record
     for number, recording in enumerate(recordings, start=1):
         part = f"{name}-{number}"
         yield dataclasses.replace(recording, name=part, sha256=f"{sha256}#{number}")
+
+
+def _check_stamps(
+    path: Path, topic: str, piece_reader: PieceReader, recordings: Sequence[Recording]
+) -> None:
+    """Check by the log times that the stamps of a bag are seconds and nanoseconds.
+
+    Raises:
+        RecordingError: they are in another unit, or all the same.
+    """
+    if (
+        len(recordings) > 2
+        and piece_reader.pace > _FASTEST_PACE
+        and not any(recording.duration_s for recording in recordings)
+    ):
+        raise RecordingError(
+            f"{path}, topic {topic}: its stamps advance {piece_reader.pace:.3g} times as "
+            "fast as the time at which they were recorded, so that no two messages belong "
+            "together; expected the time of the observation in seconds and nanoseconds"
+        )
+    if piece_reader.parts_of_seconds_are_wrong:
+        raise RecordingError(
+            f"{path}, topic {topic}: its stamps are all in the first millisecond of a second,"
+            " as with microseconds or milliseconds in the field of nanoseconds; expected the time"
+            " of the observation in seconds and nanoseconds"
+        )
+    if piece_reader.pace < SLOWEST_PACE:  # false for NaN
+        remark(
+            f"{path}, topic {topic}: its stamps advance {piece_reader.pace:.3g} times as fast"
+            " as the time at which they were recorded; expected the time of the observation in"
+            " seconds and nanoseconds"
+        )
+    if (
+        piece_reader.used >= _PACE_MESSAGES
+        and piece_reader.recorded_s >= 1.0
+        and not piece_reader.moved_s
+    ):
+        raise RecordingError(
+            f"{path}, topic {topic}: its {piece_reader.used} messages all have the same"
+            f" stamp, while they were recorded over {piece_reader.recorded_s:.1f} s; expected the"
+            " time of the observation in seconds and nanoseconds"
+        )
 
 
 def _sources(path: Path) -> list[Path]:

@@ -112,6 +112,39 @@ def _stem(path: Path) -> str:
 
 
 def _read_file(name: str, path: Path, classes: ClassMap | None) -> Iterator[Recording]:
+    """Yield the recordings of a file: one for each site and each period without a long gap."""
+    table = _read_rows(path)
+    sites = sorted(table["location"].fillna("").unique())
+    sha256 = sha256_of([path])
+    for site in sites:
+        own = table[table["location"].fillna("") == site].sort_values(
+            ["global_time", "vehicle_id"], kind="stable"
+        )
+        starts = own["global_time"].diff().to_numpy() > PERIOD_GAP_S * 1000
+        period = np.cumsum(starts)
+        for number in range(int(period[-1]) + 1):
+            parts = [name]
+            if len(sites) > 1:
+                parts.append(str(site).strip() or "unknown")
+            if period[-1] > 0:
+                parts.append(str(number + 1))
+            one = len(parts) == 1
+            yield _recording(
+                "-".join(parts),
+                str(site),
+                own[period == number],
+                path,
+                classes,
+                sha256 if one else f"{sha256}#{'-'.join(parts[1:])}",
+            )
+
+
+def _read_rows(path: Path) -> pd.DataFrame:
+    """Return the rows of a file: lengths in m, times in ms, columns under their usual names.
+
+    Raises:
+        RecordingError: the file is not as it should be.
+    """
     form = find_form(path)
     if form.csv.names is None:
         check_layout(path, "ngsim", ("ngsim",))
@@ -151,30 +184,7 @@ def _read_file(name: str, path: Path, classes: ClassMap | None) -> Iterator[Reco
     table["line"] = np.arange(len(table)) + form.csv.first_line
     # The large edition has some rows twice.
     wanted = [*_INTEGERS, *_NUMBERS, *optional]
-    table = table.drop_duplicates(subset=wanted)
-    sites = sorted(table["location"].fillna("").unique())
-    sha256 = sha256_of([path])
-    for site in sites:
-        own = table[table["location"].fillna("") == site].sort_values(
-            ["global_time", "vehicle_id"], kind="stable"
-        )
-        starts = own["global_time"].diff().to_numpy() > PERIOD_GAP_S * 1000
-        period = np.cumsum(starts)
-        for number in range(int(period[-1]) + 1):
-            parts = [name]
-            if len(sites) > 1:
-                parts.append(str(site).strip() or "unknown")
-            if period[-1] > 0:
-                parts.append(str(number + 1))
-            one = len(parts) == 1
-            yield _recording(
-                "-".join(parts),
-                str(site),
-                own[period == number],
-                path,
-                classes,
-                sha256 if one else f"{sha256}#{'-'.join(parts[1:])}",
-            )
+    return table.drop_duplicates(subset=wanted)
 
 
 def _recording(
