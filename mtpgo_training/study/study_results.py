@@ -25,7 +25,7 @@ def results(
     seeds: Sequence[int],
     refused: Mapping[str, str],
 ) -> Json:
-    """Return what is known by now.
+    """Return the results so far, as JSON can write them.
 
     ``rows``: for each row its ``name``, ``title``, ``seeds`` that are done, ``values`` by column
     (``mean``, ``low``, ``high``, ``seeds``), ``cv`` by column (constant velocity for the same
@@ -54,43 +54,58 @@ def results(
     found = []
     for row in rows:
         if row.is_trained:
-            own, series, missing = done[row.name], MODEL, _gap(folder, row, seeds, refused)
+            runs, series, missing = done[row.name], MODEL, _gap(folder, row, seeds, refused)
         else:
-            own, series = [any_run] if any_run else [], row.name
+            runs, series = [any_run] if any_run else [], row.name
             missing = None if any_run else "no run has scored it yet"
-        paper = PAPER[study.name].get(data_set, {}).get(row.name, {})
-        found.append(
-            {
-                "name": row.name,
-                "title": row.title,
-                "removed": row.removed,
-                "trained": row.is_trained,
-                "seeds": [one["seed"] for one in own] if row.is_trained else [],
-                "values": {key: _mean(own, series, key) for key in study.columns},
-                "cv": {key: _mean(own, "cv", key) for key in study.columns}
-                if row.is_trained
-                else {},
-                "kernels": {key: _mean(own, series, f"{key}_kde") for key in ("anll", "fnll")}
-                if row.is_trained
-                else {},
-                "paper": {
-                    key: {"value": value.value, "half_width": value.half_width}
-                    for key, value in paper.items()
-                },
-                "paper_by_kernels": row.name in BY_KERNELS,
-                "gap": missing,
-                "training": [one["training"] for one in own] if row.is_trained else [],
-                "extrapolation": [one["extrapolation"] for one in own if "extrapolation" in one]
-                if row.is_trained
-                else [],
-            }
-        )
+        found.append(_row_results(study, data_set, row, runs, series, missing))
     return {
         "study": study.name,
         "data_set": data_set,
         "columns": list(study.columns),
         "rows": found,
         "rankings": {key: ranking(found, key) for key in study.columns if _is_ade(key)},
+    }
+
+
+def _row_results(
+    study: Study,
+    data_set: str,
+    row: StudyRow,
+    runs: Sequence[Json],
+    series: str,
+    missing: str | None,
+) -> Json:
+    """Return the results of a row, see :func:`results`.
+
+    Args:
+        study: which one.
+        data_set: of the paper.
+        row: of the table.
+        runs: results of the runs whose scores are its.
+        series: name of its scores in these results.
+        missing: why it is not complete, None if it is.
+    """
+    trained = runs if row.is_trained else []  # a baseline has neither seeds nor a training
+    paper = PAPER[study.name].get(data_set, {}).get(row.name, {})
+    by_kernels = ("anll", "fnll") if row.is_trained else ()
+    return {
+        "name": row.name,
+        "title": row.title,
+        "removed": row.removed,
+        "trained": row.is_trained,
+        "seeds": [run["seed"] for run in trained],
+        "values": {key: _mean(runs, series, key) for key in study.columns},
+        "cv": {key: _mean(runs, "cv", key) for key in study.columns} if row.is_trained else {},
+        "kernels": {key: _mean(runs, series, f"{key}_kde") for key in by_kernels},
+        "paper": {
+            key: {"value": value.value, "half_width": value.half_width}
+            for key, value in paper.items()
+        },
+        "paper_by_kernels": row.name in BY_KERNELS,
+        "gap": missing,
+        "training": [run["training"] for run in trained],
+        "extrapolation": [run["extrapolation"] for run in trained if "extrapolation" in run],
     }
 
 
