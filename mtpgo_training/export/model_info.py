@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_training.calibration.calibration_text import (
     calibration_text,
@@ -56,16 +58,22 @@ def model_text(task: TaskDescription) -> str:
         if training.get(key):
             lines.append(f"{key:<10} {training[key]}")
     for where, models in task.metrics.items():
-        rows = []
-        for model, protocols in models.items():
-            for protocol, scores in protocols.items():
-                values = "  ".join(
-                    f"{k} {v:.3f}" if isinstance(v, float) else f"{k} {v}"
-                    for k, v in scores.items()
-                    if v is not None and not is_moving_score(k)
-                )
-                if values:
-                    rows.append(f"           {model:<6} {protocol:<7} {values}")
+        rows = _score_lines(models)
         if rows:
             lines += [f"metrics    {where}:", *rows]
     return "\n".join(lines)
+
+
+def _score_lines(models: dict[str, Any]) -> list[str]:
+    """Return a line for the scores of each model and protocol on one data set."""
+    lines = []
+    for model, protocols in models.items():
+        for protocol, scores in protocols.items():
+            values = "  ".join(
+                f"{name} {value:.3f}" if isinstance(value, float) else f"{name} {value}"
+                for name, value in scores.items()
+                if value is not None and not is_moving_score(name)
+            )
+            if values:
+                lines.append(f"           {model:<6} {protocol:<7} {values}")
+    return lines
