@@ -178,7 +178,7 @@ class ClassMap:
         return np.array([known[text] for text in texts], dtype=np.uint8)
 
     def not_known(self, names: Iterable[Any]) -> list[str]:
-        """Return the names that mean nothing: neither the map nor our own names have them."""
+        """Return the names that are neither in the map nor names of our classes."""
         texts = sorted({str(name) for name in names})
         return [
             text
@@ -287,7 +287,8 @@ def _normal(name: str) -> str:
 def _pairs(path: Path) -> list[tuple[int, str, str]]:
     """Return line, key and value of a YAML mapping, both as they are written.
 
-    The nodes are read and not the values, so that ``no`` is a word and ``007`` has three digits.
+    The YAML nodes are read instead of the values, so that ``no`` stays a text, not a boolean, and
+    ``007`` keeps its zeros.
     """
     node = read_yaml(path, "a class map in YAML", as_node=True)
     if getattr(node, "id", None) != "mapping":

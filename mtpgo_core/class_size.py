@@ -29,10 +29,10 @@ _SIZES = np.array([CLASS_SIZE_M[kind] for kind in AgentClass])
 
 
 def known_sizes(size: NDArray[np.floating[Any]], agent_class: ClassArray) -> Float64Array:
-    """Return [n, 2] length and width (m), those of the class where ``size`` [n, 2] is none.
+    """Return [n, 2] length and width (m), the class's usual ones where ``size`` [n, 2] is unknown.
 
-    A size is none where it is NaN, not above zero or beyond :data:`LARGEST_SIZE_M`. A class beyond
-    those that there are counts as unknown.
+    A size is unknown where it is NaN, not above zero or above :data:`LARGEST_SIZE_M`. A number
+    that is not a class counts as the class unknown.
     """
     kind = np.where(agent_class < len(_SIZES), agent_class, AgentClass.UNKNOWN)
     known = (size > 0.0) & (size <= LARGEST_SIZE_M)

@@ -28,7 +28,7 @@ def complete(build: Callable[[], argparse.ArgumentParser]) -> None:
 
 
 def words_so_far() -> list[str]:
-    """Return the words of the line that a shell asks completions for, without the program."""
+    """Return the words of the command line that is being completed, without the program."""
     return os.environ.get("COMP_LINE", "").split()[1:]
 
 

@@ -41,10 +41,10 @@ def found_names(
     """Return names that were found in a file or a message as part of one line.
 
     Args:
-        names: any texts; one that cannot be printed as it is stands in quotes, with escapes.
-        most: so many of the first are shown, the others counted.
-        longest: characters that are shown of each.
-        none: text where there are no names.
+        names: any texts; those that are not printable are quoted, with escapes.
+        most: number of names that are shown; the others are counted.
+        longest: number of characters that are shown of each.
+        none: text for no names.
     """
     first = [name if len(name) <= longest else name[:longest] + "..." for name in names[:most]]
     shown = [name if name.isprintable() and name else repr(name) for name in first]
@@ -53,7 +53,7 @@ def found_names(
 
 
 def reason_of(error: BaseException) -> str:
-    """Return what an exception of the system or a library says, or at least its kind."""
+    """Return the message of an exception of the system or a library, else its type."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     return " ".join(str(error).split()).rstrip(".") or type(error).__name__

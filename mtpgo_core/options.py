@@ -130,7 +130,7 @@ def require(name: str, value: object, valid: bool, expected: object) -> None:
         name: of the option, as its user writes it.
         value: what was given.
         valid: whether it is allowed.
-        expected: what would be allowed, as text or with a text.
+        expected: the values that are allowed, in words.
 
     Raises:
         ConfigurationError: it is not valid.
@@ -145,7 +145,7 @@ def listed(names: Iterable[Any]) -> str:
 
 
 def is_unicode(text: str) -> bool:
-    r"""Return whether a text can be written in UTF-8: JSON may hold halves of characters (\ud800).
+    r"""Return whether a text can be written in UTF-8: JSON may hold lone surrogates (\ud800).
 
     Printing, storing or comparing such a text would fail much later.
     """

@@ -1,8 +1,8 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The versions that a report of a defect should state: package, libraries, shipped models.
+"""The versions that a bug report should state: package, libraries, shipped models.
 
-Nothing is imported for it, so it is fast and works where a library is broken.
+No library is imported, so this is fast and also works where a library is broken.
 """
 
 from __future__ import annotations

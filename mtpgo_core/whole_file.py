@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Files as a whole: written completely or not at all, and read only if they have an end."""
+"""Atomic writing of files, and reading of regular files only."""
 
 from __future__ import annotations
 

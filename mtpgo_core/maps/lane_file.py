@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a lane file; what kind it is, its content says."""
+"""Reads a lane file; its kind is detected from its content."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a user says about a lane file: projection, origin and offset of its coordinates."""
+"""Options of a lane file: projection, origin and offset of its coordinates."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Lane lines of a map file in metres, and what every reader checks of them."""
+"""Lane lines of a map file in metres, and the checks that all readers share."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class LaneLines:
         path: the file.
         kind: kind of the file.
         lines: polylines [k, 2] (m), k >= 2, along the direction of travel.
-        lanes: what they were made of, such as ``12 lanelets``.
-        left_out: what the file has besides lane lines -> how many.
+        lanes: number and kind of the elements that were read, such as ``12 lanelets``.
+        left_out: number of other elements in the file, by kind.
         sha256: of the file.
     """
 
@@ -56,7 +56,7 @@ class LaneLines:
 
 
 def usable_line(points: Float64Array, path: Path, place: str) -> Float64Array | None:
-    """Return [k, 2] a line without repeated points (m), None if one point is left of it.
+    """Return [k, 2] a line without repeated points (m), None if fewer than two points remain.
 
     Args:
         points: [k, 2] (m).

@@ -295,7 +295,7 @@ def _bound(path: Path, elements: _Elements, relation: _Relation, side: str) -> l
 
 
 def _joined(one: list[int], other: list[int]) -> list[int]:
-    """Return two lines that share an end as one; empty if they do not."""
+    """Return two lines that share an end joined into one; empty if they share none."""
     for first in (one, one[::-1]):
         for second in (other, other[::-1]):
             if first[-1] == second[0]:

@@ -112,7 +112,7 @@ def degrees_of(path: Path, points: Float64Array, crs: Any) -> Float64Array:
         crs: of :func:`crs_of`.
 
     Raises:
-        ConfigurationError: a point is outside of where the system holds.
+        ConfigurationError: a point is outside of the area of use of the system.
     """
     pyproj = _pyproj(path, "the coordinates")
     change = pyproj.Transformer.from_crs(crs, "OGC:CRS84", always_xy=True)

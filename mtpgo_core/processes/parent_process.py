@@ -1,10 +1,10 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that end when the one that started them has ended, however it ended.
+"""Child processes that end when their parent has ended, however it ended.
 
-A process that is killed cannot end its children, which would run on for hours; the kernel tells
-them. ``python -m mtpgo_core.processes.parent_process PARENT COMMAND...`` becomes a command that is
-told so, whatever it is.
+A parent that is killed cannot end its children, which could run on for hours; the kernel sends
+them a signal instead. ``python -m mtpgo_core.processes.parent_process PARENT COMMAND...`` runs any
+command in this way.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Zip archives from outside, with limits that are checked before anything is unpacked.
+"""Untrusted zip archives, with limits that are checked before anything is unpacked.
 
-Model files, checkpoints and files of samples are zip archives. What a directory of an archive
-claims costs nothing to write: a file of some megabytes can unpack to gigabytes. Here the size of
-the file, the number of records and their unpacked sizes are compared with limits first, then every
-record is compared with its checksum. The libraries that read an archive afterwards get the very
-bytes that were checked.
+Model files, checkpoints and files of samples are zip archives. A malicious archive of some
+megabytes can unpack to gigabytes. Here the size of the file, the number of records and their
+unpacked sizes are compared with limits first, then every record is compared with its checksum. The
+libraries that read an archive afterwards get exactly the bytes that were checked.
 """
 
 from __future__ import annotations
@@ -122,7 +121,7 @@ def check_archive(
 
 
 class _RefusedError(Exception):
-    """What is wrong with an archive."""
+    """An archive is damaged or exceeds a limit; the text is the end of a sentence."""
 
 
 def _content(

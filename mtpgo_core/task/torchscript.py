@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where TorchScript is used on purpose although torch deprecates it."""
+"""Silences torch's deprecation warnings where TorchScript is used on purpose."""
 
 from __future__ import annotations
 
