@@ -12,6 +12,7 @@ from torch.optim import Optimizer
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import from_dict
+from mtpgo_training.data.readers.recording_parts import span_of
 from mtpgo_training.training.networks import MTP_GO
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder
 from mtpgo_training.training.run_state import Row, RunState, TrainingRun
@@ -179,13 +180,20 @@ def all_recordings(
 ) -> list[dict[str, str]]:
     """Return the recordings of a run and those of the weights that it starts from, each use once.
 
+    Parts of one recording have its hash: those from other times are other entries.
+
     Args:
         splits: names, hashes and uses of the recordings of the run.
         initial: checkpoint of the weights, None for random ones.
     """
     earlier = [] if initial is None else initial.get("splits", [])
-    seen = {(entry["sha256"], entry["split"]) for entry in splits}
-    return splits + [e for e in earlier if (e.get("sha256"), e.get("split")) not in seen]
+    seen = {_use(entry) for entry in splits}
+    return splits + [entry for entry in earlier if _use(entry) not in seen]
+
+
+def _use(entry: dict[str, str]) -> tuple[str, str, float, float]:
+    """Return content, use, begin and end (s) of a recording, or part of one, in a list of them."""
+    return entry["sha256"], entry["split"], *span_of(entry["name"])
 
 
 def _inputs(config: TrainingConfig) -> str:

@@ -22,6 +22,7 @@ from mtpgo_core.task.calibration import (
 )
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
+from mtpgo_training.evaluation.training_overlap import is_known
 from mtpgo_training.training.checkpointing import (
     all_recordings,
     restore_optimiser,
@@ -134,6 +135,15 @@ def test_the_recordings_of_the_first_weights_are_recordings_of_the_run():
     earlier = [own, {**own, "split": "test"}, {"name": "07", "sha256": "b", "split": "train"}]
     assert all_recordings([own], {"splits": earlier}) == earlier
     assert all_recordings([own], None) == [own]
+
+
+def test_other_times_of_a_recording_that_the_first_weights_have_seen_are_kept():
+    own = {"name": "01@0-60s", "sha256": "a", "split": "train"}
+    earlier = [{**own, "name": name} for name in ("01@0-60s", "01@60-120s", "01")]
+    known = {"recordings": all_recordings([own], {"splits": earlier[:2]})}
+    assert known["recordings"] == earlier[:2]
+    assert is_known(known, "a", "01@70-80s")
+    assert all_recordings([own], {"splits": earlier}) == earlier
 
 
 @pytest.mark.parametrize(
