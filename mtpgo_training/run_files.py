@@ -29,8 +29,12 @@ LAST_FILE = "last.pt"
 SAMPLES_FILE = "validation.npz"
 """Samples of the validation of :data:`BEST_FILE`, to which a calibration is fitted."""
 
+KEPT_FILES = {BEST_FILE: "best_epoch.pt", SAMPLES_FILE: "best_epoch.npz"}
+"""What was the best before a part of an epoch was, at a time limit -> where it is until the run is
+resumed, which goes on from it."""
+
 RUN_FILES = (
     *(CONFIG_FILE, FACTS_FILE, PLAN_FILE, LOG_FILE, RANGE_TEST_FILE),
-    *(BEST_FILE, LAST_FILE, SAMPLES_FILE),
+    *(BEST_FILE, LAST_FILE, SAMPLES_FILE, *KEPT_FILES.values()),
 )
 """All of them; ``tensorboard/`` beside them is a folder."""

@@ -61,7 +61,8 @@ def save_unfinished(
 ) -> None:
     """Write the log with an epoch that is not completed, and ``best.pt`` if it is the best.
 
-    ``last.pt`` stays as it is: a resumed run completes the epoch as if it had not been validated.
+    ``last.pt`` stays as it is, and the best one so far is kept: a resumed run completes the epoch
+    as if it had not been validated.
 
     Args:
         run: the run.
@@ -71,6 +72,7 @@ def save_unfinished(
         best: whether the last validation is the best so far.
     """
     if best:
+        folder.keep_best()
         if run.samples is not None:
             run.samples.save(folder.samples)
         folder.save_best(_exported(run, splits))

@@ -12,8 +12,10 @@ import csv
 import dataclasses
 import io
 import json
+import os
 import pickletools
 import platform
+import shutil
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,6 +31,7 @@ from mtpgo_training.run_files import (
     BEST_FILE,
     CONFIG_FILE,
     FACTS_FILE,
+    KEPT_FILES,
     LAST_FILE,
     LOG_FILE,
     SAMPLES_FILE,
@@ -189,6 +192,33 @@ class RunFolder:
     def save_best(self, checkpoint: Checkpoint) -> None:
         """Write ``best.pt`` alone."""
         write_checkpoint(self.best, checkpoint)
+
+    def keep_best(self) -> None:
+        """Keep ``best.pt`` and its samples for :meth:`restore_best`.
+
+        Raises:
+            ConfigurationError: they cannot be written.
+        """
+        for name, kept in KEPT_FILES.items():
+            if (self.path / name).is_file():
+                with replacing(self.path / kept) as temporary:
+                    shutil.copyfile(self.path / name, temporary)
+
+    def restore_best(self) -> None:
+        """Put back what :meth:`keep_best` has kept, if there is anything.
+
+        Raises:
+            ConfigurationError: it cannot be put back.
+        """
+        for name, kept in KEPT_FILES.items():
+            try:
+                os.replace(self.path / kept, self.path / name)
+            except FileNotFoundError:
+                continue
+            except OSError as error:
+                raise ConfigurationError(
+                    f"{self.path / name} cannot be written: {error.strerror}"
+                ) from error
 
     def write_log(self, rows: list[dict[str, Any]]) -> None:
         """Write the whole log, one line per epoch."""

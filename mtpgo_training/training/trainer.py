@@ -177,6 +177,8 @@ def train(
         held = only_writer(folder.path) if run.is_global_zero else nullcontext()
         kept = checkpoint["splits"] if checkpoint else all_recordings(splits.describe(), initial)
         with held, Interruption() as interruption:
+            if resume and run.is_global_zero:
+                folder.restore_best()
             TrainingLoop(
                 fabric,
                 run,

@@ -215,6 +215,21 @@ def test_a_resumed_run_ends_with_the_same_weights(whole, tmp_path):
         assert {k: row[k] for k in names} == {k: expected[k] for k in names}
 
 
+def test_a_run_continued_after_a_time_limit_keeps_the_best_of_its_epochs(tmp_path, monkeypatch):
+    folder, errors = tmp_path / "r", list(BEST_AT_5)
+    errors.insert(5, 0.2)  # of the first step of the sixth epoch, after which the time is up
+    use_validation_errors(monkeypatch, errors)
+    kill_after_saves(folder, 5)
+    stopped = run(folder, resume=True, max_minutes=0.0)
+    assert (stopped.state.epoch, stopped.state.batch) == (5, 1)
+    assert load_checkpoint(folder)["metrics"]["model"]["all"]["ade"] == 0.2
+    done = run(folder, resume=True)
+    assert done.state.best_epoch == 5
+    checkpoint = load_checkpoint(folder)
+    assert checkpoint["metrics"]["model"]["all"]["ade"] == BEST_AT_5[4]
+    assert (checkpoint["epoch"], checkpoint["metrics"]) == (5, done.state.metrics)
+
+
 def test_a_run_in_a_given_time_comes_to_the_end_of_its_schedule(tmp_path):
     """Its clock began in the past: almost nothing of the minute is left to measure and train."""
     start_s = time.monotonic()
