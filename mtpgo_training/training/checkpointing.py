@@ -13,6 +13,8 @@ from torch.optim import Optimizer
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import from_dict
 from mtpgo_training.data.readers.recording_parts import span_of
+from mtpgo_training.data.splits import Splits
+from mtpgo_training.evaluation.training_overlap import uses_of
 from mtpgo_training.training.networks import MTP_GO
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder
 from mtpgo_training.training.run_state import Row, RunState, TrainingRun
@@ -191,6 +193,21 @@ def all_recordings(
     earlier = [] if initial is None else initial.get("splits", [])
     seen = {_use(entry) for entry in splits}
     return splits + [entry for entry in earlier if _use(entry) not in seen]
+
+
+def seen_in_validation(splits: Splits, initial: Checkpoint) -> list[str]:
+    """Return the names of validation recordings that the first weights were trained on.
+
+    Args:
+        splits: the recordings of the run by use.
+        initial: checkpoint of the weights.
+    """
+    training = {"recordings": initial["splits"]}
+    return [
+        item.name
+        for item in splits.validation
+        if "train" in uses_of(training, item.recording.sha256, item.name)
+    ]
 
 
 def _use(entry: dict[str, str]) -> tuple[str, str, float, float]:

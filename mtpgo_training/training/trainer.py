@@ -9,6 +9,7 @@ and takes seconds to load.
 from __future__ import annotations
 
 import dataclasses
+import logging
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -23,7 +24,12 @@ from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.data.splits import NamedRecording, split, window_s
 from mtpgo_training.run_files import PLAN_FILE, RANGE_TEST_FILE
 from mtpgo_training.scenes.scene_dataset import dense
-from mtpgo_training.training.checkpointing import all_recordings, resume_from, start_from
+from mtpgo_training.training.checkpointing import (
+    all_recordings,
+    resume_from,
+    seen_in_validation,
+    start_from,
+)
 from mtpgo_training.training.console import setting_text
 from mtpgo_training.training.data_loading import Scenes, prepare_scenes, reweighted
 from mtpgo_training.training.interruption import Interruption
@@ -51,6 +57,8 @@ from mtpgo_training.training.trial.learning_rate_range import (
 )
 from mtpgo_training.training.trial.schedule_plan import SchedulePlan
 from mtpgo_training.training.trial.time_limit import TimeLimit, plan_for_time, plan_text
+
+_log = logging.getLogger("mtpgo")
 
 STATISTICS_SCENES = 512
 """Scenes from which the scales of the network's inputs are taken (chosen)."""
@@ -162,6 +170,16 @@ def train(
     if verbose:
         device, processes = fabric.device, fabric.world_size
         print(setting_text(run, scenes, splits, folder.path, device, processes), flush=True)
+        seen = seen_in_validation(splits, initial) if initial else []
+        if seen:
+            _log.warning(
+                "mtpgo: the weights that the run starts from were trained on %d of its %d "
+                "validation recordings (%s): the best epoch and the calibration are chosen on "
+                "what they have seen",
+                len(seen),
+                len(splits.validation),
+                ", ".join(seen),
+            )
         if range_test is not None:
             print(
                 f"rate       {config.optimisation.learning_rate:.3g} from a range test of "

@@ -324,6 +324,28 @@ def test_a_run_can_start_from_the_weights_of_another(whole, tmp_path):
     assert len(facts["initial_weights_sha256"]) == 64
 
 
+def test_validation_recordings_that_the_first_weights_have_seen_are_told(tmp_path, caplog):
+    def with_seed(seed):
+        data = dataclasses.replace(FEW_SCENES.data, validation=(), validation_fraction=0.4)
+        return dataclasses.replace(with_options(FEW_SCENES, epochs=1), seed=seed, data=data)
+
+    def start(name, seed, **options):
+        named = [dataclasses.replace(item, recording=with_hash(item)) for item in recordings(1, 2)]
+        train(with_seed(seed), named, RunFolder(tmp_path / name), verbose=True, **options)
+        return [record.getMessage() for record in caplog.records]
+
+    def with_hash(item):
+        return dataclasses.replace(item.recording, sha256=f"hash of {item.name}")
+
+    assert start("first", 1) == []
+    assert start("same", 1, init_from=tmp_path / "first") == []
+    (said,) = start("other", 3, init_from=tmp_path / "first")
+    assert said.startswith(
+        "mtpgo: the weights that the run starts from were trained on 1 of its 1 validation "
+        "recordings (cars/0"
+    )
+
+
 def test_weights_of_another_architecture_are_refused(whole, tmp_path):
     larger = dataclasses.replace(CONFIG, model={**CONFIG.model, "hidden": 8})
     with pytest.raises(ConfigurationError, match=r"weights of .* do not fit the configured") as e:
