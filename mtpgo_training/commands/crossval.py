@@ -177,7 +177,9 @@ def run(args: argparse.Namespace) -> int:
     chosen = chosen_folds(folds, args.folds)
     for fold in chosen:
         without_fold(config, recordings, fold)  # its errors, before anything is trained
-    initial = {} if args.init_from is None else CrossvalFolder(args.init_from).runs(chosen)
+    initial = {}
+    if args.init_from is not None:
+        initial = CrossvalFolder(args.init_from).runs(chosen, recordings)
     budget = Budget(args.minutes_per_fold, args.epochs_per_fold, args.steps_per_fold)
     trackers = tuple(dict.fromkeys(args.tracker))
     stride_s = STRIDE_S if args.stride is None else args.stride

@@ -34,8 +34,9 @@ from mtpgo_training.crossval.planned_training import (
 from mtpgo_training.crossval.site_folds import Fold
 from mtpgo_training.crossval.site_scores import pooled_scores
 from mtpgo_training.data.splits import NamedRecording
+from mtpgo_training.evaluation.training_overlap import is_known
 from mtpgo_training.table_format import Table, to_markdown
-from mtpgo_training.training.run_folder import first_difference, versions
+from mtpgo_training.training.run_folder import first_difference, load_checkpoint, versions
 from mtpgo_training.training.training_config import TrainingConfig, dump_config, load_config
 from mtpgo_training.training.trial.schedule_plan import Budget
 
@@ -80,21 +81,22 @@ class CrossvalFolder:
         """Return the files of a fold."""
         return FoldFolder(self.path / "folds" / re.sub(r"[^\w.-]+", "_", name))
 
-    def runs(self, folds: Sequence[Fold]) -> dict[str, Path]:
+    def runs(self, folds: Sequence[Fold], recordings: Sequence[NamedRecording]) -> dict[str, Path]:
         """Return the run folders of folds that left out the same recordings, by fold.
 
         Args:
             folds: of another cross-validation, whose trainings shall begin with these weights.
+            recordings: all of that other one.
 
         Raises:
-            ConfigurationError: a fold is not here, is not trained, or was trained with a recording
-                that is to be left out.
+            ConfigurationError: a fold is not here, is not trained, or it or a training that it
+                began with has seen a recording that is to be left out, under whatever name.
         """
         facts = self._stored_facts() if self.holds_one else {"folds": {}, "sites": {}}
         found = {}
         for fold in folds:
             files = self.fold(fold.name)
-            if not files.training.is_file():
+            if fold.name not in facts["folds"] or not files.training.is_file():
                 raise ConfigurationError(
                     f"--init-from is {self.path}, which has no trained fold {fold.name!r}, "
                     "expected a cross-validation with it; it has "
@@ -103,11 +105,18 @@ class CrossvalFolder:
             left_out = {
                 name for site in facts["folds"][fold.name] for name in facts["sites"][site]
             }
-            known = sorted((set(fold.recordings) - left_out) & set(facts["recordings"]))
+            known = (set(fold.recordings) - left_out) & set(facts["recordings"])
+            training = {"recordings": load_checkpoint(files.run)["splits"]}
+            known |= {
+                item.name
+                for item in recordings
+                if item.name in fold.recordings
+                and is_known(training, item.recording.sha256, item.name)
+            }
             if known:
                 raise ConfigurationError(
                     f"--init-from is {self.path}, whose fold {fold.name!r} was trained with "
-                    f"{known[0]}, expected one that leaves out what is left out now"
+                    f"{min(known)}, expected one that leaves out what is left out now"
                 )
             found[fold.name] = files.run
         return found
@@ -144,7 +153,8 @@ class CrossvalFolder:
             init_from: the cross-validation whose weights the trainings begin with.
 
         Raises:
-            ConfigurationError: the folder has something else in it, or it cannot be written.
+            ConfigurationError: the folder has something else in it, or it cannot be written, or
+                two folds would have the same folder.
         """
         facts = {
             "budget": dataclasses.asdict(budget),
@@ -156,12 +166,24 @@ class CrossvalFolder:
             "recordings": {item.name: item.recording.sha256 for item in recordings},
         }
         self.require_usable()
+        self._require_own_folders(folds)
         if self.holds_one:
             self._check_same(config, facts)
             return
         with new_folder(self.path) as folder:  # what is killed in between could not be continued
             write_text(folder / self._config.name, dump_config(config))
             write_text(folder / self._facts.name, _json({**facts, "versions": versions()}))
+
+    def _require_own_folders(self, folds: Sequence[Fold]) -> None:
+        names: dict[Path, str] = {}
+        for fold in folds:
+            other = names.setdefault(self.fold(fold.name).path, fold.name)
+            if other != fold.name:
+                raise ConfigurationError(
+                    f"the folds {other!r} and {fold.name!r} would have the same folder, "
+                    f"{self.fold(fold.name).path.name}, expected other names (crossval.folds or "
+                    "crossval.sites)"
+                )
 
     def _check_same(self, config: TrainingConfig, facts: Json) -> None:
         stored = load_config(self._config)

@@ -7,6 +7,7 @@ import json
 
 import pytest
 from crossval_results import content, group
+from site_data import write_base
 from tiny_run import CONFIG, with_options
 from traffic import braking_cars
 
@@ -25,6 +26,13 @@ def start(path, config=CONFIG, *, folds=FOLDS, recordings=RECORDINGS, budget=Non
     folder = CrossvalFolder(path)
     folder.start(config, folds, recordings, budget or Budget(minutes=1.0), stride_s, ("recorded",))
     return folder
+
+
+def trained(folder, fold, *splits):
+    """Write what a trained fold leaves: its run has seen these recordings."""
+    files = folder.fold(fold.name)
+    write_base(files.run, splits=list(splits))
+    files.training.write_text("{}")
 
 
 def test_the_same_again_continues(tmp_path):
@@ -101,14 +109,39 @@ def test_another_folder_has_no_results(tmp_path):
 def test_the_runs_of_folds_are_those_that_left_out_the_same(tmp_path):
     folder = start(tmp_path / "out")
     with pytest.raises(ConfigurationError, match=r"no trained fold 'a'.*it has a, b/c"):
-        folder.runs(FOLDS)
+        folder.runs(FOLDS, RECORDINGS)
     for fold in FOLDS:
-        folder.fold(fold.name).path.mkdir(parents=True)
-        folder.fold(fold.name).training.write_text("{}")
-    assert folder.runs(FOLDS) == {f.name: folder.fold(f.name).run for f in FOLDS}
+        trained(folder, fold)
+    assert folder.runs(FOLDS, RECORDINGS) == {f.name: folder.fold(f.name).run for f in FOLDS}
     more = Fold("a", (A, B))
     with pytest.raises(ConfigurationError, match="fold 'a' was trained with b/01, expected one"):
-        folder.runs([more])
+        folder.runs([more], RECORDINGS)
+    with pytest.raises(ConfigurationError, match="no trained fold 'b c'"):
+        folder.runs([Fold("b c", (B,))], RECORDINGS)
+
+
+def test_a_run_has_seen_a_recording_under_whatever_name(tmp_path):
+    """Also where only the weights that it began with have."""
+    folder = start(tmp_path / "out")
+    trained(folder, FOLDS[0], {"name": "07@0-60s", "sha256": "x", "split": "train"})
+
+    def runs(source, sha256, name="01"):
+        recording = dataclasses.replace(RECORDINGS[0].recording, name=name, sha256=sha256)
+        item = NamedRecording(source, recording)
+        return folder.runs([Fold("a", (FoldSite("a", (item.name,)),))], [item])
+
+    assert runs("a", "y") == runs("copy", "y") == {"a": folder.fold("a").run}
+    assert runs("copy", "x", "01@60-90s")
+    for name in ("01", "01@30-90s"):
+        with pytest.raises(ConfigurationError, match=f"was trained with copy/{name}, expected"):
+            runs("copy", "x", name)
+
+
+def test_two_folds_do_not_share_a_folder(tmp_path):
+    folds = [Fold("b c", (A,)), Fold("b/c", (B,))]
+    with pytest.raises(ConfigurationError, match="'b c' and 'b/c' would have the same folder, b_"):
+        start(tmp_path / "out", folds=folds)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
