@@ -176,8 +176,8 @@ def comparison_table(
     """Return two cross-validations side by side: of each value the first, the second, the ratio.
 
     Values that neither of them has, such as jumps with a long stride, have no columns.
-    Sites and groups that only one of them has are left out, from the mean of sites as well, and
-    the groups that :func:`scores_table` leaves out.
+    Sites and groups that only one of them has, or has enough agents of, are left out, from the
+    mean of sites as well, and the groups that :func:`scores_table` leaves out.
 
     Args:
         first: content of one.
@@ -193,7 +193,8 @@ def comparison_table(
     for tracker in trackers:
         pair = [[c[site]["scores"][tracker] for site in common] for c in contents]
         by_site = dict(zip(common, zip(*pair, strict=True), strict=True))
-        by_site[POOLED] = tuple(map(pooled_scores, pair))
+        counted = [_counted_in_both(*scores) for scores in by_site.values()]
+        by_site[POOLED] = tuple(pooled_scores([both[i] for both in counted]) for i in range(2))
         for site, (one, other) in by_site.items():
             prefix = f"{site}, {tracker}" if len(trackers) > 1 else site
             also = _shown_groups(other, manoeuvres, since_start)
@@ -210,6 +211,16 @@ def comparison_table(
     for title in columns:
         heads += [f"{title} {names[0]}", names[1], "change" if title in _CHANGES else "ratio"]
     return Table(heads, [_compared_row(name, *pair, columns) for name, pair in pairs.items()])
+
+
+def _counted_in_both(one: Json, other: Json) -> tuple[Json, Json]:
+    """Return the groups of a site that have enough agents in both results."""
+    names = [
+        name
+        for name in one
+        if name in other and min(one[name]["n"], other[name]["n"]) >= LEAST_AGENTS
+    ]
+    return {name: one[name] for name in names}, {name: other[name] for name in names}
 
 
 def _compared_value(row: Json, key: str) -> float | None:

@@ -125,6 +125,17 @@ def test_two_results_are_compared_on_what_both_have():
     assert [str(cell) for cell in table.rows[1].cells] == cells
 
 
+def test_the_means_that_are_compared_are_over_the_same_sites():
+    first, second = (
+        content({"a": {"moving": group(1.0)}, "b": {"moving": group(9.0, n=n)}})
+        for n in (LEAST_AGENTS - 1, LEAST_AGENTS)
+    )
+    for pair in ((first, second), (second, first)):
+        table = comparison_table(*pair, ("old", "new"))
+        assert [row.name for row in table.rows] == ["a: moving", f"{POOLED}: moving"]
+        assert [str(cell) for cell in table.rows[1].cells][:4] == ["100", "1.000", "1.000", "1.00"]
+
+
 def test_values_that_neither_has_are_not_compared():
     without = {key: value for key, value in group(1.0).items() if key not in ("brier", "chance")}
     first = content({"a": {"all": without | {"jump": None}}})  # of an earlier version
