@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, SITES_COVERAGE_KEY, TIMES_S
+from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, SITES_COVERAGE_KEY, scored_steps
 from mtpgo_core.task.calibration import Calibration, CalibrationOrigin
 
 _PREFIXES = tuple(key.split("{:g}")[0] for key in (MOVING_COVERAGE_KEY, SITES_COVERAGE_KEY))
@@ -83,13 +83,12 @@ def calibration_text(calibration: Calibration, step_s: float) -> list[str]:
         f"groups that were hardly there, as before the adaptation: fitted to {_sites(origin)}"
         for origin in calibration.base
     ]
-    steps = [round(t / step_s) for t in TIMES_S if round(t / step_s) <= calibration.horizon_steps]
-    steps = steps or [calibration.horizon_steps]
+    steps = scored_steps(calibration.horizon_steps, step_s)
     for group in calibration.groups:
-        factors = "  ".join(f"{step * step_s:g} s {group.factors[step - 1]:.2f}" for step in steps)
+        factors = "  ".join(f"{t:g} s {group.factors[step]:.2f}" for t, step in steps.items())
         parts = [f"covariance x {factors}", f"temperature {group.temperature:.2f}"]
         if group.sigma_factors_50:
-            inner = "  ".join(f"{group.sigma_factors_50[step - 1]:.2f}" for step in steps)
+            inner = "  ".join(f"{group.sigma_factors_50[step]:.2f}" for step in steps.values())
             parts.append(f"50 % ellipse x {inner}")
         fitted = f"({group.agents} agents, {group.sites} sites)"
         lines.append(f"{group.name:<20} {'  '.join([*parts, fitted])}")

@@ -10,6 +10,12 @@ from calibration_sets import VEHICLE, random_samples, with_distance
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.quality.metrics import SITES_COVERAGE_KEY
+from mtpgo_core.task.calibration import (
+    GROUPS,
+    Calibration,
+    CalibrationSite,
+    GroupCalibration,
+)
 from mtpgo_training.calibration.calibration_fit import WIDENED_LEVEL, fit_calibration
 from mtpgo_training.calibration.calibration_report import (
     calibration_table,
@@ -18,7 +24,11 @@ from mtpgo_training.calibration.calibration_report import (
     score_samples,
 )
 from mtpgo_training.calibration.calibration_samples import merge_samples
-from mtpgo_training.calibration.calibration_text import moving_coverage, moving_text
+from mtpgo_training.calibration.calibration_text import (
+    calibration_text,
+    moving_coverage,
+    moving_text,
+)
 from mtpgo_training.table_format import to_text
 
 
@@ -118,6 +128,15 @@ def test_without_moving_road_users_the_coverage_is_not_known():
     assert scores["moving_n"] == 0
     assert moving_coverage(scores) == {1.0: None, 3.0: None, 5.0: None}
     assert moving_text(scores).startswith("- / - / - of moving")
+
+
+@pytest.mark.parametrize(
+    ("step_s", "shown"), [(1.0, "1 s 1.00  3 s 3.00"), (2.0, "6 s 3.00"), (0.5, "1 s 2.00")]
+)
+def test_factors_are_shown_at_the_times_that_they_are_for(step_s, shown):
+    groups = tuple(GroupCalibration(name, (1.0, 2.0, 3.0), 1.5, 9, 1) for name in GROUPS)
+    text = calibration_text(Calibration(groups, (CalibrationSite("a", 9),)), step_s)
+    assert text[1].endswith(f" covariance x {shown}  temperature 1.50  (9 agents, 1 sites)")
 
 
 def test_each_site_is_calibrated_by_the_others_only():
