@@ -64,6 +64,8 @@ def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
     ``minutes``, ``parameters``, and ``gap``: why it is not complete, None if it is. ``best``: name
     of the best run of the best combination, by the mean of the ADE. ``baselines``: scores of
     constant velocity and others. ``comparable``: all runs were validated on the same recordings.
+    ``same_horizon``: all runs predict the same times; if not, there is no best one, and there are
+    no baselines that all could be compared with.
 
     Args:
         folder: of the sweep.
@@ -94,6 +96,10 @@ def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
         done = row.pop("done")
         row["values"] = {key: _mean(done, key) for key in columns}
     known = [row for row in rows if row["values"][CRITERION] is not None]
+    kept = [run["horizon"] for run in runs if "horizon" in run]  # earlier versions kept none
+    same_horizon = len({json.dumps(horizon) for horizon in kept}) <= 1
+    if not same_horizon:
+        known = []
     best = min(known, key=lambda row: row["values"][CRITERION]["mean"], default=None)
     name = None
     if best is not None:
@@ -101,13 +107,16 @@ def results(folder: SweepFolder, points: Sequence[GridPoint]) -> Json:
         own = [run for run in own if _value(run, CRITERION) is not None]
         name = min(own, key=lambda run: run["values"]["model"][CRITERION])["name"]
         best["best"] = True
-    baselines = {k: v for k, v in runs[0]["values"].items() if k != "model"} if runs else {}
+    baselines: Json = {}
+    if runs and same_horizon:
+        baselines = {k: v for k, v in runs[0]["values"].items() if k != "model"}
     validations = {json.dumps(run["validation"]) for run in runs}
     return {
         "rows": rows,
         "best": name,
         "baselines": baselines,
         "comparable": len(validations) <= 1 and "null" not in validations,
+        "same_horizon": same_horizon,
         "runs": runs,
     }
 
@@ -145,9 +154,15 @@ def gaps(content: Json) -> list[str]:
 
 def remark(content: Json) -> str:
     """Return what the table shows."""
-    if content["comparable"]:
-        return NOTE
-    return f"{NOTE} The runs were not all validated on the same recordings."
+    text = NOTE
+    if not content["comparable"]:
+        text += " The runs were not all validated on the same recordings."
+    if not content["same_horizon"]:
+        text += (
+            " The runs predict different times ahead, and the error grows with the time: their "
+            "scores cannot be compared, and none of them is called the best."
+        )
+    return text
 
 
 def write_results(folder: SweepFolder, content: Json) -> None:

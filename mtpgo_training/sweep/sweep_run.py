@@ -135,6 +135,7 @@ class SweepRun:
                 "parameters": parameter_count(run.model),
             },
             "validation": list(run.config.data.validation) if self.options.splits_once else None,
+            "horizon": {"steps": run.model.config.horizon_steps, "dt_s": run.model.config.dt_s},
         }
 
 

@@ -19,7 +19,7 @@ from mtpgo_training.sweep.sweep_results import (
 from mtpgo_training.table_format import to_text
 
 
-def write(folder, point, ade, validation=("01",), **scores):
+def write(folder, point, ade, validation=("01",), steps=25, **scores):
     files = folder.run(point.name)
     files.path.mkdir(parents=True, exist_ok=True)
     training = {"minutes": 2.0, "epochs": 2, "steps": 4, "parameters": 77}
@@ -30,6 +30,7 @@ def write(folder, point, ade, validation=("01",), **scores):
         "values": {"model": {"ade": ade, "anll": None} | scores, "cv": {"ade": 2.0}},
         "training": training,
         "validation": None if validation is None else list(validation),
+        "horizon": {"steps": steps, "dt_s": 0.2},
     }
     files.scores.write_text(json.dumps(content), encoding="utf-8")
 
@@ -89,3 +90,17 @@ def test_runs_on_other_recordings_are_not_called_comparable(sweep):
     assert "not all validated on the same" not in remark(results(*sweep))
     write(folder, points[5], 1.0, validation=("02",))
     assert "not all validated on the same" in remark(results(*sweep))
+
+
+def test_of_runs_with_different_horizons_none_is_the_best(sweep):
+    folder, points = sweep
+    assert "different times" not in remark(results(*sweep))
+    write(folder, points[5], 0.2, steps=5)
+    content = results(folder, points)
+    assert (content["best"], content["baselines"]) == (None, {})
+    text = to_text(results_table(content))
+    assert "*" not in text
+    assert "cv" not in text
+    assert "predict different times ahead" in remark(content)
+    write_results(folder, content)
+    assert "predict different times ahead" in (folder.path / "result.md").read_text("utf-8")
