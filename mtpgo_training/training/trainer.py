@@ -112,7 +112,13 @@ def train(
     prepare_process(torch_threads(config))
     plan_file = folder.path / PLAN_FILE
     if resume and plan_file.is_file():
-        config = SchedulePlan.load(plan_file).applied(config, recordings)
+        before, epochs = SchedulePlan.load(plan_file), config.optimisation.epochs
+        if before.of_epochs not in (None, epochs):
+            raise ConfigurationError(
+                f"the configuration differs from that of {plan_file} in optimisation.epochs "
+                f"({before.of_epochs} there, {epochs} here), expected the same to resume"
+            )
+        config = before.applied(config, recordings)
     if find_rate and resume and folder.config_file.is_file():
         stored = load_config(folder.config_file)
         config = _with_rate(config, stored.optimisation.learning_rate)
@@ -158,6 +164,7 @@ def train(
     epochs = config.optimisation.epochs
     if shorten and creates_folder and limit.is_set:
         plan = plan_for_time(run, scenes, limit.left_s, fabric.world_size)
+        plan = dataclasses.replace(plan, of_epochs=epochs)
         config = run.config = plan.applied(config, recordings)
         scenes = reweighted(scenes, splits, config)
         if not initial:

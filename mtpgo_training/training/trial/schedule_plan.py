@@ -57,12 +57,15 @@ class SchedulePlan:
         share: share of the windows in an epoch.
         validate_every_epochs: epochs between validations.
         limit_minutes: the training ends here in any case (min); None for never.
+        of_epochs: length of the schedule that was shortened, as it was configured; None where
+            that is kept elsewhere.
     """
 
     epochs: int
     share: float = 1.0
     validate_every_epochs: int = 1
     limit_minutes: float | None = None
+    of_epochs: int | None = None
 
     def applied(
         self, config: TrainingConfig, recordings: Sequence[NamedRecording]

@@ -242,6 +242,8 @@ def test_a_run_in_a_given_time_comes_to_the_end_of_its_schedule(tmp_path):
     again = run(tmp_path / "r", with_options(epochs=2000), resume=True, max_minutes=0.0)
     assert again.config == done.config
     assert again.finished or again.state.step == done.state.step + 1
+    with pytest.raises(ConfigurationError, match=r"epochs \(2000 there, 3000 here\)"):
+        run(tmp_path / "r", with_options(epochs=3000), resume=True)
 
 
 def test_a_run_killed_within_an_epoch_resumes_from_the_checkpoint_there(whole, tmp_path):
