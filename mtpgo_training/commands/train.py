@@ -16,7 +16,7 @@ from typing import Any
 from mtpgo_core.completion import completed_by
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.model_file import find_checkpoint
-from mtpgo_training.commands.arguments.argument_types import positive_number
+from mtpgo_training.commands.arguments.argument_types import positive_number, require_one_rate
 from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
@@ -119,6 +119,7 @@ def run(args: argparse.Namespace) -> int:
     # Set before torch is loaded: DDP would warn that parameters are unused, which is intended.
     os.environ.setdefault("TORCH_CPP_LOG_LEVEL", "ERROR")
     config = overridden(load_config(find_config(args.config), args.set), args)
+    require_one_rate(args.find_lr, args.set, "--set")
     if args.init_from is not None and args.resume:
         raise ConfigurationError(
             "--init-from is given with --resume, expected one: a resumed run has its weights"

@@ -6,10 +6,13 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError
+
+LEARNING_RATE = "optimisation.learning_rate"
+"""Key of the configuration that ``--find-lr`` is another way to."""
 
 
 def positive_integer(text: str) -> int:
@@ -96,6 +99,24 @@ def require_one_budget(kind: str, minutes: float | None, steps: int | None) -> N
     if minutes is not None and steps is not None:
         raise ConfigurationError(
             f"--minutes-per-{kind} and --steps-per-{kind} are given, expected one"
+        )
+
+
+def require_one_rate(find_lr: bool, settings: Iterable[str], option: str) -> None:
+    """Check that a learning rate is not given where a range test is to find one.
+
+    Args:
+        find_lr: ``--find-lr``.
+        settings: ``KEY=VALUE`` each.
+        option: that they are given with.
+
+    Raises:
+        ConfigurationError: it is, and would have no effect.
+    """
+    if find_lr and any(word.partition("=")[0] == LEARNING_RATE for word in settings):
+        raise ConfigurationError(
+            f"{LEARNING_RATE} is given with {option} and --find-lr, which finds one, expected one "
+            "of them"
         )
 
 

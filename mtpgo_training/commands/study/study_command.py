@@ -17,6 +17,7 @@ from mtpgo_training.commands.arguments.argument_types import (
     require_given,
     require_none,
     require_one_budget,
+    require_one_rate,
 )
 from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
@@ -259,6 +260,7 @@ def _check(args: argparse.Namespace) -> tuple[int, int]:
     require_given(given, "--list")
     if args.measure:
         raise ConfigurationError("--measure is given without --list, expected both")
+    require_one_rate(args.find_lr, args.set, "--set")
     require_one_budget("run", args.minutes_per_run, args.steps_per_run)
     if args.part is None:
         return 1, 1

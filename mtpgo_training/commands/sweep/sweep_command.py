@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from mtpgo_core.errors import ConfigurationError
+from mtpgo_training.commands.arguments.argument_types import require_one_rate
 from mtpgo_training.commands.arguments.early_checks import require_folder
 from mtpgo_training.commands.arguments.next_command import command_text, same_command
 from mtpgo_training.commands.arguments.stride_warnings import warn_of_data_strides
@@ -146,6 +147,7 @@ def _require_once(args: argparse.Namespace) -> None:
             f"--devices is {args.devices} with --sweep, whose runs have one process each; --jobs "
             "is the number of runs at the same time"
         )
+    require_one_rate(args.find_lr, args.sweep, "--sweep")
     fixed = {setting.partition("=")[0]: "--set" for setting in args.set}
     for key, option in OPTIONS_OF_KEYS.items():
         if getattr(args, option) is not None:

@@ -201,6 +201,10 @@ def test_a_run_in_mixed_precision_stays_close(place, whole, precision):
         (["--resume"], "holds no run to resume"),
         (["--resume", "--out", "{whole}", "--seed", "5"], "config.yaml in seed (1 there, 5 here)"),
         (["--resume", "--init-from", "{whole}"], "--init-from is given with --resume"),
+        (
+            ["--find-lr", "--set", "optimisation.learning_rate=0.1"],
+            "optimisation.learning_rate is given with --set and --find-lr, which finds one",
+        ),
         (["--init-from", "{place}/c.yaml"], "c.yaml is no readable checkpoint"),
         (["--init-from", "no_such_model"], "is neither a file nor a shipped checkpoint, expected"),
         (["--init-from", "{whole}", "--model", "seq2seq"], "are of 'mtp-go', but the configured"),

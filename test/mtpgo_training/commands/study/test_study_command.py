@@ -162,6 +162,11 @@ def test_strides_that_are_no_whole_number_of_frames_are_told(place, capsys, monk
         (("--part", "3/2"), "layers", "--part is '3/2', expected I/N"),
         (("--set", "model.depth=3"), "layers", "depth"),
         (("--minutes-per-run", "1"), "layers", "expected one"),
+        (
+            ("--find-lr", "--set", "optimisation.learning_rate=1"),
+            "layers",
+            "optimisation.learning_rate is given with --set and --find-lr",
+        ),
         (("--measure",), "layers", "--measure is given without --list, expected both"),
         (("--list",), "layers", "is given with --list, which lists all rows of the paper's"),
     ],

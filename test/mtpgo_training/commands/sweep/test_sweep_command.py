@@ -155,6 +155,10 @@ def test_swept_strides_that_are_no_whole_number_of_frames_are_told(place, inline
             ["--sweep", "data.stride_s=0.4,0.5", "--set", "optimisation.consistency_weight=1"],
             "--sweep data.stride_s=0.5 seed=1: data.stride_s is 0.5 but",
         ),
+        (
+            ["--find-lr", "--sweep", "optimisation.learning_rate=0.1,0.2"],
+            "optimisation.learning_rate is given with --sweep and --find-lr, which finds one",
+        ),
         (["--sweep", "trainer.devices=1,2"], "which does not change what is trained"),
         (["--sweep", "name=a,b"], "--sweep names name, which does not change what is trained"),
         (["--sweep", "seed"], "expected KEY=VALUE"),
