@@ -225,7 +225,7 @@ def comparison_table(content: Json) -> Table | None:
 
 
 def breakdown_table(content: Json, name: str, heading: str) -> Table | None:
-    """Return honesty at 5 s for the groups of a breakdown, None without any.
+    """Return honesty at 1, 3 and 5 s for the groups of a breakdown, None without any.
 
     Args:
         content: of the evaluation.
@@ -235,7 +235,7 @@ def breakdown_table(content: Json, name: str, heading: str) -> Table | None:
     rows, groups = [], _groups(content, name)
     for group in groups:
         for series, values in _series(content, group, name):
-            if values["nll"][2] is None:
+            if all(value is None for value in values["nll"]):
                 continue
             cells = [
                 _pair(*(values[f"{kind}_90"][k] for kind in ("ellipse", "region")))

@@ -50,6 +50,26 @@ def test_every_table_has_as_many_cells_as_heads(content):
         assert to_html(table).count("<td") == cells
 
 
+def test_groups_that_are_never_seen_at_the_last_time_have_a_row(content):
+    """As those of models with a shorter horizon."""
+    shorter = copy.deepcopy(content)
+    for groups in shorter["honesty"]["m"]["all"].values():
+        for values in groups.values() if "nll" not in groups else [groups]:
+            for key in ("nll", "ellipse_90", "region_90"):
+                values[key][2] = None
+            for key in ("sigma", "rmse", "ratio"):
+                values["spread"][key][4] = None
+    before, after = (
+        next(t for t in honesty_tables(c) if t.heading == "Coverage by class and motion")
+        for c in (content, shorter)
+    )
+    assert [row.name for row in after.rows] == [row.name for row in before.rows]
+    name = next(row.name for row in after.rows if row.name.endswith(": m"))
+    for head in ("90% 1s", "90% 3s"):
+        assert cell(after, name, head) == cell(before, name, head)
+    assert (cell(after, name, "90% 5s"), cell(after, name, "ratio 5s")) == ("-", "-")
+
+
 def test_coverage_weights_and_paths_are_split_by_class_and_by_speed(content):
     tables = {table.heading: table for table in split_tables(content)}
     kinds = ("Coverage and sharpness", "Weights of the modes", "Plausibility")
