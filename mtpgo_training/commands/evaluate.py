@@ -284,6 +284,8 @@ def run(args: argparse.Namespace) -> int:
             print(f"observed by a simulated tracker, seed {settings.tracker_seed}\n")
         if settings.unknown_classes:
             print("every road user observed as one of an unknown class\n")
+        if settings.path_smoothing_s:
+            print(f"paths smoothed with a memory of {settings.path_smoothing_s:g} s\n")
         if settings.live.watches or settings.calibration != SHIPPED:
             print(f"calibration {settings.calibration}, prefer {settings.prefer}\n")
         from mtpgo_training.reports.terminal import print_result

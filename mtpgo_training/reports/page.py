@@ -194,6 +194,8 @@ def _facts(content: Json) -> list[tuple[str, str]]:
         facts.append(("past", "forgotten before each instant: each road user has one sample"))
     if content.get("calibration") is not None:  # results from before it could be chosen lack it
         facts.append(("calibration", f"{content['calibration']}, prefer {content['prefer']}"))
+    if content.get("path_smoothing_s"):
+        facts.append(("paths", f"smoothed with a memory of {content['path_smoothing_s']:g} s"))
     if content["tracker"] == SIMULATED:
         facts.append(("observations", f"of a simulated tracker, seed {content['tracker_seed']}"))
     if content.get("unknown_classes"):

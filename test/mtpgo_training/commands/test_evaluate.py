@@ -210,7 +210,7 @@ def test_the_calibration_goes_on_over_each_recording_or_is_taken_off(
     assert reliability["off"] != reliability["online"]
 
 
-def test_smoothed_paths_jump_less(data, tmp_path):
+def test_smoothed_paths_jump_less(data, tmp_path, capsys):
     """Of a noisy tracker; where tracks are clean there is little to smooth."""
     jump = {}
     for smoothing_s in (0.0, 0.4):
@@ -218,6 +218,8 @@ def test_smoothed_paths_jump_less(data, tmp_path):
         given = ["--model", "default", "--stride", "0.2", "--path-smoothing", smoothing_s]
         given += ["--tracker", "simulated"]
         assert run(data / "b", "--no-centre", *given, "--json", out) == 0
+        said = "paths smoothed with a memory of 0.4 s" in capsys.readouterr().out
+        assert said == (smoothing_s > 0.0)
         result = json.loads(out.read_text())
         assert result["path_smoothing_s"] == smoothing_s
         jump[smoothing_s] = result["honesty"]["default"]["all"]["all"]["consistency"]["jump"]

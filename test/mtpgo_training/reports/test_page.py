@@ -53,10 +53,12 @@ def test_the_facts_say_what_was_evaluated():
         "tracker": "simulated",
         "tracker_seed": 4,
         "unknown_classes": True,
+        "path_smoothing_s": 0.4,
     }
     facts = dict(page._facts(content | changed))
     assert facts["observations"] == "of a simulated tracker, seed 4"
     assert facts["classes"] == "every road user was observed as one of an unknown class"
+    assert facts["paths"] == "smoothed with a memory of 0.4 s"
     assert facts["trails"] == "no earlier road user was known"
     assert "policy each" in facts["m"]
     assert facts["layout"] == "the bag's own observations"
