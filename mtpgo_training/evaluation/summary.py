@@ -15,8 +15,12 @@ from mtpgo_training.evaluation.evaluator import Settings
 from mtpgo_training.evaluation.honesty.honesty_summary import honesty_summary
 from mtpgo_training.evaluation.honesty.simple_comparison import compare_with_simple
 from mtpgo_training.evaluation.scores.bootstrap import over_groups, seed_groups
-from mtpgo_training.evaluation.scores.score_summary import breakdowns
-from mtpgo_training.evaluation.scores.score_table import Averages
+from mtpgo_training.evaluation.scores.score_summary import (
+    REFERENCE,
+    breakdowns,
+    other_horizons,
+)
+from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
 from mtpgo_training.evaluation.training_overlap import overlap_by_model, overlap_warnings
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 from mtpgo_training.scenes.tracker.tracker_config import RECORDED, SIMULATED
@@ -52,12 +56,14 @@ def summarise(
     averages = evaluation.scores.averages()
     trainings = {name: runner.task.training for name, runner in runners.items()}
     overlaps = overlap_by_model(trainings, evaluation.recordings)
+    agents = evaluation.scores.agents()
+    comparable = ~agents["model"].isin(list(other_horizons(evaluation.scores)))
     groups = seed_groups(list(runners), same_recipe and len(runners) > 1)
     return {
         "models": averages,
         **breakdowns(evaluation.scores),
         "honesty": honesty_summary(evaluation.honesty),
-        "groups": compare_with_simple(evaluation.scores.agents()),
+        "groups": compare_with_simple(agents[comparable]),
         "seeds": over_groups(averages, groups),
         "agreement": {
             bag: {model: found.to_dict() for model, found in found_by.items()}
@@ -69,7 +75,11 @@ def summarise(
         "recordings": evaluation.recordings,
         "failed": {failure.name: failure.reason for failure in result.failures},
         "seen": overlaps,
-        "warnings": [*overlap_warnings(overlaps), *result.warnings],
+        "warnings": [
+            *overlap_warnings(overlaps),
+            *_horizon_warnings(evaluation.scores),
+            *result.warnings,
+        ],
         "notes": [ONE_RECORDING] if len(evaluation.recordings) < 2 else [],
         "layout": sorted(set(layouts)),
         "stride_s": None if from_bags else settings.stride_s,
@@ -88,6 +98,16 @@ def summarise(
         "tasks": {name: dataclasses.asdict(r.task.scene) for name, r in runners.items()},
         "weights": {name: r.task.weights_sha256 for name, r in runners.items()},
     }
+
+
+def _horizon_warnings(scores: ScoreTable) -> list[str]:
+    """Return a sentence for each model whose errors are not of the horizon of the baselines'."""
+    own_s = scores.horizons().get(REFERENCE)
+    return [
+        f"{model} predicts {time_s:g} s ahead, the baselines {own_s:g} s: their errors cannot be "
+        "compared, nor its errors with those of models that predict as far as the baselines"
+        for model, time_s in other_horizons(scores).items()
+    ]
 
 
 def effect_of_bags(result: BagResult, averages: Averages) -> Json:

@@ -80,7 +80,8 @@ def breakdowns(table: ScoreTable) -> Json:
     """Return breakdowns as plain data for JSON, by model and protocol; None for not defined.
 
     ``intervals``: by value, low and high end of the 95 % interval over recordings.
-    ``relative``: by value, its share of constant velocity's, with low and high.
+    ``relative``: by value, its share of constant velocity's, with low and high; nothing for a
+    model of :func:`other_horizons`.
     ``by_class``, ``by_manoeuvre``, ``by_recording``: by name, the values. ``by_since_start``: by
     the names of :data:`SINCE_START_GROUPS`.
     ``by_horizon``: ``time_s`` and by value, lists over the horizon; ``displacement_low`` and
@@ -89,6 +90,7 @@ def breakdowns(table: ScoreTable) -> Json:
     ``reliability``: ``level`` and ``observed`` share in the ellipse of that level.
     """
     names, drawn = table.recordings, resampling_counts(len(table.recordings))
+    others = other_horizons(table)
     agents = table.agents()
     by_recording = totals(agents, [*_SERIES, "recording"])
     headline = table.headline_totals([*_SERIES, "recording"]).reindex(by_recording.index)
@@ -115,12 +117,23 @@ def breakdowns(table: ScoreTable) -> Json:
             "by_horizon": _by_horizon(steps.loc[model, protocol], names, drawn),
             "reliability": _reliability(levels.loc[model, protocol]),
         }
-        if (REFERENCE, protocol) in by_recording.index.droplevel("recording"):
+        compared = (REFERENCE, protocol) in by_recording.index.droplevel("recording")
+        if compared and model not in others:
             other = by_recording.loc[REFERENCE, protocol].reindex(names, fill_value=0.0)
             parts["relative"] = _relative(own, other, drawn)
         for key, value in parts.items():
             content[key].setdefault(model, {})[protocol] = value
     return content
+
+
+def other_horizons(table: ScoreTable) -> dict[str, float]:
+    """Return the models that predict farther or less far than the baselines, and how far (s).
+
+    The baselines have the horizon of one of the models, and errors grow with the horizon.
+    """
+    known = table.horizons()
+    own = known.get(REFERENCE, np.nan)
+    return {model: time_s for model, time_s in known.items() if abs(time_s - own) > 1e-6}
 
 
 def _nested(scores: Mapping[tuple[str, str, str], Any]) -> Json:

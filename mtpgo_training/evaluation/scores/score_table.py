@@ -242,6 +242,13 @@ class ScoreTable:
         labels["time_s"] = (step_s * labels["step"]).round(6)
         return sums.set_index(pd.MultiIndex.from_frame(labels))
 
+    def horizons(self) -> dict[str, float]:
+        """Return the last time ahead of each model and baseline (s), NaN if it is not known."""
+        index = self.steps().index
+        times = pd.Series(index.get_level_values("time_s"))
+        found = times.groupby(index.get_level_values("model").astype(str)).max()
+        return {str(model): float(time_s) for model, time_s in found.items()}
+
     def levels(self) -> pd.DataFrame:
         """Return sums over agents, a row for each group and level of :data:`LEVELS`.
 

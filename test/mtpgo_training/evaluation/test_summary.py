@@ -14,6 +14,7 @@ from mtpgo_training.evaluation.bags.bag_evaluation import BagResult
 from mtpgo_training.evaluation.evaluator import Evaluation, Settings
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.evaluation.summary import ONE_RECORDING, summarise
+from mtpgo_training.reports.tables import interval_table, result_tables
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +77,21 @@ def test_models_that_differ_only_in_their_seed_are_one_group(runner):
     assert group["models"] == ["a", "b"]
     assert group["all"]["ade"]["mean"] == pytest.approx(2.0)
     assert summarise(result, runners, Settings())["seeds"] == {}
+
+
+def test_errors_over_another_horizon_are_not_compared(runner):
+    table = ScoreTable()
+    for model, step_s in (("long", 0.2), ("cv", 0.2), ("short", 0.1)):
+        add(table, 1.0, "01", model, step_s=step_s)
+    result = BagResult(Evaluation(table, {"01": ""}))
+    content = summarise(result, {"long": runner, "short": runner}, Settings())
+    assert content["relative"]["long"]["all"]["ade"]["value"] == 1.0
+    assert content["relative"]["short"]["all"] == {}
+    assert set(content["groups"]) == {"long"}
+    assert [text for text in content["warnings"] if "ahead" in text] == [
+        "short predicts 0.5 s ahead, the baselines 1 s: their errors cannot be compared, nor its "
+        "errors with those of models that predict as far as the baselines"
+    ]
+    for table_of in (interval_table(content, "all"), result_tables(content)[0]):
+        cells = {row.name: str(row.cells[-1]) for row in table_of.rows}
+        assert cells["short"] == "-"
