@@ -244,7 +244,7 @@ def _print_results(content: dict[str, object], *, manoeuvres: bool, since_start:
 
 def _compare(args: argparse.Namespace) -> int:
     from mtpgo_training.crossval.crossval_folder import read_results
-    from mtpgo_training.crossval.crossval_tables import comparison_table
+    from mtpgo_training.crossval.crossval_tables import comparison_table, differences
 
     if args.config is not None or args.data_options or args.out is not None:
         raise ConfigurationError(
@@ -269,13 +269,8 @@ def _compare(args: argparse.Namespace) -> int:
         first, second, names, manoeuvres=args.manoeuvres, since_start=args.since_start
     )
     print(to_text(table))
-    for key in ("budget", "stride_s"):
-        if first[key] != second[key]:
-            print(f"Note: {key} is {first[key]} and {second[key]}.")
-    if first["left_out_together"] != second["left_out_together"]:
-        print(
-            "Note: other sites are left out together, so the models were trained on other sites."
-        )
+    for sentence in differences(first, second):
+        print(f"Note: {sentence}.")
     return 0
 
 

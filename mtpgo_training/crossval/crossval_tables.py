@@ -8,7 +8,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mtpgo_core.quality.metrics import TIMES_S
-from mtpgo_training.crossval.site_scores import LEAST_AGENTS, pooled_scores, worse_than_simple
+from mtpgo_training.crossval.site_scores import (
+    LEAST_AGENTS,
+    MODEL,
+    pooled_scores,
+    worse_than_simple,
+)
 from mtpgo_training.data.manoeuvres import MANOEUVRES
 from mtpgo_training.evaluation.scores.score_summary import SINCE_START_GROUPS, value_text
 from mtpgo_training.table_format import Row, Table
@@ -211,6 +216,43 @@ def comparison_table(
     for title in columns:
         heads += [f"{title} {names[0]}", names[1], "change" if title in _CHANGES else "ratio"]
     return Table(heads, [_compared_row(name, *pair, columns) for name, pair in pairs.items()])
+
+
+def differences(first: Json, second: Json) -> list[str]:
+    """Return in what two cross-validations differ that makes a comparison one of two things.
+
+    Args:
+        first: content of one.
+        second: content of the other.
+    """
+    found = [
+        f"{key} is {first[key]} and {second[key]}"
+        for key in ("budget", "stride_s")
+        if first[key] != second[key]
+    ]
+    if first["left_out_together"] != second["left_out_together"]:
+        found.append(
+            "other sites are left out together, so the models were trained on other sites"
+        )
+    horizons = [_horizon_s(content) for content in (first, second)]
+    if None not in horizons and horizons[0] != horizons[1]:
+        found.append(
+            f"the models predict {horizons[0]:g} and {horizons[1]:g} s ahead, so their errors "
+            "cannot be compared"
+        )
+    return found
+
+
+def _horizon_s(content: Json) -> float | None:
+    """Return the last time ahead that was scored (s), None where nothing was."""
+    times = [
+        protocols["all"]["time_s"][-1]
+        for site in left_out_sites(content).values()
+        for breakdowns in site.get("breakdowns", {}).values()
+        for model, protocols in breakdowns.get("by_horizon", {}).items()
+        if model == MODEL and "all" in protocols
+    ]
+    return max((time_s for time_s in times if time_s is not None), default=None)
 
 
 def _counted_in_both(one: Json, other: Json) -> tuple[Json, Json]:

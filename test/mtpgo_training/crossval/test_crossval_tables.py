@@ -10,6 +10,7 @@ from crossval_results import content, group
 from mtpgo_training.crossval.crossval_tables import (
     POOLED,
     comparison_table,
+    differences,
     scores_table,
     trainings_table,
 )
@@ -172,3 +173,22 @@ def test_different_numbers_of_agents_are_both_told():
     first, second = (content({"a": {"all": group(1.0, n=n)}}) for n in (100, 200))
     row = comparison_table(first, second, ("old", "new")).rows[0]
     assert str(row.cells[0]) == "100, 200"
+
+
+def test_what_differs_is_told_beside_a_comparison():
+    def made(last_s, stride_s=1.0, together="a"):
+        given = content({"a": {"all": group(1.0)}})
+        horizon = {"model": {"all": {"time_s": [0.2, last_s]}}}
+        given["folds"][0]["sites"]["a"]["breakdowns"] = {"recorded": {"by_horizon": horizon}}
+        facts = {"budget": {"minutes": 1.0}, "stride_s": stride_s}
+        return given | facts | {"left_out_together": {"fold": [together]}}
+
+    assert differences(made(5.0), made(5.0)) == []
+    assert differences(made(None), made(5.0)) == []
+    assert differences(made(5.0), made(3.0)) == [
+        "the models predict 5 and 3 s ahead, so their errors cannot be compared"
+    ]
+    assert differences(made(5.0), made(5.0, 2.0, "b")) == [
+        "stride_s is 1.0 and 2.0",
+        "other sites are left out together, so the models were trained on other sites",
+    ]
