@@ -35,6 +35,12 @@ class Candidate:
         return int(self.checkpoint["config"]["seed"])
 
     @property
+    def horizon(self) -> str:
+        """Steps of its horizon and time between two of them."""
+        config = self.checkpoint["model_config"]
+        return f"{config.get('horizon_steps')} steps of {config.get('dt_s')} s"
+
+    @property
     def validated_on(self) -> set[tuple[str, str]]:
         """Names and SHA-256 of its validation recordings, or parts of recordings."""
         return {
@@ -52,7 +58,8 @@ def select_run(paths: Sequence[Path]) -> tuple[Candidate, list[Candidate]]:
 
     Raises:
         ConfigurationError: a checkpoint cannot be read; or, of several runs, one has not been
-            validated yet or was validated on other recordings than the first.
+            validated yet, or was validated on other recordings or over another horizon than the
+            first.
     """
     candidates = [Candidate(path, load_checkpoint(path)) for path in paths]
     first = candidates[0]
@@ -68,6 +75,11 @@ def select_run(paths: Sequence[Path]) -> tuple[Candidate, list[Candidate]]:
             raise ConfigurationError(
                 f"{other.path} was validated on {_listed(other)} and {first.path} on "
                 f"{_listed(first)}, expected the same recordings to choose between them"
+            )
+        if other.horizon != first.horizon:
+            raise ConfigurationError(
+                f"{other.path} predicts {other.horizon} and {first.path} {first.horizon}, "
+                "expected the same horizon to choose between them by their error"
             )
     return min(candidates, key=lambda candidate: candidate.ade_m), candidates
 

@@ -16,7 +16,7 @@ WEIGHTS = {"model_config": {}, "average": {}, "epoch": 1, "step": 1}
 def make_run(tmp_path):
     """Write a run with an ADE, or without a validation, validated on recordings by hash."""
 
-    def make(seed, ade, **validated):
+    def make(seed, ade, steps=25, **validated):
         folder = RunFolder(tmp_path / f"seed{seed}")
         splits = [{"name": "01", "sha256": f"{seed}", "split": "train"}]
         splits += [
@@ -25,7 +25,8 @@ def make_run(tmp_path):
         ]
         metrics = {} if ade is None else {"model": {"all": {"ade": ade}}}
         content = {"config": {"seed": seed}, "metrics": metrics, "splits": splits}
-        folder.save({**WEIGHTS, **content}, best=True)
+        config = {"model_config": {"horizon_steps": steps, "dt_s": 0.2}}
+        folder.save({**WEIGHTS, **content, **config}, best=True)
         return folder.path
 
     return make
@@ -60,6 +61,13 @@ def test_recordings_of_the_same_name_but_other_content_are_not_compared(make_run
         select_run(paths)
     paths = [make_run(3, 0.5), make_run(4, 0.4, b="1", a="2")]
     with pytest.raises(ConfigurationError, match=r"seed4 was validated on a, b and .* on nothing"):
+        select_run(paths)
+
+
+def test_errors_over_different_horizons_are_not_compared(make_run):
+    paths = [make_run(1, 0.5, a="1"), make_run(2, 0.1, a="1", steps=5)]
+    sentence = r"seed2 predicts 5 steps of 0.2 s and .*seed1 25 steps of 0.2 s, expected the same"
+    with pytest.raises(ConfigurationError, match=sentence):
         select_run(paths)
 
 
