@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import sys
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from mtpgo_core.errors import MessageError, RecordingError
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.data.recording_bag import DEFAULT_KIND, write_recording
 
@@ -59,7 +60,8 @@ def convert(
     """Write recordings as bags and return what was written.
 
     Several recordings become one bag each, ``output/NAME``, unless they are joined or ``output``
-    is a file (ends in ``.mcap``). A single recording becomes ``output`` itself.
+    is a file (ends in ``.mcap``). A single recording becomes ``output`` itself. Of several, those
+    without a road user are left out with a remark.
 
     Args:
         recordings: taken one after the other, so only one needs to be in memory.
@@ -82,10 +84,13 @@ def convert(
     first, second = next(iterator, None), next(iterator, None)
     if first is None or second is None:
         return [write([first] if first else [], output)]
-    return [
-        write([recording], output / recording.name)
-        for recording in _chain(first, second, iterator)
-    ]
+    empty: list[str] = []
+    named = _with_road_users(_chain(first, second, iterator), empty)
+    bags = [write([recording], output / recording.name) for recording in named]
+    if not bags:
+        raise _nothing_written(output)
+    _remark_on(empty)
+    return bags
 
 
 def _require_apart(output: Path, sources: Collection[Path]) -> None:
@@ -211,6 +216,24 @@ def _chain(
     yield from others
 
 
+def _with_road_users(recordings: Iterable[Recording], empty: list[str]) -> Iterator[Recording]:
+    """Yield the recordings that have road users, and append the names of the others to a list."""
+    for recording in recordings:
+        if len(recording):
+            yield recording
+        else:
+            empty.append(recording.name)
+
+
+def _nothing_written(path: Path) -> RecordingError:
+    return RecordingError(f"nothing was written to {path}: no recording has a road user")
+
+
+def _remark_on(empty: Sequence[str]) -> None:
+    for name in empty:
+        remark(f"the recording {name} has no road user in what is wanted of it: it is left out")
+
+
 def _write(
     recordings: Iterable[Recording],
     path: Path,
@@ -223,12 +246,10 @@ def _write(
     from msg_adapters.bags.mcap_writer import McapWriter
 
     _require_apart(path, sources)
-    names: list[str] = []
+    names, empty = list[str](), list[str]()
     frames, duration_s, next_start_ns = 0, 0.0, None
     with McapWriter(path, replace=True, compress=True) as bag:
-        for recording in recordings:
-            if not len(recording):
-                continue
+        for recording in _with_road_users(recordings, empty):
             first_ns = recording.stamp_ns(int(recording.frame[0]))
             shift_ns = 0 if next_start_ns is None else next_start_ns - first_ns
             written = write_recording(bag, recording, kind=kind, shift_ns=shift_ns)
@@ -247,7 +268,8 @@ def _write(
             names.append(recording.name)
             duration_s += recording.duration_s
         if not names:
-            raise RecordingError(f"nothing was written to {path}: no recording has a road user")
+            raise _nothing_written(path)
+    _remark_on(empty)
     return Converted(path, tuple(names), bag.messages, frames, duration_s)
 
 

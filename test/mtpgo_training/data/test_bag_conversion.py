@@ -193,6 +193,30 @@ def test_an_unfinished_bag_leaves_no_file(tmp_path: Path, recording: Recording) 
         convert([recording], tmp_path / "file" / "out.mcap")
 
 
+@pytest.mark.parametrize("join", [False, True])
+def test_recordings_that_are_too_short_for_what_is_wanted_are_left_out(
+    tmp_path: Path, recording: Recording, join: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    half_s = 0.5 * recording.duration_s
+    short = dataclasses.replace(recording.between(0.0, 0.5 * half_s), name="short")
+    other = dataclasses.replace(recording, name="other")
+
+    def converted(*given: Recording) -> list[tuple[str, ...]]:
+        wanted = selected(given, start_s=half_s)
+        return [bag.recordings for bag in convert(wanted, tmp_path / "out", join=join)]
+
+    names = (recording.name, "other")
+    bags = [names] if join else [(name,) for name in names]
+    assert converted(recording, short, other) == bags
+    assert [record.getMessage() for record in caplog.records] == [
+        "mtpgo: the recording short has no road user in what is wanted of it: it is left out"
+    ]
+    caplog.clear()
+    with pytest.raises(RecordingError, match=r"nothing was written to .*: no recording"):
+        converted(short, dataclasses.replace(short, name="shorter"))
+    assert caplog.records == []
+
+
 def test_foreign_identities_keep_their_keys(tmp_path: Path, recording: Recording) -> None:
     words = np.arange(12, dtype=np.uint32).reshape(3, 4) + 7
     foreign = dataclasses.replace(recording, track_key=words)
