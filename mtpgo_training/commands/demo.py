@@ -11,6 +11,7 @@ from typing import Any
 from mtpgo_core.completion import completed_by
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.task.model_file import shipped_models
+from mtpgo_training.commands.arguments.argument_types import positive_number
 from mtpgo_training.commands.arguments.data_arguments import add_data_arguments, data_sources
 from mtpgo_training.commands.arguments.early_checks import require_folder
 
@@ -53,9 +54,11 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo demo``."""
     require_folder(args.output)
-    for text in args.parameter:
-        if not all(text.partition(":=")):
-            raise ConfigurationError(f"--parameter is {text!r}, expected NAME:=VALUE")
+    given = dict(_parameter(text) for text in args.parameter)
+    if "model" in given:
+        raise ConfigurationError(
+            f"--parameter is 'model:={given['model']}', expected --model, which is scored as well"
+        )
     # Imported late: matplotlib and torch take seconds, which ``--help`` does not need.
     from mtpgo_training.demo.demo_pipeline import DemoOptions, run_demo, shipped_source
 
@@ -66,6 +69,33 @@ def run(args: argparse.Namespace) -> int:
             model=args.model,
             parameters=tuple(args.parameter),
             output=args.output,
+            **({"rate_hz": _rate_hz(given["rate"])} if "rate" in given else {}),
         )
     )
     return 0
+
+
+def _parameter(text: str) -> tuple[str, str]:
+    """Return name and value of a parameter of the node.
+
+    Raises:
+        ConfigurationError: the text is not both.
+    """
+    name, mark, value = text.partition(":=")
+    if not (name and mark and value):
+        raise ConfigurationError(f"--parameter is {text!r}, expected NAME:=VALUE")
+    return name, value
+
+
+def _rate_hz(text: str) -> float:
+    """Return the rate of the node (Hz), which says when predictions are due.
+
+    Raises:
+        ConfigurationError: it is not one.
+    """
+    try:
+        return positive_number(text)
+    except argparse.ArgumentTypeError as error:
+        raise ConfigurationError(
+            f"--parameter is 'rate:={text}', expected a rate above 0 Hz"
+        ) from error

@@ -77,7 +77,8 @@ class DemoOptions:
         model: name or file of the model.
         parameters: further parameters of the node, ``name:=value``.
         output: folder for the results.
-        rate_hz: predictions per second (Hz); the default is the node's.
+        rate_hz: predictions per second (Hz); the default is the node's. A parameter ``rate`` has
+            the same value.
     """
 
     sources: tuple[DataSource, ...]
@@ -111,7 +112,7 @@ def run_demo(options: DemoOptions) -> None:
     print("  starting predictor and record", flush=True)
     # One road user is enough to show that live and recorded scores are equal.
     own = (f"model:={model}", f"rate:={options.rate_hz}", "quality_min_agents:=1")
-    parameters = (*own, *options.parameters)
+    parameters = _last_of_each((*own, *options.parameters))
     durations_s = [recording.duration_s for recording in plan.recordings]
     run_session(paths, durations_s, recorded=predictions, logs=logs, parameters=parameters)
 
@@ -143,6 +144,15 @@ def run_demo(options: DemoOptions) -> None:
     _print_results(content, options, output, f"{drawn}, {reported}")
     if page is not None:
         print(f"To see the predictions over time, open {page.as_uri()} in a browser.")
+
+
+def _last_of_each(parameters: Sequence[str]) -> list[str]:
+    """Return ``name:=value`` with the last value of each name.
+
+    Of several, ROS takes a whole number rather than a later real one.
+    """
+    last = dict(parameter.split(":=", 1) for parameter in parameters)
+    return [f"{name}:={value}" for name, value in last.items()]
 
 
 def shipped_source() -> DataSource:

@@ -94,6 +94,20 @@ def test_the_node_predicts_all_road_users_in_every_cycle(folder, model, tmp_path
     assert "What the online calibration changes" in page
 
 
+@pytest.mark.timeout(300)
+def test_cycles_are_counted_at_the_rate_that_the_node_was_given(folder, model, tmp_path):
+    given = ["--layout", "ind", "--model", str(model), "-p", "rate:=5", "-p", "rate:=2.5"]
+    for _ in range(ATTEMPTS):
+        done = demo(str(folder), *given, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        content = json.loads((tmp_path / "demo_output" / "summary.json").read_text())
+        if not content["missed_cycles"]:
+            break
+    # Recording 02 alone, 3.2 s with both ends.
+    assert (content["cycles"], content["missed_cycles"]) == (9, 0)
+    assert "9 of 9 cycles answered at 2.5 Hz" in done.stdout
+
+
 def check_live(rows):
     """The node's scores are those of its bag, with all predictions of both recordings."""
     assert [(row["group"], row["time_s"]) for row in rows] == [
@@ -122,6 +136,9 @@ def test_bad_input_gives_one_line_and_status_2(folder, model, tmp_path, capsys, 
         ((*data, "--recordings", "01"), "trained on all 1 recordings"),
         ((*data, "-o", str(tmp_path / "taken")), "taken is a file, expected a folder"),
         ((*data[:3], "--model", "none"), "none"),
+        ((*data, "-p", "rate:=0"), "--parameter is 'rate:=0', expected a rate above 0 Hz"),
+        ((*data, "-p", "rate="), "--parameter is 'rate=', expected NAME:=VALUE"),
+        ((*data, "-p", "model:=road"), "--parameter is 'model:=road', expected --model"),
     ):
         assert main(["demo", *arguments]) == 2
         error = capsys.readouterr().err
