@@ -128,7 +128,8 @@ def fit_schedule(
         epochs = budget.epochs
     else:
         fitting = int(total / (cost.training + cost.validation / every))
-        epochs = max(min(options.epochs, LEAST_EPOCHS), min(options.epochs, fitting))
+        fewest = max(LEAST_EPOCHS, options.calibration_epochs + 1)
+        epochs = max(min(options.epochs, fewest), min(options.epochs, fitting))
     while validations(epochs) > VALIDATION_SHARE * total and every < epochs:
         every += 1
     left = total

@@ -44,6 +44,13 @@ def test_a_short_schedule_is_not_made_longer():
     assert plan == SchedulePlan(8, share=0.5)
 
 
+def test_the_epochs_for_the_covariances_alone_are_not_all():
+    config = with_options(epochs=36, calibration_epochs=15)
+    plan = fit_schedule(cost(100.0), 300.0, config, Budget(minutes=1.0))
+    assert plan.epochs == 16
+    assert plan.applied(config, []).optimisation.main_epochs == 1
+
+
 def test_a_given_number_of_epochs_is_kept():
     plan = fit_schedule(cost(100.0), 300.0, LONG, Budget(minutes=1.0, epochs=6))
     assert plan == SchedulePlan(6, share=0.5)
