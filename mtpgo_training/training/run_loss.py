@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from torch_geometric.data import Batch
 
 from models.trajectory_predictor import TrajectoryPredictor
+from mtpgo_core.options import require
 from mtpgo_training.scenes.pairs.scene_pair import steps_between_windows
 from mtpgo_training.training.losses.batch_loss import Likelihood, batch_loss
 from mtpgo_training.training.losses.consistency_loss import NO_CONSISTENCY, ConsistencyTerm
@@ -45,8 +46,16 @@ def trainable_network(config: TrainingConfig) -> TrajectoryPredictor:
     """Return a new network with random weights, of a configuration that it can be trained by.
 
     Raises:
-        ConfigurationError: there is no such network, or the losses do not fit it or the windows.
+        ConfigurationError: there is no such network, the losses do not fit it or the windows, or
+            a run could end before the epochs that train its covariances.
     """
+    patience, last = config.trainer.patience_epochs, config.optimisation.calibration_epochs
+    require(
+        "trainer.patience_epochs",
+        patience,
+        not (patience and last),
+        f"0 with optimisation.calibration_epochs {last}, which a run that ends early goes without",
+    )
     network = build_network(config.network, config.model, config.history, config.scene)
     consistency_term(config, network.config.horizon_steps)
     return network

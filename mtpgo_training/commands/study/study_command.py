@@ -314,8 +314,6 @@ def _configs(
     Raises:
         ConfigurationError: no row has one.
     """
-    import dataclasses
-
     from mtpgo_training.study.study_rows import row_config
 
     configs: dict[str, TrainingConfig] = {}
@@ -327,16 +325,14 @@ def _configs(
             "whose road users the others are scored on: "
             + ", ".join(row.name for row in known if row.is_trained)
         )
+    settings = list(args.set)
+    if args.patience is not None:
+        settings.append(f"trainer.patience_epochs={args.patience}")
     for row in trained:
         try:
-            config = row_config(row, data_set, args.config, args.set)
+            configs[row.name] = row_config(row, data_set, args.config, settings)
         except ConfigurationError as error:
             refused[row.name] = str(error)
-            continue
-        if args.patience is not None:
-            trainer = dataclasses.replace(config.trainer, patience_epochs=args.patience)
-            config = dataclasses.replace(config, trainer=trainer)
-        configs[row.name] = config
     if not configs:
         raise ConfigurationError(next(iter(refused.values())))
     return configs, refused

@@ -9,13 +9,14 @@ import tiny_run
 import torch
 from torch_geometric.data import Batch, Data
 
+from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.training.losses import gradient_accumulation
 from mtpgo_training.training.losses.consistency_loss import NO_CONSISTENCY
 from mtpgo_training.training.losses.likelihood_loss import (
     negative_log_likelihood,
     trajectory_likelihood_loss,
 )
-from mtpgo_training.training.run_loss import BatchLoss
+from mtpgo_training.training.run_loss import BatchLoss, trainable_network
 
 
 def test_the_configured_likelihood_is_the_loss():
@@ -34,6 +35,14 @@ def test_the_configured_likelihood_is_the_loss():
         options = tiny_run.with_options(likelihood=likelihood, correlated_steps=steps)
         loss = BatchLoss(tiny_run.new_run(options)).likelihood
         torch.testing.assert_close(loss(*given), value)
+
+
+def test_a_run_that_may_end_early_has_no_last_epochs_for_the_covariances():
+    early = {"trainer": {"patience_epochs": 3}}
+    for options in (early, {"calibration_epochs": 2}):
+        assert trainable_network(tiny_run.with_options(**options))
+    with pytest.raises(ConfigurationError, match=r"patience_epochs is 3, expected 0 with"):
+        trainable_network(tiny_run.with_options(**early, calibration_epochs=2))
 
 
 @pytest.mark.parametrize("network", ["mtp-go", "mmtransformer", "trajectron++"])

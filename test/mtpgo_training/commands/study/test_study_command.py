@@ -159,6 +159,11 @@ def test_strides_that_are_no_whole_number_of_frames_are_told(place, capsys, monk
         (("--recordings", "00", "01"), "layers", "2 recordings are given, expected at least 3"),
         (("--data-set", "ind"), "layers", "--data-set is 'ind', expected for the study layers"),
         (("--extrapolate", "1"), "layers", "--extrapolate is 1 s, expected more than"),
+        (
+            ("--patience", "2", "--set", "optimisation.calibration_epochs=1"),
+            "layers",
+            "trainer.patience_epochs is 2, expected 0 with optimisation.calibration_epochs 1",
+        ),
         (("--part", "3/2"), "layers", "--part is '3/2', expected I/N"),
         (("--set", "model.depth=3"), "layers", "depth"),
         (("--minutes-per-run", "1"), "layers", "expected one"),
