@@ -19,12 +19,20 @@ import numpy as np
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.history.stream_guard import UpdateReport
 from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
 from mtpgo_core.live_calibration.live_options import OFF, SHIPPED, LiveOptions
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
 from mtpgo_core.prediction.scene_predictor import ScenePredictor
-from mtpgo_core.schema import AgentClass, HistoryWindow, Prediction, Source
+from mtpgo_core.schema import (
+    AgentClass,
+    Float64Array,
+    HistoryWindow,
+    IndexArray,
+    Prediction,
+    Source,
+)
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
@@ -128,13 +136,14 @@ class Evaluation:
             protocol: ``all`` or ``centre``.
             scorer: of the recording.
             prediction: of any agents.
-            window: the history it was made from, needed for the baselines and the scenes.
+            window: the history it was made from, needed for the baselines, the scenes, and the
+                plausibility of recorded predictions.
             baselines: score the baselines for the same agents too.
         """
         found = scorer.score(prediction)
         self.scores.add(model, protocol, found.scores, found.truth.agents)
         if protocol == HONESTY_PROTOCOL:
-            self._add_honesty(model, protocol, scorer, prediction, found)
+            self._add_honesty(model, protocol, scorer, prediction, found, window)
         scenes = self.scenes.get(model) if protocol == "all" else None
         if window is None or not (baselines or scenes is not None):
             return found
@@ -142,7 +151,7 @@ class Evaluation:
         if baselines:
             reference.add_to(self.scores, protocol)
             if protocol == HONESTY_PROTOCOL:
-                self._add_baselines(protocol, scorer, prediction, found, reference)
+                self._add_baselines(protocol, scorer, prediction, found, reference, window)
         if scenes is not None:
             scenes.update(scorer, prediction, found, reference.cv_ade)
         return found
@@ -154,13 +163,15 @@ class Evaluation:
         scorer: Scorer,
         prediction: Prediction,
         found: ScoredPrediction,
+        window: HistoryWindow | None,
     ) -> None:
-        agents, rows = found.truth.agents, found.rows
+        agents, rows = found.truth.agents, np.flatnonzero(found.rows)
+        start, yaw = _starts(prediction, rows, window)
         paths = PredictedPaths.of(
             agents,
             size=scorer.recording.size[agents.track],
-            start=prediction.initial[rows],
-            yaw=prediction.initial_yaw[rows],
+            start=start,
+            yaw=yaw,
             mean=prediction.mean[rows][..., :2],
             weight=prediction.weight[rows],
             covariance=prediction.covariance[rows],
@@ -178,14 +189,16 @@ class Evaluation:
         prediction: Prediction,
         found: ScoredPrediction,
         reference: ScoredBaselines,
+        window: HistoryWindow,
     ) -> None:
         agents, rows = reference.truth.agents, np.flatnonzero(found.rows)[reference.rows]
+        start, yaw = _starts(prediction, rows, window)
         for name, path in reference.paths.items():
             paths = PredictedPaths.of(
                 agents,
                 size=scorer.recording.size[agents.track],
-                start=prediction.initial[rows],
-                yaw=prediction.initial_yaw[rows],
+                start=start,
+                yaw=yaw,
                 mean=path.position[:, None],
                 weight=np.ones((len(agents.track), 1)),
                 covariance=None if path.covariance is None else path.covariance[:, None],
@@ -203,6 +216,32 @@ class Evaluation:
         self.rounded.update(other.rounded)
         for name, scenes in other.scenes.items():
             self.scenes.setdefault(name, ExtremeScenes()).merge(scenes)
+
+
+def _starts(
+    prediction: Prediction, rows: IndexArray, window: HistoryWindow | None
+) -> tuple[Float64Array, Float64Array]:
+    """Return [k, 4] position and velocity (m, m/s) and [k] yaw (rad) of agents when predicted.
+
+    Recorded predictions have none: they are those of the history, NaN where it has none.
+
+    Args:
+        prediction: of all agents.
+        rows: [k] the agents wanted.
+        window: the history at the time of the prediction.
+    """
+    start, yaw = prediction.initial[rows], prediction.initial_yaw[rows]
+    known = np.isfinite(start).all(axis=1)
+    if window is None or not len(window) or known.all():
+        return start, yaw
+    names = sort_keys(window.key)
+    order = np.argsort(names, kind="stable")
+    place = find_sort_keys(names[order], sort_keys(prediction.key[rows]))
+    own = order[place]
+    taken = ~known & (place >= 0) & window.valid[own, -1]
+    state = [window.position[own, -1], np.nan_to_num(window.velocity[own, -1])]
+    start = np.where(taken[:, None], np.concatenate(state, axis=1), start)
+    return start, np.where(taken, np.nan_to_num(window.yaw[own, -1]), yaw)
 
 
 def load_models(given: Sequence[str]) -> dict[str, ModelRunner]:

@@ -48,7 +48,8 @@ class PredictedPaths:
         agent_class: [n] classes. manoeuvres: [n] bits. speed_mps: [n] then (m/s).
         since_start_s: [n] time since the recording's first road user (s).
         size: [n, 2] length, width (m), NaN where unknown.
-        start: [n, 4] position and velocity then (m, m/s). yaw: [n] heading then (rad).
+        start: [n, 4] position and velocity then (m, m/s). yaw: [n] heading then (rad). NaN where
+            they are not known.
         mean: [n, M, H, 2] (m).
         weight: [n, M].
         covariance: [n, M, H, 2, 2] (m^2), NaN where the prediction has none.
@@ -142,7 +143,7 @@ def agent_honesty(
     for each bin b of weights, ``bin_count_b``, ``bin_weight_b``, ``bin_nearest_b``.
     ``mode_distance`` (m), ``weight_near_heaviest``. ``reverses``, ``lateral_4``, ``lateral_8``
     and, of the truth, ``truth_lateral_4``, ``truth_lateral_8``: moving vehicles. ``creep`` (m),
-    ``creeps``: those that stand and stay. ``overlaps``.
+    ``creeps``: those that stand and stay. ``overlaps``. ``agents``: 1 for each.
     ``cycle_s`` (s), ``jump``, ``mixture_jump`` (m): see :mod:`.consistency`.
 
     Args:
@@ -234,13 +235,14 @@ def _weights(given: PredictedPaths) -> Values:
 def _feasibility(given: PredictedPaths, path: Array, dt_s: float) -> Values:
     moving = np.nan_to_num(given.speed_mps) > MOVING_MPS
     drives = moving & is_vehicle(given.agent_class)
+    begins = np.isfinite(given.start).all(axis=1) & np.isfinite(given.yaw)  # known where
     reverses = feasibility.reverses(path, given.start, dt_s)
     seen = given.mask[:, :-2] & given.mask[:, 1:-1] & given.mask[:, 2:]
     lateral = {
         "lateral": (feasibility.lateral_acceleration(path, dt_s), np.ones_like(seen)),
         "truth_lateral": (feasibility.lateral_acceleration(given.truth, dt_s), seen),
     }
-    stays = ~moving & members(given.manoeuvres, "standing")
+    stays = ~moving & members(given.manoeuvres, "standing") & begins
     creep = feasibility.final_displacement(path, given.start)
     size = known_sizes(given.size, given.agent_class)
     overlaps = box_overlap.new_overlaps(
@@ -253,10 +255,11 @@ def _feasibility(given: PredictedPaths, path: Array, dt_s: float) -> Values:
         box_overlap.pairs_within(given.stamp_ns),
     )
     values = {
-        "reverses": np.where(drives, reverses, np.nan),
+        "agents": np.ones(len(given)),
+        "reverses": np.where(drives & begins, reverses, np.nan),
         "creep": np.where(stays, creep, np.nan),
         "creeps": np.where(stays, creep > feasibility.CREEP_M, np.nan),
-        "overlaps": overlaps.astype(float),
+        "overlaps": np.where(begins, overlaps, np.nan),
     }
     for name, (acceleration, known) in lateral.items():
         for limit in feasibility.LATERAL_MPS2:

@@ -116,7 +116,7 @@ def _values(own: dict[str, tuple[float, float]], quantiles: dict[str, float]) ->
         for kind in ("count", "weight", "nearest")
     }
     count = np.where(bins["count"] > 0, bins["count"], np.nan)
-    content: Json = {"n": int(own["overlaps"][1]), "time_s": list(TIMES_S)}
+    content: Json = {"n": int(own["agents"][1]), "time_s": list(TIMES_S)}
     for kind in ("ellipse", "region"):
         for percent in PERCENTS:
             names = [f"{kind}_{percent}_{t}s" for t in TIMES_S]

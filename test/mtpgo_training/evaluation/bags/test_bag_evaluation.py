@@ -21,6 +21,7 @@ from mtpgo_core.schema import CalibrationStage, Source
 from mtpgo_training.cli import main
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.evaluation.bags.bag_evaluation import evaluate_bags, observed_recordings
+from mtpgo_training.evaluation.honesty.honesty_summary import honesty_summary
 from mtpgo_training.evaluation.summary import effect_of_bags
 
 
@@ -50,6 +51,29 @@ def written(path, recording, published, passes_ns=(0,)):
                     message = prediction_to_pointcloud2(one, out.types)
                     out.write("/predictions", now.stamp_ns, message)
     return path
+
+
+def test_recorded_paths_begin_where_the_road_users_were(tmp_path):
+    """Recorded predictions do not say it. Here all of them lead back, and meet halfway."""
+    recording = make_recording(duration_s=8.0)
+
+    def published(number):
+        if number > 10:
+            return ()
+        one = perfect_prediction(recording, number)
+        start = one.initial[:, None, None, :2]
+        back = 2.0 * start - one.mean[..., :2]
+        back[..., 1] = -5.0  # between the two
+        one.mean[..., :2] = back
+        return (one,)
+
+    bag = written(tmp_path / "back", recording, published)
+    result = evaluate_bags([bag], observed_recordings([bag]), {}, own_clock=False)
+    summary = honesty_summary(result.evaluation.honesty)
+    own, straight = (summary[name]["all"]["all"] for name in ("back", "cv"))
+    assert (own["n"], straight["n"]) == (22, 22)
+    assert own["feasibility"]["reverses"] == own["feasibility"]["overlaps"] == 1.0
+    assert straight["feasibility"]["reverses"] == straight["feasibility"]["overlaps"] == 0.0
 
 
 @pytest.mark.parametrize("from_bag", [True, False])

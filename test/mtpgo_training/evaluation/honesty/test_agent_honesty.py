@@ -50,6 +50,19 @@ def test_what_was_not_observed_and_baselines_without_covariance_are_not_judged()
     assert np.isnan([bare["brier"], bare["mode_distance"], bare["chance"]]).all()
 
 
+def test_without_a_known_start_a_path_is_not_judged():
+    given = [paths(agents(2)), paths(agents(2, speed=0.0, bits=STAYS), speed=0.0)]
+    moving, standing = (values(one) for one in given)
+    assert moving["reverses"].tolist() == standing["creeps"].tolist() == [0.0, 0.0]
+    for one in given:
+        one.start[1], one.yaw[1] = np.nan, np.nan
+    moving, standing = (values(one) for one in given)
+    for found in (moving["reverses"], standing["creep"], standing["creeps"], moving["overlaps"]):
+        assert found[0] == 0.0
+        assert np.isnan(found[1])
+    assert moving["agents"].tolist() == [1.0, 1.0]
+
+
 def test_a_horizon_that_is_too_short_or_has_other_steps_has_no_value():
     given = paths(agents(1))
     short = agent_honesty(given, 0.04)  # 25 steps of 0.04 s
